@@ -1,0 +1,41 @@
+# make table   the accuracy table of the default rope
+# make test    the whole test suite
+# make check   lint and types
+# PYTHON=python3.13 uses another interpreter, in an environment of its own.
+
+PYTHON ?= python3
+VENV := .venv$(if $(filter-out python3,$(notdir $(PYTHON))),-$(notdir $(PYTHON)))
+PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
+
+.PHONY: table test check clean
+
+table: $(VENV)/.installed
+	@$(VENV)/bin/ropeode table
+
+test: $(VENV)/.installed-dev
+	$(VENV)/bin/python -m pytest -n auto
+
+check: $(VENV)/.installed-dev
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/pyright
+
+clean:
+	rm -rf .venv .venv-* build dist .pytest_cache .ruff_cache
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "$(PYTHON) is not Python 3.11 or newer. Name one that is: make table PYTHON=python3.13"; \
+	  exit 1; }
+	@echo "Setting up $(VENV) ..."
+	@$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
+	@echo "Installing ropeode into $(VENV) (once; a minute or two) ..."
+	@$(PIP) install -e .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml | $(VENV)/bin/python
+	@echo "Installing ropeode with its development tools into $(VENV) (once) ..."
+	@$(PIP) install -e '.[dev]'
+	@touch $@ $(VENV)/.installed

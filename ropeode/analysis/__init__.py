@@ -1,0 +1,1 @@
+"""What a trajectory is worth: errors, round-off, observed order."""

@@ -1,0 +1,94 @@
+"""The error of a trajectory, as far as the reference can tell it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.norms import Norm, distance, norm_for
+from ropeode.references.reference import Reference
+from ropeode.simulation import Trajectory
+
+# An error is shown as a number only if it is this many times the reference's bound.
+RESOLUTION_FACTOR = 10.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ErrorSeries:
+    """The error of one run at the samples inside the trust horizon.
+
+    Arguments:
+        norm: in which it is measured.
+        times: the sample times, without the first, where the error is zero by definition.
+        values: the distance from the reference there; no digit of it below `resolution` is
+            to be believed.
+        resolution: ten times the reference's estimated bound there.
+    """
+
+    norm: Norm
+    times: np.ndarray
+    values: np.ndarray
+    resolution: np.ndarray
+
+    @property
+    def final(self) -> float | None:
+        """The error at the last of `times`; None if it is unresolved."""
+        return self._if_resolved(self.values[-1])
+
+    @property
+    def max(self) -> float | None:
+        """The largest error; None if it is unresolved."""
+        return self._if_resolved(np.max(self.values))
+
+    @property
+    def rms(self) -> float | None:
+        """The root mean square over the samples; None if it is unresolved."""
+        largest = float(np.max(self.values)) or 1.0
+        if not np.isfinite(largest):
+            return None
+        return self._if_resolved(largest * np.sqrt(np.mean((self.values / largest) ** 2)))
+
+    @property
+    def finest(self) -> float:
+        """The number below which an error of this run is unresolved."""
+        return float(self.resolution[-1])
+
+    def _if_resolved(self, error: float) -> float | None:
+        return float(error) if error >= self.finest else None
+
+
+def error_series(
+    trajectory: Trajectory, reference: Reference, norm: str | None = None
+) -> ErrorSeries:
+    """Hold a trajectory against a reference.
+
+    Arguments:
+        trajectory: a run that did not diverge.
+        reference: of the same problem.
+        norm: one of `ropeode.norms.NORMS`; by default the problem's first.
+
+    Raises:
+        InputError: the two are of different problems, the run diverged, or the norm does not
+            fit.
+    """
+    if trajectory.problem is not reference.problem:
+        raise InputError(
+            "reference: it was computed for another problem than the trajectory; allowed: one "
+            "and the same Problem object. Fix: build the problem once and use it for both."
+        )
+    if trajectory.status != "ok":
+        raise InputError(
+            f"trajectory: it diverged at frame {trajectory.diverged_at}; allowed: a run with "
+            "status 'ok'. Fix: look at its status first, and take more steps per frame."
+        )
+    measure = norm_for(reference.problem, norm)
+    inside = slice(1, reference.trusted)
+    apart = distance(reference.problem, measure, trajectory.states, reference.states)
+    return ErrorSeries(
+        norm=measure,
+        times=reference.times[inside],
+        values=apart[inside],
+        resolution=RESOLUTION_FACTOR * reference.bound(measure)[inside],
+    )

@@ -1,0 +1,182 @@
+"""The observed order of convergence, with its evidence."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from ropeode.errors import InputError
+from ropeode.validation import complaint
+
+Verdict = Literal["converges", "does not converge", "undetermined"]
+
+UNSTABLE = "unstable"
+UNRESOLVED = "below the reference's bound"
+ROUND_OFF = "round-off"
+PRE_ASYMPTOTIC = "pre-asymptotic"
+
+FEWEST_POINTS = 3
+# Where an error is larger than this many times the motion itself, the run has blown up.
+_UNSTABLE_FROM = 2.0
+# Round-off adds itself to the error; from this factor on it moves no digit that matters.
+_ROUND_OFF_FACTOR = 30.0
+# Points belong to one power law if none is further from it than this, in log(error).
+_LARGEST_RESIDUAL = 0.1
+# Bounds on 1/(ratio - 1) for ratios of step sizes that are very small or very large.
+_EXTRAPOLATION = (1.0, 3.0)
+# A slope that cannot be told from one below this is not convergence of any use.
+_LEAST_ORDER = 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class LeftOut:
+    """A step size that was not used, and why."""
+
+    dt: float
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class ObservedOrder:
+    """The slope of log(error) over log(dt), where it has one.
+
+    Arguments:
+        observed: the slope; negative where errors grow as dt shrinks; None if undetermined.
+        ci95: its 95% confidence interval; None if undetermined.
+        verdict: `converges`; `does not converge`: the error stays (or grows) while dt
+            shrinks, so that the stepper solves another equation; `undetermined`.
+        used: the step sizes that the fit used, from coarse to fine.
+        left_out: the others, with reasons.
+        why: for `undetermined`, what is missing.
+    """
+
+    observed: float | None
+    ci95: tuple[float, float] | None
+    verdict: Verdict
+    used: tuple[float, ...]
+    left_out: tuple[LeftOut, ...]
+    why: str | None = None
+
+
+def observed_order(
+    dts: Sequence[float],
+    errors: Sequence[float | None],
+    *,
+    resolution: ArrayLike = 0.0,
+    rounding: ArrayLike = 0.0,
+    motion: float = np.inf,
+) -> ObservedOrder:
+    """Find the observed order from errors at step sizes of any ratio.
+
+    Step sizes whose error is not finite or larger than twice the motion (unstable), below
+    the resolution of the reference, or below 30 times the run's round-off are left out.
+    What counts is the limit of small steps: starting from the three finest of the rest,
+    coarser ones are taken in as long as all lie on one power law to 10%; the others are
+    pre-asymptotic. The slope is fitted by least squares.
+
+    The interval is Student's for the fitted slope, widened to hold what the local slopes at
+    the fine end extrapolate to at dt = 0, give or take twice what is missing there: what is
+    left of the pre-asymptotic part bends the points instead of scattering them, and of that
+    Student's interval knows nothing. See docs/table.md for how often it holds the order.
+
+    Arguments:
+        dts: step sizes, different, above zero, in any order.
+        errors: the error at each; None or not finite where a run diverged.
+        resolution: below it an error is unresolved; one number or one for each.
+        rounding: the round-off in each run; one number or one for each.
+        motion: the size of the motion that is solved for.
+
+    Raises:
+        InputError: step sizes are not positive and different, or there are more or fewer
+            errors than step sizes.
+    """
+    dt = np.asarray(dts, dtype=np.float64)
+    error = np.array([np.nan if e is None else e for e in errors], dtype=np.float64)
+    if dt.shape != error.shape or dt.ndim != 1:
+        raise InputError(
+            complaint("errors", len(error), f"one for each of the {len(dt)} step sizes", "add them")
+        )
+    if not np.all(np.isfinite(dt) & (dt > 0)) or len(np.unique(dt)) != len(dt):
+        raise InputError(
+            complaint("dts", dt.tolist(), "different step sizes > 0", "drop repeated ones")
+        )
+    if np.any(error < 0):
+        raise InputError(complaint("errors", error.tolist(), "errors >= 0", "give distances"))
+
+    reasons = np.full(len(dt), "", dtype=object)
+    with np.errstate(invalid="ignore"):
+        reasons[error < _ROUND_OFF_FACTOR * np.asarray(rounding)] = ROUND_OFF
+        reasons[(error < np.asarray(resolution)) | (error == 0)] = UNRESOLVED
+        reasons[~(error <= _UNSTABLE_FROM * motion) | ~np.isfinite(error)] = UNSTABLE
+
+    usable = [i for i in np.argsort(dt) if not reasons[i]]
+    used = _asymptotic_range(np.log(dt[usable]), np.log(error[usable]))
+    for i in usable[used:]:
+        reasons[i] = PRE_ASYMPTOTIC
+    left_out = tuple(LeftOut(float(dt[i]), reasons[i]) for i in np.argsort(-dt) if reasons[i])
+    kept = usable[:used]
+
+    if used < FEWEST_POINTS:
+        few = f"{len(usable)} of {len(dt)} step sizes can be used, {FEWEST_POINTS} are needed"
+        bent = "the three finest usable step sizes do not lie on one power law"
+        why = few if len(usable) < FEWEST_POINTS else bent
+        return ObservedOrder(None, None, "undetermined", (), left_out, why)
+
+    slope, low, high = _slope(dt[kept], error[kept])
+    verdict: Verdict = "undetermined"
+    why = None
+    if low > 0 and high >= _LEAST_ORDER:
+        verdict = "converges"
+    elif high < _LEAST_ORDER:
+        verdict = "does not converge"
+    else:
+        why = f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which holds 0"
+        return ObservedOrder(None, None, verdict, (), (*left_out, *_all_left(dt[kept])), why)
+    return ObservedOrder(
+        observed=slope,
+        ci95=(low, high),
+        verdict=verdict,
+        used=tuple(float(dt[i]) for i in reversed(kept)),
+        left_out=left_out,
+        why=why,
+    )
+
+
+def _all_left(dts: np.ndarray) -> list[LeftOut]:
+    return [LeftOut(float(dt), PRE_ASYMPTOTIC) for dt in dts[::-1]]
+
+
+def _asymptotic_range(log_dt: np.ndarray, log_error: np.ndarray) -> int:
+    """How many of the points, which come from fine to coarse, lie on one power law."""
+    used = 0
+    for points in range(FEWEST_POINTS, len(log_dt) + 1):
+        line = np.polynomial.Polynomial.fit(log_dt[:points], log_error[:points], 1)
+        residuals = log_error[:points] - line(log_dt[:points])
+        if np.max(np.abs(residuals)) > _LARGEST_RESIDUAL:
+            break
+        used = points
+    return used
+
+
+def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
+    """The fitted slope and its interval; points from fine to coarse."""
+    log_dt, log_error = np.log(dt), np.log(error)
+    fit = stats.linregress(log_dt, log_error)
+    student = stats.t.ppf(0.975, len(dt) - 2) * fit.stderr
+    local = np.diff(log_error) / np.diff(log_dt)
+    # Where local slopes approach the order like dt, what is still missing at the finest one
+    # is its last change times 1/(ratio - 1).
+    ratio = np.exp(np.mean(np.diff(log_dt)))
+    missing = np.clip(1.0 / (ratio - 1.0), *_EXTRAPOLATION) * np.max(
+        np.abs(local[1:3] - local[0]) / (1.0, 2.0)[: len(local) - 1]
+    )
+    return (
+        float(fit.slope),
+        float(min(fit.slope - student, local[0] - 2.0 * missing)),
+        float(max(fit.slope + student, local[0] + 2.0 * missing)),
+    )

@@ -1,0 +1,1 @@
+"""The command line: parse, call, render. Importing it does not import JAX."""

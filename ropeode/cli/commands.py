@@ -1,0 +1,81 @@
+"""The commands. Each imports what it needs when it runs, so that help is instant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ropeode.cli.options import given_values, table_options
+from ropeode.cli.running import interruptible, set_up_jax, show_progress
+from ropeode.files import check_writable, write_whole
+
+# The names in ropeode.render.formats and the suffixes that stand for them; a test holds the
+# two together. Listed here because the help text must not import what makes tables.
+FORMATS = {
+    "text": ".txt",
+    "markdown": ".md",
+    "latex": ".tex",
+    "csv": ".csv",
+    "json": ".json",
+    "html": ".html",
+}
+
+
+@click.command()
+@click.argument("spec", required=False, type=click.Path(path_type=Path))
+@table_options
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(list(FORMATS)),
+    help="Default: by the suffix of --out, or else text.",
+)
+@click.option("--out", metavar="FILE", help="Write the table to FILE and print nothing.")
+def table(spec: Path | None, form: str | None, out: str | None, **options: str | None) -> None:
+    """Print the accuracy table of a rope, or of another problem.
+
+    Takes its settings from the file SPEC (see `ropeode spec`), if one is given, and from the
+    options, which come first. Without any, it is the table of the default rope.
+    """
+    path = check_writable("out", out) if out else None
+    set_up_jax()
+    from ropeode.render.formats import FORMATS as WRITERS
+    from ropeode.study.spec import TableJob, read_spec
+
+    values: dict[str, Any] = read_spec(spec) if spec else {}
+    given, rope = given_values(options)
+    values |= given
+    if rope:
+        values["rope"] = {**values.get("rope", {}), **rope}
+    job = TableJob(values, folder=None if "problem" in given or not spec else spec.parent)
+    suffixes = {suffix: name for name, suffix in FORMATS.items()}
+    form = form or (suffixes.get(path.suffix, "text") if path else "text")
+    with show_progress() as progress:
+        text = interruptible(lambda: WRITERS[form](job.run(progress)))
+    if path:
+        write_whole(path, text)
+    else:
+        click.echo(text, nl=False)
+
+
+@click.command()
+@click.option("--out", metavar="FILE", help="Write to FILE instead of printing.")
+def spec(out: str | None) -> None:
+    """Print a commented spec file for `ropeode table`, with all defaults."""
+    path = check_writable("out", out) if out else None
+    from ropeode.study.spec import COMMENTED_SPEC
+
+    if path:
+        write_whole(path, COMMENTED_SPEC)
+    else:
+        click.echo(COMMENTED_SPEC, nl=False)
+
+
+@click.command()
+def steppers() -> None:
+    """List the steppers, their options, and what they declare of themselves."""
+    from ropeode.render.stepper_list import as_text
+
+    click.echo(as_text(), nl=False)

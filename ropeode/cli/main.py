@@ -1,0 +1,92 @@
+"""The command `ropeode`: its entry point and how errors leave it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from typing import Any
+
+import click
+
+from ropeode.cli.commands import spec, steppers, table
+from ropeode.errors import InputError, RopeodeError, UserCodeError
+
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
+@click.version_option(package_name="ropeode", message="%(package)s %(version)s")
+@click.option("--debug", is_flag=True, help="Show the traceback of every error.")
+def cli(debug: bool) -> None:
+    """Hold ODE steppers against certified reference solutions.
+
+    `ropeode table` prints the accuracy table of the default rope.
+    """
+
+
+for command in (table, spec, steppers):
+    cli.add_command(command)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; user errors end in one line each and exit code 2."""
+    given = sys.argv[1:] if arguments is None else arguments
+    debug = "--debug" in given[:1]
+    try:
+        code = cli.main(given, prog_name="ropeode", standalone_mode=False)
+        _leave(int(code or 0))
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.ctx.get_help())
+        _leave(0)
+    except click.ClickException as error:
+        where = (
+            error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else None
+        )
+        hint = f" Fix: see `{where} --help`." if where else ""
+        _fail(BAD_INPUT, [f"{error.format_message()}{hint}"], debug)
+    except UserCodeError as error:
+        _show_users_traceback(error.__cause__)
+        _fail(BAD_INPUT, error.problems, debug)
+    except InputError as error:
+        _fail(BAD_INPUT, error.problems, debug)
+    except RopeodeError as error:
+        _fail(FAILED, [str(error)], debug)
+    except (KeyboardInterrupt, click.Abort):
+        _fail(INTERRUPTED, ["interrupted; nothing was written."], debug)
+    except BrokenPipeError:
+        # The reader (a pager, `head`) has gone; let nothing be flushed to it at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _leave(FAILED)
+
+
+def _fail(code: int, lines: Any, debug: bool) -> None:
+    if debug:
+        traceback.print_exc()
+    for line in lines:
+        click.echo(f"ropeode: {line}", err=True)
+    _leave(code)
+
+
+def _leave(code: int) -> None:
+    """End the process at once, without waiting for a computation in another thread."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _show_users_traceback(error: BaseException | None) -> None:
+    """The traceback of an exception, without the frames of ropeode and of libraries."""
+    if error is None:
+        return
+    own = os.path.dirname(os.path.dirname(__file__))
+    shown = traceback.TracebackException.from_exception(error)
+    users = [
+        frame
+        for frame in shown.stack
+        if not frame.filename.startswith((own, "<frozen")) and "site-packages" not in frame.filename
+    ]
+    shown.stack = traceback.StackSummary.from_list(users)
+    shown.__cause__ = shown.__context__ = None
+    shown.__notes__ = None  # JAX notes that it hid its own frames, which does not help here.
+    click.echo("".join(shown.format()).rstrip(), err=True)

@@ -1,0 +1,72 @@
+"""What a long command needs: JAX set up, a progress bar, and an end when Ctrl-C says so."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+_LOOK_EVERY_S = 0.1
+
+
+def set_up_jax() -> None:
+    """64-bit types, and a compilation cache in the user's cache folder."""
+    import jax
+    import platformdirs
+
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update(
+        "jax_compilation_cache_dir", str(platformdirs.user_cache_path("ropeode") / "compiled")
+    )
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+@contextlib.contextmanager
+def show_progress() -> Iterator[Callable[[str, float], None]]:
+    """A bar on standard error, if that is a terminal; gone when the work is done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    with Progress(
+        BarColumn(bar_width=20),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    ) as bar:
+        task = bar.add_task("starting", total=1.0)
+
+        def update(text: str, fraction: float) -> None:
+            bar.update(task, description=text, completed=fraction)
+
+        yield update
+
+
+def interruptible(work: Callable[[], T]) -> T:
+    """Do the work so that Ctrl-C is heard at once.
+
+    Python sees a signal only between its own instructions, and one call into compiled code
+    may last minutes; so the work goes to a thread that the process does not wait for.
+    """
+    result: dict[str, Any] = {}
+
+    def run() -> None:
+        try:
+            result["value"] = work()
+        except BaseException as error:
+            result["error"] = error
+
+    worker = threading.Thread(target=run, daemon=True)
+    worker.start()
+    while worker.is_alive():
+        worker.join(_LOOK_EVERY_S)
+    if "error" in result:
+        raise result["error"]
+    return result["value"]

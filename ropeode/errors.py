@@ -1,0 +1,30 @@
+"""The exceptions that ropeode raises."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class RopeodeError(Exception):
+    """Base of every exception that ropeode raises on purpose."""
+
+
+class InputError(RopeodeError, ValueError):
+    """Something that was given cannot be used.
+
+    Arguments:
+        problems: one line for each thing that is wrong; each names the field, what was
+            given, what is allowed and how to mend it.
+    """
+
+    def __init__(self, problems: str | Iterable[str]):
+        self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class UserCodeError(InputError):
+    """Code that the user brought raised; the user's exception is the ``__cause__``."""
+
+
+class ReferenceRefused(RopeodeError):
+    """No certificate can be given for this problem; the message says why."""

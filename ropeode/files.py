@@ -1,0 +1,80 @@
+"""Files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+from ropeode.errors import InputError
+from ropeode.validation import complaint
+
+
+def check_writable(name: str, path: str | Path) -> Path:
+    """A path that a file can be written to, checked before anything is computed.
+
+    Arguments:
+        name: what to call it in the complaint.
+        path: of the file, which may exist.
+
+    Raises:
+        InputError: its folder does not exist or cannot be written to, or it is a folder.
+    """
+    path = Path(path)
+    folder = path.parent
+    if not folder.is_dir():
+        raise InputError(
+            complaint(name, str(path), "a file in a folder that exists", f"create {str(folder)!r}")
+        )
+    if path.is_dir():
+        raise InputError(complaint(name, str(path), "a file", "add a file name, it is a folder"))
+    if not os.access(folder, os.W_OK):
+        raise InputError(
+            complaint(name, str(path), "a folder that you may write to", "choose another folder")
+        )
+    return path
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file so that at any moment either the old one or the new one is there.
+
+    Raises:
+        InputError: the operating system refuses; no part of the file is left behind.
+    """
+    part = None
+    try:
+        handle, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(part, 0o666 & ~mask)
+        os.replace(part, path)
+    except OSError as error:
+        raise InputError(
+            complaint(
+                "out", str(path), f"a file that can be written ({error.strerror})", "choose another"
+            )
+        ) from error
+    finally:
+        if part is not None:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(part)
+
+
+def read_text(name: str, path: str | Path) -> str:
+    """The text of a file.
+
+    Raises:
+        InputError: it cannot be read, or is not UTF-8 text.
+    """
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(
+            complaint(name, str(path), f"a text file that can be read ({why})", "check the path")
+        ) from error

@@ -1,0 +1,112 @@
+"""How the distance between two trajectories is measured at each sample time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.problems.problem import Problem
+from ropeode.validation import complaint, unknown
+
+_BLOCK_BYTES = 2**24
+
+
+class Norm(NamedTuple):
+    """A distance of two states.
+
+    Fields:
+        name: as it is typed on the command line.
+        quantity: what is compared: position, velocity, or state.
+        over_nodes: makes one number of the nodes' distances, ``(times, nodes)`` to
+            ``(times,)``; never more than their largest, so that a bound on that one holds.
+        words: what it is, for the head of a table.
+    """
+
+    name: str
+    quantity: str
+    over_nodes: Callable[[np.ndarray], np.ndarray]
+    words: str
+
+
+def _largest(distances: np.ndarray) -> np.ndarray:
+    return np.max(distances, axis=1)
+
+
+def _root_mean_square(distances: np.ndarray) -> np.ndarray:
+    largest = np.max(distances, axis=1, keepdims=True)
+    scaled = distances / np.where(largest > 0, largest, 1.0)
+    return largest[:, 0] * np.sqrt(np.mean(scaled**2, axis=1))
+
+
+NORMS: dict[str, Norm] = {
+    norm.name: norm
+    for norm in (
+        Norm("position-max", "position", _largest, "largest distance of a node"),
+        Norm("position-rms", "position", _root_mean_square, "rms distance of the nodes"),
+        Norm("velocity-max", "velocity", _largest, "largest velocity error of a node"),
+        Norm("velocity-rms", "velocity", _root_mean_square, "rms velocity error of the nodes"),
+        Norm("state-max", "state", _largest, "largest error of a component"),
+        Norm("state-rms", "state", _root_mean_square, "rms error of the components"),
+    )
+}
+
+
+def norm_for(problem: Problem, name: str | None = None) -> Norm:
+    """A norm that fits a problem; where no name is given, its first ``-max`` norm.
+
+    Raises:
+        InputError: there is no such norm, or it does not fit the problem.
+    """
+    fitting = [norm for norm in NORMS.values() if norm.quantity in problem.quantities]
+    if name is None:
+        return fitting[0]
+    if name not in NORMS:
+        raise InputError(unknown("norm", name, NORMS))
+    if NORMS[name] not in fitting:
+        allowed = ", ".join(norm.name for norm in fitting)
+        raise InputError(
+            complaint(
+                "norm", name, f"those that {problem.name!r} has: {allowed}", "use one of them"
+            )
+        )
+    return NORMS[name]
+
+
+def distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The distance of two trajectories at each sample that both have, ``(times,)``.
+
+    Works through the samples in blocks, so that no third trajectory is held in memory, and
+    on scaled differences, so that large numbers do not overflow.
+
+    Arguments:
+        problem: whose states these are.
+        norm: how to measure.
+        a: states, ``(times, *state)``.
+        b: states, ``(times, *state)``; the longer one is cut.
+    """
+    times = min(len(a), len(b))
+    block = max(1, _BLOCK_BYTES // max(1, problem.y0.nbytes))
+    parts = [
+        norm.over_nodes(
+            _node_distances(
+                problem.quantity(norm.quantity, a[first : min(first + block, times)]),
+                problem.quantity(norm.quantity, b[first : min(first + block, times)]),
+            )
+        )
+        for first in range(0, times, block)
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _node_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Euclidean distance of each node, ``(times, nodes)``."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart = np.abs(a - b)
+        largest = np.max(apart, axis=2, keepdims=True)
+        scaled = apart / np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
+        result = largest[..., 0] * np.sqrt(np.sum(scaled**2, axis=2))
+    # What does not fit is as far as can be, and still a number: no sum or table breaks on it.
+    return np.where(np.isfinite(result), result, np.finfo(np.float64).max)

@@ -1,0 +1,186 @@
+"""Checks of what a problem is made from, before anything is compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from ropeode.errors import InputError, UserCodeError
+from ropeode.precision import in_float64
+from ropeode.validation import complaint, finite_numbers
+
+
+def run(*each: Callable[[], Any]) -> None:
+    """Run every check and raise what they found together.
+
+    Raises:
+        InputError: with the lines of all the checks that failed.
+    """
+    found: list[str] = []
+    for check in each:
+        try:
+            check()
+        except InputError as error:
+            found.extend(error.problems)
+    if found:
+        raise InputError(found)
+
+
+def real_array(name: str, value: Any) -> np.ndarray:
+    """`value` as a new float64 array of finite numbers.
+
+    Raises:
+        InputError: it is empty, not real, or not finite.
+    """
+    allowed = "an array of finite real numbers"
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf" or array.size == 0:
+        raise InputError(complaint(name, value, allowed, "give numbers, such as [1.0, 0.0]"))
+    array = np.array(array, dtype=np.float64)
+    if not np.all(np.isfinite(array)):
+        where = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise InputError(complaint(name, value, allowed, f"entry {where} is not finite, mend it"))
+    return array
+
+
+def sample_times(value: Any) -> np.ndarray:
+    """`value` as a new float64 array of at least two increasing times.
+
+    Raises:
+        InputError: it is none.
+    """
+    ts = real_array("ts", value)
+    if ts.ndim != 1 or len(ts) < 2:
+        raise InputError(
+            complaint("ts", value, "at least two sample times", "for example ts = [0, 1, 2]")
+        )
+    later = np.diff(ts) > 0
+    if not np.all(later):
+        i = int(np.argmin(later))
+        raise InputError(
+            complaint(
+                "ts",
+                ts[i : i + 2].tolist(),
+                "increasing sample times",
+                f"sort them and drop repeats; entries {i} and {i + 1} are out of order",
+            )
+        )
+    return ts
+
+
+def jump_times(value: Sequence[float], ts: np.ndarray) -> tuple[float, ...]:
+    """Jump times as an increasing tuple inside the sample times' span.
+
+    Raises:
+        InputError: one of them lies outside, or they do not increase.
+    """
+    try:
+        times = finite_numbers(value)
+    except ValueError as error:
+        raise InputError(
+            complaint("jump_times", value, f"a list of times ({error})", "for example [2.5]")
+        ) from None
+    if any(not ts[0] < time < ts[-1] for time in times) or list(times) != sorted(set(times)):
+        raise InputError(
+            complaint(
+                "jump_times",
+                times,
+                f"increasing times inside ({ts[0]}, {ts[-1]})",
+                "sort them and leave out those outside",
+            )
+        )
+    return times
+
+
+def callable_or_none(name: str, value: Any) -> None:
+    """Raises:
+    InputError: `value` is neither None nor a function.
+    """
+    if value is not None and not callable(value):
+        raise InputError(complaint(name, value, "a function", "give a function or leave it out"))
+
+
+def numeric_pytree(name: str, value: Any) -> Any:
+    """`value` with its leaves as float64 (or integer, or boolean) arrays.
+
+    Raises:
+        InputError: a leaf is not numeric.
+    """
+
+    def leaf(entry: Any) -> np.ndarray:
+        array = np.asarray(entry)
+        if array.dtype.kind == "f":
+            return array.astype(np.float64)
+        if array.dtype.kind in "iub":
+            return array
+        raise InputError(
+            complaint(name, entry, "numbers and arrays of numbers", "bind the rest into the rhs")
+        )
+
+    return jax.tree.map(leaf, value)
+
+
+@in_float64
+def right_hand_side(rhs: Any, t: float, y: np.ndarray, args: Any) -> None:
+    """Try a right-hand side on the initial state.
+
+    Raises:
+        InputError: it is no function, or its result has the wrong shape or dtype or is
+            not finite.
+        UserCodeError: it raised.
+    """
+    _try("rhs", "rhs(t, y, args)", rhs, y, (t, y, args))
+
+
+@in_float64
+def acceleration(function: Any, t: float, x: np.ndarray, v: np.ndarray, args: Any) -> None:
+    """Try an acceleration on the initial state; raises as `right_hand_side` does."""
+    _try("acceleration", "acceleration(t, x, v, args)", function, x, (t, x, v, args))
+
+
+def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tuple) -> None:
+    if not callable(function):
+        raise InputError(complaint(name, function, f"a function {signature}", "write one in JAX"))
+    try:
+        result = jax.eval_shape(function, *inputs)
+    except Exception as error:
+        raise UserCodeError(
+            f"{name}: raised {type(error).__name__} when it was tried on the initial state; "
+            f"allowed: a function {signature} in JAX. Fix: mend the error above; use "
+            "jax.numpy, and no Python `if` on values."
+        ) from error
+    if getattr(result, "shape", None) != like.shape:
+        what = getattr(result, "shape", type(result).__name__)
+        raise InputError(
+            complaint(
+                f"{name} result",
+                what,
+                f"one array of the state's shape, {like.shape}",
+                f"return what {signature} needs, for example with jnp.stack",
+            )
+        )
+    if result.dtype != np.float64:
+        raise InputError(
+            complaint(
+                f"{name} result",
+                str(result.dtype),
+                "float64",
+                "take out casts and 32-bit constants; compute with the dtype that comes in",
+            )
+        )
+    value = np.asarray(function(*inputs))
+    if not np.all(np.isfinite(value)):
+        raise InputError(
+            complaint(
+                f"{name} result",
+                value,
+                "finite numbers at the initial state",
+                "start where the right-hand side is defined",
+            )
+        )

@@ -1,0 +1,105 @@
+"""Problems by name: from the library, or from a user's own Python file."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ropeode.errors import InputError, RopeodeError, UserCodeError
+from ropeode.files import read_text
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.validation import complaint, unknown
+
+
+def load_problem(where: str, *, folder: Path | None = None, frames: int | None = None) -> Problem:
+    """A problem of the library by its name, or of a file as ``FILE.py:NAME``.
+
+    In a file, NAME is a `Problem`, a `Rope`, or a function that returns one of them; a
+    function that has a parameter `frames` is given it.
+
+    Arguments:
+        where: the name, or file and name.
+        folder: that a relative file name starts from; the current one by default.
+        frames: how many frames to solve; None leaves it to the problem.
+
+    Raises:
+        InputError: there is no such file, name or library problem; or NAME is something
+            else; or `frames` is given to a problem whose sample times are fixed.
+        UserCodeError: the file or the function raised.
+    """
+    if ":" not in where and not where.endswith(".py"):
+        if where not in PROBLEMS:
+            raise InputError(unknown("problem", where, [*PROBLEMS, "FILE.py:NAME"]))
+        return PROBLEMS[where](**({} if frames is None else {"frames": frames}))
+
+    file, _, name = where.rpartition(":")
+    if not file or not name.isidentifier():
+        raise InputError(
+            complaint("problem", where, "FILE.py:NAME", "add the name, as in pendulum.py:problem")
+        )
+    found = _names_of((folder or Path()) / file)
+    if name not in found:
+        public = [key for key in found if not key.startswith("_")]
+        raise InputError(unknown(f"name in {file}", name, public))
+    return _as_problem(found[name], where, frames)
+
+
+def _names_of(path: Path) -> dict[str, Any]:
+    read_text("problem", path)
+    spec = importlib.util.spec_from_file_location("ropeode_user_problem", path)
+    if spec is None or spec.loader is None:
+        raise InputError(complaint("problem", str(path), "a Python file, *.py", "rename it"))
+    module = importlib.util.module_from_spec(spec)
+    # Dataclasses and pickles look their module up by its name.
+    sys.modules[spec.name] = module
+    _user_code(f"problem: the file {path} raised", spec.loader.exec_module, module)
+    return vars(module)
+
+
+def _as_problem(found: Any, where: str, frames: int | None) -> Problem:
+    if callable(found) and not isinstance(found, (Problem, Rope)):
+        takes_frames = "frames" in inspect.signature(found).parameters
+        given = {"frames": frames} if takes_frames and frames is not None else {}
+        found = _user_code(f"problem: {where} raised", found, **given)
+        frames = None if takes_frames else frames
+    if isinstance(found, Rope):
+        return found.problem(**({} if frames is None else {"frames": frames}))
+    if not isinstance(found, Problem):
+        raise InputError(
+            complaint(
+                "problem",
+                where,
+                f"the name of a Problem, a Rope, or a function that returns one, and this is a "
+                f"{type(found).__name__}",
+                "build a Problem, as in problem = Problem(rhs, y0, ts)",
+            )
+        )
+    if frames is not None:
+        raise InputError(
+            complaint(
+                "frames",
+                frames,
+                f"none with {where!r}, whose sample times are fixed",
+                "leave it out, or make the problem in a function with a parameter `frames`",
+            )
+        )
+    return found
+
+
+def _user_code(what: str, function: Callable, *args: Any, **named: Any) -> Any:
+    """Call code of the user's; what it raises becomes the cause of a `UserCodeError`."""
+    try:
+        return function(*args, **named)
+    except RopeodeError:
+        raise
+    except Exception as error:
+        raise UserCodeError(
+            f"{what} {type(error).__name__}: {error}; allowed: code that runs. Fix: mend the "
+            "error above."
+        ) from error

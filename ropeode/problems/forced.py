@@ -1,0 +1,85 @@
+"""A quantity that follows a periodic forcing: first order, and not autonomous."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems.problem import Problem
+from ropeode.validation import Finite, Input, Positive, WholePositive, field
+
+
+class ForcedArgs(NamedTuple):
+    """The numbers in the equation."""
+
+    rate: Any
+    frequency: Any
+
+
+class _Given(Input):
+    """What `forced` is given."""
+
+    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
+    rate: Positive = field(..., allowed="a finite number > 0", example="1.0")
+    frequency: Finite = field(..., allowed="a finite number", example="1.0")
+    y0: Finite = field(..., allowed="a finite number", example="0.0")
+
+
+def forced(frames: int = 20, rate: float = 1.0, frequency: float = 1.0, y0: float = 0.0) -> Problem:
+    """Relaxation towards an oscillating value, ``y' = -rate (y - cos(frequency t))``.
+
+    The state has the shape (1,). The time unit is one frame. With a rate of 50 or more this
+    is a well-known stiff problem.
+
+    Arguments:
+        frames: the problem is sampled at times 0, 1, ..., `frames`.
+        rate: of relaxation, per frame.
+        frequency: of the forcing, in radians per frame.
+        y0: initial value.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+
+    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.1,
+    equation (1.1), after Curtiss and Hirschfelder (1952).
+    """
+    given = _Given(frames=frames, rate=rate, frequency=frequency, y0=y0)
+    args = ForcedArgs(given.rate, given.frequency)
+    return Problem(
+        rhs,
+        [given.y0],
+        np.arange(given.frames + 1.0),
+        args,
+        name="forced",
+        exact=functools.partial(_exact, args, given.y0),
+        parameters={"kind": "forced", **given.model_dump(mode="json")},
+    )
+
+
+def rhs(t: Any, y: Any, args: ForcedArgs) -> Any:
+    """The derivative of `y`."""
+    return -args.rate * (y - jnp.cos(args.frequency * t))
+
+
+def solution(t: Any, rate: Any, frequency: Any, y0: Any) -> np.ndarray:
+    """The state at times since the start, ``(times,)``, in extended precision.
+
+    Arguments:
+        t: times, ``(times,)``.
+        rate: greater than zero.
+        frequency: of the forcing.
+        y0: initial value.
+    """
+    t, rate, frequency, y0 = (
+        np.asarray(value, dtype=np.longdouble) for value in (t, rate, frequency, y0)
+    )
+    fade, phase = np.exp(-rate * t), frequency * t
+    pushed = rate * (np.cos(phase) - fade) + frequency * np.sin(phase)
+    return y0 * fade + rate * pushed / (rate * rate + frequency * frequency)
+
+
+def _exact(args: ForcedArgs, y0: float, ts: np.ndarray) -> np.ndarray:
+    return solution(ts, *args, y0)[:, None].astype(np.float64)

@@ -1,0 +1,36 @@
+"""The problems that come with the package, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ropeode.problems.forced import forced
+from ropeode.problems.kepler import kepler
+from ropeode.problems.linear_chain import linear_chain
+from ropeode.problems.oscillator import oscillator
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+
+
+def rope(frames: int = 20, **parameters: Any) -> Problem:
+    """A `Rope` as a problem.
+
+    Arguments:
+        frames: the problem is sampled at times 0, 1, ..., `frames`.
+        parameters: those of `Rope`.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+    """
+    return Rope(**parameters).problem(frames)
+
+
+# Each problem's `parameters` name its kind, one of these keys; with the others it is built anew.
+PROBLEMS: dict[str, Callable[..., Problem]] = {
+    "rope": rope,
+    "oscillator": oscillator,
+    "linear-chain": linear_chain,
+    "kepler": kepler,
+    "forced": forced,
+}

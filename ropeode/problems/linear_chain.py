@@ -1,0 +1,163 @@
+"""A chain of equal masses between two walls."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from pydantic import ValidationInfo, field_validator
+
+from ropeode.problems import oscillator
+from ropeode.problems.problem import LinearDamping, Problem
+from ropeode.validation import FiniteTuple, Input, NonNegative, Positive, WholePositive, field
+
+
+class ChainArgs(NamedTuple):
+    """The numbers in the chain's equations, the same for all masses and springs."""
+
+    mass: Any
+    stiffness: Any
+    damping: Any
+
+
+class _Given(Input):
+    """What `linear_chain` is given."""
+
+    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
+    num_masses: WholePositive = field(..., allowed="a whole number >= 1", example="8")
+    mass: Positive = field(..., allowed="a finite number > 0", example="1.0")
+    stiffness: Positive = field(..., allowed="a finite number > 0", example="1.0")
+    damping: NonNegative = field(..., allowed="a finite number >= 0", example="0.0")
+    displacement: FiniteTuple = field(
+        ..., allowed="finite numbers, at most num_masses of them", example="[1.0]"
+    )
+    velocity: FiniteTuple = field(
+        ..., allowed="finite numbers, at most num_masses of them", example="[0.0]"
+    )
+
+    @field_validator("displacement", "velocity")
+    @classmethod
+    def _fill(cls, value: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        missing = info.data.get("num_masses", len(value)) - len(value)
+        if missing < 0:
+            raise ValueError(f"{len(value)} given for {info.data['num_masses']} masses")
+        return value + (0.0,) * missing
+
+
+def linear_chain(
+    frames: int = 20,
+    num_masses: int = 8,
+    mass: float = 1.0,
+    stiffness: float = 1.0,
+    damping: float = 0.0,
+    displacement: Sequence[float] = (1.0,),
+    velocity: Sequence[float] = (),
+) -> Problem:
+    """Equal masses in a row between two walls, with equal springs between neighbours.
+
+    ``mass x_j'' = stiffness (x_(j-1) - 2 x_j + x_(j+1)) - damping x_j'`` for the displacements
+    from rest, of shape (num_masses,). The time unit is one frame.
+
+    Arguments:
+        frames: the problem is sampled at times 0, 1, ..., `frames`.
+        num_masses: number of masses; there is one spring more.
+        mass: of each.
+        stiffness: force per length of each spring.
+        damping: force per velocity on each mass.
+        displacement: initial displacements of the first masses, in the unit of length;
+            those that are not given are zero.
+        velocity: initial velocities likewise, in lengths per frame.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+
+    Source: LeVeque, Finite Difference Methods for Ordinary and Partial Differential
+    Equations, section 2.10, equations (2.23) and (2.24): the modes and their frequencies.
+    """
+    given = _Given(
+        frames=frames,
+        num_masses=num_masses,
+        mass=mass,
+        stiffness=stiffness,
+        damping=damping,
+        displacement=displacement,
+        velocity=velocity,
+    )
+    args = ChainArgs(given.mass, given.stiffness, given.damping)
+    return Problem.second_order(
+        acceleration,
+        given.displacement,
+        given.velocity,
+        np.arange(given.frames + 1.0),
+        args,
+        damping=linear_damping,
+        name="linear chain",
+        energy=energy,
+        exact=functools.partial(_exact, args, given.displacement, given.velocity),
+        parameters={"kind": "linear-chain", **given.model_dump(mode="json")},
+    )
+
+
+def acceleration(t: Any, x: Any, v: Any, args: ChainArgs) -> Any:
+    """The forces of springs and dampers over the mass; `t` is not used."""
+    del t
+    pull = args.stiffness * _stretches(x)
+    return (pull[1:] - pull[:-1] - args.damping * v) / args.mass
+
+
+def _stretches(x: Any) -> Any:
+    """How much longer each spring is than at rest; the walls do not move."""
+    return jnp.diff(jnp.pad(x, 1))
+
+
+def linear_damping(args: ChainArgs) -> LinearDamping:
+    """The damping force as an acceleration."""
+    return LinearDamping(args.damping / args.mass, args.damping)
+
+
+def energy(t: Any, y: Any, args: ChainArgs) -> Any:
+    """Kinetic energy and the springs'; constant without damping. `t` is not used."""
+    del t
+    x, v = y
+    return 0.5 * (args.mass * jnp.sum(v * v) + args.stiffness * jnp.sum(_stretches(x) ** 2))
+
+
+def solution(
+    t: Any, mass: Any, stiffness: Any, damping: Any, x0: Any, v0: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements and velocities at times since the start, ``(times, masses)``.
+
+    In extended precision. The modes do not act on each other: each is a damped oscillator.
+
+    Arguments:
+        t: times, ``(times,)``.
+        mass: as for `linear_chain`, like all that follow.
+        stiffness: greater than zero.
+        damping: not below zero.
+        x0: initial displacements, ``(masses,)``.
+        v0: initial velocities, ``(masses,)``.
+    """
+    x0, v0 = np.asarray(x0, dtype=np.longdouble), np.asarray(v0, dtype=np.longdouble)
+    node = np.arange(1, len(x0) + 1)
+    half_turns = len(x0) + 1
+    # Mode j at mass k is sin(j k pi/(n+1)); whole turns are taken off before rounding can.
+    modes = _sine(np.outer(node, node) % (2 * half_turns), half_turns)
+    modes *= np.sqrt(2 / np.longdouble(half_turns))
+    mode_stiffness = 4 * np.longdouble(stiffness) * _sine(node, 2 * half_turns) ** 2
+    x, v = oscillator.solution(
+        np.asarray(t)[:, None], mass, mode_stiffness, damping, modes @ x0, modes @ v0
+    )
+    return x @ modes, v @ modes
+
+
+def _sine(numerator: np.ndarray, denominator: int) -> np.ndarray:
+    """``sin(pi numerator/denominator)``."""
+    pi = 4 * np.arctan(np.longdouble(1))
+    return np.sin(pi * numerator / denominator)
+
+
+def _exact(args: ChainArgs, x0: Sequence[float], v0: Sequence[float], ts: np.ndarray) -> np.ndarray:
+    return np.stack(solution(ts, *args, x0, v0), axis=1).astype(np.float64)

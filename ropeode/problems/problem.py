@@ -1,0 +1,316 @@
+"""What is solved: an initial value problem, written in JAX."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.precision import in_float64
+from ropeode.problems import checks
+from ropeode.validation import complaint
+
+Rhs = Callable[[Any, Any, Any], Any]
+Acceleration = Callable[[Any, Any, Any, Any], Any]
+
+
+class LinearDamping(NamedTuple):
+    """The part ``-rate * v`` of an acceleration.
+
+    Fields:
+        rate: damping per mass, in 1/time; broadcasts against the positions.
+        coefficient: the damping coefficient itself, in mass/time. Only a stepper that
+            (like the course assignment) uses it without the mass asks for it.
+    """
+
+    rate: Any
+    coefficient: Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Mechanics:
+    """What a second-order problem ``x'' = a(t, x, v)`` has beyond its first-order form.
+
+    Arguments:
+        acceleration: ``acceleration(t, x, v, args)`` in JAX, all forces included.
+        damping: ``damping(args)`` gives the `LinearDamping` that `acceleration` contains;
+            None where the acceleration depends on the velocity in another way.
+        node_axis: the axis of the positions that counts nodes; the other counts the
+            components.
+    """
+
+    acceleration: Acceleration
+    damping: Callable[[Any], LinearDamping] | None
+    node_axis: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class FirstOrderForm:
+    """The right-hand side ``(x, v)' = (v, a)`` of a second-order problem.
+
+    Equal accelerations make equal (and equally hashed) forms, so that what was compiled
+    for one rope serves the next.
+    """
+
+    acceleration: Acceleration
+
+    def __call__(self, t: Any, y: Any, args: Any) -> Any:
+        """The derivative of ``y = stack([x, v])``, of the same shape."""
+        return jnp.stack([y[1], self.acceleration(t, y[0], y[1], args)])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Problem:
+    """An initial value problem ``y' = rhs(t, y, args)``, ``y(ts[0]) = y0``.
+
+    Arguments:
+        rhs: ``rhs(t, y, args)`` in JAX; returns the derivative in the shape of ``y``.
+        y0: the initial state, any shape; real numbers, kept as float64.
+        ts: the sample times, increasing; ``ts[0]`` is the start. One interval between
+            two of them is a frame.
+        args: handed to `rhs`; any pytree of numbers and arrays.
+        name: one word or two, for tables.
+        energy: ``energy(t, y, args)`` in JAX, if there is one.
+        exact: ``exact(ts)`` gives the exact states, shape ``(times, *y0.shape)``, in NumPy.
+        jump_times: times inside the span at which `rhs` jumps.
+        parameters: what the problem was made from, as plain JSON values.
+        mechanics: set by `Problem.second_order`.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+        UserCodeError: `rhs` raised; its own exception is the cause.
+    """
+
+    rhs: Rhs
+    y0: np.ndarray
+    ts: np.ndarray
+    args: Any = None
+    name: str = "problem"
+    energy: Callable[[Any, Any, Any], Any] | None = None
+    exact: Callable[[np.ndarray], np.ndarray] | None = None
+    jump_times: Sequence[float] = ()
+    parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    mechanics: Mechanics | None = None
+
+    def __post_init__(self) -> None:
+        checks.run(
+            lambda: self._set("y0", checks.real_array("y0", self.y0)),
+            lambda: self._set("ts", checks.sample_times(self.ts)),
+            lambda: checks.callable_or_none("exact", self.exact),
+            lambda: checks.callable_or_none("energy", self.energy),
+        )
+        self._set("jump_times", checks.jump_times(self.jump_times, self.ts))
+        self._set("args", checks.numeric_pytree("args", self.args))
+        checks.right_hand_side(self.rhs, float(self.ts[0]), self.y0, self.args)
+
+    def _set(self, name: str, value: Any) -> None:
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        object.__setattr__(self, name, value)
+
+    @classmethod
+    def second_order(
+        cls,
+        acceleration: Acceleration,
+        x0: Any,
+        v0: Any,
+        ts: Any,
+        args: Any = None,
+        *,
+        damping: Callable[[Any], LinearDamping] | None = None,
+        node_axis: int = 0,
+        **more: Any,
+    ) -> Problem:
+        """A mechanical problem ``x'' = acceleration(t, x, v, args)``.
+
+        Its state is ``stack([x, v])`` and its right-hand side ``stack([v, a])``.
+
+        Arguments:
+            acceleration: in JAX; returns an array of the shape of `x0`, all forces and the
+                damping included.
+            x0: initial positions: a number, ``(nodes,)`` or ``(nodes, dim)``.
+            v0: initial velocities, of the shape of `x0`.
+            ts: sample times, as for `Problem`.
+            args: handed to `acceleration`.
+            damping: ``damping(args)`` gives the `LinearDamping` inside `acceleration`, for
+                steppers that treat damping on its own. Not needed where the acceleration
+                does not depend on the velocity: that is found out by trying.
+            node_axis: 1 where positions are stored ``(dim, nodes)``.
+            more: `name`, `energy`, `exact`, `jump_times` and `parameters` of `Problem`.
+
+        Raises:
+            InputError: an argument cannot be used, or `damping` is not what the
+                acceleration does.
+        """
+        x0 = checks.real_array("x0", x0)
+        v0 = checks.real_array("v0", v0)
+        if x0.shape != v0.shape:
+            raise InputError(
+                complaint(
+                    "v0",
+                    v0.shape,
+                    f"an array of the shape of x0, {x0.shape}",
+                    "give each position its velocity",
+                )
+            )
+        if x0.ndim > 2:
+            raise InputError(
+                complaint("x0", x0.shape, "a number, (nodes,) or (nodes, dim)", "reshape it")
+            )
+        ts = checks.sample_times(ts)
+        args = checks.numeric_pytree("args", args)
+        checks.acceleration(acceleration, float(ts[0]), x0, v0, args)
+        if damping is None:
+            if not _depends_on_velocity(acceleration, ts, x0, v0, args):
+                damping = no_damping
+        elif not _is_the_damping(damping, acceleration, ts, x0, v0, args):
+            raise InputError(
+                "damping: the acceleration changes with the velocity by something else than "
+                "-rate * v with the rate that it gives; allowed: the rate that the "
+                "acceleration contains. Fix: let damping(args) return it, or leave it out."
+            )
+        return cls(
+            rhs=FirstOrderForm(acceleration),
+            y0=np.stack([x0, v0]),
+            ts=ts,
+            args=args,
+            mechanics=Mechanics(acceleration, damping, node_axis),
+            **more,
+        )
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """What errors are taken of: positions and velocities apart, or the state."""
+        return ("state",) if self.mechanics is None else ("position", "velocity")
+
+    @property
+    def frames(self) -> int:
+        """The number of intervals between sample times."""
+        return len(self.ts) - 1
+
+    @property
+    def equal_frames(self) -> bool:
+        """Whether the sample times are equally spaced, to rounding."""
+        gaps = np.diff(self.ts)
+        return bool(np.ptp(gaps) <= 1e-12 * np.max(np.abs(self.ts)))
+
+    def quantity(self, name: str, states: np.ndarray) -> np.ndarray:
+        """One of `quantities` of states, as ``(times, nodes, dim)``.
+
+        A state that is no mechanical one counts as nodes of one component each.
+
+        Arguments:
+            name: one of `quantities`.
+            states: shape ``(times, *y0.shape)``.
+        """
+        if self.mechanics is None:
+            return states.reshape(len(states), -1, 1)
+        half = states[:, self.quantities.index(name)]
+        if half.ndim < 3:
+            return half.reshape(len(half), -1, 1)
+        return np.moveaxis(half, 1 + self.mechanics.node_axis, 1)
+
+    def positions(self, states: np.ndarray) -> np.ndarray:
+        """Positions of states, ``(times, nodes, dim)``.
+
+        Raises:
+            InputError: this is not a second-order problem.
+        """
+        self.require_mechanics("positions")
+        return self.quantity("position", states)
+
+    def velocities(self, states: np.ndarray) -> np.ndarray:
+        """Velocities of states, ``(times, nodes, dim)``.
+
+        Raises:
+            InputError: this is not a second-order problem.
+        """
+        self.require_mechanics("velocities")
+        return self.quantity("velocity", states)
+
+    def require_mechanics(self, what: str) -> Mechanics:
+        """`mechanics`, or a complaint that `what` needs them.
+
+        Raises:
+            InputError: this is not a second-order problem.
+        """
+        if self.mechanics is None:
+            raise InputError(
+                complaint(
+                    what,
+                    self.name,
+                    "a second-order (mechanical) problem",
+                    "build the problem with Problem.second_order(acceleration, x0, v0, ts)",
+                )
+            )
+        return self.mechanics
+
+    @in_float64
+    def energies(self, states: np.ndarray) -> np.ndarray:
+        """The energy of each state, shape ``(times,)``.
+
+        Arguments:
+            states: shape ``(times, *y0.shape)``, taken at the first sample times.
+
+        Raises:
+            InputError: the problem has no energy.
+        """
+        if self.energy is None:
+            raise InputError(
+                complaint("energy", None, "a function energy(t, y, args)", "give the problem one")
+            )
+        every = jax.vmap(self.energy, in_axes=(0, 0, None))
+        return np.asarray(every(self.ts[: len(states)], states, self.args))
+
+    @property
+    def scale(self) -> float:
+        """The size of the initial state's largest component; 1 where all are zero."""
+        largest = float(np.max(np.abs(self.y0), initial=0.0))
+        return largest if largest > 0 else 1.0
+
+
+def no_damping(args: Any) -> LinearDamping:
+    """The damping of a problem that has none."""
+    del args
+    return LinearDamping(0.0, 0.0)
+
+
+def _velocities_to_try(v0: np.ndarray) -> list[np.ndarray]:
+    """A few velocities that are not symmetric in any way, and of the problem's size."""
+    draw = np.random.default_rng(20).normal(size=(3, *v0.shape))
+    return list(draw * max(1.0, float(np.max(np.abs(v0), initial=0.0))))
+
+
+@in_float64
+def _depends_on_velocity(
+    acceleration: Acceleration, ts: np.ndarray, x0: np.ndarray, v0: np.ndarray, args: Any
+) -> bool:
+    still = np.asarray(acceleration(ts[0], x0, jnp.zeros(x0.shape), args))
+    return any(
+        not np.array_equal(still, acceleration(ts[0], x0, v, args), equal_nan=True)
+        for v in _velocities_to_try(v0)
+    )
+
+
+@in_float64
+def _is_the_damping(
+    damping: Callable[[Any], LinearDamping],
+    acceleration: Acceleration,
+    ts: np.ndarray,
+    x0: np.ndarray,
+    v0: np.ndarray,
+    args: Any,
+) -> bool:
+    rate = np.asarray(damping(args).rate)
+    still = np.asarray(acceleration(ts[0], x0, jnp.zeros(x0.shape), args))
+    for v in _velocities_to_try(v0):
+        moving = np.asarray(acceleration(ts[0], x0, v, args))
+        size = np.max(np.abs(still)) + np.max(np.abs(moving))
+        if np.max(np.abs(moving - (still - rate * v))) > 1e-12 * size:
+            return False
+    return True

@@ -1,0 +1,1 @@
+"""Reference trajectories and their certificates. Knows nothing of steppers."""

@@ -1,0 +1,184 @@
+"""How far a reference may be trusted, from runs that do not depend on each other."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from ropeode.norms import NORMS, Norm, distance
+from ropeode.problems.problem import Problem
+from ropeode.references.solution import Solution
+
+# The bound is this many times the largest difference between the runs. See docs/certificate.md
+# for how often and how tightly it covers the true error.
+SAFETY_FACTOR = 3.0
+# Units of rounding below which no two float64 runs can be told apart.
+ROUNDING_UNITS = 4.0
+
+Role = Literal["looser", "tighter", "neighbour", "short steps", "independent"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Witness:
+    """A run that the reference was held against.
+
+    Arguments:
+        solver: library and solver.
+        tolerance: its relative tolerance.
+        role: `tighter` or `looser` runs of the primary solver; an `independent` solver; a
+            `neighbour` is the primary solver started one unit of rounding away; one with
+            `short steps` may not step over what lasts longer than 1/32 of a frame.
+        steps: steps that it tried.
+        seconds: that it took, without compiling.
+        differences: its distance from the reference at each sample, for each quantity.
+        difference: the largest of the first quantity inside the horizon.
+    """
+
+    solver: str
+    tolerance: float
+    role: Role
+    steps: int
+    seconds: float
+    differences: Mapping[str, np.ndarray]
+    difference: float = np.nan
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Certificate:
+    """What is claimed of a reference, and what the claim rests on.
+
+    Arguments:
+        level: `consensus`: the witnesses are float64 runs.
+        solver: the primary solver.
+        rtol: its relative tolerance.
+        atol: its absolute tolerance.
+        steps: its steps.
+        accuracy: the error asked for, in the units of the first quantity.
+        bounds: for each quantity the estimated error bound at each sample, in the largest
+            node's norm; it never falls in time. Infinite where a run did not arrive.
+        trusted: the number of leading samples inside the trust horizon.
+        horizon: the first sample time outside of it; None if there is none.
+        horizon_reason: why it ends there.
+        witnesses: the runs that it rests on.
+        stiff: the explicit solver needed too many steps, and implicit ones were taken.
+        seconds: for all the runs, without compiling.
+        compile_seconds: for compiling them.
+        versions: of the packages that took part.
+    """
+
+    level: Literal["consensus"]
+    solver: str
+    rtol: float
+    atol: float
+    steps: int
+    accuracy: float
+    bounds: Mapping[str, np.ndarray]
+    trusted: int
+    horizon: float | None
+    horizon_reason: str | None
+    witnesses: tuple[Witness, ...]
+    stiff: bool
+    seconds: float
+    compile_seconds: float
+    versions: Mapping[str, str]
+
+
+def witness(problem: Problem, primary: Solution, run: Solution, role: Role) -> Witness:
+    """A run, measured against the primary."""
+    return Witness(
+        solver=run.solver,
+        tolerance=run.rtol,
+        role=role,
+        steps=run.steps,
+        seconds=run.seconds,
+        differences={
+            quantity: _padded(distance(problem, norm, run.states, primary.states), problem)
+            for quantity, norm in largest_norms(problem).items()
+        },
+    )
+
+
+def largest_norms(problem: Problem) -> dict[str, Norm]:
+    """For each quantity the norm that none of its others exceeds."""
+    return {quantity: NORMS[f"{quantity}-max"] for quantity in problem.quantities}
+
+
+def bounds(
+    problem: Problem, primary: Solution, witnesses: Sequence[Witness]
+) -> dict[str, np.ndarray]:
+    """The estimated error bound of the primary at each sample, for each quantity.
+
+    Three times the running maximum of the largest difference from any witness that is at
+    least as good as the primary, and a few units of rounding of the largest value so far.
+    The looser run is left out: it is further from the truth than the primary, so that its
+    difference says how wrong *it* is.
+    """
+    result = {}
+    for quantity in problem.quantities:
+        differences = [w.differences[quantity] for w in witnesses if w.role != "looser"]
+        values = np.abs(problem.quantity(quantity, primary.states)).max(axis=(1, 2))
+        rounding = ROUNDING_UNITS * np.finfo(np.float64).eps * _padded(values, problem)
+        result[quantity] = np.maximum.accumulate(
+            SAFETY_FACTOR * np.max(differences, axis=0) + rounding
+        )
+    return result
+
+
+def trusted_samples(
+    problem: Problem,
+    rungs: Sequence[Solution],
+    bound: np.ndarray,
+    neighbour: np.ndarray,
+    accuracy: float,
+) -> tuple[int, str | None]:
+    """How many leading samples can be trusted, and why not more.
+
+    A sample can be trusted if the bound is within the accuracy asked for, and if the ladder
+    has settled. That is, measured from its tightest rung: no rung is ten times further away
+    than a looser one, and the last but one is at most a third as far away as the loosest; or
+    else a rung sees something that others missed. One sample may break these rules by
+    accident, so they count from where they are broken to the end. Differences are no sign of
+    trouble where the tolerance allows them in each step, or where rounding explains them:
+    one unit in each step, grown as much as the neighbour's.
+
+    Arguments:
+        problem: what was solved.
+        rungs: of the tolerance ladder, the loosest first.
+        bound: of the first quantity.
+        neighbour: difference of the run from the neighbouring initial state.
+        accuracy: in the units of the first quantity.
+    """
+    norm = next(iter(largest_norms(problem).values()))
+
+    def from_tightest(run: Solution) -> np.ndarray:
+        difference = distance(problem, norm, run.states, rungs[-1].states)
+        return np.maximum.accumulate(_padded(difference, problem))
+
+    def allowed(run: Solution) -> np.ndarray:
+        rounding = max(run.steps, 100) * (np.maximum.accumulate(neighbour) + bound[0])
+        return np.maximum(rounding, run.steps * run.rtol * problem.scale)
+
+    away = [from_tightest(run) for run in rungs[:-1]]
+    excused = [series <= allowed(run) for series, run in zip(away, rungs, strict=False)]
+    settled = (away[-1] <= away[0] / 3.0) | excused[-1]
+    for looser, tighter in itertools.combinations(range(len(away)), 2):
+        settled &= (away[tighter] <= 10.0 * away[looser]) | excused[tighter]
+
+    enough = int(np.argmin(np.append(bound <= accuracy, False)))
+    trusted = int(np.max(np.flatnonzero(settled[:enough]), initial=-1)) + 1
+    if trusted < enough:
+        return trusted, "tightening the tolerance does not settle the result"
+    if enough == len(bound):
+        return enough, None
+    if not np.isfinite(bound[enough]):
+        return enough, "a solver got no further"
+    return enough, "the estimated bound exceeds the accuracy asked for"
+
+
+def _padded(series: np.ndarray, problem: Problem) -> np.ndarray:
+    """A series over the samples that were reached, infinite at the others."""
+    return np.concatenate([series, np.full(len(problem.ts) - len(series), np.inf)])

@@ -1,0 +1,188 @@
+"""Adaptive diffrax solvers whose steps end on the sample times."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.references.solution import Solution, finite_samples
+
+SOLVERS: dict[str, Callable[[], diffrax.AbstractSolver]] = {
+    "Dopri8": diffrax.Dopri8,
+    "Kvaerno5": diffrax.Kvaerno5,
+}
+
+
+class _StepLimit(diffrax.AbstractAdaptiveStepSizeController):
+    """A controller that gives up after a number of steps known at run time only.
+
+    `diffeqsolve(max_steps=...)` is compiled in, which would cost a compilation for each rung
+    of a tolerance ladder.
+    """
+
+    controller: diffrax.AbstractAdaptiveStepSizeController
+    limit: Any
+
+    rtol = property(lambda self: self.controller.rtol)
+    atol = property(lambda self: self.controller.atol)
+    norm = property(lambda self: self.controller.norm)
+
+    def wrap(self, direction: Any) -> _StepLimit:
+        """Pass the direction of time on."""
+        return _StepLimit(self.controller.wrap(direction), self.limit)
+
+    def init(self, *inputs: Any) -> tuple:
+        """Start the count beside the inner controller's state."""
+        t1, inner = self.controller.init(*inputs)
+        return t1, (jnp.asarray(0), inner)
+
+    def adapt_step_size(self, *inputs: Any) -> tuple:
+        """Let the inner controller choose, and count."""
+        *inputs, (count, inner) = inputs
+        *choice, inner, result = self.controller.adapt_step_size(*inputs, inner)
+        count = count + 1
+        spent = (count >= self.limit) & diffrax.is_okay(result)
+        result = diffrax.RESULTS.where(spent, diffrax.RESULTS.max_steps_reached, result)
+        return *choice, (count, inner), result
+
+
+@in_float64
+def solve(
+    problem: Problem,
+    solver: str,
+    rtol: float,
+    atol: float,
+    *,
+    max_steps: int,
+    longest_step: float = np.inf,
+    y0: np.ndarray | None = None,
+) -> Solution:
+    """Solve with diffrax in float64.
+
+    Steps are clipped onto the sample times, because the dense output of Dopri8 is of order 5
+    only, and end just before declared jump times. The state is one flat array, which is the
+    fastest form for diffrax.
+
+    Arguments:
+        problem: what to solve.
+        solver: one of `SOLVERS`.
+        rtol: relative tolerance.
+        atol: absolute tolerance.
+        max_steps: give up after so many steps.
+        longest_step: no step may be longer, in units of time.
+        y0: initial state, where it is not the problem's.
+    """
+    start = problem.y0 if y0 is None else y0
+    leaves, tree = jax.tree.flatten(problem.args)
+    started = time.perf_counter()
+    before = _program.cache_info().misses
+    program = _program(
+        solver,
+        problem.rhs,
+        problem.y0.shape,
+        tree,
+        tuple((leaf.shape, leaf.dtype) for leaf in leaves),
+        len(problem.ts),
+        len(problem.jump_times),
+    )
+    compile_seconds = time.perf_counter() - started
+    started = time.perf_counter()
+    result, steps, saved = jax.block_until_ready(
+        program(
+            start.reshape(-1),
+            problem.args,
+            problem.ts,
+            np.asarray(problem.jump_times, dtype=np.float64),
+            np.float64(rtol),
+            np.float64(atol),
+            np.int64(max_steps),
+            np.float64(longest_step),
+        )
+    )
+    seconds = time.perf_counter() - started
+    states = np.asarray(saved).reshape(-1, *problem.y0.shape)
+    # diffrax can report success on a state that is not finite, so this is looked at as well.
+    states = states[: finite_samples(states)]
+    failure = None
+    if len(states) < len(problem.ts):
+        reason = str(diffrax.RESULTS[result] or "").strip() or "the state is not finite"
+        failure = f"stopped after t = {problem.ts[max(len(states) - 1, 0)]:g}: {reason}"
+    return Solution(
+        solver=f"diffrax {solver}",
+        rtol=rtol,
+        atol=atol,
+        states=states,
+        steps=int(steps),
+        seconds=seconds,
+        compile_seconds=compile_seconds if _program.cache_info().misses > before else 0.0,
+        failure=failure,
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _program(
+    solver: str,
+    rhs: Callable,
+    shape: tuple[int, ...],
+    args_tree: Any,
+    args_leaves: tuple,
+    times: int,
+    jumps: int,
+) -> Callable:
+    """Compile; tolerances and all numbers of the problem are run-time values."""
+
+    def field(t: Any, y: Any, args: Any) -> Any:
+        return rhs(t, y.reshape(shape), args).reshape(-1)
+
+    def run(
+        y0: Any, args: Any, ts: Any, jump_ts: Any, rtol: Any, atol: Any, limit: Any, dtmax: Any
+    ) -> Any:
+        controller = diffrax.ClipStepSizeController(
+            diffrax.PIDController(rtol=rtol, atol=atol, dtmax=dtmax),
+            step_ts=ts,
+            jump_ts=jump_ts if jumps else None,
+        )
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(field),
+            SOLVERS[solver](),
+            ts[0],
+            ts[-1],
+            None,
+            y0,
+            args,
+            saveat=diffrax.SaveAt(ts=ts),
+            stepsize_controller=_StepLimit(controller, limit),
+            max_steps=None,
+            adjoint=diffrax.ForwardMode(),
+            throw=False,
+        )
+        return solution.result, solution.stats["num_steps"], solution.ys
+
+    def abstract(shape: tuple, dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
+        return jax.ShapeDtypeStruct(shape, dtype)
+
+    args = jax.tree.unflatten(args_tree, [abstract(*leaf) for leaf in args_leaves])
+    size = int(np.prod(shape))
+    return (
+        jax.jit(run)
+        .lower(
+            abstract((size,)),
+            args,
+            abstract((times,)),
+            abstract((jumps,)),
+            abstract(()),
+            abstract(()),
+            abstract((), np.int64),
+            abstract(()),
+        )
+        .compile()
+    )

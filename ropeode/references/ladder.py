@@ -1,0 +1,122 @@
+"""The tolerance ladder: the same solver at tighter and tighter tolerances."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ropeode.problems.problem import Problem
+from ropeode.references import diffrax_solver, scipy_solver
+from ropeode.references.solution import Solution
+
+# A solver of order p needs 10^(1/p) times the steps for one more digit: 1.33 for Dopri8 and
+# 1.58 for Kvaerno5. Where one more digit costs more than this factor, the error estimate has
+# drowned in rounding, and a tighter tolerance gains nothing.
+_MOST_STEPS_PER_DIGIT = 2.5
+
+_SHORT_STEPS_PER_FRAME = 32
+_FEWEST_SHORT_STEPS = 1000
+
+Progress = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """Solvers of one kind, and the tolerances that are tried when none is asked for.
+
+    Arguments:
+        primary: a diffrax solver.
+        independent: a SciPy solver.
+        tolerances: from loose to tight.
+    """
+
+    primary: str
+    independent: str
+    tolerances: tuple[float, ...]
+
+
+EXPLICIT = Method("Dopri8", "DOP853", (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14))
+IMPLICIT = Method("Kvaerno5", "Radau", (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
+
+
+def step_budget(problem: Problem) -> int:
+    """The steps after which a solver is taken to be the wrong one for a problem."""
+    return 100_000 + 4_000 * problem.frames
+
+
+def short_step(problem: Problem) -> float:
+    """The longest step of the run that must not step over anything that lasts longer.
+
+    Error control looks at a right-hand side only where a step puts its stages, and all
+    solvers step over a narrow pulse alike where nothing announces it.
+    """
+    span = problem.ts[-1] - problem.ts[0]
+    return float(span) / max(_SHORT_STEPS_PER_FRAME * problem.frames, _FEWEST_SHORT_STEPS)
+
+
+def solve_primary(
+    problem: Problem,
+    method: Method,
+    rtol: float,
+    progress: Progress,
+    *,
+    max_steps: int | None = None,
+    **more: Any,
+) -> Solution:
+    """The diffrax solver of a method at one tolerance; `more` is for `diffrax_solver.solve`."""
+    progress(f"reference: diffrax {method.primary} at {rtol:.0e}")
+    return diffrax_solver.solve(
+        problem,
+        method.primary,
+        rtol,
+        rtol * problem.scale,
+        max_steps=max_steps or step_budget(problem),
+        **more,
+    )
+
+
+def climb(
+    problem: Problem,
+    method: Method,
+    first: Solution,
+    tolerances: Sequence[float],
+    progress: Progress,
+) -> list[Solution]:
+    """The primary solver at tighter and tighter tolerances, while that gains anything.
+
+    Arguments:
+        problem: what to solve.
+        method: with what.
+        first: the run at the loosest tolerance.
+        tolerances: the tighter ones.
+        progress: called with a few words before each run.
+    """
+    rungs = [first]
+    for rtol in tolerances:
+        limit = int(_MOST_STEPS_PER_DIGIT * rungs[-1].steps) + 1000
+        run = solve_primary(
+            problem, method, rtol, progress, max_steps=min(limit, step_budget(problem))
+        )
+        if len(run.states) < len(rungs[-1].states):
+            break
+        rungs.append(run)
+    return rungs
+
+
+def solve_independent(
+    problem: Problem, method: Method, tightest: Solution, looser: Solution, progress: Progress
+) -> Solution:
+    """The SciPy solver at the tolerance of `tightest`; at that of `looser` if it gets stuck."""
+    for like in (tightest, looser):
+        progress(f"reference: SciPy {method.independent} at {like.rtol:.0e}")
+        run = scipy_solver.solve(
+            problem,
+            method.independent,
+            like.rtol,
+            like.rtol * problem.scale,
+            max_steps=10 * like.steps + 1000,
+        )
+        if run.failure is None:
+            break
+    return run

@@ -1,0 +1,256 @@
+"""A trajectory that can be trusted, with the certificate that says how far."""
+
+from __future__ import annotations
+
+import dataclasses
+import platform
+from importlib import metadata
+
+import numpy as np
+
+from ropeode.errors import InputError, ReferenceRefused
+from ropeode.norms import Norm, distance, norm_for
+from ropeode.problems.problem import Problem
+from ropeode.references.certificate import (
+    Certificate,
+    Witness,
+    bounds,
+    trusted_samples,
+    witness,
+)
+from ropeode.references.ladder import (
+    EXPLICIT,
+    IMPLICIT,
+    Method,
+    Progress,
+    climb,
+    solve_independent,
+    short_step,
+    solve_primary,
+    step_budget,
+)
+from ropeode.references.solution import Solution
+from ropeode.validation import check_positive, complaint
+
+TIGHTEST_RTOL = 1e-14
+SMALLEST_RTOL = 1e-13
+LARGEST_RTOL = 1e-3
+RELATIVE_ACCURACY = 1e-8
+_PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Reference:
+    """A reference trajectory.
+
+    Arguments:
+        problem: what was solved.
+        states: ``(times, *state)`` at the problem's sample times; only the first
+            `certificate.trusted` of them are inside the trust horizon.
+        certificate: how far it can be trusted, and why.
+    """
+
+    problem: Problem
+    states: np.ndarray
+    certificate: Certificate
+
+    @property
+    def times(self) -> np.ndarray:
+        """The sample times that the solver reached, ``(times,)``."""
+        return self.problem.ts[: len(self.states)]
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Positions, ``(times, nodes, dim)``."""
+        return self.problem.positions(self.states)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Velocities, ``(times, nodes, dim)``."""
+        return self.problem.velocities(self.states)
+
+    @property
+    def trusted(self) -> int:
+        """The number of samples inside the trust horizon."""
+        return self.certificate.trusted
+
+    @property
+    def horizon(self) -> float | None:
+        """The first sample time outside the trust horizon; None if there is none."""
+        return self.certificate.horizon
+
+    def bound(self, norm: Norm | None = None) -> np.ndarray:
+        """The estimated error bound at each sample inside the horizon, ``(trusted,)``.
+
+        Arguments:
+            norm: in which the error is measured; the bound is for the largest node, which
+                no norm exceeds. By default the problem's first quantity.
+        """
+        quantity = (norm or norm_for(self.problem)).quantity
+        return self.certificate.bounds[quantity][: self.trusted]
+
+
+def reference(
+    problem: Problem,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    *,
+    progress: Progress = lambda text: None,
+) -> Reference:
+    """Solve a problem so that the solution can be trusted, and say how far.
+
+    The primary solver is diffrax Dopri8. It is run on a ladder of tolerances as far as
+    rounding lets it; the run before the tightest is the reference. That is held against its
+    neighbours on the ladder, against itself from a neighbouring initial state and with steps
+    that are too short to miss much, and against SciPy's DOP853. If the explicit solver needs too many steps the problem counts as stiff,
+    and the solvers are diffrax Kvaerno5 and SciPy's Radau.
+
+    Arguments:
+        problem: what to solve.
+        accuracy: the largest error bound that is still trusted, in the units of the positions
+            (of the state, for a problem that is not mechanical); by default 1e-8 (or 1e4 times
+            `rtol`, if that is given and more) of how far a node (or component) moves.
+        rtol: relative tolerance of the reference; by default as tight as gains anything. The
+            absolute tolerance is `rtol` times the largest component of the initial state.
+        progress: called with a few words before each run.
+
+    Raises:
+        InputError: `accuracy` or `rtol` cannot be used.
+        ReferenceRefused: not even the first sample can be trusted; says why.
+    """
+    if accuracy is not None:
+        accuracy = check_positive("accuracy", accuracy, example="1e-6")
+    if rtol is not None:
+        rtol = check_positive("rtol", rtol, example="1e-12")
+        if not SMALLEST_RTOL <= rtol <= LARGEST_RTOL:
+            raise InputError(
+                complaint(
+                    "rtol",
+                    rtol,
+                    f"from {SMALLEST_RTOL:g} (float64 carries no more) to {LARGEST_RTOL:g}",
+                    f"for example rtol={SMALLEST_RTOL:g}",
+                )
+            )
+
+    method, rungs = _ladder(problem, rtol, progress)
+    primary_index = len(rungs) - 2 if rtol is None else 2
+    if not 0 < primary_index < len(rungs) - 1 or len(rungs[primary_index].states) < 2:
+        last = rungs[-1]
+        why = last.failure or "rounding drowns its error estimate at tighter tolerances"
+        raise ReferenceRefused(
+            f"no reference for {problem.name!r}: three tolerances are needed, and {last.solver} "
+            f"got no further than {last.rtol:.0e} ({why}). Start where the right-hand side is "
+            "smooth, declare its jump times, or ask for a looser rtol."
+        )
+    primary = rungs[primary_index]
+    looser, tighter = rungs[:primary_index], rungs[primary_index + 1 :]
+    neighbour = solve_primary(problem, method, primary.rtol, progress, y0=_neighbour(problem.y0))
+    patient = solve_primary(
+        problem,
+        method,
+        primary.rtol,
+        progress,
+        max_steps=2 * step_budget(problem),
+        longest_step=short_step(problem),
+    )
+    independent = solve_independent(problem, method, tighter[0], primary, progress)
+    every = [*rungs, neighbour, patient, independent]
+    neighbouring = witness(problem, primary, neighbour, "neighbour")
+    witnesses = [
+        *(witness(problem, primary, run, "looser") for run in looser),
+        *(witness(problem, primary, run, "tighter") for run in tighter),
+        neighbouring,
+        witness(problem, primary, patient, "short steps"),
+        witness(problem, primary, independent, "independent"),
+    ]
+
+    estimated = bounds(problem, primary, witnesses)
+    bound = estimated[problem.quantities[0]]
+    if accuracy is None:
+        relative = max(RELATIVE_ACCURACY, 1e4 * rtol if rtol else 0.0)
+        accuracy = relative * _motion_while_known(problem, primary.states, bound)
+    trusted, reason = trusted_samples(
+        problem, rungs, bound, neighbouring.differences[problem.quantities[0]], accuracy
+    )
+    if trusted < 2:
+        failures = "; ".join(f"{run.solver} {run.failure}" for run in every if run.failure)
+        raise ReferenceRefused(
+            f"no reference for {problem.name!r}: at t = {problem.ts[1]:g} already {reason} (bound "
+            f"{bound[1]:.1e}, accuracy {accuracy:.1e}"
+            + (f"; {failures}" if failures else "")
+            + "). Ask for less accuracy, declare jump times if the right-hand side has jumps, "
+            "or see whether it is smooth and in float64."
+        )
+    return Reference(
+        problem=problem,
+        states=primary.states,
+        certificate=Certificate(
+            level="consensus",
+            solver=primary.solver,
+            rtol=primary.rtol,
+            atol=primary.atol,
+            steps=primary.steps,
+            accuracy=accuracy,
+            bounds=estimated,
+            trusted=trusted,
+            horizon=float(problem.ts[trusted]) if trusted < len(problem.ts) else None,
+            horizon_reason=reason,
+            witnesses=tuple(_inside(w, problem, trusted) for w in witnesses),
+            stiff=method is IMPLICIT,
+            seconds=sum(run.seconds for run in every),
+            compile_seconds=sum(run.compile_seconds for run in every),
+            versions={name: metadata.version(name) for name in _PACKAGES}
+            | {"python": platform.python_version()},
+        ),
+    )
+
+
+def motion(problem: Problem, states: np.ndarray) -> np.ndarray:
+    """How far any node (or component) has got from where it started, up to each sample.
+
+    This is the size against which an error is large or small; unlike the size of the state
+    it does not change when the whole problem is moved. At least 1e-8 of the state's scale.
+    """
+    start = np.broadcast_to(problem.y0, states.shape)
+    farthest = np.maximum.accumulate(distance(problem, norm_for(problem), states, start))
+    return np.maximum(farthest, 1e-8 * problem.scale)
+
+
+def _motion_while_known(problem: Problem, states: np.ndarray, bound: np.ndarray) -> float:
+    """The motion over the samples where it is known to three digits; past a pole it is not."""
+    farthest = motion(problem, states)
+    known = bound[: len(farthest)] <= 1e-3 * farthest
+    return float(farthest[max(int(np.argmin(known)) - 1, 0)] if not all(known) else farthest[-1])
+
+
+def _ladder(
+    problem: Problem, rtol: float | None, progress: Progress
+) -> tuple[Method, list[Solution]]:
+    """The ladder of the method that fits the problem: explicit if it gets anywhere."""
+
+    def tolerances(method: Method) -> list[float]:
+        if rtol is None:
+            return list(method.tolerances)
+        asked = [100 * rtol, 10 * rtol, rtol, rtol / 10, rtol / 100]
+        return [tolerance for tolerance in asked if tolerance > 0.99 * TIGHTEST_RTOL]
+
+    method = EXPLICIT
+    first = solve_primary(problem, method, tolerances(method)[0], progress)
+    if first.failure and first.steps >= step_budget(problem):
+        other = solve_primary(problem, IMPLICIT, tolerances(IMPLICIT)[0], progress)
+        if len(other.states) > len(first.states):
+            method, first = IMPLICIT, other
+    return method, climb(problem, method, first, tolerances(method)[1:], progress)
+
+
+def _neighbour(y0: np.ndarray) -> np.ndarray:
+    """`y0` with each component moved by one unit of rounding, up or down at random."""
+    up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
+    moved = np.nextafter(y0, np.where(up, np.inf, -np.inf))
+    return np.where(y0 == 0.0, 0.0, moved)
+
+
+def _inside(w: Witness, problem: Problem, trusted: int) -> Witness:
+    """A witness with its largest difference inside the horizon filled in."""
+    differences = w.differences[problem.quantities[0]][:trusted]
+    return dataclasses.replace(w, difference=float(np.max(differences)))

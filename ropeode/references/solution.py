@@ -1,0 +1,38 @@
+"""What a solver that references are made with returns."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Solution:
+    """One run of an adaptive solver.
+
+    Arguments:
+        solver: its name, with the library.
+        rtol: relative tolerance.
+        atol: absolute tolerance, in the units of the state.
+        states: ``(times, *state)`` at the sample times that were reached, none interpolated.
+        steps: steps tried.
+        seconds: to run.
+        compile_seconds: to compile; 0 if that had been done before.
+        failure: why it did not reach the last sample time; None if it did.
+    """
+
+    solver: str
+    rtol: float
+    atol: float
+    states: np.ndarray
+    steps: int
+    seconds: float
+    compile_seconds: float = 0.0
+    failure: str | None = None
+
+
+def finite_samples(states: np.ndarray) -> int:
+    """How many leading samples are finite."""
+    finite = np.all(np.isfinite(states.reshape(len(states), -1)), axis=1)
+    return len(states) if np.all(finite) else int(np.argmin(finite))

@@ -1,0 +1,1 @@
+"""Results as text. Reads results; computes and stores nothing."""

@@ -1,0 +1,115 @@
+"""How numbers and findings are worded, in every format but JSON and CSV."""
+
+from __future__ import annotations
+
+from ropeode.analysis.order import ObservedOrder
+from ropeode.references.reference import Reference
+from ropeode.study.accuracy_table import AccuracyTable, Row
+
+RUN_HEADERS = (
+    "steps/frame",
+    "dt",
+    "max error",
+    "final error",
+    "rms error",
+    "RHS evals",
+    "seconds",
+)
+ORDER_HEADERS = ("stepper", "expected", "observed", "95% interval", "steps used", "verdict")
+
+
+def title(table: AccuracyTable) -> str:
+    """What the table is of."""
+    return f"Accuracy of steppers: {problem_words(table)}"
+
+
+def problem_words(table: AccuracyTable) -> str:
+    """The problem in a few words."""
+    problem, parameters = table.problem, table.problem.parameters
+    words = [problem.name]
+    if parameters.get("kind") == "rope":
+        words.append(f"{parameters['num_nodes']} nodes")
+        damping = parameters["damping"]
+        words.append(f"damping {damping:g}" if isinstance(damping, float) else "damping by node")
+    words.append(f"{problem.frames} frames")
+    return ", ".join(words)
+
+
+def error_words(table: AccuracyTable) -> str:
+    """What an error is here."""
+    last = table.reference.trusted - 1
+    return f"Error: {table.norm.words}, over samples 1 to {last}."
+
+
+def run_cells(row: Row) -> tuple[str, ...]:
+    """One run as the cells under `RUN_HEADERS`."""
+    if row.status == "diverged":
+        errors = ("diverged", f"frame {row.diverged_at}", "")
+    else:
+        errors = tuple(
+            f"< {row.resolution:.1e}" if error is None else f"{error:.3e}"
+            for error in (row.error_max, row.error_final, row.error_rms)
+        )
+    return (
+        str(row.steps_per_frame),
+        f"{row.dt:.4g}",
+        *errors,
+        str(row.rhs_evaluations),
+        f"{row.seconds:.2g}" if row.seconds < 10 else f"{row.seconds:.0f}",
+    )
+
+
+def order_cells(table: AccuracyTable, stepper: str) -> tuple[str, ...]:
+    """The order of one stepper as the cells under `ORDER_HEADERS`."""
+    found = next(each for each in table.orders if each.stepper == stepper)
+    order = found.order
+    return (
+        stepper,
+        "-" if found.expected is None else str(found.expected or "none"),
+        "-" if order.observed is None else f"{order.observed:.3f}",
+        interval(order),
+        used_steps(table, stepper, order),
+        order.verdict,
+    )
+
+
+def interval(order: ObservedOrder) -> str:
+    """The 95% interval."""
+    if order.ci95 is None:
+        return "-"
+    return f"[{order.ci95[0]:.3f}, {order.ci95[1]:.3f}]"
+
+
+def used_steps(table: AccuracyTable, stepper: str, order: ObservedOrder) -> str:
+    """The steps per frame that the fit used."""
+    used = [row.steps_per_frame for row in _rows(table, stepper) if row.dt in order.used]
+    return f"{min(used)} to {max(used)}" if used else "-"
+
+
+def left_out_words(table: AccuracyTable, stepper: str, order: ObservedOrder) -> str:
+    """The steps per frame that were left out, by reason."""
+    steps = {row.dt: row.steps_per_frame for row in _rows(table, stepper)}
+    by_reason: dict[str, list[str]] = {}
+    for point in order.left_out:
+        by_reason.setdefault(point.reason, []).append(str(steps[point.dt]))
+    return "; ".join(f"{reason}: {', '.join(each)}" for reason, each in by_reason.items())
+
+
+def reference_words(reference: Reference) -> str:
+    """What the errors rest on."""
+    made = reference.certificate
+    independent = [w for w in made.witnesses if w.role == "independent"]
+    agreeing = ", ".join(f"{w.solver} agrees to {w.difference:.1e}" for w in independent)
+    trust = (
+        "trusted to the end"
+        if reference.horizon is None
+        else f"trusted before t = {reference.horizon:g} only ({made.horizon_reason})"
+    )
+    return (
+        f"Reference: {made.solver} at rtol {made.rtol:.0e}, estimated bound "
+        f"{reference.bound()[-1]:.1e}; {agreeing}; {trust}."
+    )
+
+
+def _rows(table: AccuracyTable, stepper: str) -> list[Row]:
+    return [row for row in table.rows if row.stepper == stepper]

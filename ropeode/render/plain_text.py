@@ -1,0 +1,64 @@
+"""The accuracy table for a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import textwrap
+
+from tabulate import tabulate
+
+from ropeode.render import cells
+from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
+
+_WIDTH = 80
+
+
+def as_text(table: AccuracyTable) -> str:
+    """A block of runs for each stepper, the observed orders, and the reference."""
+    # The headers go in as a row: tabulate pads real headers, and the table would be too wide.
+    header, *lines = tabulate(
+        [cells.RUN_HEADERS, *(cells.run_cells(row) for row in table.rows)],
+        tablefmt="plain",
+        disable_numparse=True,
+        colalign=("right",) * len(cells.RUN_HEADERS),
+    ).splitlines()
+    runs = iter(lines)
+    blocks = [header]
+    for each in table.orders:
+        blocks.append(each.stepper)
+        blocks.extend(next(runs) for row in table.rows if row.stepper == each.stepper)
+    return "\n".join(
+        [
+            *_wrapped(cells.title(table)),
+            *_wrapped(cells.error_words(table)),
+            "",
+            *(line.rstrip() for line in blocks),
+            "",
+            f"Observed orders ({cells.RUN_HEADERS[2]}, as dt goes to 0)",
+            *(line for each in table.orders for line in _order(table, each)),
+            "",
+            *_wrapped(cells.reference_words(table.reference)),
+            "",
+        ]
+    )
+
+
+def _order(table: AccuracyTable, each: StepperOrder) -> list[str]:
+    order = each.order
+    name, expected, observed, interval, used, verdict = cells.order_cells(table, each.stepper)
+    if order.observed is None:
+        finding = f"{verdict}: {order.why}"
+    else:
+        finding = f"{verdict}, order {observed} {interval}, {used} steps/frame"
+    lines = [name, *_wrapped(f"{finding}; expected {expected}", indent=4)]
+    if order.left_out:
+        lines += _wrapped(f"left out: {cells.left_out_words(table, name, order)}", indent=4)
+    return lines
+
+
+def _wrapped(text: str, indent: int = 0) -> list[str]:
+    return textwrap.wrap(
+        text,
+        _WIDTH,
+        initial_indent=" " * indent,
+        subsequent_indent=" " * (indent + 2 * bool(indent)),
+    )

@@ -1,0 +1,55 @@
+"""The list of steppers and what they declare."""
+
+from __future__ import annotations
+
+import itertools
+
+from tabulate import tabulate
+
+from ropeode.steppers import STEPPERS, options
+from ropeode.steppers.base import ProblemClass, Stepper
+
+HEADERS = ("stepper", "undamped", "damped", "moving start", "symplectic")
+
+
+def variants(cls: type[Stepper]) -> list[Stepper]:
+    """A stepper with every combination of its options, the defaults first."""
+    choices = options(cls)
+    return [
+        cls(**dict(zip(choices, chosen, strict=True)))
+        for chosen in itertools.product(*choices.values())
+    ]
+
+
+def as_text() -> str:
+    """A table of declared orders, and for each stepper what it needs and its source."""
+    rows = [
+        (
+            each.label,
+            _order(each, ProblemClass(damped=False, at_rest=True)),
+            _order(each, ProblemClass(damped=True, at_rest=True)),
+            _order(each, ProblemClass(damped=True, at_rest=False)),
+            "yes" if each.symplectic else "no",
+        )
+        for cls in STEPPERS.values()
+        for each in variants(cls)
+    ]
+    notes = [
+        f"{cls.name}\n    runs on: {cls.needs}\n    source: {cls.source}"
+        for cls in STEPPERS.values()
+    ]
+    return "\n".join(
+        [
+            tabulate(rows, headers=HEADERS, tablefmt="simple", disable_numparse=True),
+            "",
+            "Orders of convergence declared; 0: it converges to another solution. Symplectic is",
+            "meant for problems without damping.",
+            "",
+            *notes,
+            "",
+        ]
+    )
+
+
+def _order(stepper: Stepper, problem_class: ProblemClass) -> str:
+    return str(stepper.order(problem_class))

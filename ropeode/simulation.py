@@ -1,0 +1,290 @@
+"""The driver: a problem, a stepper and a step size make a trajectory."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import time
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Mechanics, Problem
+from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers.base import Stepper, System
+from ropeode.steppers.phase import Phase
+from ropeode.validation import check_whole
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trajectory:
+    """What a stepper made of a problem.
+
+    Arguments:
+        problem: what was solved.
+        stepper: with what.
+        steps_per_frame: steps between two sample times; ``dt = frame/steps_per_frame``.
+        times: the sample times up to the last one with a finite state, ``(times,)``.
+        states: the states there, ``(times, *state)``; the first is the initial state.
+        status: `ok`, or `diverged` if a state was not finite.
+        diverged_at: the frame (index of the sample time) of the first state that was not.
+        rhs_evaluations: of the right-hand side (or acceleration), for the steps made.
+        seconds: to run, without compiling.
+        compile_seconds: to trace and compile; 0 if that had been done before.
+    """
+
+    problem: Problem
+    stepper: Stepper
+    steps_per_frame: int
+    times: np.ndarray
+    states: np.ndarray
+    status: Literal["ok", "diverged"]
+    diverged_at: int | None
+    rhs_evaluations: int
+    seconds: float
+    compile_seconds: float
+
+    @property
+    def dt(self) -> float:
+        """The step size; the largest where frames differ in length."""
+        return step_size(self.problem, self.steps_per_frame)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Positions, ``(times, nodes, dim)``."""
+        return self.problem.positions(self.states)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Velocities, ``(times, nodes, dim)``."""
+        return self.problem.velocities(self.states)
+
+
+@in_float64
+def simulate(
+    problem: Problem, stepper: str | Stepper, steps_per_frame: int, *, dither: float = 0.0
+) -> Trajectory:
+    """Run a stepper over all frames of a problem.
+
+    A run that leaves the finite numbers is not computed past the frame where it does.
+
+    Arguments:
+        problem: what to solve.
+        stepper: a stepper or its name with options.
+        steps_per_frame: equal steps in each interval between sample times.
+        dither: each step's result is moved by up to this many units of relative rounding
+            (2^-53), up or down in a fixed irregular pattern; how far the trajectory moves
+            shows how much round-off it holds. 0 switches it off.
+
+    Raises:
+        InputError: the stepper does not exist or cannot run on this problem, or
+            `steps_per_frame` is not a whole number >= 1.
+    """
+    stepper = stepper_named(stepper)
+    steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
+    if refusal := stepper.refusal(problem):
+        raise InputError(refusal)
+
+    mechanics = problem.mechanics
+    program = _program(
+        stepper,
+        problem.rhs,
+        mechanics,
+        dither != 0.0,
+        *_abstract(problem.y0, problem.args, problem.frames),
+    )
+    started = time.perf_counter()
+    frame, states = program.run(
+        problem.y0, problem.args, problem.ts, _frame_lengths(problem), steps, dither
+    )
+    frame = int(frame)
+    seconds = time.perf_counter() - started
+
+    finite = bool(np.all(np.isfinite(states[frame])))
+    kept = frame + finite
+    return Trajectory(
+        problem=problem,
+        stepper=stepper,
+        steps_per_frame=steps,
+        times=problem.ts[:kept],
+        states=np.asarray(states)[:kept],
+        status="ok" if finite else "diverged",
+        diverged_at=None if finite else frame,
+        rhs_evaluations=program.calls_to_start + program.calls_per_step * steps * frame,
+        seconds=seconds,
+        compile_seconds=program.take_compile_seconds(),
+    )
+
+
+def step_size(problem: Problem, steps_per_frame: int) -> float:
+    """The (largest) step size of a number of steps per frame."""
+    return float(np.max(_frame_lengths(problem))) / steps_per_frame
+
+
+def _frame_lengths(problem: Problem) -> np.ndarray:
+    """The length of each frame; all the same number where they are equal but for rounding."""
+    if problem.equal_frames:
+        return np.full(problem.frames, (problem.ts[-1] - problem.ts[0]) / problem.frames)
+    return np.diff(problem.ts)
+
+
+class Abstract(NamedTuple):
+    """Shape and dtype of an array; hashable."""
+
+    shape: tuple[int, ...]
+    dtype: Any
+
+
+def _abstract(y0: np.ndarray, args: Any, frames: int) -> tuple[Abstract, Any, tuple, int]:
+    leaves, tree = jax.tree.flatten(args)
+    return (
+        Abstract(y0.shape, y0.dtype),
+        tree,
+        tuple(Abstract(leaf.shape, leaf.dtype) for leaf in leaves),
+        frames,
+    )
+
+
+class _Program:
+    """A compiled driver loop for one stepper, right-hand side and set of shapes."""
+
+    def __init__(self, run: Callable, calls: tuple[int, int], compile_seconds: float):
+        self.run = run
+        self.calls_to_start, self.calls_per_step = calls
+        self._compile_seconds = compile_seconds
+
+    def take_compile_seconds(self) -> float:
+        """The seconds that compiling took; 0 for every later use of the program."""
+        seconds, self._compile_seconds = self._compile_seconds, 0.0
+        return seconds
+
+
+@functools.lru_cache(maxsize=256)
+def _program(
+    stepper: Stepper,
+    rhs: Callable,
+    mechanics: Mechanics | None,
+    dithered: bool,
+    y0: Abstract,
+    args_tree: Any,
+    args_leaves: tuple[Abstract, ...],
+    frames: int,
+) -> _Program:
+    """Compile the loop; the number of steps is a run-time value of it."""
+    started = time.perf_counter()
+    calls = [0]
+
+    def counted(function: Callable) -> Callable:
+        def call(*inputs: Any) -> Any:
+            calls[0] += 1
+            return function(*inputs)
+
+        return call
+
+    def system_of(args: Any) -> System:
+        if mechanics is None:
+            return System(counted(lambda t, y: rhs(t, y, args)))
+        acceleration = counted(lambda t, x, v: mechanics.acceleration(t, x, v, args))
+        return System(
+            lambda t, y: Phase(y.v, acceleration(t, y.x, y.v)),
+            acceleration,
+            mechanics.damping(args) if mechanics.damping else None,
+        )
+
+    def run(y0: Any, args: Any, ts: Any, lengths: Any, steps: Any, dither: Any) -> Any:
+        system = system_of(args)
+
+        def one_frame(loop: tuple) -> tuple:
+            frame, carried, states, _ = loop
+            dt = lengths[frame] / steps
+
+            def one_step(i: Any, carried: Any) -> Any:
+                after = stepper.step(system, ts[frame] + i * dt, carried, dt)
+                if dithered:
+                    return _dither(after, carried, frame * steps + i, dither)
+                return after
+
+            carried = jax.lax.fori_loop(0, steps, one_step, carried)
+            y = stepper.state(system, ts[frame + 1], carried, dt)
+            states = _store(states, frame + 1, y)
+            finite = jnp.all(jnp.isfinite(states[frame + 1]))
+            return frame + 1, carried, states, finite
+
+        def more(loop: tuple) -> Any:
+            frame, _, _, finite = loop
+            return (frame < frames) & finite
+
+        start = Phase(y0[0], y0[1]) if mechanics else y0
+        carried = stepper.init(system, ts[0], start, lengths[0] / steps)
+        states = jnp.zeros((frames + 1, *y0.shape), y0.dtype).at[0].set(y0)
+        frame, _, states, _ = jax.lax.while_loop(
+            more, one_frame, (0, carried, states, jnp.asarray(True))
+        )
+        return frame, states
+
+    def shape(abstract: Abstract) -> jax.ShapeDtypeStruct:
+        return jax.ShapeDtypeStruct(abstract.shape, abstract.dtype)
+
+    number = jax.ShapeDtypeStruct((), np.float64)
+    args = jax.tree.unflatten(args_tree, [shape(leaf) for leaf in args_leaves])
+
+    def calls_of(method: Callable, *inputs: Any) -> tuple[int, Any]:
+        calls[0] = 0
+        result = jax.eval_shape(
+            lambda args, t, y, dt: method(system_of(args), t, y, dt), args, number, *inputs, number
+        )
+        return calls[0], result
+
+    start = shape(y0)
+    if mechanics:
+        half = jax.ShapeDtypeStruct(y0.shape[1:], y0.dtype)
+        start = Phase(half, half)
+    to_start, carried = calls_of(stepper.init, start)
+    per_step, _ = calls_of(stepper.step, carried)
+
+    compiled = (
+        jax.jit(run)
+        .lower(
+            shape(y0),
+            args,
+            jax.ShapeDtypeStruct((frames + 1,), np.float64),
+            jax.ShapeDtypeStruct((frames,), np.float64),
+            jax.ShapeDtypeStruct((), np.int64),
+            number,
+        )
+        .compile()
+    )
+
+    def call(*inputs: Any) -> Any:
+        *rest, steps, dither = inputs
+        return jax.block_until_ready(compiled(*rest, np.int64(steps), np.float64(dither)))
+
+    return _Program(call, (to_start, per_step), time.perf_counter() - started)
+
+
+def _store(states: Any, index: Any, y: Any) -> Any:
+    if isinstance(y, Phase):
+        return states.at[index, 0].set(y.x).at[index, 1].set(y.v)
+    return states.at[index].set(y)
+
+
+def _dither(after: Any, before: Any, step: Any, size: Any) -> Any:
+    """Move each number that the step changed by up to `size` units of rounding.
+
+    The pattern comes from a multiplicative hash of the step's and the component's number
+    (Knuth, The Art of Computer Programming 3, section 6.4), so that runs can be repeated.
+    """
+
+    def leaf(new: Any, old: Any) -> Any:
+        index = jnp.arange(new.size, dtype=jnp.uint32).reshape(new.shape)
+        mixed = (step.astype(jnp.uint32) * jnp.uint32(2654435769) + index) * jnp.uint32(2246822519)
+        mixed = (mixed ^ (mixed >> 15)) * jnp.uint32(3266489917)
+        unit = (mixed >> 8).astype(new.dtype) * 2.0**-23 - 1.0
+        return jnp.where(new == old, new, new * (1.0 + size * 2.0**-53 * unit))
+
+    return jax.tree.map(leaf, after, before)

@@ -1,0 +1,72 @@
+"""Handwritten steppers, and their registry: every subclass of `Stepper` in this folder."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import get_args, get_type_hints
+
+from ropeode.errors import InputError
+from ropeode.steppers.base import Stepper
+from ropeode.steppers.euler import ExplicitEuler, SemiImplicitEuler
+from ropeode.steppers.runge_kutta import RungeKutta4
+from ropeode.steppers.verlet import StormerVerlet, VelocityVerlet
+from ropeode.validation import complaint, unknown
+
+STEPPERS: dict[str, type[Stepper]] = {
+    stepper.name: stepper
+    for stepper in (ExplicitEuler, SemiImplicitEuler, StormerVerlet, VelocityVerlet, RungeKutta4)
+}
+
+
+def options(stepper: type[Stepper]) -> dict[str, tuple[str, ...]]:
+    """The options of a stepper and the choices of each, the default first."""
+    hints = get_type_hints(stepper)
+    return {
+        option.name: (
+            option.default,
+            *(choice for choice in get_args(hints[option.name]) if choice != option.default),
+        )
+        for option in dataclasses.fields(stepper)
+    }
+
+
+def stepper(given: str | Stepper) -> Stepper:
+    """A stepper from its name with options, as in ``stormer-verlet:start=rest,damping=lagged``.
+
+    Arguments:
+        given: the name; or a `Stepper`, which is returned as it is.
+
+    Raises:
+        InputError: there is no such stepper, option or choice.
+    """
+    if isinstance(given, Stepper):
+        return given
+    if not isinstance(given, str):
+        raise InputError(
+            complaint(
+                "stepper",
+                given,
+                "a name or a Stepper",
+                f"give a name: {', '.join(STEPPERS)}",
+            )
+        )
+    name, _, tail = given.strip().partition(":")
+    if name not in STEPPERS:
+        raise InputError(unknown("stepper", name, STEPPERS))
+    cls = STEPPERS[name]
+    choices = options(cls)
+    chosen: dict[str, str] = {}
+    for part in filter(None, tail.split(",")):
+        key, _, value = (word.strip() for word in part.partition("="))
+        if key not in choices:
+            if not choices:
+                raise InputError(
+                    complaint(name, part, "no options", f"write {name} without options")
+                )
+            raise InputError(unknown(f"option of {name}", key, choices))
+        if value not in choices[key]:
+            raise InputError(unknown(f"{name}:{key}", value, choices[key]))
+        if key in chosen:
+            raise InputError(complaint(f"{name}:{key}", part, "each option once", "drop one"))
+        chosen[key] = value
+    return cls(**chosen)

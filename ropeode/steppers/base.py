@@ -1,0 +1,131 @@
+"""What a stepper is: a one-step map, and the facts that it declares about itself."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+from collections.abc import Callable
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import jax.numpy as jnp
+
+from ropeode.problems.problem import LinearDamping, Problem
+
+
+class ProblemClass(NamedTuple):
+    """What the order of a stepper may depend on.
+
+    Fields:
+        damped: the acceleration contains damping.
+        at_rest: all initial velocities are zero.
+    """
+
+    damped: bool = False
+    at_rest: bool = True
+
+
+@dataclasses.dataclass(frozen=True)
+class System:
+    """A problem as a stepper sees it: functions of time and state alone.
+
+    Arguments:
+        rhs: ``rhs(t, y)``. For a mechanical problem `y` and the result are `Phase` values.
+        acceleration: ``acceleration(t, x, v)``; None for a problem that is not mechanical.
+        damping: the `LinearDamping` inside the acceleration; None if it is not known.
+    """
+
+    rhs: Callable[[Any, Any], Any]
+    acceleration: Callable[[Any, Any, Any], Any] | None = None
+    damping: LinearDamping | None = None
+
+    def undamped_acceleration(self, t: Any, x: Any) -> Any:
+        """The acceleration without its damping part, which is linear in the velocity."""
+        assert self.acceleration is not None
+        return self.acceleration(t, x, jnp.zeros_like(x))
+
+
+@dataclasses.dataclass(frozen=True)
+class Stepper(abc.ABC):
+    """A method with a fixed step size.
+
+    Subclasses are frozen dataclasses whose fields are their options, each a `Literal` of
+    the choices. The driver calls `init` once and then `step` for each step; `state` is
+    called where a sample is due. What is carried from step to step is the stepper's own
+    affair. By default it is the state.
+
+    Class attributes:
+        name: as it is typed on the command line.
+        needs: the kind of problem that it can run on.
+        symplectic: whether it is, on problems without damping.
+        source: the paper or book that it is from.
+        equal_frames: whether all sample times must be equally far apart (two-step methods).
+    """
+
+    name: ClassVar[str]
+    needs: ClassVar[Literal["any ODE", "second order", "second order, linear damping"]]
+    symplectic: ClassVar[bool]
+    source: ClassVar[str]
+    equal_frames: ClassVar[bool] = False
+
+    @abc.abstractmethod
+    def order(self, problem_class: ProblemClass) -> int:
+        """The order of convergence; 0 if the stepper converges to another solution."""
+
+    def init(self, system: System, t: Any, y: Any, dt: Any) -> Any:
+        """What is carried into the first step.
+
+        Arguments:
+            system: the problem.
+            t: initial time.
+            y: initial state; a `Phase` for a mechanical problem.
+            dt: step size.
+        """
+        del system, t, dt
+        return y
+
+    @abc.abstractmethod
+    def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
+        """Advance what is carried from time `t` to ``t + dt``."""
+
+    def state(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
+        """The state at time `t`, from what is carried."""
+        del system, t, dt
+        return carried
+
+    @property
+    def label(self) -> str:
+        """The name with the options that differ from their defaults."""
+        chosen = [
+            f"{option.name}={getattr(self, option.name)}"
+            for option in dataclasses.fields(self)
+            if getattr(self, option.name) != option.default
+        ]
+        return self.name + (":" + ",".join(chosen) if chosen else "")
+
+    def refusal(self, problem: Problem) -> str | None:
+        """Why this stepper cannot run on a problem; None if it can."""
+        mechanics = problem.mechanics
+        if self.equal_frames and not problem.equal_frames:
+            return (
+                f"stepper: {self.label!r} given, a two-step method that needs one step size, and "
+                f"the sample times of {problem.name!r} are not equally spaced; allowed: one-step "
+                "methods. Fix: choose velocity-verlet, or equally spaced sample times."
+            )
+        if self.needs == "any ODE":
+            return None
+        if mechanics is None:
+            return (
+                f"stepper: {self.label!r} given, which needs a second-order problem, and "
+                f"{problem.name!r} is a first-order one; allowed: steppers for any ODE, such as "
+                "explicit-euler and rk4. Fix: choose one of them, or build the problem with "
+                "Problem.second_order(acceleration, x0, v0, ts)."
+            )
+        if self.needs == "second order, linear damping" and mechanics.damping is None:
+            return (
+                f"stepper: {self.label!r} given, which treats damping on its own, and the "
+                f"acceleration of {problem.name!r} depends on the velocity in a way that is not "
+                "declared; allowed: steppers that need no more than a second-order problem, such "
+                "as semi-implicit-euler. Fix: choose one of them, or declare linear damping with "
+                "Problem.second_order(..., damping=...)."
+            )
+        return None

@@ -1,0 +1,271 @@
+"""The accuracy table: errors and observed orders of steppers on one problem."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
+from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.analysis.roundoff import in_other_units, round_off
+from ropeode.errors import InputError
+from ropeode.norms import Norm, norm_for
+from ropeode.problems.problem import Problem
+from ropeode.references.reference import Reference, motion
+from ropeode.references.reference import reference as make_reference
+from ropeode.simulation import simulate
+from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers.base import ProblemClass, Stepper
+from ropeode.validation import complaint, whole_number
+
+DEFAULT_STEPPERS = (
+    "explicit-euler",
+    "semi-implicit-euler",
+    "stormer-verlet:start=rest",
+    "stormer-verlet",
+    "rk4",
+)
+DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
+
+Progress = Callable[[str, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One run of the table.
+
+    Arguments:
+        stepper: its name with options.
+        steps_per_frame: steps between two samples.
+        dt: step size (the largest, where frames differ in length).
+        status: of the run.
+        diverged_at: frame of the first state that is not finite.
+        error_final: at the last sample inside the trust horizon; None if there is none, or
+            if it is below `resolution`.
+        error_max: the largest over these samples; likewise.
+        error_rms: the root mean square over them; likewise.
+        resolved: whether `error_max` is a number that the reference can tell.
+        resolution: ten times the reference's estimated bound.
+        round_off: estimated from the same run in other units; None if diverged.
+        rhs_evaluations: of the right-hand side.
+        seconds: to run, without compiling.
+    """
+
+    stepper: str
+    steps_per_frame: int
+    dt: float
+    status: Literal["ok", "diverged"]
+    diverged_at: int | None
+    error_final: float | None
+    error_max: float | None
+    error_rms: float | None
+    resolved: bool
+    resolution: float
+    round_off: float | None
+    rhs_evaluations: int
+    seconds: float
+
+
+@dataclasses.dataclass(frozen=True)
+class StepperOrder:
+    """The order of one stepper.
+
+    Arguments:
+        stepper: its name with options.
+        expected: what it declares for this class of problem (0: it converges to another
+            solution); None where the right-hand side jumps.
+        order: what was observed.
+    """
+
+    stepper: str
+    expected: int | None
+    order: ObservedOrder
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AccuracyTable:
+    """Errors and observed orders, with the reference that they rest on.
+
+    Arguments:
+        problem: what was solved.
+        reference: with its certificate.
+        norm: in which errors are measured.
+        rows: one for each run, steppers in the order asked for.
+        orders: one for each stepper.
+    """
+
+    problem: Problem
+    reference: Reference
+    norm: Norm
+    rows: tuple[Row, ...]
+    orders: tuple[StepperOrder, ...]
+
+
+def accuracy_table(
+    problem: Problem,
+    steppers: Sequence[str | Stepper] | None = None,
+    steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
+    *,
+    norm: str | None = None,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    progress: Progress = lambda text, fraction: None,
+) -> AccuracyTable:
+    """Run steppers at several step sizes and hold them against a reference.
+
+    Arguments:
+        problem: what to solve.
+        steppers: steppers, or their names with options; by default those of
+            `DEFAULT_STEPPERS` that can run on the problem.
+        steps_per_frame: whole numbers, each once.
+        norm: one of `ropeode.norms.NORMS`; by default the problem's first.
+        accuracy: as for `ropeode.reference`.
+        rtol: as for `ropeode.reference`.
+        progress: called with what is being done and the fraction that is done.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+        ReferenceRefused: no reference can be had for the problem.
+    """
+    if steppers is None:
+        steppers = [s for s in DEFAULT_STEPPERS if stepper_named(s).refusal(problem) is None]
+    chosen = check_steppers(steppers)
+    ladder = check_steps(steps_per_frame)
+    measure = norm_for(problem, norm)
+    if refusals := [refusal for each in chosen if (refusal := each.refusal(problem))]:
+        raise InputError(refusals)
+    reference = make_reference(problem, accuracy, rtol, progress=lambda text: progress(text, 0.0))
+    size = float(motion(problem, reference.states)[reference.trusted - 1])
+
+    # Each run is made twice; the second time in other units, to find its round-off.
+    rescaled = in_other_units(problem)
+    total, done = 2 * len(chosen) * sum(ladder), 0
+    rows: list[Row] = []
+    for stepper in chosen:
+        for steps in ladder:
+            progress(f"{stepper.label}: {steps} steps per frame", done / total)
+            rows.append(_row(problem, rescaled, stepper, steps, reference, measure))
+            done += 2 * steps
+    progress("done", 1.0)
+    return AccuracyTable(
+        problem=problem,
+        reference=reference,
+        norm=measure,
+        rows=tuple(rows),
+        orders=tuple(
+            _order(problem, stepper, [r for r in rows if r.stepper == stepper.label], size)
+            for stepper in chosen
+        ),
+    )
+
+
+def check_steppers(given: Sequence[str | Stepper]) -> list[Stepper]:
+    """Steppers from names, each once.
+
+    Raises:
+        InputError: one line for each that does not exist or is repeated.
+    """
+    found: dict[str, Stepper] = {}
+    problems: list[str] = []
+    for each in [given] if isinstance(given, (str, Stepper)) else given:
+        try:
+            stepper = stepper_named(each)
+        except InputError as error:
+            problems.extend(error.problems)
+            continue
+        if stepper.label in found:
+            problems.append(complaint("steppers", stepper.label, "each stepper once", "drop one"))
+        found[stepper.label] = stepper
+    if not found and not problems:
+        problems.append(complaint("steppers", [], "at least one stepper", "name one, such as rk4"))
+    if problems:
+        raise InputError(problems)
+    return list(found.values())
+
+
+def check_steps(given: Sequence[int]) -> list[int]:
+    """Numbers of steps per frame, each once.
+
+    Raises:
+        InputError: one is not a whole number >= 1, or is repeated, or there is none.
+    """
+    try:
+        steps = [whole_number(each, at_least=1) for each in given]
+        if not steps:
+            raise ValueError("there is none")
+        if len(set(steps)) < len(steps):
+            raise ValueError("one is repeated")
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            complaint(
+                "steps_per_frame",
+                given,
+                f"different whole numbers >= 1 ({error})",
+                "for example 16, 32, 64",
+            )
+        ) from None
+    return steps
+
+
+def _row(
+    problem: Problem,
+    rescaled: Problem,
+    stepper: Stepper,
+    steps: int,
+    reference: Reference,
+    norm: Norm,
+) -> Row:
+    run = simulate(problem, stepper, steps)
+    found: dict[str, Any] = dict.fromkeys(("error_final", "error_max", "error_rms", "round_off"))
+    if run.status == "ok":
+        series = error_series(run, reference, norm.name)
+        found = {
+            "error_final": series.final,
+            "error_max": series.max,
+            "error_rms": series.rms,
+            "round_off": round_off(run, rescaled, reference.trusted, norm),
+        }
+    return Row(
+        stepper=stepper.label,
+        steps_per_frame=steps,
+        dt=run.dt,
+        status=run.status,
+        diverged_at=run.diverged_at,
+        **found,
+        resolved=found["error_max"] is not None,
+        resolution=float(RESOLUTION_FACTOR * reference.bound(norm)[-1]),
+        rhs_evaluations=run.rhs_evaluations,
+        seconds=run.seconds,
+    )
+
+
+def _order(problem: Problem, stepper: Stepper, rows: Sequence[Row], size: float) -> StepperOrder:
+    def error_of(row: Row) -> float:
+        if row.status != "ok":
+            return np.inf
+        # Unresolved: any number below the resolution is left out for that.
+        return row.error_max if row.error_max is not None else 0.0
+
+    return StepperOrder(
+        stepper=stepper.label,
+        expected=None if problem.jump_times else stepper.order(problem_class(problem)),
+        order=observed_order(
+            [row.dt for row in rows],
+            [error_of(row) for row in rows],
+            resolution=[row.resolution for row in rows],
+            rounding=[row.round_off or 0.0 for row in rows],
+            motion=size,
+        ),
+    )
+
+
+def problem_class(problem: Problem) -> ProblemClass:
+    """What the declared orders of steppers depend on."""
+    mechanics = problem.mechanics
+    if mechanics is None:
+        return ProblemClass(damped=True, at_rest=False)
+    damped = mechanics.damping is None or bool(np.any(mechanics.damping(problem.args).rate))
+    return ProblemClass(damped=damped, at_rest=not np.any(problem.y0[1]))

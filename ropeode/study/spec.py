@@ -1,0 +1,219 @@
+"""What a table is made from, as a TOML file or as options of the command line."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator
+
+from ropeode.errors import InputError
+from ropeode.files import read_text
+from ropeode.norms import NORMS
+from ropeode.problems.checks import run as run_checks
+from ropeode.problems.files import load_problem
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.study.accuracy_table import (
+    DEFAULT_STEPS_PER_FRAME,
+    AccuracyTable,
+    Progress,
+    accuracy_table,
+    check_steppers,
+    check_steps,
+)
+from ropeode.validation import (
+    Input,
+    complaint,
+    field,
+    finite_number,
+    unknown,
+    whole_number,
+)
+
+
+def _steppers(value: Any) -> tuple[str, ...] | None:
+    if value is None:
+        return None
+    return tuple(stepper.label for stepper in check_steppers(value))
+
+
+def _steps(value: Any) -> tuple[int, ...]:
+    return tuple(check_steps(value))
+
+
+def _norm(value: str | None) -> str | None:
+    if value is not None and value not in NORMS:
+        raise InputError(unknown("norm", value, NORMS))
+    return value
+
+
+def _frames(value: Any) -> int | None:
+    return None if value is None else whole_number(value, at_least=1)
+
+
+def _positive(value: Any) -> float | None:
+    if value is not None and finite_number(value) <= 0:
+        raise ValueError("it must be above zero")
+    return None if value is None else finite_number(value)
+
+
+Positive = Annotated[float | None, BeforeValidator(_positive)]
+
+
+class TableSpec(Input):
+    """Everything in a spec file except the rope's own table.
+
+    Arguments:
+        problem: `rope`, another problem of the library, or FILE.py:NAME.
+        frames: how many frames are solved; where nothing is given, 20 for the rope.
+        steppers: names with options; where none are given, those of `DEFAULT_STEPPERS` that
+            can run on the problem.
+        steps_per_frame: whole numbers.
+        norm: one of `ropeode.norms.NORMS`.
+        accuracy: as for `ropeode.reference`.
+        rtol: as for `ropeode.reference`.
+
+    Raises:
+        InputError: one line for each that cannot be used.
+    """
+
+    problem: str = field("rope", allowed="a problem's name, or FILE.py:NAME", example='"rope"')
+    frames: Annotated[int | None, BeforeValidator(_frames)] = field(
+        None, allowed="a whole number >= 1", example="20"
+    )
+    steppers: Annotated[tuple[str, ...] | None, BeforeValidator(_steppers)] = field(
+        None, allowed="names of steppers", example='["rk4"]'
+    )
+    steps_per_frame: Annotated[tuple[int, ...], BeforeValidator(_steps)] = field(
+        DEFAULT_STEPS_PER_FRAME, allowed="different whole numbers >= 1", example="[16, 32, 64]"
+    )
+    norm: Annotated[str | None, AfterValidator(_norm)] = field(
+        None, allowed="the name of a norm", example='"position-max"'
+    )
+    accuracy: Positive = field(None, allowed="a finite number > 0", example="1e-6")
+    rtol: Positive = field(None, allowed="a finite number > 0", example="1e-12")
+
+
+def read_spec(path: Path) -> dict[str, Any]:
+    """A spec file as nested values, not yet checked.
+
+    Raises:
+        InputError: it cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(read_text("spec", path))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            complaint("spec", str(path), f"a TOML file ({error})", "see `ropeode spec` for one")
+        ) from error
+
+
+class TableJob:
+    """A spec, checked as a whole and ready to run.
+
+    Arguments:
+        values: the spec's values; a table `rope` holds the rope's parameters.
+        folder: that the problem's file name starts from.
+
+    Raises:
+        InputError: one line for each value that cannot be used.
+        UserCodeError: the user's problem file raised.
+    """
+
+    def __init__(self, values: Mapping[str, Any], folder: Path | None = None):
+        rest = dict(values)
+        rope_values = rest.pop("rope", {})
+        found: dict[str, Any] = {}
+
+        def check_spec() -> None:
+            found["spec"] = TableSpec(**rest)
+
+        def check_rope() -> None:
+            if not isinstance(rope_values, Mapping):
+                raise InputError(
+                    complaint(
+                        "rope", rope_values, "a table of parameters", "write [rope] above them"
+                    )
+                )
+            found["rope"] = Rope(**rope_values)
+
+        run_checks(check_spec, check_rope)
+        self.spec: TableSpec = found["spec"]
+        self.problem = self._problem(found["rope"], bool(rope_values), folder)
+
+    def _problem(self, rope: Rope, rope_given: bool, folder: Path | None) -> Problem:
+        spec = self.spec
+        if spec.problem == "rope":
+            return rope.problem(**({} if spec.frames is None else {"frames": spec.frames}))
+        if rope_given:
+            raise InputError(
+                complaint(
+                    "rope",
+                    f"parameters of the rope with problem {spec.problem!r}",
+                    "parameters of the rope with problem 'rope' only",
+                    "leave out one of the two",
+                )
+            )
+        return load_problem(spec.problem, folder=folder, frames=spec.frames)
+
+    def run(self, progress: Progress) -> AccuracyTable:
+        """Make the table; raises as `accuracy_table` does."""
+        spec = self.spec
+        return accuracy_table(
+            self.problem,
+            spec.steppers,
+            spec.steps_per_frame,
+            norm=spec.norm,
+            accuracy=spec.accuracy,
+            rtol=spec.rtol,
+            progress=progress,
+        )
+
+
+COMMENTED_SPEC = """\
+# What `ropeode table THIS-FILE` computes. Every line may be left out: these are the defaults.
+
+# "rope", another problem of the library (oscillator, linear-chain, kepler, forced), or your
+# own: "FILE.py:NAME", where NAME is a Problem or a function that returns one.
+problem = "rope"
+
+# How long to simulate. One frame is the rope's time unit and the distance of two samples.
+frames = 20
+
+# `ropeode steppers` lists them with their options, as in "stormer-verlet:start=rest".
+steppers = [
+    "explicit-euler",
+    "semi-implicit-euler",
+    "stormer-verlet:start=rest",
+    "stormer-verlet",
+    "rk4",
+]
+
+# Step sizes: dt = frame / steps_per_frame.
+steps_per_frame = [16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384]
+
+# How an error is measured: position-max, position-rms, velocity-max or velocity-rms; for
+# problems that are not mechanical state-max or state-rms.
+norm = "position-max"
+
+# The largest error bound of the reference that is still trusted; by default 1e-8 of how far
+# the nodes move.
+# accuracy = 1e-6
+
+# Relative tolerance of the reference; by default as tight as gains anything.
+# rtol = 1e-12
+
+[rope]
+start = [0.0, 200.0]       # 2 or 3 coordinates
+end = [-400.0, 200.0]
+num_nodes = 16
+node_mass = 1.0            # one number, or a list with one for each node
+stiffness = 100.0          # one number, or a list with one for each spring
+pinned = [0]               # indices of the nodes that do not move
+gravity = [0.0, -1.0]
+damping = 0.01             # one number, or a list with one for each node
+initial_velocity = [0.0, 0.0]  # of all free nodes, or a list with one for each node
+"""

@@ -1,0 +1,217 @@
+"""Checked input: each field says what it allows, and all its faults are told at once."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    ValidationError,
+)
+from pydantic_core import PydanticCustomError
+
+from ropeode.errors import InputError
+
+_LONGEST_VALUE_SHOWN = 60
+_LONGEST_TEXT_SHOWN = 200
+
+
+def field(default: Any, *, allowed: str, example: str) -> Any:
+    """A field of an `Input`, with the words that its error message needs.
+
+    Arguments:
+        default: the value when nothing is given.
+        allowed: what may be given, as the end of the sentence "allowed: ...".
+        example: a value that works, as it is typed.
+    """
+    return Field(default, json_schema_extra={"allowed": allowed, "example": example})
+
+
+class Input(BaseModel):
+    """Base of all checked input: immutable, finite numbers only, unknown names refused.
+
+    Raises:
+        InputError: with one line for each field that cannot be used.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+    def __init__(self, *values: Any, **named: Any):
+        cls = type(self)
+        if len(values) > len(cls.model_fields):
+            raise InputError(
+                f"{cls.__name__}: {len(values)} values given; allowed: at most "
+                f"{len(cls.model_fields)}. Fix: name them, as in "
+                f"{cls.__name__}({next(iter(cls.model_fields))}=...)."
+            )
+        try:
+            super().__init__(**dict(zip(cls.model_fields, values, strict=False)), **named)
+        except ValidationError as error:
+            raise InputError(_lines(cls, error)) from None
+
+
+def fault_of(name: str, given: Any, why: str) -> PydanticCustomError:
+    """A fault that a field's check finds in a field before it.
+
+    Arguments:
+        name: the field to blame.
+        given: its value.
+        why: what is wrong with it.
+    """
+    return PydanticCustomError("fault_of", "{why}", {"name": name, "given": given, "why": why})
+
+
+def _lines(model: type[Input], error: ValidationError) -> list[str]:
+    """One line per field; a field that fails in several ways is told once."""
+    lines: dict[str, str] = {}
+    for fault in error.errors():
+        context = fault.get("ctx", {})
+        name = str(context.get("name", fault["loc"][0]))
+        cause = context.get("error")
+        if isinstance(cause, InputError):
+            lines.update({line: line for line in cause.problems})
+            continue
+        if fault["type"] == "extra_forbidden":
+            lines[name] = unknown("field", name, model.model_fields)
+            continue
+        extra = model.model_fields[name].json_schema_extra
+        words = extra if isinstance(extra, Mapping) else {}
+        why = context.get("why", cause)
+        lines.setdefault(
+            name,
+            complaint(
+                name,
+                context.get("given", fault["input"]),
+                f"{words.get('allowed')} ({why})" if why else str(words.get("allowed")),
+                f"for example {name} = {words.get('example')}",
+            ),
+        )
+    return list(lines.values())
+
+
+def complaint(name: str, given: Any, allowed: str, fix: str) -> str:
+    """The one form in which every bad value is reported."""
+    return f"{name}: {shown(given)} given; allowed: {allowed}. Fix: {fix}."
+
+
+def shown(value: Any) -> str:
+    """A value in an error message, cut if it is long."""
+    text = " ".join(repr(value).split())
+    longest = _LONGEST_TEXT_SHOWN if isinstance(value, str) else _LONGEST_VALUE_SHOWN
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
+    """The complaint about a name that does not exist, with the nearest that does."""
+    names = list(allowed)
+    near = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.4)
+    fix = f"did you mean {near[0]!r}?" if near else "use one of these."
+    return f"{kind}: {name!r} given, which does not exist; allowed: {', '.join(names)}. Fix: {fix}"
+
+
+def plain(value: Any) -> Any:
+    """NumPy and JAX arrays and scalars as nested lists and numbers."""
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def finite_number(value: Any) -> float:
+    """`value` as a finite float.
+
+    Raises:
+        ValueError: it is not a number, or not a finite one.
+    """
+    value = plain(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError(f"{shown(value)} is not a number")
+    try:
+        number = float(value)
+    except ValueError:
+        raise ValueError(f"{shown(value)} is not a number") from None
+    except OverflowError:
+        raise ValueError(f"{shown(value)} does not fit into a float64") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is not finite")
+    return number
+
+
+def whole_number(value: Any, *, at_least: int) -> int:
+    """`value` as an int not below `at_least`.
+
+    Raises:
+        ValueError: it is not a whole number, or too small.
+    """
+    number = finite_number(value)
+    if number != int(number):
+        raise ValueError(f"{shown(plain(value))} is not whole")
+    if number < at_least:
+        raise ValueError(f"{int(number)} is below {at_least}")
+    return int(number)
+
+
+def finite_numbers(value: Any) -> tuple[float, ...]:
+    """A sequence of finite floats as a tuple.
+
+    Raises:
+        ValueError: it is not a sequence, or an entry is not a finite number.
+    """
+    value = plain(value)
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise ValueError(f"{shown(value)} is not a list of numbers")
+    return tuple(finite_number(entry) for entry in value)
+
+
+Finite = Annotated[float, BeforeValidator(finite_number)]
+Positive = Annotated[PositiveFloat, BeforeValidator(finite_number)]
+NonNegative = Annotated[NonNegativeFloat, BeforeValidator(finite_number)]
+FiniteTuple = Annotated[tuple[float, ...], BeforeValidator(finite_numbers)]
+WholePositive = Annotated[int, BeforeValidator(functools.partial(whole_number, at_least=1))]
+
+
+def check_whole(name: str, value: Any, *, at_least: int, example: str) -> int:
+    """A whole number given as a plain argument.
+
+    Raises:
+        InputError: it is none, or too small.
+    """
+    try:
+        return whole_number(value, at_least=at_least)
+    except ValueError as error:
+        raise InputError(
+            complaint(
+                name,
+                plain(value),
+                f"a whole number >= {at_least} ({error})",
+                f"for example {name}={example}",
+            )
+        ) from None
+
+
+def check_positive(name: str, value: Any, *, example: str) -> float:
+    """A positive finite number given as a plain argument.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        number = finite_number(value)
+        if number <= 0:
+            raise ValueError("it must be above zero")
+        return number
+    except ValueError as error:
+        raise InputError(
+            complaint(
+                name,
+                plain(value),
+                f"a finite number > 0 ({error})",
+                f"for example {name}={example}",
+            )
+        ) from None

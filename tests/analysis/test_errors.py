@@ -1,0 +1,88 @@
+"""Errors, as far as the reference can tell them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
+from ropeode.errors import InputError
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.reference import reference
+from ropeode.simulation import simulate
+
+
+@pytest.fixture(scope="module")
+def known():
+    return reference(Rope(num_nodes=4).problem(frames=6))
+
+
+def moved(known, offsets):
+    """The reference as a run that is wrong by given distances at one node."""
+    run = simulate(known.problem, "rk4", 8)
+    states = known.states.copy()
+    states[:, 0, 0, 2] += 0.6 * np.array(offsets)
+    states[:, 0, 1, 2] -= 0.8 * np.array(offsets)
+    return dataclasses.replace(run, states=states)
+
+
+def test_summaries(known):
+    offsets = [0.0, 0.1, 0.4, 0.2, 0.2, 0.1, 0.3]
+    series = error_series(moved(known, offsets), known)
+    np.testing.assert_allclose(series.values, offsets[1:], rtol=1e-12)
+    assert series.times.tolist() == [1, 2, 3, 4, 5, 6]
+    assert series.final == pytest.approx(0.3)
+    assert series.max == pytest.approx(0.4)
+    assert series.rms == pytest.approx(np.sqrt(np.mean(np.square(offsets[1:]))))
+    assert error_series(moved(known, offsets), known, "velocity-max").max is None
+
+
+def test_what_the_reference_cannot_tell_is_no_number(known):
+    bound = known.bound()[-1]
+    for factor, told in [(0.5, False), (9.9, False), (10.5, True), (100, True)]:
+        series = error_series(moved(known, [0.0] + [factor * bound] * 6), known)
+        assert (series.max is not None) == told
+        assert (series.final is not None) == told
+        assert (series.rms is not None) == told
+    assert series.finest == RESOLUTION_FACTOR * bound
+
+
+def test_only_the_unresolved_summaries_are_missing(known):
+    series = error_series(moved(known, [0, 1.0, 0, 0, 0, 0, 0]), known)
+    assert series.max == pytest.approx(1.0)
+    assert series.final is None
+
+
+def test_samples_past_the_horizon_are_not_judged(known):
+    short = dataclasses.replace(known, certificate=dataclasses.replace(known.certificate, trusted=4))
+    series = error_series(moved(known, [0, 1, 2, 3, 100, 100, 100]), short)
+    assert series.max == pytest.approx(3.0)
+    assert series.final == pytest.approx(3.0)
+    assert series.times.tolist() == [1, 2, 3]
+
+
+def test_huge_errors_stay_numbers(known):
+    run = moved(known, [0] * 7)
+    states = run.states.copy()
+    states[-1] *= 1e300
+    series = error_series(dataclasses.replace(run, states=states), known)
+    assert all(np.isfinite(value) for value in (series.max, series.final, series.rms))
+
+
+def test_misuse(known):
+    other = simulate(Rope(num_nodes=4).problem(frames=6), "rk4", 8)
+    with pytest.raises(InputError, match="another problem"):
+        error_series(other, known)
+    with pytest.raises(InputError, match="norm: 'state-max' given"):
+        error_series(moved(known, [0] * 7), known, "state-max")
+
+
+def test_diverged_runs_have_no_error():
+    problem = Problem(lambda t, y, args: -100 * y**3, [1.0], np.arange(7.0))
+    run = simulate(problem, "explicit-euler", 2)
+    assert run.status == "diverged"
+    with pytest.raises(InputError, match=f"diverged at frame {run.diverged_at}"):
+        error_series(run, reference(problem))

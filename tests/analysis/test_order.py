@@ -1,0 +1,158 @@
+"""The observed order, on errors whose order is known because they were made up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from ropeode.analysis.order import (
+    PRE_ASYMPTOTIC,
+    ROUND_OFF,
+    UNRESOLVED,
+    UNSTABLE,
+    observed_order,
+)
+from ropeode.errors import InputError
+
+
+def reasons(found):
+    return {point.dt: point.reason for point in found.left_out}
+
+
+@given(
+    order=st.floats(0.6, 8),
+    constant=st.floats(1e-3, 1e3),
+    ratios=st.lists(st.floats(1.2, 4), min_size=2, max_size=8),
+    data=st.data(),
+)
+def test_power_laws_are_found_exactly(order, constant, ratios, data):
+    dts = np.cumprod([0.1, *(1 / r for r in ratios)])
+    shuffled = data.draw(st.permutations(list(dts)))
+    found = observed_order(shuffled, [constant * dt**order for dt in shuffled])
+    assert found.verdict == "converges"
+    assert found.observed == pytest.approx(order, abs=1e-6)
+    assert found.ci95[0] - 1e-9 <= order <= found.ci95[1] + 1e-9
+    assert found.used == tuple(sorted(dts, reverse=True))
+    assert found.left_out == ()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.003, 0.02])
+def test_interval_covers_the_order(noise):
+    # C dt^p (1 + a dt + b dt^2) with random coefficients: bent, and scattered by the noise.
+    rng = np.random.default_rng(5)
+    covered = judged = 0
+    for _ in range(600):
+        order = rng.integers(1, 5)
+        dts = 0.2 / rng.uniform(1.4, 3) ** np.arange(rng.integers(4, 9))
+        a, b = rng.normal(size=2) * [2, 4]
+        errors = np.abs(dts**order * (1 + a * dts + b * dts**2))
+        found = observed_order(dts, errors * np.exp(noise * rng.normal(size=len(dts))))
+        if found.verdict == "converges":
+            judged += 1
+            covered += found.ci95[0] <= order <= found.ci95[1]
+    assert judged > 550
+    assert covered / judged > 0.95
+
+
+DTS = 0.1 / 2.0 ** np.arange(10)
+
+
+def test_round_off_at_the_finest_steps():
+    noise = 1e-12 / DTS**2
+    found = observed_order(DTS, DTS**2 + noise, rounding=noise)
+    assert found.observed == pytest.approx(2, abs=0.02)
+    left = reasons(found)
+    assert set(left.values()) == {ROUND_OFF}
+    assert set(left) == set(DTS[DTS**2 < 29 * noise])
+
+
+def test_without_evidence_of_round_off_a_rise_is_no_convergence():
+    noise = 1e-9 / DTS**2
+    found = observed_order(DTS, DTS**2 + noise)
+    assert found.verdict == "does not converge"
+    assert found.observed == pytest.approx(-2, abs=0.05)
+
+
+def test_unresolved():
+    found = observed_order(DTS, DTS**4, resolution=1e-9)
+    assert found.observed == pytest.approx(4)
+    assert set(reasons(found)) == set(DTS[DTS**4 < 1e-9])
+    assert set(reasons(found).values()) == {UNRESOLVED}
+
+
+def test_unstable_and_diverged():
+    errors = DTS.copy()
+    errors[:3] = (np.inf, 1e30, 3.0)
+    found = observed_order(DTS, [None, *errors[1:]], motion=1.0)
+    assert found.observed == pytest.approx(1)
+    assert reasons(found) == dict.fromkeys(DTS[:3], UNSTABLE)
+
+
+def test_pre_asymptotic():
+    errors = DTS**2 * (1 + 500 * DTS**2)
+    found = observed_order(DTS, errors)
+    left = reasons(found)
+    assert set(left.values()) == {PRE_ASYMPTOTIC}
+    assert min(left) > max(found.used)
+    assert found.observed == pytest.approx(2, abs=0.1)
+
+
+@given(level=st.floats(0.01, 100), order=st.integers(1, 4))
+def test_plateau_does_not_converge(level, order):
+    found = observed_order(DTS, level + 0.01 * level * (DTS / DTS[0]) ** order)
+    assert found.verdict == "does not converge"
+    assert abs(found.observed) < 0.05
+
+
+@settings(max_examples=200)
+@given(
+    errors=st.lists(
+        st.one_of(st.none(), st.floats(0, 1e300), st.just(np.inf)), min_size=1, max_size=12
+    ),
+    data=st.data(),
+)
+def test_never_a_number_without_evidence(errors, data):
+    steps = data.draw(st.lists(st.floats(1e-6, 1), min_size=len(errors), max_size=len(errors)))
+    assume(len({round(np.log(dt), 3) for dt in steps}) == len(steps))
+    rounding = data.draw(st.floats(0, 1))
+    found = observed_order(steps, errors, rounding=rounding, resolution=1e-10, motion=1e3)
+    assert sorted([*found.used, *(point.dt for point in found.left_out)]) == sorted(steps)
+    if found.verdict == "undetermined":
+        assert found.observed is None
+        assert found.ci95 is None
+        assert found.used == ()
+        assert found.why
+    else:
+        assert len(found.used) >= 3
+        low, high = found.ci95
+        assert low <= found.observed <= high
+        assert (found.verdict == "converges") == (low > 0 and high >= 0.5)
+
+
+def test_two_points_are_undetermined():
+    found = observed_order([0.1, 0.05], [0.1, 0.05])
+    assert found.verdict == "undetermined"
+    assert "2 of 2 step sizes can be used, 3 are needed" in found.why
+
+
+def test_erratic_errors_are_undetermined():
+    found = observed_order(DTS[:4], [1.0, 0.5, 2.0, 0.1])
+    assert found.verdict == "undetermined"
+    assert "do not lie on one power law" in found.why
+
+
+@pytest.mark.parametrize(
+    ("dts", "errors"),
+    [
+        ([0.1, 0.1], [1, 1]),
+        ([0.1, -0.1], [1, 1]),
+        ([0.1, np.nan], [1, 1]),
+        ([0.1, 0.2], [1]),
+        ([0.1, 0.2], [1, -1]),
+    ],
+)
+def test_bad_input(dts, errors):
+    with pytest.raises(InputError, match="(dts|errors): .* given; allowed: "):
+        observed_order(dts, errors)

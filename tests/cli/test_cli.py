@@ -1,0 +1,222 @@
+"""The command line, as a user meets it: whole processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+RUN = [sys.executable, "-m", "ropeode"]
+QUICK = ["table", "--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "8,12,18"]
+
+
+@pytest.fixture(scope="session")
+def environment(tmp_path_factory):
+    """Everything that a command caches goes to a folder of the test's own."""
+    return {**os.environ, "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
+
+
+@pytest.fixture
+def run(environment, tmp_path):
+    def call(*arguments):
+        return subprocess.run(
+            [*RUN, *arguments],
+            capture_output=True,
+            text=True,
+            timeout=180,
+            cwd=tmp_path,
+            env=environment,
+            check=False,
+        )
+
+    return call
+
+
+def test_help_does_not_import_jax(environment):
+    code = (
+        "import sys\n"
+        "from ropeode.cli.main import cli\n"
+        "for command in ([], ['table'], ['spec'], ['steppers']):\n"
+        "    try: cli.main([*command, '--help'], standalone_mode=False)\n"
+        "    except SystemExit: pass\n"
+        "print({'jax', 'numpy', 'scipy'} & set(sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
+    assert done.stderr == "set()\n"
+    assert "Usage: " in done.stdout
+    assert all(len(line) <= 80 for line in done.stdout.splitlines())
+
+
+def test_table(run):
+    done = run(*QUICK)
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert "converges, order 4." in done.stdout
+    assert "Reference: diffrax Dopri8" in done.stdout
+
+
+def test_out_and_format(run, tmp_path):
+    for name, form in [("a.json", []), ("b.txt", ["--format", "json"])]:
+        done = run(*QUICK, "--out", name, *form)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+        assert json.loads((tmp_path / name).read_text())["schema"] == "ropeode.accuracy-table/1"
+    assert sorted(os.listdir(tmp_path)) == ["a.json", "b.txt"]
+
+
+def test_spec_file_with_options_on_top(run, tmp_path):
+    assert run("spec", "--out", "mine.toml").returncode == 0
+    done = run("table", "mine.toml", *QUICK[1:], "--damping", "0.5", "--format", "json")
+    assert done.returncode == 0, done.stderr
+    problem = json.loads(done.stdout)["problem"]
+    assert problem["frames"] == 2
+    assert problem["parameters"]["damping"] == 0.5
+    assert run("spec").stdout == (tmp_path / "mine.toml").read_text()
+
+
+def test_every_rope_option(run):
+    done = run(
+        *("table", "--frames", "1", "--steps", "8,12,18", "--format", "json"),
+        *("--steppers", "stormer-verlet:start=rest,damping=lagged,rk4"),
+        *("--start", "0,0,0", "--end", "-3,1,0", "--num-nodes", "3", "--node-mass", "1,2,3"),
+        *("--stiffness", "4,5", "--pinned", "1", "--gravity", "0,0,-2", "--damping", "0,0.1,0.2"),
+        *("--initial-velocity", "1,0,0;0,0,0;0,-1,0", "--norm", "velocity-rms"),
+        *("--accuracy", "1e-5", "--rtol", "1e-10"),
+    )
+    assert done.returncode == 0, done.stderr
+    whole = json.loads(done.stdout)
+    assert whole["problem"]["parameters"] == {
+        "kind": "rope",
+        "frames": 1,
+        "start": [0, 0, 0],
+        "end": [-3, 1, 0],
+        "num_nodes": 3,
+        "node_mass": [1, 2, 3],
+        "stiffness": [4, 5],
+        "pinned": [1],
+        "gravity": [0, 0, -2],
+        "damping": [0, 0.1, 0.2],
+        "initial_velocity": [[1, 0, 0], [0, 0, 0], [0, -1, 0]],
+    }
+    assert whole["norm"] == "velocity-rms"
+    assert (whole["reference"]["rtol"], whole["reference"]["accuracy"]) == (1e-10, 1e-5)
+    assert [o["stepper"] for o in whole["orders"]] == [
+        "stormer-verlet:start=rest,damping=lagged",
+        "rk4",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["table", "--node-mass", "-1"], ["node_mass: '-1' given; allowed: "]),
+        (["table", "--node-mass", "heavy"], ["node_mass: 'heavy' given"]),
+        (["table", "--stiffness", "nan", "--damping", "-1"], ["stiffness: ", "damping: "]),
+        (["table", "--num-nodes", "0"], ["num_nodes: '0' given"]),
+        (["table", "--pinned", "0,99"], ["pinned: "]),
+        (["table", "--pinned", "1,1"], ["pinned: "]),
+        (["table", "--start", "1,1", "--end", "1,1"], ["end: "]),
+        (["table", "--steps", "0"], ["steps_per_frame: "]),
+        (["table", "--steps", "1.5"], ["steps_per_frame: "]),
+        (["table", "--frames", "-2"], ["frames: '-2' given"]),
+        (["table", "--steppers", "rk44"], ["did you mean 'rk4'"]),
+        (["table", "--norm", "max"], ["norm: 'max' given"]),
+        (["table", "--accuracy", "0"], ["accuracy: '0' given"]),
+        (["table", "--rtol", "1e-20"], ["rtol: 1e-20 given"]),
+        (["table", "--out", "missing/t.txt"], ["out: 'missing/t.txt' given", "create 'missing'"]),
+        (["table", "--format", "yaml"], ["'yaml' is not one of"]),
+        (["table", "missing.toml"], ["spec: 'missing.toml' given"]),
+        (["table", "--problem", "missing.py:p"], ["problem: 'missing.py' given"]),
+        (["table", "--problem", "keplr"], ["did you mean 'kepler'"]),
+        (["table", "--nodes", "3"], ["No such option"]),
+        (["tabel"], ["No such command"]),
+    ],
+    ids=" ".join,
+)
+def test_bad_input_is_a_line_and_exit_code_2(arguments, words, run, tmp_path):
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    for word in words:
+        assert word in done.stderr
+    for line in done.stderr.splitlines():
+        assert line.startswith("ropeode: ")
+        assert "Fix: " in line
+    assert os.listdir(tmp_path) == []
+
+
+def test_debug_shows_the_traceback(run):
+    assert "Traceback" in run("--debug", "table", "--damping", "-1").stderr
+    assert "Traceback" not in run("table", "--damping", "-1").stderr
+
+
+def test_users_traceback_is_shown(run, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from ropeode import Problem\n"
+        "def rhs(t, y, args):\n"
+        "    return helper(y)\n"
+        "def helper(y):\n"
+        "    return y.nonsense\n"
+        "problem = Problem(rhs, [1.0], [0.0, 1.0])\n"
+    )
+    done = run("table", "--problem", "mine.py:problem")
+    assert done.returncode == 2
+    assert 'mine.py", line 5, in helper' in done.stderr
+    assert "site-packages" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("ropeode: rhs: raised AttributeError")
+
+
+def test_no_reference_is_exit_code_1(run, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from ropeode import Problem\n"
+        "p = Problem(lambda t, y, args: y**2, [1.0], [0.0, 5.0], name='blow-up')\n"
+    )
+    done = run("table", "--problem", "mine.py:p", "--steps", "4,8,16")
+    assert done.returncode == 1
+    assert done.stderr.startswith("ropeode: no reference for 'blow-up'")
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("after", [0.5, 4.0])
+def test_ctrl_c_ends_cleanly(after, environment, tmp_path):
+    process = subprocess.Popen(
+        [*RUN, "table", "--num-nodes", "512", "--frames", "200", "--out", "t.txt"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+    )
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert out == ""
+    assert err == "ropeode: interrupted; nothing was written.\n"
+    assert os.listdir(tmp_path) == []
+
+
+def test_reader_that_goes_away(environment, tmp_path):
+    done = subprocess.run(
+        ["bash", "-c", f"{sys.executable} -m ropeode spec | head -1"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+        check=True,
+        timeout=60,
+    )
+    assert done.stderr == ""
+
+
+def test_version_and_steppers(run):
+    assert run("--version").stdout.startswith("ropeode ")
+    done = run("steppers")
+    assert done.returncode == 0
+    assert "stormer-verlet:start=rest,damping=per-step" in done.stdout

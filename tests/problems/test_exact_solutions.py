@@ -1,0 +1,207 @@
+"""Exact solutions are held against a solver in extended precision and equations written anew."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from ropeode.problems import kepler
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from tests.verification.extrapolation import integrate
+
+EPS = np.finfo(np.float64).eps
+
+
+def oscillator_rhs(given, t, y):
+    x, v = y[:, 0], y[:, 1]
+    force = -np.longdouble(given["stiffness"]) * x - np.longdouble(given["damping"]) * v
+    return np.stack([v, force / np.longdouble(given["mass"])], axis=1)
+
+
+def chain_rhs(given, t, y):
+    k, d, m = (np.longdouble(given[name]) for name in ("stiffness", "damping", "mass"))
+    slope = np.zeros_like(y)
+    last = y.shape[2] - 1
+    for j in range(last + 1):
+        left = y[:, 0, j - 1] if j > 0 else 0
+        right = y[:, 0, j + 1] if j < last else 0
+        slope[:, 0, j] = y[:, 1, j]
+        slope[:, 1, j] = (k * (left - 2 * y[:, 0, j] + right) - d * y[:, 1, j]) / m
+    return slope
+
+
+def kepler_rhs(given, t, y):
+    x = y[:, 0]
+    return np.stack([y[:, 1], -x / np.sqrt(np.sum(x * x, axis=2, keepdims=True)) ** 3], axis=1)
+
+
+def forced_rhs(given, t, y):
+    return -np.longdouble(given["rate"]) * (y - np.cos(np.longdouble(given["frequency"]) * t))
+
+
+EQUATIONS = {
+    "oscillator": oscillator_rhs,
+    "linear-chain": chain_rhs,
+    "kepler": kepler_rhs,
+    "forced": forced_rhs,
+}
+
+
+# No numbers so small that their products leave the normal ones.
+numbers = st.one_of(st.just(0.0), st.floats(1e-9, 3), st.floats(-3, -1e-9))
+
+
+@st.composite
+def damped(draw):
+    """Mass, stiffness and damping: none, any, or near the critical one of some stiffness."""
+    mass, stiffness = draw(st.floats(0.1, 10)), draw(st.floats(0.05, 20))
+    near = st.builds(
+        lambda sign, k: 1 + sign * 10.0**-k, st.sampled_from([-1, 1]), st.floats(1, 17)
+    )
+    ratio = draw(st.one_of(st.just(0.0), st.floats(0, 4), near))
+    damping = ratio * 2 * float(np.sqrt(mass * stiffness))
+    return {"mass": mass, "stiffness": stiffness, "damping": damping}
+
+
+@st.composite
+def chains(draw):
+    num_masses = draw(st.sampled_from([1, 2, 5]))
+    some = st.lists(numbers, max_size=num_masses)
+    return {
+        **draw(damped()),
+        "num_masses": num_masses,
+        "displacement": draw(some),
+        "velocity": draw(some),
+    }
+
+
+PARAMETERS = {
+    "oscillator": st.builds(
+        lambda masses, x0, v0: {**masses, "x0": x0, "v0": v0}, damped(), numbers, numbers
+    ),
+    "linear-chain": chains(),
+    "kepler": st.fixed_dictionaries(
+        {
+            "eccentricity": st.one_of(st.floats(0, 0.99), st.floats(0.99, 0.9999)),
+            "periods": st.floats(0.1, 3),
+        }
+    ),
+    "forced": st.fixed_dictionaries(
+        {"rate": st.floats(0.01, 30), "frequency": st.floats(-6, 6), "y0": numbers}
+    ),
+}
+EXACT = [name for name, build in PROBLEMS.items() if build().exact is not None]
+CRITICAL = {"mass": 1.0, "stiffness": 1.0, "damping": 2.0}
+
+
+def integrated(name: str, problem: Problem, y0: np.ndarray, ts: np.ndarray) -> np.ndarray:
+    """The same equation in extended precision, by other code."""
+    equation = EQUATIONS[name]
+    return integrate(lambda t, y: equation(problem.parameters, t, y), y0, ts)
+
+
+def units_apart(problem: Problem, a: np.ndarray, b: np.ndarray) -> float:
+    """The largest difference of each quantity, in rounding units of its largest value."""
+    apart = []
+    for name in problem.quantities:
+        one, other = problem.quantity(name, a), problem.quantity(name, b)
+        size = np.max(np.abs(other)) or 1.0
+        apart.append(float(np.max(np.abs(one - other)) / (EPS * size)))
+    return max(apart)
+
+
+def test_every_exact_solution_is_tested():
+    assert set(EXACT) == set(EQUATIONS) == set(PARAMETERS)
+
+
+@pytest.mark.parametrize("name", EXACT)
+@settings(deadline=None, max_examples=25)
+@given(data=st.data())
+def test_solves_the_equation(name, data):
+    problem = PROBLEMS[name](frames=data.draw(st.integers(1, 9)), **data.draw(PARAMETERS[name]))
+    start = problem.exact(problem.ts)[0]
+    np.testing.assert_allclose(start, problem.y0, rtol=EPS, atol=EPS * problem.scale)
+
+    # Times that no oscillation can be zero at together.
+    ts = problem.ts[-1] * np.linspace(0, 1, 14) ** 1.1
+    exact = problem.exact(ts)
+    assert exact.dtype == np.float64
+    assert exact.shape == (len(ts), *problem.y0.shape)
+    truth = integrated(name, problem, problem.y0, ts)
+    # The truth is good to 1e-17 times what becomes of an error in the initial state.
+    pattern = np.cos(np.arange(problem.y0.size)).reshape(problem.y0.shape)
+    moved = integrated(name, problem, problem.y0 * (1 + 2.0**-40 * pattern), ts)
+    growth = units_apart(problem, moved, truth) * EPS * 2.0**40
+    assert units_apart(problem, exact, truth) <= 1.0 + growth * 1e-17 / EPS
+
+
+@settings(deadline=None, max_examples=25)
+@given(gap=st.floats(-17, -1), sign=st.sampled_from([-1, 1]), stiffness=st.floats(0.5, 3))
+@example(gap=-17.0, sign=1, stiffness=1.0)
+def test_near_critical_damping_every_digit_holds(gap, sign, stiffness):
+    """From rest, the displacement decays by many orders of magnitude and keeps its sign."""
+    damping = 2 * float(np.sqrt(stiffness)) * (1 + max(sign, 0) * 10.0**gap)
+    problem = PROBLEMS["oscillator"](frames=30, stiffness=stiffness, damping=damping)
+    truth = integrated("oscillator", problem, problem.y0, problem.ts).astype(np.float64)
+    np.testing.assert_allclose(problem.exact(problem.ts)[:, 0], truth[:, 0], rtol=1e-15)
+
+
+def test_critical_damping_is_the_limit():
+    ts = np.linspace(0, 30, 31)
+    exact = PROBLEMS["oscillator"](**CRITICAL, x0=1.0, v0=0.5).exact(ts)
+    np.testing.assert_allclose(exact[:, 0].ravel(), (1 + 1.5 * ts) * np.exp(-ts), rtol=1e-14)
+
+
+def test_very_strong_damping_neither_overflows_nor_cancels():
+    problem = PROBLEMS["oscillator"](frames=5, damping=1e9, v0=1.0)
+    slow = -1e-9
+    displacement = (1 + 1e-9) * np.exp(slow * problem.ts[1:])
+    exact = problem.exact(problem.ts)
+    np.testing.assert_allclose(exact[1:, 0].ravel(), displacement, rtol=1e-14)
+    np.testing.assert_allclose(exact[1:, 1].ravel(), slow * displacement, rtol=1e-14)
+
+
+@pytest.mark.parametrize("one_minus_e", [1e-4, 1e-2, 0.5, 1.0])
+def test_keplers_equation_is_solved_to_the_last_digits(one_minus_e):
+    one_minus_e = np.longdouble(one_minus_e)
+    anomaly = np.concatenate([np.logspace(-9, 0, 50), np.linspace(1, np.pi, 20)[:-1]])
+    anomaly = np.concatenate([-anomaly, [0.0], anomaly]).astype(np.longdouble)
+    # The sine's series as it stands in every textbook: enough terms even at pi.
+    sine, term = anomaly.copy(), anomaly.copy()
+    gap = np.zeros_like(anomaly)
+    for k in range(1, 25):
+        term = -term * anomaly**2 / (2 * k * (2 * k + 1))
+        sine, gap = sine + term, gap - term
+    mean = one_minus_e * anomaly + (1 - one_minus_e) * gap
+    found = kepler.eccentric_anomaly(mean, one_minus_e)
+    np.testing.assert_allclose(found, anomaly, rtol=2e-18)
+    turns = kepler.eccentric_anomaly(mean + 14 * np.arccos(np.longdouble(-1)), one_minus_e)
+    assert np.max(np.abs(turns - anomaly)) <= 2e-17 / one_minus_e
+
+
+@pytest.mark.parametrize("name", [name for name in EXACT if PROBLEMS[name]().energy is not None])
+@settings(deadline=None, max_examples=8)
+@given(data=st.data())
+def test_energy_is_constant_without_damping(name, data):
+    given = data.draw(PARAMETERS[name])
+    problem = PROBLEMS[name](
+        frames=9, **{k: 0.0 if k == "damping" else v for k, v in given.items()}
+    )
+    states = problem.exact(problem.ts)
+    energies = problem.energies(states)
+    with jax.enable_x64(True):
+        slopes = jax.vmap(jax.grad(problem.energy, argnums=1), (0, 0, None))(
+            problem.ts, states, problem.args
+        )
+        from_rounding = EPS * np.max(np.sum(np.abs(slopes * states).reshape(10, -1), axis=1))
+    assert np.ptp(energies) <= 4 * from_rounding + 1e-300
+
+
+@pytest.mark.parametrize("name", ["oscillator", "linear-chain"])
+def test_energy_falls_with_damping(name):
+    problem = PROBLEMS[name](damping=0.3)
+    assert np.all(np.diff(problem.energies(problem.exact(problem.ts))) < 0)

@@ -1,0 +1,157 @@
+"""Problems that users bring."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError, UserCodeError
+from ropeode.problems.problem import LinearDamping, Problem
+
+
+def decay(t, y, args):
+    return -y
+
+
+GOOD = {"rhs": decay, "y0": [1.0, 2.0], "ts": [0.0, 1.0, 3.0]}
+
+
+def test_values_are_kept_as_read_only_float64():
+    problem = Problem(decay, np.array([1, 2]), (0, 1, 3), {"rate": 3.0, "n": 2})
+    assert problem.y0.dtype == problem.ts.dtype == np.float64
+    assert problem.args["rate"].dtype == np.float64
+    assert problem.frames == 2
+    with pytest.raises(ValueError, match="read-only"):
+        problem.y0[0] = 5.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        problem.y0 = np.ones(2)
+
+
+def test_the_callers_arrays_are_not_taken():
+    mine = np.array([1.0, 2.0])
+    problem = Problem(decay, mine, [0.0, 1.0])
+    mine[0] = 7.0
+    assert problem.y0[0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"y0": [1.0, np.nan]}, r"y0: .* entry \[1\] is not finite"),
+        ({"y0": "state"}, "y0: 'state' given; allowed: an array of finite real numbers"),
+        ({"y0": [1.0 + 2.0j]}, "y0: .* real"),
+        ({"y0": []}, "y0: "),
+        ({"y0": [[1.0], [1.0, 2.0]]}, "y0: "),
+        ({"ts": [0.0, 1.0, 1.0]}, r"ts: \[1.0, 1.0\] given; .* entries 1 and 2"),
+        ({"ts": [0.0, 2.0, 1.0]}, "ts: .* increasing"),
+        ({"ts": [0.0]}, "ts: .* at least two"),
+        ({"ts": [0.0, np.inf]}, "ts: .* finite"),
+        ({"jump_times": [5.0]}, r"jump_times: .* inside \(0.0, 3.0\)"),
+        ({"jump_times": [2.0, 1.0]}, "jump_times: .* increasing"),
+        ({"jump_times": 3}, "jump_times: "),
+        ({"exact": 3}, "exact: 3 given; allowed: a function"),
+        ({"energy": "E"}, "energy: 'E' given"),
+        ({"args": {"rate": "fast"}}, "args: 'fast' given"),
+        ({"rhs": 3}, "rhs: 3 given; allowed: a function rhs"),
+        ({"rhs": lambda t, y, args: y[:1]}, r"rhs result: \(1,\) given; .* \(2,\)"),
+        ({"rhs": lambda t, y, args: (y, y)}, "rhs result: 'tuple' given"),
+        ({"rhs": lambda t, y, args: y.astype(jnp.float32)}, "rhs result: 'float32' given"),
+        ({"rhs": lambda t, y, args: jnp.log(-y)}, "rhs result: .* finite numbers at the initial"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_bad_problems(change, words):
+    with pytest.raises(InputError, match=words):
+        Problem(**{**GOOD, **change})
+
+
+def test_several_faults_at_once():
+    with pytest.raises(InputError) as caught:
+        Problem(decay, [np.nan], [0.0, 0.0], energy=3)
+    assert len(caught.value.problems) == 3
+
+
+@pytest.mark.parametrize(
+    "rhs",
+    [
+        lambda t, y, args: y["position"],
+        lambda t, y, args: np.sin(y),
+        lambda t, y, args: -y if y[0] > 0 else y,
+        lambda y: -y,
+    ],
+)
+def test_users_exception_is_the_cause(rhs):
+    with pytest.raises(UserCodeError, match="rhs: raised .*Error when it was tried") as caught:
+        Problem(rhs, [1.0, 2.0], [0.0, 1.0])
+    assert caught.value.__cause__ is not None
+
+
+def test_second_order_layouts():
+    for x0, nodes, dim in [(1.0, 1, 1), ([1.0, 2.0], 2, 1), (np.ones((3, 2)), 3, 2)]:
+        problem = Problem.second_order(lambda t, x, v, args: -x, x0, np.zeros_like(x0), [0, 1, 2])
+        assert problem.y0.shape == (2, *np.shape(x0))
+        states = np.stack([problem.y0] * 3)
+        assert problem.positions(states).shape == problem.velocities(states).shape == (3, nodes, dim)
+    turned = Problem.second_order(
+        lambda t, x, v, args: -x, np.arange(6.0).reshape(2, 3), np.zeros((2, 3)), [0, 1], node_axis=1
+    )
+    assert turned.positions(turned.y0[None])[0].tolist() == [[0, 3], [1, 4], [2, 5]]
+
+
+def test_first_order_form_is_velocity_and_acceleration():
+    problem = Problem.second_order(lambda t, x, v, args: t - x, [3.0], [5.0], [1.0, 2.0])
+    with jax.enable_x64(True):
+        assert np.asarray(problem.rhs(1.0, problem.y0, None)).tolist() == [[5.0], [-2.0]]
+
+
+def test_damping_is_found_out():
+    def undamped(t, x, v, args):
+        return -x
+
+    def damped(t, x, v, args):
+        return -x - 0.3 * v
+
+    def make(acceleration, **more):
+        return Problem.second_order(acceleration, [1.0], [0.5], [0.0, 1.0], **more)
+
+    found = make(undamped).mechanics.damping
+    assert found is not None
+    assert found(None).rate == 0
+    assert make(damped).mechanics.damping is None
+    assert make(damped, damping=lambda args: LinearDamping(0.3, 0.3)).mechanics.damping is not None
+    with pytest.raises(InputError, match="damping: the acceleration changes with the velocity"):
+        make(damped, damping=lambda args: LinearDamping(0.2, 0.2))
+    with pytest.raises(InputError, match="damping: "):
+        make(undamped, damping=lambda args: LinearDamping(0.2, 0.2))
+
+
+def test_second_order_faults():
+    with pytest.raises(InputError, match=r"v0: \(2,\) given; .* \(1,\)"):
+        Problem.second_order(lambda t, x, v, args: -x, [1.0], [1.0, 2.0], [0, 1])
+    with pytest.raises(InputError, match="x0: "):
+        Problem.second_order(
+            lambda t, x, v, args: -x, np.ones((2, 2, 2)), np.ones((2, 2, 2)), [0, 1]
+        )
+    with pytest.raises(InputError, match="acceleration result: .* state's shape"):
+        Problem.second_order(lambda t, x, v, args: jnp.ones(3), [1.0], [1.0], [0, 1])
+
+
+def test_energies(driven_pendulum):
+    problem = dataclasses.replace(driven_pendulum, energy=lambda t, y, args: t + jnp.sum(y))
+    states = np.stack([problem.y0] * 3)
+    np.testing.assert_allclose(problem.energies(states), problem.ts[:3] + problem.y0.sum())
+    with pytest.raises(InputError, match="energy: None given"):
+        driven_pendulum.energies(states)
+
+
+def test_equal_frames():
+    def at(ts):
+        return Problem(decay, [1.0], ts).equal_frames
+
+    assert at(np.linspace(0, 1, 11))
+    assert at(1e6 + 0.1 * np.arange(50))
+    assert not at([0, 1, 2.001])

@@ -1,0 +1,129 @@
+"""The accuracy table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.norms import NORMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.reference import reference
+from ropeode.simulation import simulate
+from ropeode.study.accuracy_table import DEFAULT_STEPPERS, accuracy_table
+
+
+@pytest.fixture(scope="module")
+def table():
+    problem = Rope(num_nodes=4, damping=0.1).problem(frames=3)
+    return accuracy_table(problem, ["explicit-euler", "rk4"], (16, 40, 100, 250))
+
+
+def test_rows_are_runs(table):
+    assert [(row.stepper, row.steps_per_frame) for row in table.rows] == [
+        (stepper, steps) for stepper in ("explicit-euler", "rk4") for steps in (16, 40, 100, 250)
+    ]
+    known = reference(table.problem)
+    for row in table.rows:
+        run = simulate(table.problem, row.stepper, row.steps_per_frame)
+        assert row.dt == pytest.approx(1 / row.steps_per_frame)
+        assert row.rhs_evaluations == run.rhs_evaluations
+        if row.resolved:
+            apart = np.linalg.norm(run.positions - known.positions, axis=2).max(axis=1)[1:]
+            assert row.error_max == pytest.approx(apart.max(), rel=1e-3)
+            assert row.error_final == pytest.approx(apart[-1], rel=1e-3)
+            assert row.error_rms == pytest.approx(np.sqrt(np.mean(apart**2)), rel=1e-3)
+
+
+def test_orders_follow_the_rows(table):
+    assert [each.stepper for each in table.orders] == ["explicit-euler", "rk4"]
+    for each in table.orders:
+        dts = {row.dt for row in table.rows if row.stepper == each.stepper}
+        assert {*each.order.used, *(point.dt for point in each.order.left_out)} == dts
+
+
+@pytest.mark.parametrize("name", [norm for norm in NORMS if not norm.startswith("state")])
+def test_norms_of_a_rope(name, small_rope):
+    found = accuracy_table(small_rope, ["velocity-verlet"], (32, 48, 72, 108), norm=name)
+    assert found.norm.name == name
+    assert found.orders[0].order.observed == pytest.approx(2, abs=0.05)
+
+
+def test_first_order_problems_get_the_steppers_that_fit():
+    problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0, 2.0])
+    found = accuracy_table(problem, steps_per_frame=(10, 20, 40))
+    assert [each.stepper for each in found.orders] == ["explicit-euler", "rk4"]
+    assert len(DEFAULT_STEPPERS) == 5
+
+
+def test_diverged_runs_are_rows_without_errors():
+    problem = Problem(lambda t, y, args: -100 * y**3, [1.0], np.arange(13.0))
+    found = accuracy_table(problem, ["explicit-euler"], (2, 100, 200, 400, 800))
+    row = found.rows[0]
+    assert row.status == "diverged"
+    assert row.diverged_at is not None
+    assert (row.error_max, row.error_final, row.error_rms, row.round_off) == (None,) * 4
+    assert not row.resolved
+    order = found.orders[0].order
+    assert order.left_out[0].reason == "unstable"
+    assert order.verdict == "converges"
+
+
+def test_past_the_horizon_nothing_is_judged():
+    problem = Rope(num_nodes=6, damping=0.0).problem(frames=12)
+    whole = accuracy_table(problem, ["rk4"], (64, 96, 144), rtol=1e-9, accuracy=1.0)
+    bound = whole.reference.bound()
+    cut = accuracy_table(problem, ["rk4"], (64, 96, 144), rtol=1e-9, accuracy=float(bound[6]))
+    assert cut.reference.horizon is not None
+    assert cut.reference.horizon < 12.0
+    for long, short in zip(whole.rows, cut.rows, strict=True):
+        if long.error_max and short.error_max:
+            assert short.error_max <= long.error_max
+
+
+def test_jumps_take_the_expectation_away():
+    def rhs(t, y, args):
+        return np.where(0, 0, 1.0) * (t > 0.5) - y
+
+    problem = Problem(rhs, [1.0], [0.0, 1.0], jump_times=[0.5])
+    found = accuracy_table(problem, ["rk4"], (7, 11, 17))
+    assert found.orders[0].expected is None
+
+
+def test_progress_reaches_the_end():
+    said = []
+    accuracy_table(
+        Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]),
+        ["rk4"],
+        (4, 6, 9),
+        progress=lambda text, fraction: said.append((text, fraction)),
+    )
+    fractions = [fraction for _, fraction in said]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    assert any("reference" in text for text, _ in said)
+    assert any("rk4: 9 steps" in text for text, _ in said)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"steppers": []}, "steppers: "),
+        ({"steppers": ["rk4", "rk4"]}, "each stepper once"),
+        ({"steppers": ["rk5", "verlet"]}, "(?s)rk5.*verlet"),
+        ({"steps_per_frame": []}, "steps_per_frame: "),
+        ({"steps_per_frame": [4, 4]}, "one is repeated"),
+        ({"steps_per_frame": [4, 0]}, r"steps_per_frame: .*\(0 is below 1"),
+        ({"steps_per_frame": [4.5]}, "not whole"),
+        ({"steps_per_frame": 16}, "steps_per_frame: 16 given"),
+        ({"norm": "pos"}, "norm: 'pos' given"),
+        ({"norm": "state-max"}, "norm: 'state-max' given; allowed: those that 'rope' has"),
+        ({"accuracy": -1}, "accuracy: -1 given"),
+        ({"rtol": 1}, "rtol: 1.0 given"),
+    ],
+    ids=str,
+)
+def test_bad_input(change, words, small_rope):
+    with pytest.raises(InputError, match=words):
+        accuracy_table(small_rope, **{"steps_per_frame": (4, 8), **change})

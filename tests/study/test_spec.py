@@ -1,0 +1,129 @@
+"""Spec files."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+
+from ropeode.errors import InputError, UserCodeError
+from ropeode.problems.rope import Rope
+from ropeode.study.accuracy_table import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME
+from ropeode.study.spec import COMMENTED_SPEC, TableJob, TableSpec, read_spec
+
+
+def test_the_commented_spec_holds_the_defaults():
+    values = tomllib.loads(COMMENTED_SPEC)
+    assert Rope(**values["rope"]) == Rope()
+    assert set(values["rope"]) == set(Rope.model_fields)
+    job = TableJob(values)
+    assert job.spec.steppers == DEFAULT_STEPPERS
+    assert job.spec.steps_per_frame == DEFAULT_STEPS_PER_FRAME
+    assert job.problem.parameters == TableJob({}).problem.parameters
+    for name in TableSpec.model_fields:
+        assert f"{name} = " in COMMENTED_SPEC
+
+
+def test_all_faults_of_a_file_at_once():
+    values = {
+        "frame": 3,
+        "steppers": ["rk5"],
+        "steps_per_frame": [0],
+        "rope": {"damping": -1, "nodes": 3, "stiffness": "x"},
+    }
+    with pytest.raises(InputError) as caught:
+        TableJob(values)
+    text = "\n".join(caught.value.problems)
+    assert len(caught.value.problems) == 6
+    for word in ("frame", "rk5", "steps_per_frame", "damping", "nodes", "stiffness"):
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"rope": 3}, "rope: 3 given; allowed: a table"),
+        ({"problem": "kepler", "rope": {"damping": 0.1}}, "rope: .* leave out one"),
+        ({"problem": "keplre"}, "did you mean 'kepler'"),
+        ({"problem": 3}, "problem: 3 given"),
+        ({"frames": "x"}, "frames: 'x' given"),
+        ({"rtol": 0}, "rtol: 0 given"),
+        ({"norm": "positions"}, "did you mean 'position-"),
+    ],
+    ids=str,
+)
+def test_bad_values(values, words):
+    with pytest.raises(InputError, match=words):
+        TableJob(values)
+
+
+def test_library_problems_by_name():
+    job = TableJob({"problem": "kepler", "frames": 7})
+    assert job.problem.name == "Kepler"
+    assert job.problem.frames == 7
+
+
+def test_bad_files(tmp_path):
+    path = tmp_path / "spec.toml"
+    path.write_text("frames = = 3")
+    with pytest.raises(InputError, match=r"spec: .* a TOML file \(.*line 1"):
+        read_spec(path)
+    with pytest.raises(InputError, match=r"spec: .*\(No such file"):
+        read_spec(tmp_path / "missing.toml")
+
+
+USER_FILE = """
+import jax.numpy as jnp
+import numpy as np
+from ropeode import Problem, Rope
+
+fixed = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0, 2.0], name="fixed")
+rope = Rope(num_nodes=3)
+
+def made(frames=4):
+    return Problem(lambda t, y, args: -y, [1.0], np.arange(frames + 1.0))
+
+def wrong_shape():
+    return Problem(lambda t, y, args: jnp.ones(3), [1.0], [0.0, 1.0])
+
+def raises():
+    return Problem(lambda t, y, args: y["x"], [1.0], [0.0, 1.0])
+
+def fails():
+    raise RuntimeError("no such file of mine")
+
+three = 3
+"""
+
+
+@pytest.fixture
+def user_file(tmp_path):
+    (tmp_path / "mine.py").write_text(USER_FILE)
+    return tmp_path
+
+
+def test_problems_of_users(user_file):
+    def load(name, **more):
+        return TableJob({"problem": f"mine.py:{name}", **more}, folder=user_file).problem
+
+    assert load("fixed").name == "fixed"
+    assert load("made").frames == 4
+    assert load("made", frames=9).frames == 9
+    assert load("rope", frames=5).frames == 5
+    for name, words in [
+        ("three", "this is a int"),
+        ("fxied", "did you mean 'fixed'"),
+        ("wrong_shape", r"rhs result: \(3,\) given"),
+    ]:
+        with pytest.raises(InputError, match=words):
+            load(name)
+    for name in ("raises", "fails"):
+        with pytest.raises(UserCodeError) as caught:
+            load(name)
+        assert caught.value.__cause__ is not None
+    with pytest.raises(InputError, match="frames: 3 given; .* sample times are fixed"):
+        load("fixed", frames=3)
+    with pytest.raises(InputError, match="FILE.py:NAME"):
+        TableJob({"problem": "mine.py"}, folder=user_file)
+    with pytest.raises(InputError, match="No such file"):
+        TableJob({"problem": "yours.py:x"}, folder=user_file)

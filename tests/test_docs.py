@@ -1,0 +1,145 @@
+"""What the documentation shows: its code runs, its links lead somewhere, its figures hold."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+from ropeode.problems.rope import Rope
+from ropeode.render.data import as_dict
+from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
+
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+PAGES = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted(ROOT.glob("docs/*.md"))]
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+# The text that a line of code prints, as a comment behind it.
+PRINTED = re.compile(r"^print\(.*\)  # (.*)$", re.MULTILINE)
+# Keys of these are names of the problem's parameters and of packages.
+FREE = {"parameters", "versions"}
+
+
+def page_id(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return [code for kind, code in FENCE.findall(page.read_text()) if kind == language]
+
+
+def prose(page: Path) -> str:
+    return FENCE.sub("", page.read_text())
+
+
+def headings(page: Path) -> set[str]:
+    """The anchors that headings make, as GitHub and MyST do."""
+    titles = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=page_id)
+def test_code_runs_and_prints_what_it_says(page):
+    namespace = {"__name__": "docs"}
+    for code in blocks(page, "python"):
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out):
+            exec(compile(code, str(page), "exec"), namespace)
+        if promised := PRINTED.findall(code):
+            assert out.getvalue().splitlines()[: len(promised)] == promised
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_id)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if "://" in target:
+            continue
+        file, _, anchor = target.partition("#")
+        goal = page.parent / file if file else page
+        assert goal.exists(), target
+        assert ROOT in [goal.resolve(), *goal.resolve().parents], f"{target} leads out of here"
+        assert not anchor or anchor in headings(goal), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_id)
+def test_fences_are_closed(page):
+    assert len(re.findall(r"^```", page.read_text(), re.MULTILINE)) % 2 == 0
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs/index.md").read_text()
+    for page in ROOT.glob("docs/*.md"):
+        assert page.name == "index.md" or f"({page.name})" in index
+
+
+def test_readme_has_the_commands_and_a_ten_line_example():
+    text = README.read_text()
+    assert "make table" in text.split("```")[1]
+    assert "make test" in text.split("```")[1]
+    example = blocks(README, "python")[0]
+    assert len([line for line in example.splitlines() if line]) <= 10
+    for name in ("Rope", "simulate", "reference", "error_series", "accuracy_table"):
+        assert f"{name}(" in example
+
+
+def test_readme_shows_the_problem_file():
+    file = (ROOT / "docs/examples/pendulum.py").read_text()
+    assert file in blocks(README, "python")
+
+
+@pytest.fixture(scope="module")
+def default_table() -> AccuracyTable:
+    """The default rope at the coarser half of the default step sizes."""
+    return accuracy_table(Rope().problem(frames=20), steps_per_frame=(16, 128, 256, 512, 1024))
+
+
+def test_readme_shows_the_table(default_table):
+    """Its errors to two digits, where they are not made of amplified rounding."""
+    shown = next(block for block in blocks(README, "text") if block.startswith("Accuracy of"))
+    rows = {(row.stepper, row.steps_per_frame): row for row in default_table.rows}
+    labels = {row.stepper for row in default_table.rows}
+    stepper, checked = "", 0
+    for line in shown.partition("Observed orders")[0].splitlines():
+        words = line.split()
+        if line in labels:
+            stepper = line
+        elif stepper and words and words[0].isdigit() and (stepper, int(words[0])) in rows:
+            row = rows[stepper, int(words[0])]
+            checked += 1
+            if words[2] == "<":
+                assert row.error_max is None
+                assert float(words[3]) == pytest.approx(row.resolution, rel=0.5)
+            elif float(words[2]) < 100:
+                assert float(words[2]) == pytest.approx(row.error_max, rel=0.01)
+            else:
+                assert row.error_max > 100
+            assert int(words[-2]) == row.rhs_evaluations
+    assert checked >= 10
+
+
+def test_every_key_of_the_json_form_is_described(default_table):
+    text = (ROOT / "docs/table.md").read_text()
+    described = set(re.findall(r"`([a-z_0-9]+)`", text[text.index("\n## JSON") :]))
+
+    def keys(value: object) -> set[str]:
+        if isinstance(value, list):
+            return set().union(*map(keys, value))
+        if not isinstance(value, dict):
+            return set()
+        return set(value).union(*(keys(v) for k, v in value.items() if k not in FREE))
+
+    produced = keys(as_dict(default_table))
+    assert {"left_out", "reason", "witnesses", "role", "round_off"} <= produced
+    assert produced <= described
+
+
+def test_every_role_and_reason_is_described(default_table):
+    text = (ROOT / "docs/table.md").read_text()
+    for witness in default_table.reference.certificate.witnesses:
+        assert f"`{witness.role}`" in text
+    for each in default_table.orders:
+        for point in each.order.left_out:
+            assert f"**{point.reason}**" in text

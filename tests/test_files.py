@@ -1,0 +1,58 @@
+"""Files are written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import stat
+
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.files import check_writable, read_text, write_whole
+
+
+def test_writes_and_replaces(tmp_path):
+    path = tmp_path / "table.txt"
+    for text in ("first", "second ✓"):
+        write_whole(path, text)
+        assert path.read_text(encoding="utf-8") == text
+    assert os.listdir(tmp_path) == ["table.txt"]
+    mask = os.umask(0)
+    os.umask(mask)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o666 & ~mask
+
+
+def test_no_room_leaves_the_old_file(tmp_path):
+    path = tmp_path / "table.txt"
+    write_whole(path, "old")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"out: .* \(File too large\)"):
+            write_whole(path, "new" * 1000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["table.txt"]
+
+
+def test_targets_are_checked(tmp_path):
+    assert check_writable("out", tmp_path / "a.txt") == tmp_path / "a.txt"
+    with pytest.raises(InputError, match="out: .* folder that exists"):
+        check_writable("out", tmp_path / "missing" / "a.txt")
+    with pytest.raises(InputError, match="out: .* it is a folder"):
+        check_writable("out", tmp_path)
+
+
+def test_unreadable(tmp_path):
+    with pytest.raises(InputError, match=r"spec: .* \(No such file"):
+        read_text("spec", tmp_path / "missing")
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not UTF-8"):
+        read_text("spec", tmp_path / "binary")
+    with pytest.raises(InputError, match="spec: "):
+        read_text("spec", tmp_path)

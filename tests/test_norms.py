@@ -1,0 +1,94 @@
+"""Norms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from ropeode.errors import InputError
+from ropeode.norms import NORMS, distance, norm_for
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+
+ROPE = Rope(num_nodes=3).problem(frames=2)
+DECAY = Problem(lambda t, y, args: -y, np.ones((2, 3)), [0.0, 1.0])
+STATES = hnp.arrays(np.float64, (4, 2, 2, 3), elements=st.floats(-1e150, 1e150))
+
+
+def fitting(problem):
+    return [norm for norm in NORMS.values() if norm.quantity in problem.quantities]
+
+
+def test_every_norm_fits_a_problem():
+    assert {*fitting(ROPE), *fitting(DECAY)} == set(NORMS.values())
+    for quantity in ("position", "velocity", "state"):
+        assert f"{quantity}-max" in NORMS
+
+
+@given(a=STATES, b=STATES)
+def test_no_norm_exceeds_the_largest_node(a, b):
+    for norm in fitting(ROPE):
+        largest = distance(ROPE, NORMS[f"{norm.quantity}-max"], a, b)
+        assert np.all(distance(ROPE, norm, a, b) <= largest * (1 + 1e-14))
+
+
+@given(a=STATES, b=STATES)
+def test_symmetric_and_zero_for_equal(a, b):
+    for norm in fitting(ROPE):
+        assert np.array_equal(distance(ROPE, norm, a, b), distance(ROPE, norm, b, a))
+        assert np.all(distance(ROPE, norm, a, a) == 0)
+
+
+@pytest.mark.parametrize("norm", NORMS.values(), ids=NORMS)
+def test_scales_like_a_norm(norm):
+    problem = ROPE if norm in fitting(ROPE) else DECAY
+    draw = np.random.default_rng(3).normal(size=(5, *problem.y0.shape))
+    zero = np.zeros_like(draw)
+    for factor in (1e-200, 3.0, 1e200):
+        np.testing.assert_allclose(
+            distance(problem, norm, factor * draw, zero),
+            factor * distance(problem, norm, draw, zero),
+            rtol=1e-13,
+        )
+
+
+def test_values():
+    a, b = np.zeros((1, 2, 2, 3)), np.zeros((1, 2, 2, 3))
+    a[0, 0, :, 1] = (3.0, 4.0)
+    a[0, 1, :, 2] = (6.0, -8.0)
+    found = {norm.name: distance(ROPE, norm, a, b)[0] for norm in fitting(ROPE)}
+    assert found == pytest.approx(
+        {
+            "position-max": 5.0,
+            "position-rms": np.sqrt(25 / 3),
+            "velocity-max": 10.0,
+            "velocity-rms": np.sqrt(100 / 3),
+        }
+    )
+
+
+def test_what_does_not_fit_into_float64_is_still_a_number():
+    a = np.full((1, 2, 2, 3), 1.7e308)
+    for norm in fitting(ROPE):
+        assert np.isfinite(distance(ROPE, norm, a, -a)).all()
+        assert distance(ROPE, norm, a, -a)[0] > 1e308
+
+
+def test_blocks_make_no_difference(monkeypatch):
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, 37, 2, 2, 3))
+    whole = distance(ROPE, NORMS["position-max"], a, b)
+    monkeypatch.setattr("ropeode.norms._BLOCK_BYTES", 5 * ROPE.y0.nbytes)
+    assert np.array_equal(distance(ROPE, NORMS["position-max"], a, b), whole)
+
+
+def test_choice():
+    assert norm_for(ROPE).name == "position-max"
+    assert norm_for(DECAY).name == "state-max"
+    with pytest.raises(InputError, match="did you mean 'position-max'"):
+        norm_for(ROPE, "positon-max")
+    with pytest.raises(InputError, match="norm: 'position-max' given; allowed: .* state-max"):
+        norm_for(DECAY, "position-max")

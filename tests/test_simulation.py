@@ -1,0 +1,118 @@
+"""The driver."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.render.stepper_list import variants
+from ropeode.simulation import _program, simulate
+from ropeode.steppers import STEPPERS
+
+VARIANTS = [each for cls in STEPPERS.values() for each in variants(cls)]
+
+
+@pytest.mark.parametrize("stepper", VARIANTS, ids=lambda each: each.label)
+def test_shapes_start_and_pins(stepper):
+    rope = Rope(num_nodes=5, pinned=(0, 3), initial_velocity=(1.0, 2.0))
+    problem = rope.problem(frames=4)
+    run = simulate(problem, stepper, 9)
+    assert run.status == "ok"
+    assert run.diverged_at is None
+    assert run.positions.shape == run.velocities.shape == (5, 5, 2)
+    assert np.array_equal(run.states[0], problem.y0)
+    for pinned in rope.pinned:
+        assert np.all(run.positions[:, pinned] == run.positions[0, pinned])
+        assert np.all(run.velocities[:, pinned] == 0.0)
+
+
+@pytest.mark.parametrize("stepper", VARIANTS, ids=lambda each: each.label)
+def test_runs_repeat_to_the_bit(stepper, small_rope):
+    first, second = (simulate(small_rope, stepper, 30) for _ in range(2))
+    assert np.array_equal(first.states, second.states)
+    assert second.compile_seconds == 0.0
+
+
+def test_time_comes_from_the_index():
+    # y' = 3 t^2 by rk4 (Simpson's rule) is exact; a sum of rounded steps would drift away.
+    problem = Problem(lambda t, y, args: 3 * t**2 * jnp.ones(1), [8.0], 2.0 + 0.1 * np.arange(11))
+    run = simulate(problem, "rk4", 1001)
+    np.testing.assert_allclose(run.states[:, 0], problem.ts**3, rtol=3e-15)
+
+
+def test_one_compilation_serves_all_step_counts_and_parameters():
+    _program.cache_clear()
+    for damping in (0.01, 0.3):
+        problem = Rope(num_nodes=3, damping=damping).problem(frames=2)
+        for steps in (4, 7, 100):
+            simulate(problem, "rk4", steps)
+    assert _program.cache_info().misses == 1
+
+
+@pytest.mark.parametrize(
+    ("stepper", "calls"),
+    [
+        ("explicit-euler", 60),
+        ("semi-implicit-euler", 60),
+        ("stormer-verlet", 61),
+        ("stormer-verlet:start=rest", 60),
+        ("velocity-verlet", 61),
+        ("rk4", 240),
+    ],
+)
+def test_evaluations_are_counted(stepper, calls, small_rope):
+    assert simulate(small_rope, stepper, 20).rhs_evaluations == calls
+
+
+def test_divergence_stops_the_run_at_its_frame():
+    # y' = y^2 from 1 with one Euler step per frame: 1, 2, 6, 42, ... overflows in frame 12.
+    problem = Problem(lambda t, y, args: y**2, [1.0], np.arange(1001.0))
+    run = simulate(problem, "explicit-euler", 1)
+    y, frame = 1.0, 0
+    while np.isfinite(y):
+        with np.errstate(over="ignore"):
+            y, frame = np.float64(y) + np.float64(y) ** 2, frame + 1
+    assert run.status == "diverged"
+    assert run.diverged_at == frame
+    assert run.times.tolist() == list(range(frame))
+    assert np.all(np.isfinite(run.states))
+    assert run.rhs_evaluations == frame
+
+
+def test_unequal_frames():
+    problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 0.1, 1.0, 1.05])
+    run = simulate(problem, "explicit-euler", 10)
+    factors = (1 - np.diff(problem.ts) / 10) ** 10
+    np.testing.assert_allclose(run.states[1:, 0], np.cumprod(factors), rtol=1e-14)
+    assert run.dt == pytest.approx(0.09)
+
+
+def test_states_of_any_shape():
+    problem = Problem(
+        lambda t, y, args: args["rate"] * y, np.ones((2, 3, 4)), [0.0, 1.0], {"rate": -0.5}
+    )
+    assert simulate(problem, "rk4", 3).states.shape == (2, 2, 3, 4)
+    scalar = Problem(lambda t, y, args: -y, 1.0, [0.0, 1.0])
+    assert simulate(scalar, "rk4", 3).states.shape == (2,)
+
+
+@pytest.mark.parametrize("steps", [0, -3, 2.5, "many", np.nan, np.inf, None, True])
+def test_bad_steps(steps, small_rope):
+    with pytest.raises(InputError, match="steps_per_frame: .* given; allowed: a whole number >= 1"):
+        simulate(small_rope, "rk4", steps)
+
+
+def test_stepper_and_problem_must_fit():
+    problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0], name="decay")
+    with pytest.raises(InputError, match="needs a second-order problem, and 'decay' is"):
+        simulate(problem, "velocity-verlet", 4)
+    drag = Problem.second_order(lambda t, x, v, args: -v * jnp.abs(v), [1.0], [2.0], [0.0, 1.0])
+    with pytest.raises(InputError, match="depends on the velocity in a way that is not declared"):
+        simulate(drag, "stormer-verlet", 4)
+    assert simulate(drag, "semi-implicit-euler", 4).status == "ok"
+    with pytest.raises(InputError, match="a second-order"):
+        _ = simulate(problem, "rk4", 4).positions

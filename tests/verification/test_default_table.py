@@ -1,0 +1,76 @@
+"""What the default rope must show; docs/default-table.md explains it."""
+
+from __future__ import annotations
+
+import pytest
+
+from ropeode.problems.rope import Rope
+from ropeode.study.accuracy_table import DEFAULT_STEPPERS, accuracy_table
+
+
+@pytest.fixture(scope="module")
+def table():
+    return accuracy_table(
+        Rope().problem(frames=20),
+        [*DEFAULT_STEPPERS, "stormer-verlet:damping=per-step", "stormer-verlet:damping=lagged"],
+    )
+
+
+def order_of(table, stepper):
+    return next(each.order for each in table.orders if each.stepper == stepper)
+
+
+def reasons(table, stepper):
+    steps = {row.dt: row.steps_per_frame for row in table.rows}
+    return {steps[point.dt]: point.reason for point in order_of(table, stepper).left_out}
+
+
+@pytest.mark.parametrize(
+    ("stepper", "order"),
+    [
+        ("explicit-euler", 1),
+        ("semi-implicit-euler", 1),
+        ("stormer-verlet:start=rest", 1),
+        ("stormer-verlet", 2),
+        ("stormer-verlet:damping=lagged", 1),
+        ("rk4", 4),
+    ],
+)
+def test_orders(table, stepper, order):
+    found = order_of(table, stepper)
+    assert found.verdict == "converges"
+    assert found.observed == pytest.approx(order, abs=0.03)
+    assert found.ci95[0] <= order <= found.ci95[1]
+
+
+def test_explicit_euler_is_unstable_at_coarse_steps(table):
+    left = reasons(table, "explicit-euler")
+    assert {16, 32, 64, 128} <= {steps for steps, reason in left.items() if reason == "unstable"}
+    errors = [r.error_max for r in table.rows if r.stepper == "explicit-euler"]
+    assert errors[0] > 1e50
+
+
+def test_damping_per_step_solves_another_equation(table):
+    found = order_of(table, "stormer-verlet:damping=per-step")
+    assert found.verdict == "does not converge"
+    rows = [r for r in table.rows if r.stepper == "stormer-verlet:damping=per-step"]
+    assert rows[-1].error_max > rows[0].error_max > 100
+
+
+def test_position_form_drowns_in_round_off(table):
+    rows = {r.steps_per_frame: r for r in table.rows if r.stepper == "stormer-verlet"}
+    assert rows[16384].error_max > 2 * min(row.error_max for row in rows.values())
+    left = reasons(table, "stormer-verlet")
+    assert left[8192] == left[16384] == "round-off"
+    assert set(left.values()) == {"round-off"}
+
+
+def test_rk4_until_the_bound(table):
+    left = reasons(table, "rk4")
+    assert left[16384] == "below the reference's bound"
+    assert "pre-asymptotic" not in left.values()
+
+
+def test_the_reference_is_certified_to_the_end(table):
+    assert table.reference.horizon is None
+    assert table.reference.bound()[-1] < 1e-10

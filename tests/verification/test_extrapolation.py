@@ -1,0 +1,152 @@
+"""The truth in extended precision, held against solutions that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ropeode.problems.rope import Rope
+from tests.verification.extrapolation import (
+    EPS,
+    integrate,
+    rope_rhs,
+    rope_sizes,
+    rope_solution,
+)
+
+pytestmark = pytest.mark.skipif(EPS > 2e-19, reason="np.longdouble is no wider than float64 here")
+ONE = np.longdouble(1)
+
+
+def oscillator(t, y):
+    return np.stack([y[:, 1], -y[:, 0]], axis=1)
+
+
+def test_harmonic_oscillator():
+    ts = np.linspace(0, 50, 11)
+    states = integrate(oscillator, [[1.0], [0.0]], ts)
+    assert states.dtype == np.longdouble
+    exact = np.stack([np.cos(ONE * ts), -np.sin(ONE * ts)], axis=1)[..., None]
+    assert np.max(np.abs(states - exact)) < 3e-17
+
+
+def test_time_dependent_right_hand_side():
+    ts = np.array([0.5, 0.6, 2.0, 7.3])
+    states = integrate(lambda t, y: -3 * (y - np.cos(2 * t)), [[1.0, 2.0]], ts)
+    late = ONE * ts - ts[0]
+
+    def settled(t):
+        return 3 * (3 * np.cos(2 * t) + 2 * np.sin(2 * t)) / 13
+
+    start = settled(ONE * ts[0])
+    exact = settled(ONE * ts)[:, None, None] + np.exp(-3 * late)[:, None, None] * (
+        np.array([[1.0, 2.0]]) - start
+    )
+    assert np.max(np.abs(states - exact)) < 3e-18
+
+
+def test_nonlinear_growth_keeps_its_relative_accuracy():
+    ts = np.linspace(0, 0.99, 5)
+    states = integrate(lambda t, y: y * y, [1.0], ts)
+    exact = 1 / (1 - ONE * ts)
+    # Near the pole at t = 1 an error in the state grows with the square of the state.
+    assert np.max(np.abs(states[:, 0] / exact - 1) / exact) < 3e-18
+
+
+def test_stops_at_a_pole():
+    with pytest.raises(ArithmeticError, match="no step"):
+        integrate(lambda t, y: y * y, [1.0], [0.0, 1.5])
+
+
+def test_tolerance_is_what_the_error_follows():
+    ts = np.linspace(0, 10, 3)
+    errors = [
+        float(np.max(np.abs(integrate(oscillator, [[1.0], [0.0]], ts, rtol=rtol)[-1, 0] - exact)))
+        for exact in [np.cos(10 * ONE)]
+        for rtol in (1e-6, 1e-9, 1e-12)
+    ]
+    assert errors[0] > 10 * errors[1] > 100 * errors[2]
+    assert errors[0] < 1e-6
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_rope_of_two_nodes_along_gravity(dim):
+    """A mass on a spring that hangs from a pin: a harmonic oscillator about its lower rest."""
+    end = (0.0,) * (dim - 1) + (-4.0,)
+    gravity = (0.0,) * (dim - 1) + (-1.0,)
+    problem = Rope(
+        start=(0.0,) * dim,
+        end=end,
+        num_nodes=2,
+        node_mass=(1.0, 2.0),
+        stiffness=18.0,
+        gravity=gravity,
+        damping=0.0,
+    ).problem(frames=10)
+    states = rope_solution(problem)
+    # omega^2 = k/m = 9; the spring hangs lower by m g/k = 1/9.
+    exact = -4 - (1 - np.cos(3 * ONE * problem.ts)) / 9
+    assert np.max(np.abs(states[:, 0, -1, 1] - exact)) < 2e-17
+    assert np.max(np.abs(states[:, 1, -1, 1] + np.sin(3 * ONE * problem.ts) / 3)) < 1e-16
+    assert not np.any(states[:, :, :, 0])
+
+
+def test_rope_keeps_its_energy_and_momentum():
+    """Unequal masses, springs and velocities, no pins: nothing of the equations is left out."""
+    rope = Rope(
+        start=(1.0, 2.0, 3.0),
+        end=(5.0, 1.0, 0.0),
+        num_nodes=5,
+        node_mass=(1.0, 2.0, 0.5, 3.0, 0.25),
+        stiffness=(10.0, 20.0, 30.0, 5.0),
+        pinned=(),
+        damping=0.0,
+        initial_velocity=((1, 0, 0), (0, -2, 0), (0, 0, 1), (1, 1, 1), (0, -1, 3)),
+    )
+    problem = rope.problem(frames=5)
+    x, v = np.moveaxis(rope_solution(problem), 1, 0)
+    args = problem.args
+    length = np.sqrt(np.sum(np.diff(x) ** 2, axis=1))
+    energy = (
+        0.5 * np.sum(args.mass * v**2, axis=(1, 2))
+        + 0.5 * np.sum(args.stiffness * (length - args.rest_length) ** 2, axis=1)
+        - np.sum(args.mass * args.gravity * x, axis=(1, 2))
+    )
+    assert np.max(np.abs(energy - energy[0])) < 1e-16 * np.abs(energy[0])
+    momentum = np.sum(args.mass * v, axis=2)
+    fallen = np.sum(args.mass) * args.gravity[:, 0] * problem.ts[:, None]
+    np.testing.assert_allclose((momentum - momentum[0] - fallen).astype(np.float64), 0, atol=1e-15)
+
+
+def test_rope_damping_takes_momentum():
+    """Without pins and gravity, equal damping per mass stops the centre of mass exponentially."""
+    problem = Rope(
+        num_nodes=4,
+        pinned=(),
+        gravity=(0, 0),
+        node_mass=(1.0, 2.0, 4.0, 1.0),
+        damping=(0.5, 1.0, 2.0, 0.5),
+        initial_velocity=((3, 1), (0, 0), (-1, 2), (0, 5)),
+    ).problem(frames=4)
+    momentum = np.sum(problem.args.mass * rope_solution(problem)[:, 1], axis=2)
+    expected = momentum[0] * np.exp(-problem.ts / 2 * ONE)[:, None]
+    assert np.max(np.abs(momentum - expected)) < 1e-15
+
+
+def test_pins_hold_and_two_tolerances_agree():
+    problem = Rope(num_nodes=6, pinned=(0, 3), stiffness=50.0).problem(frames=10)
+    states = rope_solution(problem)
+    assert np.array_equal(states[-1, 0][:, [0, 3]], problem.y0[0][:, [0, 3]])
+    assert not np.any(states[:, 1][:, :, [0, 3]])
+    again = rope_solution(problem, rtol=3e-20)
+    sizes = rope_sizes(problem.args, problem.y0)
+    assert np.max(np.abs(states - again) / sizes) < 2e-17
+
+
+def test_rhs_takes_many_states_at_once():
+    problem = Rope(num_nodes=4).problem(frames=1)
+    rhs = rope_rhs(problem.args)
+    y = problem.y0 + np.random.default_rng(0).normal(size=(3, *problem.y0.shape))
+    together = rhs(np.zeros((3, 1, 1, 1)), y)
+    for i in range(3):
+        assert np.array_equal(together[i], rhs(np.zeros((1, 1, 1, 1)), y[i : i + 1])[0])
