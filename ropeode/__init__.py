@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ropeode.problems.problem import LinearDamping, Problem
     from ropeode.problems.rope import Rope
     from ropeode.references.reference import Reference, reference
+    from ropeode.render.formats import format_table
     from ropeode.simulation import Trajectory, simulate
     from ropeode.steppers.base import ProblemClass, Stepper, System
     from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
@@ -27,13 +28,14 @@ _MODULES = {
     "problems.problem": ("LinearDamping", "Problem"),
     "problems.rope": ("Rope",),
     "references.reference": ("Reference", "reference"),
+    "render.formats": ("format_table",),
     "simulation": ("Trajectory", "simulate"),
     "steppers.base": ("ProblemClass", "Stepper", "System"),
     "study.accuracy_table": ("AccuracyTable", "accuracy_table"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
-__all__ = [  # noqa: PLE0604 RUF022
+__all__ = [
     "AccuracyTable",
     "ErrorSeries",
     "InputError",
@@ -51,6 +53,7 @@ __all__ = [  # noqa: PLE0604 RUF022
     "UserCodeError",
     "accuracy_table",
     "error_series",
+    "format_table",
     "observed_order",
     "reference",
     "simulate",

@@ -66,9 +66,7 @@ class Trajectory:
 
 
 @in_float64
-def simulate(
-    problem: Problem, stepper: str | Stepper, steps_per_frame: int, *, dither: float = 0.0
-) -> Trajectory:
+def simulate(problem: Problem, stepper: str | Stepper, steps_per_frame: int) -> Trajectory:
     """Run a stepper over all frames of a problem.
 
     A run that leaves the finite numbers is not computed past the frame where it does.
@@ -77,9 +75,6 @@ def simulate(
         problem: what to solve.
         stepper: a stepper or its name with options.
         steps_per_frame: equal steps in each interval between sample times.
-        dither: each step's result is moved by up to this many units of relative rounding
-            (2^-53), up or down in a fixed irregular pattern; how far the trajectory moves
-            shows how much round-off it holds. 0 switches it off.
 
     Raises:
         InputError: the stepper does not exist or cannot run on this problem, or
@@ -95,12 +90,11 @@ def simulate(
         stepper,
         problem.rhs,
         mechanics,
-        dither != 0.0,
         *_abstract(problem.y0, problem.args, problem.frames),
     )
     started = time.perf_counter()
     frame, states = program.run(
-        problem.y0, problem.args, problem.ts, _frame_lengths(problem), steps, dither
+        problem.y0, problem.args, problem.ts, _frame_lengths(problem), steps
     )
     frame = int(frame)
     seconds = time.perf_counter() - started
@@ -115,7 +109,7 @@ def simulate(
         states=np.asarray(states)[:kept],
         status="ok" if finite else "diverged",
         diverged_at=None if finite else frame,
-        rhs_evaluations=program.calls_to_start + program.calls_per_step * steps * frame,
+        rhs_evaluations=program.calls(steps, frame),
         seconds=seconds,
         compile_seconds=program.take_compile_seconds(),
     )
@@ -153,10 +147,14 @@ def _abstract(y0: np.ndarray, args: Any, frames: int) -> tuple[Abstract, Any, tu
 class _Program:
     """A compiled driver loop for one stepper, right-hand side and set of shapes."""
 
-    def __init__(self, run: Callable, calls: tuple[int, int], compile_seconds: float):
+    def __init__(self, run: Callable, calls: tuple[int, int, int], compile_seconds: float):
         self.run = run
-        self.calls_to_start, self.calls_per_step = calls
+        self._to_start, self._per_step, self._per_sample = calls
         self._compile_seconds = compile_seconds
+
+    def calls(self, steps: int, frames: int) -> int:
+        """How often a run of so many frames evaluates the right-hand side."""
+        return self._to_start + (self._per_step * steps + self._per_sample) * frames
 
     def take_compile_seconds(self) -> float:
         """The seconds that compiling took; 0 for every later use of the program."""
@@ -169,7 +167,6 @@ def _program(
     stepper: Stepper,
     rhs: Callable,
     mechanics: Mechanics | None,
-    dithered: bool,
     y0: Abstract,
     args_tree: Any,
     args_leaves: tuple[Abstract, ...],
@@ -189,14 +186,15 @@ def _program(
     def system_of(args: Any) -> System:
         if mechanics is None:
             return System(counted(lambda t, y: rhs(t, y, args)))
-        acceleration = counted(lambda t, x, v: mechanics.acceleration(t, x, v, args))
+        every_force = mechanics.acceleration
+        acceleration = counted(lambda t, x, v: every_force(t, x, v, args))
         return System(
             lambda t, y: Phase(y.v, acceleration(t, y.x, y.v)),
             acceleration,
             mechanics.damping(args) if mechanics.damping else None,
         )
 
-    def run(y0: Any, args: Any, ts: Any, lengths: Any, steps: Any, dither: Any) -> Any:
+    def run(y0: Any, args: Any, ts: Any, lengths: Any, steps: Any) -> Any:
         system = system_of(args)
 
         def one_frame(loop: tuple) -> tuple:
@@ -204,10 +202,7 @@ def _program(
             dt = lengths[frame] / steps
 
             def one_step(i: Any, carried: Any) -> Any:
-                after = stepper.step(system, ts[frame] + i * dt, carried, dt)
-                if dithered:
-                    return _dither(after, carried, frame * steps + i, dither)
-                return after
+                return stepper.step(system, ts[frame] + i * dt, carried, dt)
 
             carried = jax.lax.fori_loop(0, steps, one_step, carried)
             y = stepper.state(system, ts[frame + 1], carried, dt)
@@ -246,6 +241,7 @@ def _program(
         start = Phase(half, half)
     to_start, carried = calls_of(stepper.init, start)
     per_step, _ = calls_of(stepper.step, carried)
+    per_sample, _ = calls_of(stepper.state, carried)
 
     compiled = (
         jax.jit(run)
@@ -255,36 +251,18 @@ def _program(
             jax.ShapeDtypeStruct((frames + 1,), np.float64),
             jax.ShapeDtypeStruct((frames,), np.float64),
             jax.ShapeDtypeStruct((), np.int64),
-            number,
         )
         .compile()
     )
 
     def call(*inputs: Any) -> Any:
-        *rest, steps, dither = inputs
-        return jax.block_until_ready(compiled(*rest, np.int64(steps), np.float64(dither)))
+        *rest, steps = inputs
+        return jax.block_until_ready(compiled(*rest, np.int64(steps)))
 
-    return _Program(call, (to_start, per_step), time.perf_counter() - started)
+    return _Program(call, (to_start, per_step, per_sample), time.perf_counter() - started)
 
 
 def _store(states: Any, index: Any, y: Any) -> Any:
     if isinstance(y, Phase):
         return states.at[index, 0].set(y.x).at[index, 1].set(y.v)
     return states.at[index].set(y)
-
-
-def _dither(after: Any, before: Any, step: Any, size: Any) -> Any:
-    """Move each number that the step changed by up to `size` units of rounding.
-
-    The pattern comes from a multiplicative hash of the step's and the component's number
-    (Knuth, The Art of Computer Programming 3, section 6.4), so that runs can be repeated.
-    """
-
-    def leaf(new: Any, old: Any) -> Any:
-        index = jnp.arange(new.size, dtype=jnp.uint32).reshape(new.shape)
-        mixed = (step.astype(jnp.uint32) * jnp.uint32(2654435769) + index) * jnp.uint32(2246822519)
-        mixed = (mixed ^ (mixed >> 15)) * jnp.uint32(3266489917)
-        unit = (mixed >> 8).astype(new.dtype) * 2.0**-23 - 1.0
-        return jnp.where(new == old, new, new * (1.0 + size * 2.0**-53 * unit))
-
-    return jax.tree.map(leaf, after, before)

@@ -58,8 +58,8 @@ def test_one_compilation_serves_all_step_counts_and_parameters():
     [
         ("explicit-euler", 60),
         ("semi-implicit-euler", 60),
-        ("stormer-verlet", 61),
-        ("stormer-verlet:start=rest", 60),
+        ("stormer-verlet", 64),
+        ("stormer-verlet:start=rest", 63),
         ("velocity-verlet", 61),
         ("rk4", 240),
     ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +29,9 @@ _ROUND_OFF_FACTOR = 30.0
 _LARGEST_RESIDUAL = 0.1
 # Bounds on 1/(ratio - 1) for ratios of step sizes that are very small or very large.
 _EXTRAPOLATION = (1.0, 3.0)
+# Three points that happen to lie on a line have no scatter and little bend; no slope is known
+# better than this.
+_LEAST_HALF_WIDTH = 0.01
 # A slope that cannot be told from one below this is not convergence of any use.
 _LEAST_ORDER = 0.5
 
@@ -82,7 +85,8 @@ def observed_order(
     The interval is Student's for the fitted slope, widened to hold what the local slopes at
     the fine end extrapolate to at dt = 0, give or take twice what is missing there: what is
     left of the pre-asymptotic part bends the points instead of scattering them, and of that
-    Student's interval knows nothing. See docs/table.md for how often it holds the order.
+    Student's interval knows nothing. It is never narrower than 0.01 to each side.
+    See docs/table.md for how often it holds the order.
 
     Arguments:
         dts: step sizes, different, above zero, in any order.
@@ -118,7 +122,7 @@ def observed_order(
     used = _asymptotic_range(np.log(dt[usable]), np.log(error[usable]))
     for i in usable[used:]:
         reasons[i] = PRE_ASYMPTOTIC
-    left_out = tuple(LeftOut(float(dt[i]), reasons[i]) for i in np.argsort(-dt) if reasons[i])
+    left_out = tuple(LeftOut(float(dt[i]), str(reasons[i])) for i in np.argsort(-dt) if reasons[i])
     kept = usable[:used]
 
     if used < FEWEST_POINTS:
@@ -166,8 +170,8 @@ def _asymptotic_range(log_dt: np.ndarray, log_error: np.ndarray) -> int:
 def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
     """The fitted slope and its interval; points from fine to coarse."""
     log_dt, log_error = np.log(dt), np.log(error)
-    fit = stats.linregress(log_dt, log_error)
-    student = stats.t.ppf(0.975, len(dt) - 2) * fit.stderr
+    fit: Any = stats.linregress(log_dt, log_error)
+    half = max(stats.t.ppf(0.975, len(dt) - 2) * fit.stderr, _LEAST_HALF_WIDTH)
     local = np.diff(log_error) / np.diff(log_dt)
     # Where local slopes approach the order like dt, what is still missing at the finest one
     # is its last change times 1/(ratio - 1).
@@ -177,6 +181,6 @@ def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
     )
     return (
         float(fit.slope),
-        float(min(fit.slope - student, local[0] - 2.0 * missing)),
-        float(max(fit.slope + student, local[0] + 2.0 * missing)),
+        float(min(fit.slope - half, local[0] - 2.0 * missing)),
+        float(max(fit.slope + half, local[0] + 2.0 * missing)),
     )

@@ -28,9 +28,11 @@ def in_other_units(problem: Problem) -> Problem:
     mechanics = problem.mechanics
     if mechanics is None:
         return Problem(_ScaledRhs(problem.rhs), problem.y0 * _RATIO, problem.ts, args, **more)
+    x0, v0 = problem.y0 * _RATIO
     return Problem.second_order(
         _ScaledAcceleration(mechanics.acceleration),
-        *(problem.y0 * _RATIO),
+        x0,
+        v0,
         problem.ts,
         args,
         damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ropeode.cli.options import given_values, table_options
-from ropeode.cli.running import interruptible, set_up_jax, show_progress
+from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.files import check_writable, write_whole
 
 # The names in ropeode.render.formats and the suffixes that stand for them; a test holds the
@@ -41,7 +41,7 @@ def table(spec: Path | None, form: str | None, out: str | None, **options: str |
     """
     path = check_writable("out", out) if out else None
     set_up_jax()
-    from ropeode.render.formats import FORMATS as WRITERS
+    from ropeode.render.formats import format_table
     from ropeode.study.spec import TableJob, read_spec
 
     values: dict[str, Any] = read_spec(spec) if spec else {}
@@ -53,9 +53,10 @@ def table(spec: Path | None, form: str | None, out: str | None, **options: str |
     suffixes = {suffix: name for name, suffix in FORMATS.items()}
     form = form or (suffixes.get(path.suffix, "text") if path else "text")
     with show_progress() as progress:
-        text = interruptible(lambda: WRITERS[form](job.run(progress)))
+        text = interruptible(lambda: format_table(job.run(progress), form))
     if path:
-        write_whole(path, text)
+        with not_interrupted():
+            write_whole(path, text)
     else:
         click.echo(text, nl=False)
 

@@ -10,9 +10,10 @@ from typing import Any
 import click
 
 from ropeode.cli.commands import spec, steppers, table
+from ropeode.cli.running import end_on_ctrl_c
 from ropeode.errors import InputError, RopeodeError, UserCodeError
 
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+BAD_INPUT, FAILED = 2, 1
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
@@ -31,6 +32,7 @@ for command in (table, spec, steppers):
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; user errors end in one line each and exit code 2."""
+    end_on_ctrl_c()
     given = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in given[:1]
     try:
@@ -52,8 +54,6 @@ def main(arguments: list[str] | None = None) -> None:
         _fail(BAD_INPUT, error.problems, debug)
     except RopeodeError as error:
         _fail(FAILED, [str(error)], debug)
-    except (KeyboardInterrupt, click.Abort):
-        _fail(INTERRUPTED, ["interrupted; nothing was written."], debug)
     except BrokenPipeError:
         # The reader (a pager, `head`) has gone; let nothing be flushed to it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

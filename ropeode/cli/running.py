@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -11,6 +13,32 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 _LOOK_EVERY_S = 0.1
+INTERRUPTED = 130
+_CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
+
+
+def end_on_ctrl_c() -> None:
+    """Let Ctrl-C end the process at once, with a word.
+
+    An exception would not do: extension modules swallow it while they are imported.
+    """
+
+    def end(*_: Any) -> None:
+        clear = _CLEAR_LINE_SHOW_CURSOR if sys.stderr.isatty() else ""
+        os.write(2, f"{clear}ropeode: interrupted; nothing was written.\n".encode())
+        os._exit(INTERRUPTED)
+
+    signal.signal(signal.SIGINT, end)
+
+
+@contextlib.contextmanager
+def not_interrupted() -> Iterator[None]:
+    """Hold Ctrl-C off for the moment that it takes to write a result."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def set_up_jax() -> None:

@@ -50,7 +50,7 @@ def forced(frames: int = 20, rate: float = 1.0, frequency: float = 1.0, y0: floa
     args = ForcedArgs(given.rate, given.frequency)
     return Problem(
         rhs,
-        [given.y0],
+        np.array([given.y0]),
         np.arange(given.frames + 1.0),
         args,
         name="forced",

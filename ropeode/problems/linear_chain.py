@@ -83,8 +83,8 @@ def linear_chain(
         mass=mass,
         stiffness=stiffness,
         damping=damping,
-        displacement=displacement,
-        velocity=velocity,
+        displacement=displacement,  # pyright: ignore[reportArgumentType]
+        velocity=velocity,  # pyright: ignore[reportArgumentType]
     )
     args = ChainArgs(given.mass, given.stiffness, given.damping)
     return Problem.second_order(

@@ -187,7 +187,7 @@ class Rope(Input):
         return velocity
 
     def problem(self, frames: int = 20) -> Problem:
-        """This rope as a `Problem`, sampled at times 0, 1, ..., `frames`.
+        """The rope as a `Problem`, sampled at times 0, 1, ..., `frames`.
 
         Raises:
             InputError: `frames` is not a whole number >= 1.

@@ -1,5 +1,7 @@
 """Adaptive diffrax solvers whose steps end on the sample times."""
 
+# Equinox modules declare fields that a wrapper gives as properties; pyright cannot see that.
+# pyright: reportAssignmentType=false, reportCallIssue=false
 from __future__ import annotations
 
 import functools
@@ -114,7 +116,7 @@ def solve(
     states = states[: finite_samples(states)]
     failure = None
     if len(states) < len(problem.ts):
-        reason = str(diffrax.RESULTS[result] or "").strip() or "the state is not finite"
+        reason = _reason(result, max_steps)
         failure = f"stopped after t = {problem.ts[max(len(states) - 1, 0)]:g}: {reason}"
     return Solution(
         solver=f"diffrax {solver}",
@@ -126,6 +128,15 @@ def solve(
         compile_seconds=compile_seconds if _program.cache_info().misses > before else 0.0,
         failure=failure,
     )
+
+
+def _reason(result: diffrax.RESULTS, max_steps: int) -> str:
+    """Why a run ended early, in words that do not speak of diffrax's own arguments."""
+    if result == diffrax.RESULTS.max_steps_reached:
+        return f"{max_steps} steps did not suffice"
+    if diffrax.is_successful(result):
+        return "the state is not finite"
+    return str(diffrax.RESULTS[result]).strip().split(". ")[0]
 
 
 @functools.lru_cache(maxsize=64)

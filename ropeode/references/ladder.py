@@ -93,6 +93,8 @@ def climb(
         progress: called with a few words before each run.
     """
     rungs = [first]
+    if len(first.states) < 2:
+        return rungs
     for rtol in tolerances:
         limit = int(_MOST_STEPS_PER_DIGIT * rungs[-1].steps) + 1000
         run = solve_primary(
@@ -115,7 +117,7 @@ def solve_independent(
             method.independent,
             like.rtol,
             like.rtol * problem.scale,
-            max_steps=10 * like.steps + 1000,
+            max_steps=min(10 * like.steps + 1000, step_budget(problem)),
         )
         if run.failure is None:
             break

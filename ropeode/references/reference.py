@@ -24,8 +24,8 @@ from ropeode.references.ladder import (
     Method,
     Progress,
     climb,
-    solve_independent,
     short_step,
+    solve_independent,
     solve_primary,
     step_budget,
 )
@@ -100,10 +100,10 @@ def reference(
     """Solve a problem so that the solution can be trusted, and say how far.
 
     The primary solver is diffrax Dopri8. It is run on a ladder of tolerances as far as
-    rounding lets it; the run before the tightest is the reference. That is held against its
-    neighbours on the ladder, against itself from a neighbouring initial state and with steps
-    that are too short to miss much, and against SciPy's DOP853. If the explicit solver needs too many steps the problem counts as stiff,
-    and the solvers are diffrax Kvaerno5 and SciPy's Radau.
+    rounding lets it; the run before the tightest is the reference. That is held against the
+    other rungs, against itself from a neighbouring initial state and with steps too short to
+    miss much, and against SciPy's DOP853. If the explicit solver needs too many steps the
+    problem counts as stiff, and the solvers are diffrax Kvaerno5 and SciPy's Radau.
 
     Arguments:
         problem: what to solve.
@@ -136,11 +136,11 @@ def reference(
     primary_index = len(rungs) - 2 if rtol is None else 2
     if not 0 < primary_index < len(rungs) - 1 or len(rungs[primary_index].states) < 2:
         last = rungs[-1]
-        why = last.failure or "rounding drowns its error estimate at tighter tolerances"
+        why = last.failure or "is the tightest run that rounding allows; three are needed"
         raise ReferenceRefused(
-            f"no reference for {problem.name!r}: three tolerances are needed, and {last.solver} "
-            f"got no further than {last.rtol:.0e} ({why}). Start where the right-hand side is "
-            "smooth, declare its jump times, or ask for a looser rtol."
+            f"no reference for {problem.name!r}: {last.solver} at rtol {last.rtol:.0e} "
+            f"{why}. Start where the right-hand side is smooth, declare its jump times, sample "
+            "earlier, or ask for a looser rtol."
         )
     primary = rungs[primary_index]
     looser, tighter = rungs[:primary_index], rungs[primary_index + 1 :]
@@ -244,9 +244,15 @@ def _ladder(
 
 
 def _neighbour(y0: np.ndarray) -> np.ndarray:
-    """`y0` with each component moved by one unit of rounding, up or down at random."""
+    """`y0` with each component moved by one unit of rounding, up or down at random.
+
+    Zeros stay, since a node at rest or pinned would begin to drift; but where all are zero,
+    all are moved: a solution that is not unique must not be held against itself.
+    """
     up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
     moved = np.nextafter(y0, np.where(up, np.inf, -np.inf))
+    if not np.any(y0):
+        return np.where(up, 1.0, -1.0) * np.finfo(np.float64).eps
     return np.where(y0 == 0.0, 0.0, moved)
 
 

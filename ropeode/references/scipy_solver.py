@@ -17,7 +17,7 @@ from ropeode.references.solution import Solution, finite_samples
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
 
-SOLVERS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau}
+SOLVERS: dict[str, Callable[..., OdeSolver]] = {"DOP853": DOP853, "Radau": Radau}
 
 
 @in_float64

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 from ropeode.analysis.order import ObservedOrder
-from ropeode.references.reference import Reference
+from ropeode.problems.rope import Rope
 from ropeode.study.accuracy_table import AccuracyTable, Row
 
 RUN_HEADERS = (
@@ -29,10 +32,24 @@ def problem_words(table: AccuracyTable) -> str:
     words = [problem.name]
     if parameters.get("kind") == "rope":
         words.append(f"{parameters['num_nodes']} nodes")
-        damping = parameters["damping"]
-        words.append(f"damping {damping:g}" if isinstance(damping, float) else "damping by node")
+        words.append(_parameter_words("damping", parameters["damping"]))
     words.append(f"{problem.frames} frames")
+    if parameters.get("kind") == "rope":
+        usual = Rope().model_dump(mode="json")
+        words += [
+            _parameter_words(name, parameters[name])
+            for name in usual
+            if name not in ("num_nodes", "damping") and parameters[name] != usual[name]
+        ]
     return ", ".join(words)
+
+
+def _parameter_words(name: str, value: Any) -> str:
+    """A parameter with its value; many values are only said to be there."""
+    words = name.replace("_", " ")
+    if isinstance(value, float):
+        return f"{words} {value:g}"
+    return f"{words} {json.dumps(value)}" if len(value) <= 3 else f"{words} of each its own"
 
 
 def error_words(table: AccuracyTable) -> str:
@@ -95,11 +112,15 @@ def left_out_words(table: AccuracyTable, stepper: str, order: ObservedOrder) -> 
     return "; ".join(f"{reason}: {', '.join(each)}" for reason, each in by_reason.items())
 
 
-def reference_words(reference: Reference) -> str:
-    """What the errors rest on."""
+def reference_words(table: AccuracyTable) -> str:
+    """What the errors rest on, in the quantity that they are of."""
+    reference, quantity = table.reference, table.norm.quantity
     made = reference.certificate
     independent = [w for w in made.witnesses if w.role == "independent"]
-    agreeing = ", ".join(f"{w.solver} agrees to {w.difference:.1e}" for w in independent)
+    inside = slice(reference.trusted)
+    agreeing = ", ".join(
+        f"{w.solver} agrees to {max(w.differences[quantity][inside]):.1e}" for w in independent
+    )
     trust = (
         "trusted to the end"
         if reference.horizon is None
@@ -107,7 +128,7 @@ def reference_words(reference: Reference) -> str:
     )
     return (
         f"Reference: {made.solver} at rtol {made.rtol:.0e}, estimated bound "
-        f"{reference.bound()[-1]:.1e}; {agreeing}; {trust}."
+        f"{reference.bound(table.norm)[-1]:.1e}; {agreeing}; {trust}."
     )
 
 

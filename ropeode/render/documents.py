@@ -17,7 +17,7 @@ _PAGE = """<!DOCTYPE html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
 <style>
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 60rem; padding: 0 1rem }}
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 60rem }}
 table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }}
 th, td {{ padding: 0.2rem 0.8rem; border-bottom: 1px solid #ccc }}
 thead th {{ border-bottom: 2px solid #444 }}
@@ -103,7 +103,7 @@ def _document(
             grid(("stepper", *cells.RUN_HEADERS), runs, left={0}),
             paragraph(f"Observed orders ({cells.RUN_HEADERS[2]}, as dt goes to 0):"),
             grid((*cells.ORDER_HEADERS, "left out"), orders, left={0, 5, 6}),
-            paragraph(cells.reference_words(table.reference)) + "\n",
+            paragraph(cells.reference_words(table)) + "\n",
         ]
     )
 

@@ -36,7 +36,7 @@ def as_text(table: AccuracyTable) -> str:
             f"Observed orders ({cells.RUN_HEADERS[2]}, as dt goes to 0)",
             *(line for each in table.orders for line in _order(table, each)),
             "",
-            *_wrapped(cells.reference_words(table.reference)),
+            *_wrapped(cells.reference_words(table)),
             "",
         ]
     )

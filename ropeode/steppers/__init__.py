@@ -23,7 +23,7 @@ def options(stepper: type[Stepper]) -> dict[str, tuple[str, ...]]:
     hints = get_type_hints(stepper)
     return {
         option.name: (
-            option.default,
+            str(option.default),
             *(choice for choice in get_args(hints[option.name]) if choice != option.default),
         )
         for option in dataclasses.fields(stepper)

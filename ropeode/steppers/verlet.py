@@ -72,13 +72,15 @@ class StormerVerlet(Stepper):
         rate, coefficient = system.damping
         a = system.undamped_acceleration(t, x.now)
         moved = x.now - x.before
+        # The small terms are added up before they meet x: each sum with x itself is rounded to
+        # a unit of x, and in much the same way at every step, so that it does not average out.
         if self.damping == "centered":
             half = rate * dt / 2
             after = x.now + ((1 - half) * moved + dt**2 * a) / (1 + half)
         elif self.damping == "lagged":
-            after = x.now + (1 - rate * dt) * moved + dt**2 * a
+            after = x.now + ((1 - rate * dt) * moved + dt**2 * a)
         else:
-            after = x.now + (1 - coefficient) * moved + dt**2 * a
+            after = x.now + ((1 - coefficient) * moved + dt**2 * a)
         return TwoPositions(after, x.now)
 
     def state(self, system: System, t: Any, x: TwoPositions, dt: Any) -> Phase:

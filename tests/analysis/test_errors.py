@@ -57,7 +57,9 @@ def test_only_the_unresolved_summaries_are_missing(known):
 
 
 def test_samples_past_the_horizon_are_not_judged(known):
-    short = dataclasses.replace(known, certificate=dataclasses.replace(known.certificate, trusted=4))
+    short = dataclasses.replace(
+        known, certificate=dataclasses.replace(known.certificate, trusted=4)
+    )
     series = error_series(moved(known, [0, 1, 2, 3, 100, 100, 100]), short)
     assert series.max == pytest.approx(3.0)
     assert series.final == pytest.approx(3.0)

@@ -65,7 +65,7 @@ def test_round_off_at_the_finest_steps():
     assert found.observed == pytest.approx(2, abs=0.02)
     left = reasons(found)
     assert set(left.values()) == {ROUND_OFF}
-    assert set(left) == set(DTS[DTS**2 < 29 * noise])
+    assert set(left) == set(DTS[29 * noise > DTS**2])
 
 
 def test_without_evidence_of_round_off_a_rise_is_no_convergence():

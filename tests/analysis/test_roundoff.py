@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from ropeode.analysis.roundoff import in_other_units, round_off
-from ropeode.norms import norm_for
+from ropeode.norms import distance, norm_for
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.reference import reference
 from ropeode.render.stepper_list import variants
 from ropeode.simulation import simulate
 from ropeode.steppers import STEPPERS
+from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers.verlet import StormerVerlet, TwoPositions
 
+LAGGED = "stormer-verlet:damping=lagged"
 VARIANTS = [each for cls in STEPPERS.values() for each in variants(cls)]
 
 
@@ -22,7 +28,7 @@ def test_other_units_change_nothing_but_rounding(stepper):
     problem = Rope(
         num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.2, initial_velocity=(1, -1)
     ).problem(frames=3)
-    run = simulate(problem, stepper, 10)
+    run = simulate(problem, stepper, 50)
     found = round_off(run, in_other_units(problem), 4, norm_for(problem))
     assert 0 < found < 1e-10
 
@@ -48,14 +54,44 @@ def test_against_a_run_without_round_off(steps):
     assert found < 100 * true
 
 
-def test_repeating_errors_are_seen():
-    # (1 - r dt)(x - x_before) rounds almost alike in each step; noise that is added to the
-    # steps does not show it. The excess over order 1 at the finest step is the round-off.
+@dataclasses.dataclass(frozen=True)
+class Ungrouped(StormerVerlet):
+    """Lagged damping, summed from left to right: dt^2 a is rounded to a unit of x itself."""
+
+    def step(self, system, t, x, dt):
+        a = system.undamped_acceleration(t, x.now)
+        moved = x.now - x.before
+        return TwoPositions(x.now + (1 - system.damping.rate * dt) * moved + dt**2 * a, x.now)
+
+
+def test_errors_that_repeat_from_step_to_step_are_seen():
+    # Noise that is added to the steps does not show these: they do not average out.
     problem = Rope().problem(frames=20)
-    runs = {n: simulate(problem, "stormer-verlet:damping=lagged", n) for n in (2048, 4096, 16384)}
-    best = simulate(problem, "velocity-verlet", 4096).positions[-1]
-    wrong = {n: np.max(np.abs(run.positions[-1] - best)) for n, run in runs.items()}
-    excess = abs(wrong[16384] - wrong[2048] / 8)
-    assert excess > 5e-6
-    found = round_off(runs[16384], in_other_units(problem), 21, norm_for(problem))
-    assert excess < 30 * found
+    grouped, ungrouped = (
+        simulate(problem, stepper, 16384) for stepper in (stepper_named(LAGGED), Ungrouped())
+    )
+    norm = norm_for(problem)
+    rescaled = in_other_units(problem)
+    apart = float(np.max(distance(problem, norm, grouped.states, ungrouped.states)))
+    assert apart > 5e-6
+    assert apart < 30 * round_off(ungrouped, rescaled, 21, norm)
+    assert round_off(grouped, rescaled, 21, norm) < apart / 5
+
+
+@pytest.mark.parametrize("label", [LAGGED, "stormer-verlet", "velocity-verlet"])
+def test_excess_over_the_order_is_explained(label):
+    problem = Rope().problem(frames=20)
+    norm = norm_for(problem)
+    known = reference(problem)
+    order = 1 if label == LAGGED else 2
+    error, noise = {}, {}
+    for steps in (256, 512, 8192):
+        run = simulate(problem, label, steps)
+        error[steps] = distance(problem, norm, run.states, known.states)[-1]
+        noise[steps] = round_off(run, in_other_units(problem), 21, norm)
+    constant, bend = np.linalg.solve(
+        [[256.0**-order, 256.0 ** -(order + 1)], [512.0**-order, 512.0 ** -(order + 1)]],
+        [error[256], error[512]],
+    )
+    expected = constant * 8192.0**-order + bend * 8192.0 ** -(order + 1)
+    assert abs(error[8192] - expected) < 30 * noise[8192] + 1e-3 * expected

@@ -95,9 +95,15 @@ def test_second_order_layouts():
         problem = Problem.second_order(lambda t, x, v, args: -x, x0, np.zeros_like(x0), [0, 1, 2])
         assert problem.y0.shape == (2, *np.shape(x0))
         states = np.stack([problem.y0] * 3)
-        assert problem.positions(states).shape == problem.velocities(states).shape == (3, nodes, dim)
+        assert (
+            problem.positions(states).shape == problem.velocities(states).shape == (3, nodes, dim)
+        )
     turned = Problem.second_order(
-        lambda t, x, v, args: -x, np.arange(6.0).reshape(2, 3), np.zeros((2, 3)), [0, 1], node_axis=1
+        lambda t, x, v, args: -x,
+        np.arange(6.0).reshape(2, 3),
+        np.zeros((2, 3)),
+        [0, 1],
+        node_axis=1,
     )
     assert turned.positions(turned.y0[None])[0].tolist() == [[0, 3], [1, 4], [2, 5]]
 

@@ -30,7 +30,9 @@ def test_positional_and_array_arguments():
     rope = Rope((0, 0), (1, 0), 3, np.array([1.0, 2.0, 3.0]), jnp.array([5.0, 6.0]))
     assert rope.node_mass == (1.0, 2.0, 3.0)
     assert rope.stiffness == (5.0, 6.0)
-    assert rope == Rope(start=[0, 0], end=[1, 0], num_nodes=3, node_mass=[1, 2, 3], stiffness=[5, 6])
+    assert rope == Rope(
+        start=[0, 0], end=[1, 0], num_nodes=3, node_mass=[1, 2, 3], stiffness=[5, 6]
+    )
     with pytest.raises(InputError, match="at most 9"):
         Rope(*range(10))
 

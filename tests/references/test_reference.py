@@ -220,3 +220,19 @@ def test_trajectory_shapes(small_rope):
     assert known.bound(norm_for(small_rope, "velocity-rms")).shape == (4,)
     with pytest.raises(dataclasses.FrozenInstanceError):
         known.states = None
+
+
+def test_a_solution_that_is_not_unique_is_refused():
+    problem = Problem(lambda t, y, args: jnp.sqrt(jnp.abs(y)), [0.0], [0.0, 1.0, 2.0])
+    with pytest.raises(ReferenceRefused):
+        reference(problem)
+
+
+def test_hopeless_problems_are_given_up_soon():
+    import time
+
+    started = time.perf_counter()
+    problem = Problem(lambda t, y, args: -jnp.sign(y), [0.3], [0.0, 1.0, 2.0], name="sign")
+    with pytest.raises(ReferenceRefused, match="no reference for 'sign'"):
+        reference(problem)
+    assert time.perf_counter() - started < 120

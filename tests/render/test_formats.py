@@ -43,7 +43,10 @@ def tables():
         ),
         # The reference ends before the frames do.
         "cut": accuracy_table(
-            Rope(num_nodes=4, damping=0.0).problem(frames=6), ["rk4"], (40, 60, 90), rtol=1e-6,
+            Rope(num_nodes=4, damping=0.0).problem(frames=6),
+            ["rk4"],
+            (40, 60, 90),
+            rtol=1e-6,
             accuracy=3e-4,
         ),
     }

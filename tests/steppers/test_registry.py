@@ -37,7 +37,9 @@ def test_declared_facts(cls):
     assert cls.source
     assert "Source:" in (cls.__doc__ or "")
     assert dataclasses.is_dataclass(cls)
-    assert all(default == choices[0] for choices in options(cls).values() for default in choices[:1])
+    assert all(
+        default == choices[0] for choices in options(cls).values() for default in choices[:1]
+    )
     for damped in (False, True):
         for at_rest in (False, True):
             assert cls().order(ProblemClass(damped, at_rest)) >= 1

@@ -1,0 +1,80 @@
+"""The command line as whole processes: time and memory.
+
+    python benchmarks/cli.py [--repeats R] [--memory]
+
+`--memory` adds a table and a simulation of a rope of 4096 nodes over 1000 frames; that takes
+minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+from tabulate import tabulate
+
+RUN = [sys.executable, "-m", "ropeode"]
+LARGE = ["--num-nodes", "4096", "--frames", "1000"]
+SIMULATE = (
+    "import ropeode; run = ropeode.simulate("
+    "ropeode.Rope(num_nodes=4096).problem(frames=1000), 'semi-implicit-euler', 16);"
+    "assert run.positions.shape == (1001, 4096, 2), run.positions.shape"
+)
+
+
+def timed(command: list[str], cache: str) -> tuple[float, float]:
+    """Seconds and peak memory in MiB of a whole process."""
+    started = time.perf_counter()
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, env={**os.environ, "XDG_CACHE_HOME": cache}
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    seconds = time.perf_counter() - started
+    assert os.waitstatus_to_exitcode(status) == 0, command
+    return seconds, usage.ru_maxrss / 1024
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--memory", action="store_true")
+    given = parser.parse_args()
+
+    rows = []
+
+    def measure(name: str, command: list[str], *, cold: bool = False, repeats: int) -> None:
+        with tempfile.TemporaryDirectory() as warm:
+            if not cold:
+                timed(command, warm)
+            found = []
+            for _ in range(repeats):
+                with tempfile.TemporaryDirectory() as empty:
+                    found.append(timed(command, empty if cold else warm))
+        seconds = sorted(s for s, _ in found)
+        rows.append(
+            (name, f"{statistics.median(seconds):.2f}", f"{seconds[0]:.2f}-{seconds[-1]:.2f}",
+             f"{max(m for _, m in found):.0f}")
+        )  # fmt: skip
+
+    measure("python -c pass", [sys.executable, "-c", "pass"], repeats=given.repeats)
+    measure("import jax", [sys.executable, "-c", "import jax"], repeats=given.repeats)
+    measure("ropeode --help", [*RUN, "--help"], repeats=given.repeats)
+    measure("ropeode table --help", [*RUN, "table", "--help"], repeats=given.repeats)
+    measure("ropeode table, cold", [*RUN, "table"], cold=True, repeats=given.repeats)
+    measure("ropeode table, warm", [*RUN, "table"], repeats=given.repeats)
+    if given.memory:
+        measure("simulate 4096 x 1000", [sys.executable, "-c", SIMULATE], cold=True, repeats=1)
+        large = [*RUN, "table", *LARGE, "--steppers", "semi-implicit-euler", "--steps", "16,24,36"]
+        measure("table 4096 x 1000", large, cold=True, repeats=1)
+    print(
+        tabulate(rows, headers=("command", "seconds", "min-max", "peak MiB"), disable_numparse=True)
+    )
+
+
+if __name__ == "__main__":
+    main()
