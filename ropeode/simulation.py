@@ -96,7 +96,7 @@ def simulate(problem: Problem, stepper: str | Stepper, steps_per_frame: int) -> 
     frame, states = program.run(
         problem.y0, problem.args, problem.ts, _frame_lengths(problem), steps
     )
-    frame = int(frame)
+    frame, states = int(frame), np.asarray(states)
     seconds = time.perf_counter() - started
 
     finite = bool(np.all(np.isfinite(states[frame])))
@@ -106,7 +106,7 @@ def simulate(problem: Problem, stepper: str | Stepper, steps_per_frame: int) -> 
         stepper=stepper,
         steps_per_frame=steps,
         times=problem.ts[:kept],
-        states=np.asarray(states)[:kept],
+        states=states[:kept],
         status="ok" if finite else "diverged",
         diverged_at=None if finite else frame,
         rhs_evaluations=program.calls(steps, frame),
@@ -177,9 +177,11 @@ def _program(
     calls = [0]
 
     def counted(function: Callable) -> Callable:
-        def call(*inputs: Any) -> Any:
+        def call(t: Any, *state: Any) -> Any:
             calls[0] += 1
-            return function(*inputs)
+            # The state is stored before it is read: XLA would compute a Runge-Kutta stage again
+            # in each place of the right-hand side that reads it.
+            return function(t, *jax.lax.optimization_barrier(state))
 
         return call
 
@@ -206,9 +208,9 @@ def _program(
 
             carried = jax.lax.fori_loop(0, steps, one_step, carried)
             y = stepper.state(system, ts[frame + 1], carried, dt)
-            states = _store(states, frame + 1, y)
-            finite = jnp.all(jnp.isfinite(states[frame + 1]))
-            return frame + 1, carried, states, finite
+            y = jnp.stack(y) if isinstance(y, Phase) else y
+            states = jax.lax.dynamic_update_index_in_dim(states, y, frame + 1, 0)
+            return frame + 1, carried, states, jnp.all(jnp.isfinite(y))
 
         def more(loop: tuple) -> Any:
             frame, _, _, finite = loop
@@ -260,9 +262,3 @@ def _program(
         return jax.block_until_ready(compiled(*rest, np.int64(steps)))
 
     return _Program(call, (to_start, per_step, per_sample), time.perf_counter() - started)
-
-
-def _store(states: Any, index: Any, y: Any) -> Any:
-    if isinstance(y, Phase):
-        return states.at[index, 0].set(y.x).at[index, 1].set(y.v)
-    return states.at[index].set(y)

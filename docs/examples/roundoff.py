@@ -6,8 +6,10 @@
 The default rope is solved by Störmer-Verlet in NumPy, in three forms:
 
     centered   x + ((1 - h) (x - x_before) + dt^2 a) / (1 + h),  h = r dt/2
-    lagged     (x + (1 - r dt) (x - x_before)) + dt^2 a,         added from left to right
-    grouped    x + ((1 - r dt) (x - x_before) + dt^2 a),         the same, added otherwise
+    lagged     x + ((1 - r dt) (x - x_before) + dt^2 a),         the small terms first
+    ungrouped  (x + (1 - r dt) (x - x_before)) + dt^2 a,         the same, from left to right
+
+The first two are those of the package's stepper.
 
 Each form runs in extended precision, which gives its true round-off; in other units of
 length; and with noise of half a unit of rounding on the result of each step. The figures in
@@ -30,8 +32,8 @@ FORMS: dict[str, Callable] = {
     "centered": lambda x, moved, r, dt, a: (
         x + ((1 - r * dt / 2) * moved + dt**2 * a) / (1 + r * dt / 2)
     ),
-    "lagged": lambda x, moved, r, dt, a: x + (1 - r * dt) * moved + dt**2 * a,
-    "grouped": lambda x, moved, r, dt, a: x + ((1 - r * dt) * moved + dt**2 * a),
+    "lagged": lambda x, moved, r, dt, a: x + ((1 - r * dt) * moved + dt**2 * a),
+    "ungrouped": lambda x, moved, r, dt, a: x + (1 - r * dt) * moved + dt**2 * a,
 }
 
 

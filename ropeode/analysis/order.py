@@ -19,6 +19,7 @@ UNSTABLE = "unstable"
 UNRESOLVED = "below the reference's bound"
 ROUND_OFF = "round-off"
 PRE_ASYMPTOTIC = "pre-asymptotic"
+TOO_FEW = "too few to fit"
 
 FEWEST_POINTS = 3
 # Where an error is larger than this many times the motion itself, the run has blown up.
@@ -121,7 +122,7 @@ def observed_order(
     usable = [i for i in np.argsort(dt) if not reasons[i]]
     used = _asymptotic_range(np.log(dt[usable]), np.log(error[usable]))
     for i in usable[used:]:
-        reasons[i] = PRE_ASYMPTOTIC
+        reasons[i] = PRE_ASYMPTOTIC if len(usable) >= FEWEST_POINTS else TOO_FEW
     left_out = tuple(LeftOut(float(dt[i]), str(reasons[i])) for i in np.argsort(-dt) if reasons[i])
     kept = usable[:used]
 

@@ -246,7 +246,9 @@ def acceleration(t: Any, x: Any, v: Any, args: RopeArgs) -> Any:
     """
     del t
     pull = _tension_per_length(x, args)[1] * (x[:, 1:] - x[:, :-1])
-    force = jnp.pad(pull, ((0, 0), (0, 1))) - jnp.pad(pull, ((0, 0), (1, 0)))
+    # Padded once at both ends: XLA would compute `pull` again for a second padded copy of it.
+    pull = jnp.pad(pull, ((0, 0), (1, 1)))
+    force = pull[:, 1:] - pull[:, :-1]
     return ((force - args.damping * v) / args.mass + args.gravity) * args.free
 
 
@@ -254,13 +256,13 @@ def _tension_per_length(x: Any, args: RopeArgs) -> tuple[Any, Any]:
     """The length of each spring, and its tension over its length.
 
     A spring pulls node a towards node b with ``k (|b - a| - l) (b - a)/|b - a|``. At length
-    zero that has no direction, and the force is defined to be zero; the inner `where` keeps
-    its derivative finite there as well.
+    zero that has no direction; the quotient ``l/|b - a|`` is taken as zero there, which
+    leaves ``k (b - a)``: no force, and finite derivatives.
     """
     stretch = x[:, 1:] - x[:, :-1]
     squared = jnp.sum(stretch * stretch, axis=0)
-    length = jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
-    factor = jnp.where(squared > 0, args.stiffness * (1.0 - args.rest_length / length), 0.0)
+    length = jnp.sqrt(jnp.where(squared > 0, squared, jnp.inf))
+    factor = args.stiffness * (1.0 - args.rest_length / length)
     return jnp.where(squared > 0, length, 0.0), factor
 
 

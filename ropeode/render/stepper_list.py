@@ -9,7 +9,7 @@ from tabulate import tabulate
 from ropeode.steppers import STEPPERS, options
 from ropeode.steppers.base import ProblemClass, Stepper
 
-HEADERS = ("stepper", "undamped", "damped", "moving start", "symplectic")
+HEADERS = ("stepper", "order", "damped", "moving", "symplectic")
 
 
 def variants(cls: type[Stepper]) -> list[Stepper]:
@@ -40,10 +40,11 @@ def as_text() -> str:
     ]
     return "\n".join(
         [
-            tabulate(rows, headers=HEADERS, tablefmt="simple", disable_numparse=True),
+            tabulate([HEADERS, *rows], tablefmt="plain", disable_numparse=True),
             "",
-            "Orders of convergence declared; 0: it converges to another solution. Symplectic is",
-            "meant for problems without damping.",
+            "Declared orders of convergence: undamped and at rest at the start; damped;",
+            "damped and moving at the start. 0: it converges to another solution.",
+            "Symplectic: on problems without damping.",
             "",
             *notes,
             "",

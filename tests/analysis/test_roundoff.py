@@ -28,9 +28,9 @@ def test_other_units_change_nothing_but_rounding(stepper):
     problem = Rope(
         num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.2, initial_velocity=(1, -1)
     ).problem(frames=3)
-    run = simulate(problem, stepper, 50)
+    run = simulate(problem, stepper, 400)
     found = round_off(run, in_other_units(problem), 4, norm_for(problem))
-    assert 0 < found < 1e-10
+    assert 0 < found < 1e-8
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
