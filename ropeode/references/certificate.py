@@ -32,7 +32,7 @@ class Witness:
         role: `tighter` or `looser` runs of the primary solver; an `independent` solver; a
             `neighbour` is the primary solver started one unit of rounding away; one with
             `short steps` may not step over what lasts longer than 1/32 of a frame.
-        steps: steps that it tried.
+        steps: that it made (rejected ones count with diffrax, not with SciPy).
         seconds: that it took, without compiling.
         differences: its distance from the reference at each sample, for each quantity.
         difference: the largest of the first quantity inside the horizon.

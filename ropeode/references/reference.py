@@ -36,6 +36,8 @@ TIGHTEST_RTOL = 1e-14
 SMALLEST_RTOL = 1e-13
 LARGEST_RTOL = 1e-3
 RELATIVE_ACCURACY = 1e-8
+# Of the initial state's scale; what hardly moves cannot be known to 1e-8 of its motion.
+_FINEST_ACCURACY = 1e-12
 _PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
 
 
@@ -136,7 +138,7 @@ def reference(
     primary_index = len(rungs) - 2 if rtol is None else 2
     if not 0 < primary_index < len(rungs) - 1 or len(rungs[primary_index].states) < 2:
         last = rungs[-1]
-        why = last.failure or "is the tightest run that rounding allows; three are needed"
+        why = last.failure or "is the tightest run that gains anything; three rungs are needed"
         raise ReferenceRefused(
             f"no reference for {problem.name!r}: {last.solver} at rtol {last.rtol:.0e} "
             f"{why}. Start where the right-hand side is smooth, declare its jump times, sample "
@@ -144,7 +146,7 @@ def reference(
         )
     primary = rungs[primary_index]
     looser, tighter = rungs[:primary_index], rungs[primary_index + 1 :]
-    neighbour = solve_primary(problem, method, primary.rtol, progress, y0=_neighbour(problem.y0))
+    neighbour = solve_primary(problem, method, primary.rtol, progress, y0=_neighbour(problem))
     patient = solve_primary(
         problem,
         method,
@@ -168,7 +170,10 @@ def reference(
     bound = estimated[problem.quantities[0]]
     if accuracy is None:
         relative = max(RELATIVE_ACCURACY, 1e4 * rtol if rtol else 0.0)
-        accuracy = relative * _motion_while_known(problem, primary.states, bound)
+        accuracy = max(
+            relative * _motion_while_known(problem, primary.states, bound),
+            _FINEST_ACCURACY * problem.scale,
+        )
     trusted, reason = trusted_samples(
         problem, rungs, bound, neighbouring.differences[problem.quantities[0]], accuracy
     )
@@ -205,14 +210,20 @@ def reference(
     )
 
 
-def motion(problem: Problem, states: np.ndarray) -> np.ndarray:
+def motion(problem: Problem, states: np.ndarray, norm: Norm | None = None) -> np.ndarray:
     """How far any node (or component) has got from where it started, up to each sample.
 
     This is the size against which an error is large or small; unlike the size of the state
     it does not change when the whole problem is moved. At least 1e-8 of the state's scale.
+
+    Arguments:
+        problem: whose motion it is.
+        states: ``(times, *state)``.
+        norm: by default the problem's first.
     """
     start = np.broadcast_to(problem.y0, states.shape)
-    farthest = np.maximum.accumulate(distance(problem, norm_for(problem), states, start))
+    apart = distance(problem, norm or norm_for(problem), states, start)
+    farthest = np.maximum.accumulate(apart)
     return np.maximum(farthest, 1e-8 * problem.scale)
 
 
@@ -243,17 +254,19 @@ def _ladder(
     return method, climb(problem, method, first, tolerances(method)[1:], progress)
 
 
-def _neighbour(y0: np.ndarray) -> np.ndarray:
-    """`y0` with each component moved by one unit of rounding, up or down at random.
+def _neighbour(problem: Problem) -> np.ndarray:
+    """The initial state with each component moved by one unit of rounding, up or down.
 
-    Zeros stay, since a node at rest or pinned would begin to drift; but where all are zero,
-    all are moved: a solution that is not unique must not be held against itself.
+    Zeros are moved up, by a unit of rounding of the largest component: a solution that is
+    not unique must not be held against itself. But in a mechanical problem they stay, since
+    a node that is pinned or at rest would begin to drift, unless all are zero.
     """
+    y0 = problem.y0
     up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
     moved = np.nextafter(y0, np.where(up, np.inf, -np.inf))
-    if not np.any(y0):
-        return np.where(up, 1.0, -1.0) * np.finfo(np.float64).eps
-    return np.where(y0 == 0.0, 0.0, moved)
+    stays = problem.mechanics is not None and np.any(y0)
+    from_zero = 0.0 if stays else np.finfo(np.float64).eps * problem.scale
+    return np.where(y0 == 0.0, from_zero, moved)
 
 
 def _inside(w: Witness, problem: Problem, trusted: int) -> Witness:

@@ -16,7 +16,7 @@ class Solution:
         rtol: relative tolerance.
         atol: absolute tolerance, in the units of the state.
         states: ``(times, *state)`` at the sample times that were reached, none interpolated.
-        steps: steps tried.
+        steps: made (rejected ones count with diffrax, not with SciPy).
         seconds: to run.
         compile_seconds: to compile; 0 if that had been done before.
         failure: why it did not reach the last sample time; None if it did.

@@ -138,7 +138,7 @@ def accuracy_table(
     if refusals := [refusal for each in chosen if (refusal := each.refusal(problem))]:
         raise InputError(refusals)
     reference = make_reference(problem, accuracy, rtol, progress=lambda text: progress(text, 0.0))
-    size = float(motion(problem, reference.states)[reference.trusted - 1])
+    size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
 
     # Each run is made twice; the second time in other units, to find its round-off.
     rescaled = in_other_units(problem)

@@ -119,6 +119,19 @@ def test_every_exact_solution_is_tested():
 
 
 @pytest.mark.parametrize("name", EXACT)
+@settings(deadline=None, max_examples=10)
+@given(data=st.data(), t=st.floats(0, 9))
+def test_the_problem_is_the_equation(name, data, t):
+    problem = PROBLEMS[name](**data.draw(PARAMETERS[name]))
+    y = np.random.default_rng(3).normal(size=problem.y0.shape)
+    expected = EQUATIONS[name](problem.parameters, np.full((1,) * (y.ndim + 1), t), y[None])[0]
+    with jax.enable_x64(True):
+        found = np.asarray(problem.rhs(t, y, problem.args))
+    size = float(np.max(np.abs(expected)))
+    np.testing.assert_allclose(found, expected.astype(np.float64), rtol=1e-13, atol=1e-13 * size)
+
+
+@pytest.mark.parametrize("name", EXACT)
 @settings(deadline=None, max_examples=25)
 @given(data=st.data())
 def test_solves_the_equation(name, data):

@@ -236,3 +236,18 @@ def test_hopeless_problems_are_given_up_soon():
     with pytest.raises(ReferenceRefused, match="no reference for 'sign'"):
         reference(problem)
     assert time.perf_counter() - started < 120
+
+
+def test_zeros_among_other_components_are_moved_too():
+    def rhs(t, y, args):
+        return jnp.stack([jnp.sqrt(jnp.abs(y[0])), -y[1]])
+
+    with pytest.raises(ReferenceRefused):
+        reference(Problem(rhs, [0.0, 1.0], [0.0, 1.0, 2.0]))
+
+
+@pytest.mark.parametrize("rope", [{"pinned": (0, 1, 2)}, {"gravity": (0, 0)}])
+def test_what_stands_still_has_a_reference(rope):
+    known = reference(Rope(num_nodes=3, **rope).problem(frames=3))
+    assert known.horizon is None
+    assert np.max(np.abs(known.states - known.states[0])) < 1e-9

@@ -1,0 +1,234 @@
+"""Nanoseconds per step of a rope: every stepper, a student's C++ loop, and plain NumPy.
+
+    python benchmarks/stepping.py [--repeats R] [--nodes 16,64,256,4096] [--one-kernel]
+
+The C++ is `rope_loop.cpp`, compiled with `g++ -O3 -march=native`. Before anything is timed, all
+three have to arrive at the same positions. Medians of interleaved runs; compiling is not
+included. Ratios are to C++; a stepper that the assignment does not have is held against its
+semi-implicit Euler step, and marked with an asterisk.
+
+`--one-kernel` lets XLA put a whole loop of up to 128 KiB into one kernel. Newer versions of JAX
+do that anyway; JAX 0.10 stops at 1 KiB.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import statistics
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import jax
+import numpy as np
+from tabulate import tabulate
+
+from ropeode import InputError, Problem, Rope, simulate
+from ropeode.steppers import STEPPERS
+
+ONE_KERNEL = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=131072"
+SOURCE = Path(__file__).with_name("rope_loop.cpp")
+
+# The assignment's methods, and the stepper that does the same arithmetic.
+CPP_METHODS = {
+    "explicit-euler": "explicit-euler",
+    "semi-implicit-euler": "semi-implicit-euler",
+    "verlet": "stormer-verlet:start=rest,damping=per-step",
+}
+CPP_METHOD_OF = {stepper.split(":")[0]: method for method, stepper in CPP_METHODS.items()}
+
+FRAMES = 4
+NODE_STEPS = 1_500_000  # per run, so that each takes some milliseconds
+NUMPY_NODE_STEPS = 50_000
+
+
+def acceleration(x: np.ndarray, v: np.ndarray, args) -> np.ndarray:
+    apart = x[:, 1:] - x[:, :-1]
+    length = np.sqrt(np.sum(apart * apart, axis=0))
+    pull = args.stiffness * (1.0 - args.rest_length / length) * apart
+    force = -args.damping * v
+    force[:, :-1] += pull
+    force[:, 1:] -= pull
+    return (force / args.mass + args.gravity) * args.free
+
+
+def explicit_euler(x, v, dt, args):
+    return x + dt * v, v + dt * acceleration(x, v, args)
+
+
+def semi_implicit_euler(x, v, dt, args):
+    v = v + dt * acceleration(x, v, args)
+    return x + dt * v, v
+
+
+def verlet(x, before, dt, args):
+    undamped = acceleration(x, np.zeros_like(x), args)
+    return x + (1 - args.damping) * (x - before) + dt**2 * undamped, x
+
+
+def velocity_verlet(x, v, dt, args):
+    half = args.damping / args.mass * dt / 2
+    still = np.zeros_like(x)
+    v = (1 - half) * v + dt / 2 * acceleration(x, still, args)
+    x = x + dt * v
+    return x, (v + dt / 2 * acceleration(x, still, args)) / (1 + half)
+
+
+def rk4(x, v, dt, args):
+    a1 = acceleration(x, v, args)
+    v2 = v + dt / 2 * a1
+    a2 = acceleration(x + dt / 2 * v, v2, args)
+    v3 = v + dt / 2 * a2
+    a3 = acceleration(x + dt / 2 * v2, v3, args)
+    v4 = v + dt * a3
+    a4 = acceleration(x + dt * v3, v4, args)
+    return x + dt / 6 * (v + 2 * v2 + 2 * v3 + v4), v + dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+
+NUMPY_STEPS: dict[str, Callable] = {
+    "explicit-euler": explicit_euler,
+    "semi-implicit-euler": semi_implicit_euler,
+    "stormer-verlet": verlet,
+    "velocity-verlet": velocity_verlet,
+    "rk4": rk4,
+}
+
+
+def by_numpy(problem: Problem, stepper: str, steps: int, dt: float) -> tuple[list, np.ndarray]:
+    """Nanoseconds per step, and the final positions, ``(dim, nodes)``."""
+    step, args = NUMPY_STEPS[stepper], problem.args
+    first, second = problem.y0
+    if step is verlet:
+        second = first
+    started = time.perf_counter()
+    for _ in range(steps):
+        first, second = step(first, second, dt, args)
+    return [(time.perf_counter() - started) / steps * 1e9], first
+
+
+def by_ropeode(problem: Problem, stepper: str, steps: int) -> tuple[list[float], np.ndarray]:
+    """Nanoseconds per step, and the final positions, ``(dim, nodes)``."""
+    run = simulate(problem, stepper, steps // problem.frames)
+    assert run.status == "ok", (stepper, steps)
+    return [run.seconds / steps * 1e9], run.states[-1, 0]
+
+
+def by_cpp(program: str, nodes: int, method: str, steps: int, dt: float) -> tuple[list, list]:
+    """Nanoseconds per step of each repeat, and checksum and final position of the last mass."""
+    command = [program, method, str(nodes), str(steps), repr(dt), "2"]
+    words = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+    end = words.index("sum")
+    repeats = [float(word) for word in words[1:end]]
+    total, x, y = (float(words[i]) for i in (end + 1, end + 3, end + 4))
+    return repeats, [total / len(repeats), x, y]
+
+
+def check(nodes: int, program: str | None) -> None:
+    """C++, NumPy and ropeode arrive at the same positions."""
+    problem, steps = Rope(num_nodes=nodes).problem(frames=2), 128
+    for method, stepper in CPP_METHODS.items():
+        _, x = by_ropeode(problem, stepper, steps)
+        _, other = by_numpy(problem, stepper.split(":")[0], steps, 2 / steps)
+        np.testing.assert_allclose(other, x, rtol=0, atol=1e-9)
+        if program:
+            _, numbers = by_cpp(program, nodes, method, steps, 2 / steps)
+            np.testing.assert_allclose(numbers[1:], x[:, -1], rtol=0, atol=1e-9)
+            np.testing.assert_allclose(numbers[0], np.sum(x), rtol=0, atol=1e-9 * nodes)
+
+
+def compiled(folder: str) -> str | None:
+    """The C++ program, if there is a compiler."""
+    compiler = shutil.which("g++")
+    if compiler is None:
+        return None
+    program = str(Path(folder) / "rope_loop")
+    subprocess.run([compiler, "-O3", "-march=native", "-o", program, SOURCE], check=True)
+    return program
+
+
+def measured(nodes: int, repeats: int, program: str | None) -> dict[tuple[str, str], list[float]]:
+    """All times in nanoseconds per step, by implementation and stepper (in C++: method)."""
+    problem = Rope(num_nodes=nodes).problem(frames=FRAMES)
+    steps = max(NODE_STEPS // nodes, 1) // FRAMES * FRAMES or FRAMES
+    few = max(NUMPY_NODE_STEPS // nodes, 50)
+    dt = FRAMES / steps
+    runs: dict[tuple[str, str], Callable] = {}
+    for method in CPP_METHODS if program else ():
+        runs["C++", method] = lambda method=method: by_cpp(program, nodes, method, steps, dt)
+    for name in STEPPERS:
+        try:
+            simulate(problem, name, 1)  # compiles
+        except InputError as refusal:
+            print(f"left out: {refusal}")
+            continue
+        runs["ropeode", name] = lambda name=name: by_ropeode(problem, name, steps)
+        if name in NUMPY_STEPS:
+            runs["NumPy", name] = lambda name=name: by_numpy(problem, name, few, dt)
+
+    times: dict[tuple[str, str], list[float]] = {key: [] for key in runs}
+    for _ in range(repeats):
+        for key, run in runs.items():
+            times[key] += run()[0]
+    return times
+
+
+def rows(nodes: int, times: dict[tuple[str, str], list[float]]) -> list[tuple]:
+    """Of one table: a line for each stepper and implementation."""
+    lines = []
+    for name in (stepper for by, stepper in times if by == "ropeode"):
+        method = CPP_METHOD_OF.get(name, "semi-implicit-euler")
+        cpp = times.get(("C++", method))
+        sources = {
+            "ropeode": times["ropeode", name],
+            "C++": cpp,
+            "NumPy": times.get(("NumPy", name)),
+        }
+        for by, found in sources.items():
+            if not found:
+                continue
+            middle = statistics.median(found)
+            lines.append(
+                (
+                    nodes if not lines else "",
+                    name if by == "ropeode" else "",
+                    by + ("*" if by == "C++" and name not in CPP_METHOD_OF else ""),
+                    f"{middle:.0f}",
+                    f"{min(found):.0f}-{max(found):.0f}",
+                    f"{middle / statistics.median(cpp):.2f}" if cpp else "",
+                )
+            )
+    return lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--nodes", default="16,64,256,4096")
+    parser.add_argument("--one-kernel", action="store_true")
+    given = parser.parse_args()
+    if given.one_kernel:
+        # XLA reads this when JAX computes for the first time, which is later than its import.
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {ONE_KERNEL}"
+
+    lines = []
+    with tempfile.TemporaryDirectory() as folder:
+        program = compiled(folder)
+        if program is None:
+            print("No C++: there is no compiler (g++) on the search path.")
+        for nodes in map(int, given.nodes.split(",")):
+            check(nodes, program)
+            lines += rows(nodes, measured(nodes, given.repeats, program))
+    print(f"JAX {jax.__version__}, XLA_FLAGS={os.environ.get('XLA_FLAGS', '').strip()!r}")
+    headers = ("nodes", "stepper", "by", "ns/step", "min-max", "/ C++")
+    align = ("right", "left", "left", "right", "right", "right")
+    print(tabulate(lines, headers=headers, colalign=align, disable_numparse=True))
+    if program:
+        print("* not in the assignment; this is the C++ semi-implicit Euler step")
+
+
+if __name__ == "__main__":
+    main()
