@@ -256,13 +256,15 @@ def _tension_per_length(x: Any, args: RopeArgs) -> tuple[Any, Any]:
     """The length of each spring, and its tension over its length.
 
     A spring pulls node a towards node b with ``k (|b - a| - l) (b - a)/|b - a|``. At length
-    zero that has no direction; the quotient ``l/|b - a|`` is taken as zero there, which
-    leaves ``k (b - a)``: no force, and finite derivatives.
+    zero that has no direction, and the force is defined to be zero; the length is taken as
+    infinite there until it has been divided by, which keeps the derivatives finite as well.
     """
-    stretch = x[:, 1:] - x[:, :-1]
-    squared = jnp.sum(stretch * stretch, axis=0)
+    # Not `jnp.sum`: XLA stores what it sums over a leading axis, and reads it back.
+    squared = sum(component**2 for component in x[:, 1:] - x[:, :-1])
     length = jnp.sqrt(jnp.where(squared > 0, squared, jnp.inf))
-    factor = args.stiffness * (1.0 - args.rest_length / length)
+    inverse = 1.0 / length
+    # Looking at `inverse` here, and not at `squared`, saves XLA from computing that again.
+    factor = jnp.where(inverse > 0, args.stiffness * (1.0 - args.rest_length * inverse), 0.0)
     return jnp.where(squared > 0, length, 0.0), factor
 
 

@@ -17,9 +17,10 @@ _PAGE = """<!DOCTYPE html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
 <style>
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 60rem }}
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem }}
 table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }}
 th, td {{ padding: 0.2rem 0.8rem; border-bottom: 1px solid #ccc }}
+td:not(:last-child) {{ white-space: nowrap }}
 thead th {{ border-bottom: 2px solid #444 }}
 </style>
 </head>

@@ -23,11 +23,12 @@ def oscillator(t, y):
 
 
 def test_harmonic_oscillator():
-    ts = np.linspace(0, 50, 11)
+    ts = np.linspace(0, 200, 41)
     states = integrate(oscillator, [[1.0], [0.0]], ts)
     assert states.dtype == np.longdouble
     exact = np.stack([np.cos(ONE * ts), -np.sin(ONE * ts)], axis=1)[..., None]
-    assert np.max(np.abs(states - exact)) < 3e-17
+    # 32 periods; float64 solvers make errors of 1e-13 here.
+    assert np.max(np.abs(states - exact)) < 7e-17
 
 
 def test_time_dependent_right_hand_side():
