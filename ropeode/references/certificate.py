@@ -128,11 +128,19 @@ def bounds(
     return result
 
 
+def from_tightest(problem: Problem, run: Solution, tightest: Solution) -> np.ndarray:
+    """The largest distance of the first quantity up to each sample, ``(times,)``."""
+    norm = next(iter(largest_norms(problem).values()))
+    apart = distance(problem, norm, run.states, tightest.states)
+    return np.maximum.accumulate(_padded(apart, problem))
+
+
 def trusted_samples(
     problem: Problem,
     rungs: Sequence[Solution],
+    away: Sequence[np.ndarray],
     bound: np.ndarray,
-    neighbour: np.ndarray,
+    witnesses: Sequence[Witness],
     accuracy: float,
 ) -> tuple[int, str | None]:
     """How many leading samples can be trusted, and why not more.
@@ -148,21 +156,19 @@ def trusted_samples(
     Arguments:
         problem: what was solved.
         rungs: of the tolerance ladder, the loosest first.
+        away: how far each rung is `from_tightest`.
         bound: of the first quantity.
-        neighbour: difference of the run from the neighbouring initial state.
+        witnesses: of all roles; the neighbour is asked.
         accuracy: in the units of the first quantity.
     """
-    norm = next(iter(largest_norms(problem).values()))
-
-    def from_tightest(run: Solution) -> np.ndarray:
-        difference = distance(problem, norm, run.states, rungs[-1].states)
-        return np.maximum.accumulate(_padded(difference, problem))
+    quantity = problem.quantities[0]
+    neighbour = next(w.differences[quantity] for w in witnesses if w.role == "neighbour")
 
     def allowed(run: Solution) -> np.ndarray:
         rounding = max(run.steps, 100) * (np.maximum.accumulate(neighbour) + bound[0])
         return np.maximum(rounding, run.steps * run.rtol * problem.scale)
 
-    away = [from_tightest(run) for run in rungs[:-1]]
+    *away, _ = away  # The tightest rung is no distance from itself.
     excused = [series <= allowed(run) for series, run in zip(away, rungs, strict=False)]
     settled = (away[-1] <= away[0] / 3.0) | excused[-1]
     for looser, tighter in itertools.combinations(range(len(away)), 2):

@@ -17,6 +17,8 @@ _MOST_STEPS_PER_DIGIT = 2.5
 
 _SHORT_STEPS_PER_FRAME = 32
 _FEWEST_SHORT_STEPS = 1000
+# A ladder that needs more memory than this keeps the states of two rungs only.
+_MOST_BYTES_KEPT = 2**28
 
 Progress = Callable[[str], None]
 
@@ -85,6 +87,9 @@ def climb(
 ) -> list[Solution]:
     """The primary solver at tighter and tighter tolerances, while that gains anything.
 
+    Of a large problem only the last two rungs keep their states; `recall` brings the others
+    back.
+
     Arguments:
         problem: what to solve.
         method: with what.
@@ -103,7 +108,16 @@ def climb(
         if len(run.states) < len(rungs[-1].states):
             break
         rungs.append(run)
+        if len(rungs) > 2 and len(tolerances) * run.states.nbytes > _MOST_BYTES_KEPT:
+            rungs[-3] = rungs[-3].without_states()
     return rungs
+
+
+def recall(problem: Problem, method: Method, rung: Solution, progress: Progress) -> Solution:
+    """A rung with its states, which are computed again if `climb` has dropped them."""
+    if len(rung.states):
+        return rung
+    return solve_primary(problem, method, rung.rtol, progress)
 
 
 def solve_independent(

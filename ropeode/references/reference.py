@@ -13,8 +13,10 @@ from ropeode.norms import Norm, distance, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import (
     Certificate,
+    Role,
     Witness,
     bounds,
+    from_tightest,
     trusted_samples,
     witness,
 )
@@ -24,6 +26,7 @@ from ropeode.references.ladder import (
     Method,
     Progress,
     climb,
+    recall,
     short_step,
     solve_independent,
     solve_primary,
@@ -136,7 +139,7 @@ def reference(
 
     method, rungs = _ladder(problem, rtol, progress)
     primary_index = len(rungs) - 2 if rtol is None else 2
-    if not 0 < primary_index < len(rungs) - 1 or len(rungs[primary_index].states) < 2:
+    if not 0 < primary_index < len(rungs) - 1 or len(rungs[-1].states) < 2:
         last = rungs[-1]
         why = last.failure or "is the tightest run that gains anything; three rungs are needed"
         raise ReferenceRefused(
@@ -144,27 +147,38 @@ def reference(
             f"{why}. Start where the right-hand side is smooth, declare its jump times, sample "
             "earlier, or ask for a looser rtol."
         )
-    primary = rungs[primary_index]
-    looser, tighter = rungs[:primary_index], rungs[primary_index + 1 :]
-    neighbour = solve_primary(problem, method, primary.rtol, progress, y0=_neighbour(problem))
-    patient = solve_primary(
-        problem,
-        method,
-        primary.rtol,
-        progress,
-        max_steps=2 * step_budget(problem),
-        longest_step=short_step(problem),
+    primary, tightest = recall(problem, method, rungs[primary_index], progress), rungs[-1]
+    witnesses, away = [], []
+    for index, rung in enumerate(rungs):
+        run = primary if index == primary_index else recall(problem, method, rung, progress)
+        away.append(from_tightest(problem, run, tightest))
+        if index != primary_index:
+            role = "looser" if index < primary_index else "tighter"
+            witnesses.append(witness(problem, primary, run, role))
+        del run
+    every = [rung.without_states() for rung in rungs]
+    next_tighter = every[primary_index + 1]
+    del rungs, tightest
+
+    def hold_against(run: Solution, role: Role) -> None:
+        witnesses.append(witness(problem, primary, run, role))
+        every.append(run.without_states())
+
+    hold_against(
+        solve_primary(problem, method, primary.rtol, progress, y0=_neighbour(problem)), "neighbour"
     )
-    independent = solve_independent(problem, method, tighter[0], primary, progress)
-    every = [*rungs, neighbour, patient, independent]
-    neighbouring = witness(problem, primary, neighbour, "neighbour")
-    witnesses = [
-        *(witness(problem, primary, run, "looser") for run in looser),
-        *(witness(problem, primary, run, "tighter") for run in tighter),
-        neighbouring,
-        witness(problem, primary, patient, "short steps"),
-        witness(problem, primary, independent, "independent"),
-    ]
+    hold_against(
+        solve_primary(
+            problem,
+            method,
+            primary.rtol,
+            progress,
+            max_steps=2 * step_budget(problem),
+            longest_step=short_step(problem),
+        ),
+        "short steps",
+    )
+    hold_against(solve_independent(problem, method, next_tighter, primary, progress), "independent")
 
     estimated = bounds(problem, primary, witnesses)
     bound = estimated[problem.quantities[0]]
@@ -174,9 +188,7 @@ def reference(
             relative * _motion_while_known(problem, primary.states, bound),
             _FINEST_ACCURACY * problem.scale,
         )
-    trusted, reason = trusted_samples(
-        problem, rungs, bound, neighbouring.differences[problem.quantities[0]], accuracy
-    )
+    trusted, reason = trusted_samples(problem, every[: len(away)], away, bound, witnesses, accuracy)
     if trusted < 2:
         failures = "; ".join(f"{run.solver} {run.failure}" for run in every if run.failure)
         raise ReferenceRefused(

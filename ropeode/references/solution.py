@@ -31,6 +31,10 @@ class Solution:
     compile_seconds: float = 0.0
     failure: str | None = None
 
+    def without_states(self) -> Solution:
+        """What is told of the run, and none of its memory."""
+        return dataclasses.replace(self, states=np.empty((0, *self.states.shape[1:])))
+
 
 def finite_samples(states: np.ndarray) -> int:
     """How many leading samples are finite."""

@@ -251,3 +251,15 @@ def test_what_stands_still_has_a_reference(rope):
     known = reference(Rope(num_nodes=3, **rope).problem(frames=3))
     assert known.horizon is None
     assert np.max(np.abs(known.states - known.states[0])) < 1e-9
+
+
+@pytest.mark.parametrize("rtol", [None, 1e-8])
+def test_rungs_that_are_computed_twice_change_nothing(rtol, small_rope, monkeypatch):
+    whole = reference(small_rope, rtol=rtol)
+    monkeypatch.setattr("ropeode.references.ladder._MOST_BYTES_KEPT", 0)
+    thrifty = reference(small_rope, rtol=rtol)
+    assert np.array_equal(whole.states, thrifty.states)
+    assert np.array_equal(whole.bound(), thrifty.bound())
+    assert [(w.role, w.tolerance, w.difference) for w in whole.certificate.witnesses] == [
+        (w.role, w.tolerance, w.difference) for w in thrifty.certificate.witnesses
+    ]
