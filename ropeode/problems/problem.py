@@ -311,6 +311,8 @@ def _is_the_damping(
     for v in _velocities_to_try(v0):
         moving = np.asarray(acceleration(ts[0], x0, v, args))
         size = np.max(np.abs(still)) + np.max(np.abs(moving))
-        if np.max(np.abs(moving - (still - rate * v))) > 1e-12 * size:
+        # What is smaller than any normal number counts as zero to XLA, but not to NumPy.
+        rounding = np.finfo(np.float64).tiny * (1.0 + np.max(np.abs(v)))
+        if np.max(np.abs(moving - (still - rate * v))) > 1e-12 * size + rounding:
             return False
     return True

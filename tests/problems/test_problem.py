@@ -161,3 +161,17 @@ def test_equal_frames():
     assert at(np.linspace(0, 1, 11))
     assert at(1e6 + 0.1 * np.arange(50))
     assert not at([0, 1, 2.001])
+
+
+@pytest.mark.parametrize("rate", [5e-324, 1e-323, 1e-310, 2e-308])
+def test_damping_too_small_for_a_normal_number_is_no_fault(rate):
+    """XLA flushes such numbers to zero where NumPy computes on with them."""
+    problem = Problem.second_order(
+        lambda t, x, v, args: -args * v,
+        [0.0],
+        [0.0],
+        [0.0, 1.0],
+        np.float64(rate),
+        damping=lambda args: LinearDamping(args, args),
+    )
+    assert problem.mechanics.damping is not None
