@@ -36,8 +36,12 @@ def check_writable(name: str, path: str | Path) -> Path:
     return path
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file so that at any moment either the old one or the new one is there.
+def write_whole(path: Path, contents: str | bytes) -> None:
+    """Write a file so that at any moment either the old one or the new one is there.
+
+    Arguments:
+        path: of the file, which may exist.
+        contents: bytes, or text, which is written as UTF-8.
 
     Raises:
         InputError: the operating system refuses; no part of the file is left behind.
@@ -45,8 +49,8 @@ def write_whole(path: Path, text: str) -> None:
     part = None
     try:
         handle, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(contents.encode() if isinstance(contents, str) else contents)
             file.flush()
             os.fsync(file.fileno())
         mask = os.umask(0)
