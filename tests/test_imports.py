@@ -73,9 +73,9 @@ def run_python(code: str) -> str:
 
 @pytest.mark.parametrize("module", ["ropeode", "ropeode.cli.main"])
 def test_import_is_light(module):
-    heavy = "{'jax', 'diffrax', 'scipy', 'numpy', 'pydantic', 'rich'}"
+    heavy = "{'jax', 'diffrax', 'scipy', 'matplotlib', 'numpy', 'pydantic', 'rich'}"
     if module == "ropeode.cli.main":
-        heavy = "{'jax', 'diffrax', 'scipy'}"
+        heavy = "{'jax', 'diffrax', 'scipy', 'matplotlib'}"
     assert run_python(f"import sys, {module}; print({heavy} & set(sys.modules))") == "set()\n"
 
 
