@@ -1,0 +1,270 @@
+"""Equilibria, their modes, and the growth that steppers add, against closed forms and runs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
+from ropeode.analysis.stability import growth_per_frame, stability_limit
+from ropeode.errors import InputError
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.kepler import kepler
+from ropeode.problems.oscillator import oscillator
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.simulation import simulate
+from ropeode.steppers import STEPPERS
+
+MASS, STIFFNESS = np.array([1.0, 2.0, 0.5, 1.5]), np.array([80.0, 150.0, 60.0])
+
+
+def hanging_chain(mass, stiffness, length, gravity):
+    """Positions below the pin, and tensions: each spring bears all that is below it."""
+    tension = gravity * np.cumsum(mass[:0:-1])[::-1]
+    return np.concatenate([[0], np.cumsum(length + tension / stiffness)]), tension
+
+
+def chain_frequencies(mass, stiffness, length, gravity):
+    """Of a hanging chain: M x'' = -K x along the rope, and with tension/length across it."""
+    place, tension = hanging_chain(mass, stiffness, length, gravity)
+    found = []
+    for spring in (stiffness, tension / np.diff(place)):
+        full = np.diag(np.append(spring, 0) + np.append(0, spring))
+        full -= np.diag(spring, 1) + np.diag(spring, -1)
+        found.append(np.sqrt(linalg.eigh(full[1:, 1:], np.diag(mass[1:]), eigvals_only=True)))
+    return np.sort(np.concatenate(found))
+
+
+def euler_rate(steps, omega, damping):
+    """Explicit Euler multiplies a mode by 1 + dt z with z^2 + r z + omega^2 = 0."""
+    z = -damping / 2 + np.emath.sqrt(damping**2 / 4 - np.asarray(omega) ** 2)
+    return steps * np.max(np.log1p((2 * z.real + np.abs(z) ** 2 / steps) / steps) / 2)
+
+
+@pytest.mark.parametrize("end", [(-30, 0), (20, 10), (0, 30)], ids=["level", "slant", "upright"])
+def test_a_rope_of_unequal_parts_hangs_and_oscillates_as_it_must(end):
+    rope = Rope(
+        num_nodes=4, start=(0, 0), end=end, node_mass=tuple(MASS), stiffness=tuple(STIFFNESS)
+    )
+    problem = rope.problem(2)
+    y = hanging_equilibrium(problem)
+    place, _ = hanging_chain(MASS, STIFFNESS, np.hypot(*end) / 3, 1.0)
+    np.testing.assert_allclose(y[0], [0 * place, -place], atol=1e-12)
+    assert not np.any(y[1])
+    expected = chain_frequencies(MASS, STIFFNESS, np.hypot(*end) / 3, 1.0)
+    np.testing.assert_allclose(frequencies(problem, y), expected, rtol=1e-11)
+
+
+def test_a_spring_pendulum():
+    problem = Rope(num_nodes=2, start=(0, 0), end=(-7, 0), stiffness=3, node_mass=2).problem(2)
+    y = hanging_equilibrium(problem)
+    length = 7 + 2 / 3
+    np.testing.assert_allclose(y[0][:, 1], [0, -length], atol=1e-14)
+    np.testing.assert_allclose(frequencies(problem, y), [length**-0.5, 1.5**0.5], rtol=1e-13)
+
+
+def test_a_rope_between_two_pins():
+    # By symmetry the middle node hangs at 10 and the two springs bear its weight:
+    # 2 k (s - 10) y/s = 1 with s^2 = 100 + y^2.
+    problem = Rope(num_nodes=3, start=(0, 0), end=(20, 0), pinned=(0, 2)).problem(2)
+    x, y = hanging_equilibrium(problem)[0][:, 1]
+    assert x == pytest.approx(10)
+    s = np.hypot(10, y)
+    assert 200 * (s - 10) * -y / s == pytest.approx(1, rel=1e-10)
+
+
+def test_rigid_links():
+    # Two links of length 5 and equal masses: omega^2 = (2 -+ sqrt(2)) g/l, the double pendulum.
+    problem = InextensibleRope(num_nodes=3, start=(0, 0), end=(-10, 0)).problem(2)
+    y = hanging_equilibrium(problem)
+    np.testing.assert_allclose(y[0], [[0, 0, 0], [0, -5, -10]], atol=1e-12)
+    expected = np.sqrt((2 + np.array([-1, 1]) * np.sqrt(2)) / 5)
+    np.testing.assert_allclose(frequencies(problem, y), expected, rtol=1e-11)
+
+
+def test_other_mechanical_problems():
+    problem = oscillator(stiffness=4.0, mass=2.0)
+    y = hanging_equilibrium(problem)
+    np.testing.assert_allclose(y, np.zeros((2, 1, 1)), atol=1e-15)
+    assert frequencies(problem, y) == pytest.approx([2**0.5])
+    # z^2 + z/20 + 2 = 0.
+    found = growth_per_frame(problem, "explicit-euler", 16)
+    assert found.rate == pytest.approx(euler_rate(16, 2**0.5, 0.05), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("problem", "message"),
+    [
+        (kepler(), "with a stable equilibrium that its initial positions sink to"),
+        (Rope(num_nodes=2, pinned=(0, 1)).problem(2), "in which something can move"),
+        (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]), "second-order"),
+    ],
+    ids=["kepler", "all pinned", "first order"],
+)
+def test_what_cannot_hang(problem, message):
+    with pytest.raises(InputError, match=message):
+        hanging_equilibrium(problem)
+
+
+def test_what_is_driven_cannot_hang(driven_pendulum):
+    with pytest.raises(InputError, match="one whose acceleration does not depend on time"):
+        hanging_equilibrium(driven_pendulum)
+
+
+def test_an_upright_rope_has_no_frequencies():
+    # Two springs of length 10 under the weight of one node and of two: an unstable equilibrium.
+    problem = Rope(num_nodes=3, start=(0, 0), end=(0, 20)).problem(2)
+    y = np.zeros_like(problem.y0)
+    y[0, 1] = [0, 9.98, 19.97]
+    with pytest.raises(InputError, match="y: .* given; allowed: a stable equilibrium"):
+        frequencies(problem, y)
+
+
+SMALL = {"num_nodes": 4, "start": (0, 0), "end": (-60, 0)}
+
+
+@pytest.mark.parametrize("steps", [16, 1024, 65536])
+@pytest.mark.parametrize("damping", [0.0, 0.01, 0.1])
+def test_explicit_euler_grows_as_its_closed_form(steps, damping):
+    problem = Rope(**SMALL, damping=damping).problem(2)
+    omega = chain_frequencies(np.ones(4), np.full(3, 100.0), 20.0, 1.0)
+    expected = euler_rate(steps, omega, damping)
+    found = growth_per_frame(problem, "explicit-euler", steps)
+    assert abs(found.rate - expected) <= found.tolerance
+    assert found.tolerance < 1e-10
+    assert found.stable == (expected <= 0)
+    assert found.radius == pytest.approx(np.exp(expected / steps), rel=1e-15)
+    assert found.per_frame == pytest.approx(np.exp(expected), rel=1e-9)
+    if expected > 0:
+        assert found.frequency == pytest.approx(omega[-1], rel=0.01 if steps > 16 else 0.5)
+        assert found.predicted_blow_up == np.ceil(53 * np.log(2) / found.rate)
+    else:
+        assert found.predicted_blow_up is None
+
+
+@pytest.mark.parametrize("steps", [16, 256, 65536])
+def test_semi_implicit_euler_decays_as_its_closed_form(steps):
+    # mu^2 - (2 - r dt - (omega dt)^2) mu + 1 - r dt = 0: complex roots have |mu|^2 = 1 - r dt.
+    found = growth_per_frame(Rope(**SMALL, damping=0.1).problem(2), "semi-implicit-euler", steps)
+    assert found.rate == pytest.approx(steps * np.log1p(-0.1 / steps) / 2, abs=found.tolerance)
+
+
+@pytest.mark.parametrize("steps", [16, 1024, 65536])
+@pytest.mark.parametrize("name", ["semi-implicit-euler", "stormer-verlet", "velocity-verlet"])
+def test_symplectic_steppers_neither_grow_nor_decay(name, steps):
+    found = growth_per_frame(Rope(**SMALL, damping=0.0).problem(2), name, steps)
+    assert found.stable
+    assert abs(found.rate) <= found.tolerance
+    # A few roundings in each step; where the velocity is a difference of positions, a rounding
+    # of these moves it by n of them.
+    each_step = 5e-15 * (steps if name == "stormer-verlet" else 1)
+    assert found.tolerance < 1e-13 + each_step * steps
+    assert found.predicted_blow_up is None
+
+
+def test_parts_of_a_rope_may_be_damped_unequally():
+    # The eigenvalues of the flow itself, which a step of a ten-thousandth follows.
+    damping = (0.0, 0.3, 0.0, 0.1)
+    problem = Rope(**SMALL, damping=damping).problem(2)
+    place, tension = hanging_chain(np.ones(4), np.full(3, 100.0), 20.0, 1.0)
+    slowest = []
+    for spring in (np.full(3, 100.0), tension / np.diff(place)):
+        stiff = np.diag(spring + np.append(spring[1:], 0)) - np.diag(spring[1:], 1)
+        stiff -= np.diag(spring[1:], -1)
+        flow = np.block([[np.zeros((3, 3)), np.eye(3)], [-stiff, -np.diag(damping[1:])]])
+        slowest.append(np.max(np.linalg.eigvals(flow).real))
+    found = growth_per_frame(problem, "rk4", 256)
+    assert found.rate == pytest.approx(max(slowest), rel=1e-6)
+
+
+@pytest.mark.parametrize(("name", "steps"), [("explicit-euler", 512), ("semi-implicit-euler", 9)])
+def test_runs_grow_as_predicted(name, steps):
+    # Semi-implicit Euler is unstable from omega = 18 on; the fastest mode is at 18.04.
+    problem = Rope(**SMALL, stiffness=100.2).problem(2)
+    y = hanging_equilibrium(problem)
+    predicted = growth_per_frame(problem, name, steps, y)
+    assert predicted.rate > 0.1
+    # From a disturbance of 1e-10 (which is 1000 roundings) to a thousandth of a spring, where
+    # forces stop to be linear. Over this span a slope is good to a percent.
+    frames = int(np.log(1e7) / predicted.rate)
+    disturbance = 1e-10 * np.random.default_rng(1).normal(size=y.shape) * problem.args.free
+    started = dataclasses.replace(problem, y0=y + disturbance, ts=np.arange(frames + 1.0))
+    run = simulate(started, name, steps)
+    assert run.status == "ok"
+    size = np.linalg.norm(
+        [predicted.frequency * (run.states - y)[:, 0, 1], run.states[:, 1, 1]], axis=(0, 2)
+    )
+    later = np.arange(frames // 2, frames + 1)
+    slope = np.polyfit(later, np.log(size[later]), 1)[0]
+    assert slope == pytest.approx(predicted.rate, rel=0.01)
+
+
+def test_a_projection_of_lengths_damps_as_predicted():
+    # Released a thousandth of a radian from hanging. Faster modes are gone in the second half;
+    # 0.75 decay times with 7 swings in them give the slope to a percent.
+    problem = InextensibleRope(**SMALL, damping=0.0).problem(600)
+    predicted = growth_per_frame(problem, "constraint-verlet", 4)
+    assert -0.01 < predicted.rate < -0.001
+    below = -hanging_equilibrium(problem)[0, 1]
+    start = problem.y0.copy()
+    start[0] = [below * np.sin(1e-3), -below * np.cos(1e-3)]
+    run = simulate(dataclasses.replace(problem, y0=start), "constraint-verlet", 4)
+    aside, speed = run.positions[300:, :, 0].mean(axis=1), run.velocities[300:, :, 0].mean(axis=1)
+    size = np.hypot(predicted.frequency * aside, speed)
+    slope = np.polyfit(run.times[300:], np.log(size), 1)[0]
+    assert slope == pytest.approx(predicted.rate, rel=0.01)
+
+
+@pytest.mark.parametrize("damping", [0.01, 0.1])
+def test_the_limit_of_explicit_euler(damping):
+    # |1 + dt z| < 1 where dt < r/omega^2, for the largest omega of all.
+    problem = Rope(**SMALL, damping=damping).problem(2)
+    omega = chain_frequencies(np.ones(4), np.full(3, 100.0), 20.0, 1.0)[-1]
+    assert stability_limit(problem, "explicit-euler") == np.ceil(omega**2 / damping)
+
+
+def test_the_limit_at_another_state():
+    # The straight rope at rest: docs/rope.md has its frequencies, of which 19.897 is the largest.
+    problem = Rope().problem(2)
+    omega = 20 * np.sin(29 * np.pi / 62)
+    assert stability_limit(problem, "explicit-euler", problem.y0) == np.ceil(omega**2 / 0.01)
+
+
+def test_limits_without_damping():
+    # omega dt < 2 for the one, 2 sqrt(2) for the other; Euler has none.
+    problem = Rope(**SMALL, damping=0.0).problem(2)
+    omega = chain_frequencies(np.ones(4), np.full(3, 100.0), 20.0, 1.0)[-1]
+    assert stability_limit(problem, "velocity-verlet") == np.ceil(omega / 2)
+    assert stability_limit(problem, "rk4") == np.ceil(omega / 8**0.5)
+    assert stability_limit(problem, "explicit-euler") is None
+
+
+def test_damping_per_step_grows_with_the_steps():
+    # The factor 1 - c on each step is a rate of c n per frame; modes slower than it creep at
+    # omega^2/(c n), the slowest of all sets the pace.
+    omega = chain_frequencies(np.ones(4), np.full(3, 100.0), 20.0, 1.0)[0]
+    problem = Rope(**SMALL, damping=0.1).problem(2)
+    found = growth_per_frame(problem, "stormer-verlet:damping=per-step", 1024)
+    assert found.rate == pytest.approx(-(omega**2) / 102.4, rel=0.01)
+
+
+@pytest.mark.parametrize("name", STEPPERS)
+def test_every_stepper_can_be_linearised(name):
+    problem = (Rope if name != "rattle" else InextensibleRope)(**SMALL, damping=0.1).problem(2)
+    found = growth_per_frame(problem, name, 5000)
+    assert found.stable
+    assert -0.06 < found.rate < 0
+
+
+def test_steppers_that_cannot_run_are_refused():
+    problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0])
+    with pytest.raises(InputError, match="second-order"):
+        growth_per_frame(problem, "explicit-euler", 4)
+    with pytest.raises(InputError, match="steps_per_frame: 0 given"):
+        growth_per_frame(oscillator(), "explicit-euler", 0)
+    with pytest.raises(InputError, match="stepper: 'nonsense' given"):
+        stability_limit(oscillator(), "nonsense")
