@@ -1,0 +1,264 @@
+"""How a rope moves, in words: it swings, settles or flies apart, by measure."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from ropeode.analysis.equilibrium import hanging_equilibrium
+from ropeode.analysis.measures import Seen, lengthening, measured
+from ropeode.errors import InputError
+from ropeode.problems import checks
+from ropeode.problems.problem import Problem
+from ropeode.simulation import Trajectory
+from ropeode.validation import check_positive, complaint
+
+Verdict = Literal["diverges", "settles", "settles_without_swinging", "never_settles"]
+
+# The part of the run at its end over which the jitter is taken.
+_LAST_PART = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Thresholds:
+    """Where one word ends and the next begins; docs/motion.md says why there.
+
+    All are in units of the rope's own length L (the sum of the rest lengths), of
+    ``V = sqrt(|g| L)`` and ``T = sqrt(L/|g|)``.
+
+    Arguments:
+        speed: the rope is at rest where its fastest node is slower than ``speed * V``.
+        rest: it has settled where it stays at rest for ``rest * T``.
+        stretch: it has diverged where a spring is longer than ``1 + stretch`` rest lengths.
+        swing: a swing leads from beyond ``swing * L`` on one side of the vertical to beyond
+            it on the other.
+
+    Raises:
+        InputError: one is not a finite number above zero.
+    """
+
+    speed: float = 1e-3
+    rest: float = 5.0
+    stretch: float = 1.0
+    swing: float = 0.05
+
+    def __post_init__(self) -> None:
+        checks.run(*(functools.partial(self._check, field) for field in dataclasses.fields(self)))
+
+    def _check(self, field: dataclasses.Field) -> None:
+        given = getattr(self, field.name)
+        number = check_positive(field.name, given, example=str(field.default))
+        object.__setattr__(self, field.name, number)
+
+
+DEFAULTS = Thresholds()
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Motion:
+    """What a rope did. Frames are indices of samples.
+
+    Everything but `diverged_at` comes from the samples before the run diverged.
+
+    Arguments:
+        verdict: `diverges`; or, where the run ends at rest, `settles` or
+            `settles_without_swinging`; otherwise `never_settles`, in the frames seen.
+        diverged_at: the first frame that is not finite or has a spring too long; or None.
+        settled_at: the frame from which on it was at rest, the last time that it came to
+            rest for long enough, be it that it left that rest again; or None.
+        unsettled_at: the frame at which it left that rest; None if it did not.
+        swings: how often it swung from one side of the vertical to the other.
+        swing_times: when it passed the vertical in each of them, interpolated linearly
+            between samples; twice the mean distance is the period.
+        reached_vertical_at: the first frame with the centre of mass less than a `swing`
+            from the vertical, or past it; or None.
+        largest_stretch: of any spring, in its rest lengths: 0 at rest length.
+        largest_stretch_at: its frame.
+        energy: above that of hanging still, ``(frames + 1,)``; None if the problem has none.
+        energy_at_rest: what has been taken off `energy`; None where hanging still has not
+            been found, and nothing has been taken off.
+        jitter: the rate at which springs change length, in rest lengths per frame: root mean
+            square over all springs and the last tenth of the frames. Zero for a rope that
+            swings like a rod.
+        frames: the last frame that was looked at.
+        thresholds: that were used.
+    """
+
+    verdict: Verdict
+    diverged_at: int | None
+    settled_at: int | None
+    unsettled_at: int | None
+    swings: int
+    swing_times: np.ndarray
+    reached_vertical_at: int | None
+    largest_stretch: float
+    largest_stretch_at: int
+    energy: np.ndarray | None
+    energy_at_rest: float | None
+    jitter: float
+    frames: int
+    thresholds: Thresholds
+
+
+class Sensitivity(NamedTuple):
+    """The verdict with one threshold changed.
+
+    Fields:
+        threshold: which one.
+        value: what it was changed to.
+        verdict: what the run is called then.
+        differs: whether that is another word than with the thresholds unchanged.
+    """
+
+    threshold: str
+    value: float
+    verdict: Verdict
+    differs: bool
+
+
+def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -> Motion:
+    """Say how a rope moved.
+
+    Sides are told by the centre of mass of the free nodes, along the initial direction of
+    the rope as far as that is across gravity, and seen from the first pinned node. A rope
+    that hangs along gravity initially is seen along the direction in which it first leaves it.
+
+    Arguments:
+        trajectory: of a rope; it may have diverged.
+        thresholds: where the words end.
+
+    Raises:
+        InputError: the trajectory is not that of a rope that can hang, or its first sample
+            has diverged already.
+    """
+    seen = measured(trajectory)
+    words = _words(seen, thresholds)
+    kept = words.kept
+    states = trajectory.states[:kept]
+    where = int(np.argmax(np.max(seen.stretch[:kept], axis=1)))
+    last = max(1, round(_LAST_PART * kept))
+    energy, at_rest = _energy(trajectory.problem, states)
+    return Motion(
+        verdict=words.verdict,
+        diverged_at=words.diverged_at,
+        settled_at=words.settled_at,
+        unsettled_at=words.unsettled_at,
+        swings=len(words.swing_times),
+        swing_times=words.swing_times,
+        reached_vertical_at=words.reached_vertical_at,
+        largest_stretch=float(np.max(seen.stretch[where])),
+        largest_stretch_at=where,
+        energy=energy,
+        energy_at_rest=at_rest,
+        jitter=float(np.sqrt(np.mean(lengthening(trajectory, slice(kept - last, kept)) ** 2))),
+        frames=kept - 1,
+        thresholds=thresholds,
+    )
+
+
+def sensitivity(
+    trajectory: Trajectory, thresholds: Thresholds = DEFAULTS
+) -> tuple[Sensitivity, ...]:
+    """How far the verdict hangs on the thresholds: each of them halved, and doubled.
+
+    Arguments:
+        trajectory: as for `classify_motion`.
+        thresholds: around which.
+
+    Raises:
+        InputError: as `classify_motion`.
+    """
+    seen = measured(trajectory)
+    usual = _words(seen, thresholds).verdict
+    changed = []
+    for field in dataclasses.fields(thresholds):
+        for factor in (0.5, 2.0):
+            value = factor * getattr(thresholds, field.name)
+            verdict = _words(seen, dataclasses.replace(thresholds, **{field.name: value})).verdict
+            changed.append(Sensitivity(field.name, value, verdict, verdict != usual))
+    return tuple(changed)
+
+
+class _Words(NamedTuple):
+    """What thresholds make of what was seen; `kept` counts the samples before it diverged."""
+
+    verdict: Verdict
+    kept: int
+    diverged_at: int | None
+    settled_at: int | None
+    unsettled_at: int | None
+    swing_times: np.ndarray
+    reached_vertical_at: int | None
+
+
+def _words(seen: Seen, thresholds: Thresholds) -> _Words:
+    whole = np.isfinite(seen.speed) & np.all(seen.stretch <= thresholds.stretch, axis=1)
+    broken = np.flatnonzero(~whole)
+    diverged_at = int(broken[0]) if len(broken) else seen.lost_at
+    kept = len(whole) if diverged_at is None else diverged_at
+    if kept == 0:
+        raise InputError(
+            complaint(
+                "trajectory",
+                "a first sample that has diverged",
+                "a run that starts finite, with springs not longer than the threshold `stretch`",
+                "start it in another state, or raise stretch",
+            )
+        )
+    at_rest = seen.speed[:kept] < thresholds.speed
+    settled_at, end = _last_rest(seen.times[:kept], at_rest, thresholds.rest)
+    left = settled_at is not None and (end < kept or diverged_at is not None)
+    aside = seen.aside[:kept]
+    first_side = np.sign(aside[np.argmax(np.abs(aside) > thresholds.swing)])
+    reached = np.flatnonzero(aside * first_side <= thresholds.swing)
+    swing_times = _passed_vertical(seen.times_given[:kept], aside, thresholds.swing)
+
+    verdict: Verdict = "never_settles"
+    if diverged_at is not None:
+        verdict = "diverges"
+    elif settled_at is not None and not left:
+        verdict = "settles" if len(swing_times) else "settles_without_swinging"
+    return _Words(
+        verdict=verdict,
+        kept=kept,
+        diverged_at=diverged_at,
+        settled_at=settled_at,
+        unsettled_at=end if left else None,
+        swing_times=swing_times,
+        reached_vertical_at=int(reached[0]) if len(reached) else None,
+    )
+
+
+def _last_rest(times: np.ndarray, at_rest: np.ndarray, least: float) -> tuple[int | None, int]:
+    """Where the last rest that is long enough begins, and the frame after its end."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at_rest, [False]]).astype(np.int8)))
+    begins, ends = edges[::2], edges[1::2]
+    long = np.flatnonzero(times[ends - 1] - times[begins] >= least)
+    return (int(begins[long[-1]]), int(ends[long[-1]])) if len(long) else (None, len(times))
+
+
+def _passed_vertical(times: np.ndarray, aside: np.ndarray, swing: float) -> np.ndarray:
+    """When the vertical was passed on the way from beyond `swing` on one side to the other."""
+    beyond = np.flatnonzero(np.abs(aside) > swing)
+    turned = np.flatnonzero(np.diff(np.sign(aside[beyond])) != 0)
+    passed = []
+    for before, after in zip(beyond[turned], beyond[turned + 1], strict=True):
+        way = aside[before : after + 1] * np.sign(aside[after])
+        past = before + int(np.argmax(way > 0))
+        there, here = aside[past - 1], aside[past]
+        passed.append(times[past - 1] + (times[past] - times[past - 1]) * there / (there - here))
+    return np.array(passed)
+
+
+def _energy(problem: Problem, states: np.ndarray) -> tuple[np.ndarray | None, float | None]:
+    if problem.energy is None:
+        return None, None
+    energies = problem.energies(states)
+    try:
+        at_rest = float(problem.energies(hanging_equilibrium(problem)[None])[0])
+    except InputError:
+        return energies, None
+    return energies - at_rest, at_rest

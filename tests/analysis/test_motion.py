@@ -1,0 +1,310 @@
+"""The words for motions, on motions that were made up so that the words are known."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ropeode.analysis.motion import Thresholds, classify_motion, sensitivity
+from ropeode.errors import InputError
+from ropeode.problems.oscillator import oscillator
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.simulation import Trajectory, simulate
+from ropeode.steppers import stepper
+
+NODES = 5
+LENGTH = 100.0
+# In the units of the ropes here: V = sqrt(g L), T = sqrt(L/g).
+SPEED, TIME = 10.0, 10.0
+ROPE = {"num_nodes": NODES, "start": (0, 0), "end": (-LENGTH, 0), "damping": 0.0}
+
+
+def trajectory(problem: Problem, x: np.ndarray, v: np.ndarray) -> Trajectory:
+    """A run that made given positions and velocities, ``(times, nodes, dim)``."""
+    states = np.stack([np.moveaxis(x, 1, 2), np.moveaxis(v, 1, 2)], axis=1)
+    return Trajectory(
+        problem=problem,
+        stepper=stepper("rk4"),
+        steps_per_frame=1,
+        times=problem.ts[: len(states)],
+        states=states,
+        status="ok",
+        diverged_at=None,
+        rhs_evaluations=0,
+        seconds=0.0,
+        compile_seconds=0.0,
+    )
+
+
+def rod(angle: np.ndarray, rate: np.ndarray, stretch: np.ndarray | float = 0.0):
+    """A straight rope at an angle from hanging down; stretched evenly, at no rate."""
+    problem = Rope(**ROPE).problem(len(angle) - 1)
+    # Energies are looked at in tests of their own.
+    problem = dataclasses.replace(problem, energy=None)
+    place = LENGTH * np.linspace(0, 1, NODES)[:, None] * (1 + np.broadcast_to(stretch, angle.shape))
+    out = np.stack([-np.sin(angle), -np.cos(angle)], axis=-1)
+    across = np.stack([-np.cos(angle), np.sin(angle)], axis=-1) * rate[:, None]
+    x, v = (place.T[..., None] * each[:, None] for each in (out, across))
+    return trajectory(problem, x, v)
+
+
+def swinging(frames: int, decay: float, omega: float = 0.12, start: float = 1.2):
+    t = np.arange(frames + 1.0)
+    size = start * np.exp(-decay * t)
+    angle = size * np.cos(omega * t)
+    return rod(angle, -size * (decay * np.cos(omega * t) + omega * np.sin(omega * t)))
+
+
+@pytest.mark.parametrize("decay", [0.005, 0.01, 0.03])
+def test_a_damped_swing(decay):
+    omega, start = 0.12, 1.2
+    settling = np.log(start * np.hypot(omega, decay) * LENGTH / (1e-3 * SPEED)) / decay
+    found = classify_motion(swinging(int(settling) + 200, decay))
+    assert found.verdict == "settles"
+    assert settling - np.pi / omega - 1 <= found.settled_at <= settling + 1
+    assert found.unsettled_at is None
+    assert found.diverged_at is None
+    # The free nodes' centre of mass is 5/8 of the length from the pin; extremes of the angle
+    # that are beyond the threshold on both sides make a swing.
+    phase = np.arctan2(decay, omega)
+    extremes = start * np.cos(phase) * np.exp(-decay * (np.pi * np.arange(1, 200) - phase) / omega)
+    assert found.swings == np.sum(np.sin(extremes) * 0.625 > 0.05)
+    # A quarter period after the start, and half a period from one to the next. Between samples
+    # the angle is no straight line: it bends by less than omega^2/8 of its size there.
+    crossings = (np.arange(found.swings) + 0.5) * np.pi / omega
+    np.testing.assert_allclose(found.swing_times, crossings, atol=0.02)
+    assert found.reached_vertical_at == next(
+        i
+        for i in range(100)
+        if 0.625 * np.sin(start * np.exp(-decay * i) * np.cos(omega * i)) <= 0.05
+    )
+    assert found.jitter < 1e-15
+    assert found.largest_stretch < 1e-14
+    assert found.frames == int(settling) + 200
+
+
+def test_a_fall_without_a_swing():
+    t = np.arange(400.0)
+    found = classify_motion(rod(np.pi / 2 * np.exp(-t / 30), -np.pi / 60 * np.exp(-t / 30)))
+    assert found.verdict == "settles_without_swinging"
+    assert found.swings == 0
+    assert len(found.swing_times) == 0
+    settling = 30 * np.log(np.pi / 60 * LENGTH / (1e-3 * SPEED))
+    assert found.settled_at == int(np.ceil(settling))
+    vertical = 30 * np.log(np.pi / 2 / np.arcsin(0.05 / 0.625))
+    assert found.reached_vertical_at == int(np.ceil(vertical))
+
+
+def test_a_swing_that_goes_on():
+    found = classify_motion(swinging(500, 0.0))
+    assert found.verdict == "never_settles"
+    assert found.settled_at is None
+    assert found.swings == int(500 * 0.12 / np.pi + 0.5)
+
+
+def test_a_rest_counts_only_if_it_lasts():
+    settled = classify_motion(swinging(3000, 0.01)).settled_at
+    # The rest lasts from `settled` to the last frame, and 5 T = 50 frames are asked for.
+    assert classify_motion(swinging(settled + 50, 0.01)).verdict == "settles"
+    assert classify_motion(swinging(settled + 49, 0.01)).verdict == "never_settles"
+
+
+def test_a_rest_that_ends_in_divergence():
+    still, rate, tiny = 200, 0.3, 1e-10
+    t = np.arange(400.0)
+    stretch = tiny * np.exp(rate * (t - still))
+    run = rod(np.zeros_like(t), np.zeros_like(t), stretch)
+    states = run.states.copy()
+    # Each node moves away from the pin at the rate at which the rope grows.
+    states[:, 1] = rate * (stretch / (1 + stretch))[:, None, None] * states[:, 0]
+    found = classify_motion(dataclasses.replace(run, states=states))
+    assert found.verdict == "diverges"
+    assert found.diverged_at == int(np.ceil(still + np.log(1 / tiny) / rate))
+    assert found.settled_at == 0
+    assert found.unsettled_at == int(np.ceil(still + np.log(1e-2 / (tiny * rate * LENGTH)) / rate))
+    assert found.frames == found.diverged_at - 1
+    assert found.largest_stretch == pytest.approx(stretch[found.frames])
+    assert found.largest_stretch_at == found.frames
+    assert np.isfinite(found.jitter)
+
+
+def test_a_run_cut_short_has_diverged():
+    run = swinging(100, 0.0)
+    cut = dataclasses.replace(
+        run, states=run.states[:60], times=run.times[:60], status="diverged", diverged_at=60
+    )
+    found = classify_motion(cut)
+    assert (found.verdict, found.diverged_at, found.frames) == ("diverges", 60, 59)
+    assert found.swings == classify_motion(swinging(59, 0.0)).swings
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
+def test_states_that_are_no_numbers_have_diverged(bad):
+    run = swinging(100, 0.0)
+    states = run.states.copy()
+    states[70:, 0, 0, 2] = bad
+    assert classify_motion(dataclasses.replace(run, states=states)).diverged_at == 70
+    with pytest.raises(InputError, match="trajectory: 'a first sample that has diverged' given"):
+        classify_motion(dataclasses.replace(run, states=states[70:]))
+
+
+def test_jitter_is_the_rate_at_which_springs_change_length():
+    # Every spring's length oscillates by a thousandth with 0.7 per frame: a mean square of half.
+    run = rod(np.zeros(1001), np.zeros(1001))
+    t = np.arange(1001.0)
+    states = run.states.copy()
+    down = states[0, 0]
+    states[:, 0] = down * (1 + 1e-3 * np.sin(0.7 * t))[:, None, None]
+    states[:, 1] = down * (1e-3 * 0.7 * np.cos(0.7 * t))[:, None, None]
+    found = classify_motion(dataclasses.replace(run, states=states))
+    # Over 100 frames the mean of cos^2 differs from 1/2 by less than 1/(2 * 100 * 0.7).
+    assert found.jitter == pytest.approx(7e-4 / np.sqrt(2), rel=0.01)
+    assert found.largest_stretch == pytest.approx(1e-3, rel=1e-3)
+
+
+def test_energy_is_counted_from_hanging_still():
+    # Hanging, spring i (of 3) bears 3 - i nodes: sum of the tensions' works and of the heights.
+    # Straight and level, where the rope starts, it has no energy of either kind.
+    problem = Rope(num_nodes=4, start=(0, 0), end=(-90, 0)).problem(410)
+    states = np.stack([problem.y0] * 411)
+    states[401:] *= np.nan
+    x, v = problem.positions(states), problem.velocities(states)
+    found = classify_motion(trajectory(problem, x, v))
+    tension = np.arange(3.0, 0.0, -1)
+    hanging = np.sum(tension**2) / 200 - np.sum(tension * (30 + tension / 100))
+    assert found.energy_at_rest == pytest.approx(hanging, rel=1e-13)
+    assert found.diverged_at == 401
+    np.testing.assert_allclose(found.energy, [-hanging] * 401, rtol=1e-13)
+
+
+def test_a_simulated_rope():
+    # Swings decay like exp(-r t/2): from about V, the speed gets to V/1000 after some
+    # 2 ln(1000)/r = 14/r.
+    run = simulate(Rope(num_nodes=4, damping=0.06).problem(400), "velocity-verlet", 32)
+    found = classify_motion(run)
+    assert found.verdict == "settles"
+    assert 0.5 < found.settled_at * 0.06 / 14 < 1.5
+    assert found.energy[-1] < 1e-6 * found.energy[0]
+    assert np.all(np.diff(found.energy) < 1e-9 * found.energy[0])
+
+
+turns = st.floats(0, 2 * np.pi)
+
+
+def seen_otherwise(run: Trajectory, turn: np.ndarray, length: float, time: float) -> Trajectory:
+    """The same run in other units and from another side."""
+    old = run.problem
+    args = old.args
+    problem = Problem.second_order(
+        old.mechanics.acceleration,
+        length * turn @ old.y0[0],
+        length / time * turn @ old.y0[1],
+        old.ts * time,
+        args._replace(
+            rest_length=args.rest_length * length,
+            gravity=length / time**2 * turn @ args.gravity,
+            stiffness=args.stiffness / time**2,
+            damping=args.damping / time,
+        ),
+        damping=old.mechanics.damping,
+        node_axis=1,
+        energy=old.energy,
+    )
+    states = turn @ run.states * np.array([length, length / time])[:, None, None]
+    return dataclasses.replace(run, problem=problem, states=states, times=old.ts * time)
+
+
+@pytest.fixture(scope="module")
+def lively():
+    rope = Rope(num_nodes=4, start=(0, 0), end=(-30, 10), damping=0.04, stiffness=40)
+    return simulate(rope.problem(400), "velocity-verlet", 16)
+
+
+@settings(max_examples=8, deadline=None)
+@given(turns, st.sampled_from([-1.0, 1.0]), st.floats(0.01, 100), st.floats(0.1, 10))
+def test_words_depend_on_no_units_and_no_direction(lively, angle, mirror, length, time):
+    usual = classify_motion(lively)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turned = seen_otherwise(lively, turn * [mirror, 1.0], length, time)
+    found = classify_motion(turned)
+    for name in ("verdict", "settled_at", "swings", "reached_vertical_at", "frames"):
+        assert getattr(found, name) == getattr(usual, name), name
+    np.testing.assert_allclose(found.swing_times, usual.swing_times * time, rtol=1e-9)
+    assert found.jitter == pytest.approx(usual.jitter, rel=1e-6)
+    assert found.largest_stretch == pytest.approx(usual.largest_stretch, rel=1e-9)
+    square = (length / time) ** 2
+    np.testing.assert_allclose(found.energy, usual.energy * square, atol=1e-9 * square * 1e3)
+    words = [each.verdict for each in sensitivity(lively)]
+    assert [each.verdict for each in sensitivity(turned)] == words
+
+
+def in_space(run: Trajectory, azimuth: float) -> Trajectory:
+    """A run in the plane, seen in three dimensions in a plane through the vertical."""
+    end = (-LENGTH * np.cos(azimuth), 0.0, -LENGTH * np.sin(azimuth))
+    problem = Rope(num_nodes=NODES, start=(0, 0, 0), end=end).problem(run.problem.frames)
+    turn = np.array([[np.cos(azimuth), 0], [0, 1], [np.sin(azimuth), 0]])
+    return dataclasses.replace(
+        run, problem=dataclasses.replace(problem, energy=None), states=turn @ run.states
+    )
+
+
+@settings(max_examples=10, deadline=None)
+@given(turns)
+def test_in_space_a_turn_about_gravity_changes_nothing(azimuth):
+    run = swinging(900, 0.005)
+    usual, found = classify_motion(run), classify_motion(in_space(run, azimuth))
+    assert (found.verdict, found.settled_at) == (usual.verdict, usual.settled_at)
+    np.testing.assert_allclose(found.swing_times, usual.swing_times, rtol=1e-9)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 2.0])
+def test_a_rope_that_hangs_at_first_is_seen_along_its_motion(azimuth):
+    t = np.arange(301.0)
+    found = classify_motion(in_space(rod(np.sin(0.1 * t), 0.1 * np.cos(0.1 * t)), azimuth))
+    np.testing.assert_allclose(found.swing_times, np.pi * np.arange(1, 10) / 0.1, atol=0.01)
+    assert found.reached_vertical_at == 0
+
+
+def test_sensitivity_shows_a_verdict_on_the_edge():
+    settled = classify_motion(swinging(3000, 0.01)).settled_at
+    run = swinging(settled + 60, 0.01)
+    changed = {(each.threshold, each.value): each for each in sensitivity(run)}
+    assert len(changed) == 8
+    assert changed["rest", 10.0].verdict == "never_settles"
+    assert changed["rest", 10.0].differs
+    assert not changed["rest", 2.5].differs
+    assert not changed["swing", 0.1].differs
+    # Half the speed is reached ln(2)/0.01 = 69 frames later, after the end.
+    assert changed["speed", 5e-4].differs
+    assert not changed["stretch", 2.0].differs
+
+
+@pytest.mark.parametrize(
+    ("problem", "message"),
+    [
+        (Rope(num_nodes=1).problem(2), "num_nodes: 1 given"),
+        (Rope(gravity=(0, 0)).problem(2), r"gravity: \[0.0, 0.0\] given"),
+        (Rope(num_nodes=3, pinned=()).problem(2), r"pinned: \[\] given"),
+        (Rope(num_nodes=2, pinned=(0, 1)).problem(2), r"pinned: \[0, 1\] given"),
+        (oscillator(2), "trajectory: 'oscillator' given"),
+        (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0, 2.0]), "trajectory: 'problem' given"),
+    ],
+)
+def test_other_motions_have_no_words(problem, message):
+    run = simulate(problem, "explicit-euler", 4)
+    with pytest.raises(InputError, match=message):
+        classify_motion(run)
+    with pytest.raises(InputError, match=message):
+        sensitivity(run)
+
+
+def test_thresholds_are_checked_together():
+    with pytest.raises(InputError) as caught:
+        Thresholds(speed=0.0, rest=np.nan)
+    assert [line.split(":")[0] for line in caught.value.problems] == ["speed", "rest"]
+    assert Thresholds(swing="0.1").swing == 0.1
