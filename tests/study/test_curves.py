@@ -1,0 +1,148 @@
+"""Errors and energies against time."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.analysis.errors import error_series
+from ropeode.errors import InputError
+from ropeode.norms import distance
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.reference import reference
+from ropeode.simulation import simulate
+from ropeode.study.accuracy_table import accuracy_table
+from ropeode.study.curves import energy_curves, error_curves
+
+
+def cubic(t, y, args):
+    return -100 * y**3
+
+
+@pytest.fixture(scope="module")
+def cubic_problem():
+    return Problem(cubic, [1.0], np.arange(9.0), energy=lambda t, y, args: jnp.sum(y**2))
+
+
+@pytest.mark.parametrize("norm", [None, "velocity-rms"])
+def test_errors_are_those_of_error_series(small_rope, norm):
+    curves = error_curves(small_rope, ["rk4", "explicit-euler"], [8, 16], norm=norm)
+    known = reference(small_rope)
+    assert [(c.stepper, c.steps_per_frame) for c in curves.curves] == [
+        ("rk4", 8), ("rk4", 16), ("explicit-euler", 8), ("explicit-euler", 16),
+    ]  # fmt: skip
+    for curve in curves.curves:
+        run = simulate(small_rope, curve.stepper, curve.steps_per_frame)
+        series = error_series(run, known, norm)
+        assert np.array_equal(curve.times, series.times)
+        assert np.array_equal(curve.values, series.values)
+        assert curve.diverged_at is None
+        assert np.array_equal(curves.resolution, series.resolution)
+        assert curves.norm == series.norm
+    assert np.array_equal(curves.times, known.times[1:])
+    assert np.array_equal(10 * curves.bound, curves.resolution)
+
+
+def test_their_maximum_is_what_the_table_has(small_rope):
+    table = accuracy_table(small_rope, ["rk4"], [8, 16])
+    for row, curve in zip(
+        table.rows, error_curves(small_rope, ["rk4"], [8, 16]).curves, strict=True
+    ):
+        assert np.max(curve.values) == row.error_max
+
+
+def test_errors_of_a_diverged_run_end_at_its_last_finite_state(cubic_problem):
+    curves = error_curves(cubic_problem, ["explicit-euler"], [2, 400])
+    diverged, fine = curves.curves
+    run = simulate(cubic_problem, "explicit-euler", 2)
+    assert run.status == "diverged"
+    assert diverged.diverged_at == cubic_problem.ts[run.diverged_at]
+    assert np.array_equal(diverged.times, cubic_problem.ts[1 : run.diverged_at])
+    apart = distance(cubic_problem, curves.norm, run.states, curves.reference.states)
+    assert np.array_equal(diverged.values, apart[1:])
+    assert np.all(np.isfinite(diverged.values))
+    assert fine.diverged_at is None
+    assert np.array_equal(fine.times, cubic_problem.ts[1:])
+
+
+def test_errors_end_at_the_horizon_and_energies_of_runs_do_not():
+    rope = Rope(num_nodes=4, damping=0.0).problem(frames=6)
+    asked = {"rtol": 1e-6, "accuracy": 3e-4}
+    errors = error_curves(rope, ["rk4"], [40], **asked)
+    energies = energy_curves(rope, ["rk4"], [40], **asked)
+    assert errors.reference.horizon is not None
+    for times in (errors.times, errors.curves[0].times, energies.times[1:]):
+        assert times[-1] < errors.reference.horizon
+        assert len(times) == errors.reference.trusted - 1
+    assert energies.curves[0].times[-1] == 6.0
+
+
+def test_energies():
+    """A planet's energy is -1/2; Euler's method loses it, RK4 keeps it to its order."""
+    kepler = PROBLEMS["kepler"](frames=4)
+    curves = energy_curves(kepler, ["rk4", "explicit-euler"], [32, 64])
+    assert np.array_equal(curves.times, kepler.ts)
+    assert np.max(np.abs(curves.values + 0.5)) < 1e-11
+    away = {(c.stepper, c.steps_per_frame): abs(c.values[-1] + 0.5) for c in curves.curves}
+    # The energy error of RK4 falls at least like its order, 4.
+    assert away["rk4", 32] / away["rk4", 64] > 2**4 * 0.9
+    assert away["explicit-euler", 64] > 1e3 * away["rk4", 64]
+    for curve in curves.curves:
+        assert np.array_equal(curve.times, kepler.ts)
+        assert curve.values[0] == pytest.approx(-0.5, rel=1e-14)
+
+
+def test_energies_end_before_they_are_infinite(cubic_problem):
+    run = simulate(cubic_problem, "explicit-euler", 1)
+    energy = cubic_problem.energies(run.states)
+    assert not np.all(np.isfinite(energy))  # While all states are.
+    (curve,) = energy_curves(cubic_problem, ["explicit-euler"], [1]).curves
+    finite = int(np.argmin(np.isfinite(energy)))
+    assert np.array_equal(curve.values, energy[:finite])
+    assert np.array_equal(curve.times, run.times[:finite])
+
+
+def test_default_steppers_are_those_of_the_table(small_rope, cubic_problem):
+    for problem in (small_rope, cubic_problem):
+        table = accuracy_table(problem, steps_per_frame=[400])
+        expected = [each.stepper for each in table.orders]
+        for make in (error_curves, energy_curves):
+            assert [c.stepper for c in make(problem, steps_per_frame=[400]).curves] == expected
+
+
+def test_progress_grows_to_one(small_rope):
+    said = []
+    error_curves(small_rope, ["rk4"], [4, 8], progress=lambda text, part: said.append(part))
+    assert said == sorted(said)
+    assert said[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"steppers": ["rk5"]}, "did you mean 'rk4'"),
+        ({"steppers": ["rk4", "rk4"]}, "each stepper once"),
+        ({"steps_per_frame": [0]}, "steps_per_frame: "),
+        ({"rtol": 1.0}, "rtol: 1.0 given"),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("make", [error_curves, energy_curves])
+def test_bad_arguments(make, arguments, words, small_rope):
+    with pytest.raises(InputError, match=words):
+        make(small_rope, **arguments)
+
+
+def test_what_a_problem_has_not(cubic_problem):
+    computing = []
+    without = Problem(cubic, [1.0], [0.0, 1.0], name="lazy")
+    with pytest.raises(InputError, match="problem: 'lazy' given; allowed: .* has an energy"):
+        energy_curves(without, ["rk4"], [4], progress=lambda *said: computing.append(said))
+    with pytest.raises(InputError, match="norm: 'position-max' given"):
+        error_curves(cubic_problem, ["rk4"], [4], norm="position-max")
+    with pytest.raises(InputError, match="needs a second-order problem"):
+        error_curves(cubic_problem, ["stormer-verlet"], [4])
+    assert not computing

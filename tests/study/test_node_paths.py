@@ -1,0 +1,83 @@
+"""Nodes at many samples are those of the run that has few."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.norms import NORMS, distance
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.simulation import simulate
+from ropeode.study.node_paths import node_paths
+
+ROUNDING = 1e-12
+
+
+@pytest.mark.parametrize(("steps", "parts"), [(16, 8), (12, 6), (7, 7), (9, 3), (11, 1), (1, 1)])
+def test_more_samples_change_no_step(steps, parts, small_rope):
+    """The steps are the same; only the times at which they begin are rounded differently."""
+    steppers = ["semi-implicit-euler", "stormer-verlet", "rk4"]
+    found = node_paths(small_rope, steppers, steps)
+    assert found.samples_per_frame == parts
+    assert len(found.times) == 3 * parts + 1
+    assert np.array_equal(found.times[::parts], small_rope.ts)
+    for path in found.paths:
+        run = simulate(small_rope, path.stepper, steps)
+        few = path.positions[::parts]
+        assert few.shape == run.positions.shape
+        assert np.allclose(few, run.positions, rtol=ROUNDING, atol=ROUNDING * small_rope.scale)
+        assert path.diverged_at is None
+
+
+def test_frames_of_any_length():
+    uneven = Problem.second_order(
+        lambda t, x, v, args: -x, [[1.0, 0.0]], [[0.0, 1.0]], [0.0, 0.3, 1.0]
+    )
+    found = node_paths(uneven, ["rk4"], 8)
+    assert np.array_equal(found.times[::8], uneven.ts)
+    assert np.all(np.diff(found.times) > 0)
+
+
+def test_long_films_have_fewer_samples_per_frame(small_rope):
+    long = PROBLEMS["kepler"](frames=200)
+    assert node_paths(long, ["rk4"], 8).samples_per_frame == 2
+
+
+def test_errors_are_in_the_norm_asked_for(small_rope):
+    found = node_paths(small_rope, ["rk4"], 4, norm="velocity-rms")
+    finer = found.reference.problem
+    run = simulate(finer, "rk4", 1)
+    apart = distance(finer, NORMS["velocity-rms"], run.states, found.reference.states)
+    assert np.array_equal(found.paths[0].errors, apart)
+    assert np.array_equal(found.resolution, 10 * found.reference.bound(NORMS["velocity-rms"]))
+
+
+def quartic(t, x, v, args):
+    return -100 * x**3
+
+
+@pytest.mark.parametrize("steps", [2, 3, 4])
+def test_diverged_at_is_a_frame_of_the_problem(steps):
+    problem = Problem.second_order(quartic, [[1.0, 0.5]], [[0.0, 0.0]], np.arange(7.0))
+    run = simulate(problem, "explicit-euler", steps)
+    (path,) = node_paths(problem, ["explicit-euler"], steps).paths
+    assert path.diverged_at == run.diverged_at is not None
+    assert np.all(np.isfinite(path.positions))
+
+
+@pytest.mark.parametrize(
+    ("problem", "arguments", "words"),
+    [
+        (PROBLEMS["oscillator"](), {}, "problem: .* positions have 2 or 3 components"),
+        (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]), {}, "problem: .* 2 or 3 components"),
+        (PROBLEMS["kepler"](), {"steppers": ["rk5"]}, "did you mean 'rk4'"),
+        (PROBLEMS["kepler"](), {"steps_per_frame": 1.5}, "steps_per_frame: "),
+        (PROBLEMS["kepler"](), {"norm": "state-max"}, "norm: 'state-max' given"),
+    ],
+    ids=lambda value: getattr(value, "name", str(value)),
+)
+def test_bad_arguments(problem, arguments, words):
+    with pytest.raises(InputError, match=words):
+        node_paths(problem, **arguments)
