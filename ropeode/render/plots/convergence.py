@@ -1,0 +1,149 @@
+"""Error against step size: the accuracy table as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from ropeode.render import cells
+from ropeode.render.plots.labels import problem_words, with_unit
+from ropeode.render.plots.marks import MARKS, Point, in_legend, limits, points
+from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE, new_figure, stepper_style
+from ropeode.render.plots.triangles import FittedLine, draw_triangles
+from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
+
+_AXES_HEIGHT = 3.8
+_LEGEND_LINE = 0.17
+_DENSE = 40
+
+
+@matplotlib.rc_context(STYLE)
+def plot_convergence(table: AccuracyTable) -> Figure:
+    """Error against step size, with the fitted orders and what was left out of them.
+
+    Arguments:
+        table: from `ropeode.accuracy_table`.
+
+    Returns:
+        A matplotlib figure, 6.5 inches wide, with one pair of logarithmic axes: step size in
+        the problem's unit of time, `error_max` in that of the norm. docs/plots.md says what
+        each mark means.
+    """
+    found = {each.stepper: points(table, each.stepper) for each in table.orders}
+    shown = [mark for mark in MARKS if any(p.mark == mark for each in found.values() for p in each)]
+    figure = new_figure(
+        f"Convergence of steppers: {problem_words(table)}",
+        cells.error_words(table).rstrip("."),
+        _AXES_HEIGHT + _LEGEND_LINE * max(len(found), len(shown) + 1),
+    )
+    axes = figure.subplots()
+    dts = [row.dt for row in table.rows]
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=(min(dts) / 1.5, max(dts) * 1.5),
+        ylim=limits(table),
+        xlabel=with_unit("step size dt", table.problem, "time"),
+        ylabel=with_unit("max error", table.problem, table.norm.quantity),
+    )
+    _draw_band(axes, table.rows[0].resolution)
+    lines = []
+    for index, each in enumerate(table.orders):
+        lines += _draw_stepper(axes, index, each, found[each.stepper])
+    drawn = [np.array([(p.dt, p.error) for p in each]) for each in found.values()]
+    drawn += [_dense(line) for line in lines]
+    floor = max(table.rows[0].resolution, axes.get_ylim()[0])
+    draw_triangles(axes, lines, np.concatenate(drawn), floor)
+    _draw_legends(figure, table, shown)
+    return figure
+
+
+def _dense(line: FittedLine) -> np.ndarray:
+    """Points ``(points, 2)`` all along a line, which is straight in logarithms."""
+    start, end = np.log([(line.dts[i], line.errors[i]) for i in (0, -1)])
+    return np.exp(np.linspace(start, end, _DENSE))
+
+
+def _draw_band(axes: Axes, resolution: float) -> None:
+    """What the reference cannot resolve, from below."""
+    low, _ = axes.get_ylim()
+    axes.axhspan(0.0, resolution, color=BAND, linewidth=0, zorder=0.5)
+    axes.axhline(resolution, color=BAND_EDGE, linewidth=0.8, zorder=0.6)
+    where = "" if resolution >= low else ", below this axis"
+    axes.text(
+        0.99,
+        0.015,
+        f"resolution {resolution:.1e} (10 × the reference's bound){where}",
+        transform=axes.transAxes,
+        ha="right",
+        va="bottom",
+        fontsize=7.5,
+        color="0.25",
+    )
+
+
+def _draw_stepper(
+    axes: Axes, index: int, each: StepperOrder, found: Sequence[Point]
+) -> list[FittedLine]:
+    """A stepper's points, and the fitted line if there is one."""
+    colour, marker = stepper_style(index)
+    for mark, form in MARKS.items():
+        if left_out := [point for point in found if point.mark == mark]:
+            _scatter(axes, left_out, color=colour, zorder=3, **form)
+    used = [point for point in found if point.mark is None]
+    if not used:
+        return []
+    _scatter(axes, used, color=colour, zorder=2.5, marker=marker)
+    slope = each.order.observed
+    if slope is None:
+        return []
+    # A least-squares line goes through the mean of its points.
+    log_dt, log_error = np.log([(point.dt, point.error) for point in used]).T
+    order = np.argsort(log_dt)
+    fitted = np.exp(np.mean(log_error) + slope * (log_dt - np.mean(log_dt)))[order]
+    line = FittedLine(slope, np.exp(log_dt)[order], fitted)
+    axes.plot(line.dts, line.errors, color=colour, linewidth=1.0, zorder=1.9)
+    return [line]
+
+
+def _scatter(axes: Axes, found: Sequence[Point], **form: Any) -> None:
+    axes.plot(
+        [point.dt for point in found],
+        [point.error for point in found],
+        linestyle="none",
+        **form,
+    )
+
+
+def _draw_legends(figure: Figure, table: AccuracyTable, shown: Sequence[str]) -> None:
+    """Steppers with their orders to the left, what the marks mean to the right."""
+    steppers: list[Artist] = [
+        Line2D([], [], color=stepper_style(i)[0], marker=stepper_style(i)[1],
+               label=_order_words(each))
+        for i, each in enumerate(table.orders)
+    ]  # fmt: skip
+    marks: list[Artist] = [
+        Line2D([], [], color="0.3", linestyle="none", label=mark, **in_legend(mark))
+        for mark in shown
+    ]
+    if any(each.order.used for each in table.orders):
+        words = "filled: used for the order's line"
+        marks.insert(0, Line2D([], [], color="0.3", marker="o", label=words))
+    figure.legend(handles=steppers, loc="outside lower left")
+    figure.legend(handles=marks, loc="outside lower right")
+
+
+def _order_words(each: StepperOrder) -> str:
+    order = each.order
+    other = "" if each.solves else "; solves another problem"
+    if order.observed is None:
+        return f"{each.stepper}: {order.verdict}{other}"
+    words = "order" if order.verdict == "converges" else f"{order.verdict}, slope"
+    return f"{each.stepper}: {words} {order.observed:.3f} {cells.interval(order)}{other}"

@@ -1,0 +1,59 @@
+"""Pictures as bytes, and the names of the files that they may go to."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from ropeode.errors import InputError
+from ropeode.files import check_writable
+from ropeode.render.plots.style import STYLE
+from ropeode.validation import complaint
+
+# Suffix: what its format would say of the time of writing; the same figure makes the same file.
+FIGURES: dict[str, dict[str, None]] = {
+    ".png": {},
+    ".pdf": {"CreationDate": None},
+    ".svg": {"Date": None},
+}
+
+
+def check_picture(path: str | Path, suffixes: Iterable[str]) -> Path:
+    """A path that a picture can be written to, checked before anything is computed.
+
+    Arguments:
+        path: of the file, which may exist.
+        suffixes: that are allowed, as in ``.png``.
+
+    Raises:
+        InputError: it has another suffix, or cannot be written to.
+    """
+    allowed = list(suffixes)
+    if Path(path).suffix.lower() not in allowed:
+        raise InputError(
+            complaint(
+                "out",
+                str(path),
+                f"a file name that ends in {', '.join(allowed)}",
+                f"for example {Path(path).stem or 'picture'}{allowed[0]}",
+            )
+        )
+    return check_writable("out", path)
+
+
+@matplotlib.rc_context(STYLE)
+def figure_bytes(figure: Figure, suffix: str) -> bytes:
+    """A figure as the contents of a file.
+
+    Arguments:
+        figure: from one of the plotting functions.
+        suffix: one of `FIGURES`, in small or capital letters.
+    """
+    suffix = suffix.lower()
+    contents = io.BytesIO()
+    figure.savefig(contents, format=suffix[1:], metadata=FIGURES[suffix])
+    return contents.getvalue()

@@ -1,0 +1,118 @@
+"""How many curves are shared out among axes, so that they stay readable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ropeode.render.plots.style import WIDTH, new_figure, stepper_style, wrapped
+from ropeode.study.curves import Curve
+
+_TWO_COLUMNS_UP_TO = 6
+_ROW_HEIGHT = 1.75
+_ALONE_HEIGHT = 3.4
+_LEGEND_HEIGHT = 0.9
+_LABEL_WIDTH = 0.4
+_TICKS = 6
+
+
+class Line(NamedTuple):
+    """A curve with what it looks like in its panel."""
+
+    curve: Curve
+    colour: str
+    label: str
+
+
+def _steps(line: Line) -> int:
+    return line.curve.steps_per_frame
+
+
+class Panel(NamedTuple):
+    """One pair of axes; `title` names its stepper, and is empty where there are several."""
+
+    title: str
+    lines: tuple[Line, ...]
+
+
+def panels_of(curves: Sequence[Curve]) -> list[Panel]:
+    """All steppers in one panel for one number of steps; else a panel for each stepper.
+
+    In one panel the colour says the stepper; in several the number of steps, dark for few
+    and light for many, with the same colours in all.
+    """
+    steps = sorted({curve.steps_per_frame for curve in curves})
+    if len(steps) == 1:
+        lines = (
+            Line(curve, stepper_style(i)[0], f"{curve.stepper}, {steps[0]} steps/frame")
+            for i, curve in enumerate(curves)
+        )
+        return [Panel("", tuple(lines))]
+    # The end of the scale is too pale for lines on white.
+    shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(steps)))
+    colours = dict(zip(steps, map(to_hex, shades), strict=True))
+    return [
+        Panel(
+            name,
+            tuple(
+                Line(curve, colours[curve.steps_per_frame], f"{curve.steps_per_frame} steps/frame")
+                for curve in curves
+                if curve.stepper == name
+            ),
+        )
+        for name in dict.fromkeys(curve.stepper for curve in curves)
+    ]
+
+
+def new_panels(
+    title: str, more: str, panels: Sequence[Panel], x: str, y: str
+) -> tuple[Figure, list[Axes]]:
+    """A figure with axes for each panel, all of the same limits.
+
+    Arguments:
+        title: of the figure.
+        more: below the title.
+        panels: to be drawn.
+        x: label of the axes of time.
+        y: label of the other axes.
+    """
+    many = len(panels)
+    columns = 1 if many == 1 else 2 if many <= _TWO_COLUMNS_UP_TO else 3
+    rows = math.ceil(many / columns)
+    height = _ALONE_HEIGHT if many == 1 else _ROW_HEIGHT * max(rows, 1.5)
+    figure = new_figure(title, more, height + _LEGEND_HEIGHT)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes, panel in zip(grid, panels, strict=False):
+        axes.set_title(wrapped(panel.title, width=WIDTH / columns - _LABEL_WIDTH), loc="left")
+    for axes in grid[many:]:
+        axes.remove()
+    for axes in grid[max(0, many - columns) : many]:
+        axes.tick_params(labelbottom=True)
+    for axes in grid[columns * (rows - 1) : many]:
+        axes.set_xlabel(x)
+    for axes in grid[:many:columns]:
+        axes.set_ylabel(y if many == 1 else y.replace(" [", "\n["))
+    grid[0].xaxis.set_major_locator(MaxNLocator(_TICKS, steps=[1, 2, 5, 10]))
+    return figure, list(grid[:many])
+
+
+def draw_legend(figure: Figure, every: Sequence[Axes], panels: Sequence[Panel]) -> None:
+    """One legend for all panels, below them; each label once, the runs first."""
+    found = {}
+    for axes in every:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    runs = sorted((line for panel in panels for line in panel.lines), key=_steps)
+    labels = [label for line in runs if (label := line.label) in found]
+    handles = {label: found[label] for label in [*labels, *found]}
+    longest = max(len(line) for label in handles for line in label.splitlines())
+    columns = 4 if longest < 22 else 3 if longest < 34 else 2 if longest < 60 else 1
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=columns)

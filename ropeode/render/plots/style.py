@@ -1,0 +1,69 @@
+"""Colours, markers and sizes: readable in print, and whatever colours one can tell apart."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+from matplotlib.figure import Figure
+
+# Matplotlib types its keys, in new versions only.
+STYLE: Any = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 9.0,
+    "figure.titlesize": 10.0,
+    "legend.fontsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 5.0,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.handlelength": 2.2,
+    # The same figure makes the same file.
+    "svg.hashsalt": "ropeode",
+}
+WIDTH = 6.5
+DPI = 200
+_LETTERS_PER_INCH = 14
+
+# Source: Okabe and Ito, Color Universal Design (2008); without the yellow, which is too pale
+# for lines on white.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+# One more than there are colours, so that the pairs repeat late.
+MARKERS = ("o", "s", "D", "^", "v", "p", "<", ">")
+
+BAND = "0.85"
+BAND_EDGE = "0.55"
+
+
+def stepper_style(index: int) -> tuple[str, str]:
+    """Colour and marker of the stepper with this index."""
+    return COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
+
+
+def new_figure(title: str, more: str, height: float) -> Figure:
+    """An empty figure, 6.5 inches wide, that no window and no backend knows of.
+
+    Arguments:
+        title: above all of it.
+        more: below the title.
+        height: in inches.
+    """
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    # A problem's name is its user's; a dollar sign in it is no formula.
+    figure.suptitle(wrapped(title, more, width=WIDTH), parse_math=False)
+    return figure
+
+
+def wrapped(*paragraphs: str, width: float) -> str:
+    """The lines of a title, for a figure so many inches wide."""
+    letters = round(_LETTERS_PER_INCH * width)
+    return "\n".join(textwrap.fill(each, letters) for each in paragraphs if each)

@@ -1,0 +1,53 @@
+"""What all plots against time have: where trust ends, and where a run leaves the axes."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ropeode.references.reference import Reference
+from ropeode.render.plots.labels import horizon_words
+from ropeode.render.plots.panels import Line
+
+_MARK = {"linestyle": "none", "markersize": 6}
+
+
+def draw_horizon(axes: Axes, reference: Reference) -> None:
+    """A vertical line where the trust in the reference ends, if it does."""
+    if reference.horizon is not None:
+        axes.axvline(
+            reference.horizon,
+            color="0.3",
+            linewidth=1.0,
+            linestyle="-.",
+            label=horizon_words(reference),
+        )
+
+
+def draw_ends(axes: Axes, line: Line, values: np.ndarray) -> None:
+    """Marks at the edge where a line leaves the axes for the first time, and where it diverged.
+
+    Arguments:
+        axes: with their limits set.
+        line: whose ends.
+        values: its numbers, ``(times,)``.
+    """
+    low, high = axes.get_ylim()
+    if len(outside := np.flatnonzero((values < low) | (values > high))):
+        first = outside[0]
+        above = values[first] > high
+        _mark(
+            axes,
+            float(line.curve.times[first]),
+            high if above else low,
+            line.colour,
+            "^" if above else "v",
+            f"{'above' if above else 'below'} this axis",
+        )
+    if line.curve.diverged_at is not None:
+        _mark(axes, line.curve.diverged_at, high, line.colour, "X", "diverged")
+
+
+def _mark(axes: Axes, time: float, edge: float, colour: str, marker: str, label: str) -> None:
+    axes.plot(time, edge, color=colour, marker=marker, clip_on=False, zorder=3, **_MARK)
+    axes.plot([], [], color="0.4", marker=marker, label=label, **_MARK)

@@ -1,0 +1,101 @@
+"""What every type of plot keeps to; the types are taken from the list of them."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ropeode.cli.pictures import TYPES
+from ropeode.errors import InputError
+from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
+from ropeode.render.plots.registry import PLOTS
+
+ALL_CASES = ["rope", "diverged", "cut", "one step size", "long names", "still"]
+MAGIC = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+
+
+def test_types_are_listed_on_the_command_line():
+    assert tuple(PLOTS) == TYPES
+
+
+@pytest.mark.parametrize("case", ALL_CASES)
+@pytest.mark.parametrize("kind", PLOTS)
+def test_nothing_overlaps_or_is_cut_off(kind, case, study):
+    data = study(kind, case)
+    figure = PLOTS[kind].draw(data)
+    assert isinstance(figure, Figure)
+    assert data.problem.name in figure.get_suptitle()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    titles = [text.get_window_extent(renderer) for text in figure.texts if text.get_text()]
+    legends = [legend.get_window_extent(renderer) for legend in figure.legends]
+    axes = [each.get_tightbbox(renderer) for each in figure.axes]
+    for box in [*titles, *legends, *axes]:
+        assert box.x0 >= 0
+        assert box.y0 >= 0
+        assert box.x1 <= figure.bbox.width
+        assert box.y1 <= figure.bbox.height
+    for one, other in itertools.combinations([*titles, *legends], 2):
+        assert not one.overlaps(other)
+    for one, other in itertools.product([*titles, *legends], axes):
+        assert not one.overlaps(other)
+    for one, other in itertools.combinations(axes, 2):
+        assert not one.overlaps(other)
+
+
+@pytest.mark.parametrize("kind", PLOTS)
+def test_axes_have_labels_with_units(kind, study):
+    for case, unit in (("rope", True), ("diverged", False)):
+        figure = PLOTS[kind].draw(study(kind, case))
+        labels = [(each.get_xlabel(), each.get_ylabel()) for each in figure.axes]
+        assert any(x for x, _ in labels)
+        assert any(y for _, y in labels)
+        for label in itertools.chain(*labels):
+            assert not label or ("[" in label) == unit
+
+
+@pytest.mark.parametrize("suffix", FIGURES)
+@pytest.mark.parametrize("kind", PLOTS)
+def test_files_are_of_their_format_and_the_same_each_time(kind, suffix, study):
+    first, second = (
+        figure_bytes(PLOTS[kind].draw(study(kind, "diverged")), each)
+        for each in (suffix, suffix.upper())
+    )
+    assert first.startswith(MAGIC[suffix])
+    assert first == second
+
+
+def test_file_names_are_checked(tmp_path):
+    assert check_picture(tmp_path / "a.PNG", FIGURES) == tmp_path / "a.PNG"
+    with pytest.raises(InputError, match=r"out: .* ends in .png, .pdf, .svg\. Fix: .* a.png"):
+        check_picture(tmp_path / "a.jpg", FIGURES)
+    with pytest.raises(InputError, match="out: .* folder that exists"):
+        check_picture(tmp_path / "missing" / "a.png", FIGURES)
+
+
+def test_no_window_and_no_global_figure():
+    code = (
+        "import sys\n"
+        "import ropeode.render.plots.registry, ropeode.render.plots.animation\n"
+        "print('matplotlib.pyplot' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+@pytest.mark.parametrize("kind", PLOTS)
+def test_the_callers_settings_stay(kind, study):
+    import matplotlib
+
+    with matplotlib.rc_context({"font.size": 33.0}):
+        figure = PLOTS[kind].draw(study(kind, "diverged"))
+        assert matplotlib.rcParams["font.size"] == 33.0
+    sizes = [text.get_fontsize() for legend in figure.legends for text in legend.get_texts()]
+    assert np.max(sizes) < 12
