@@ -1,0 +1,118 @@
+"""The commands that make pictures. Each imports what it needs when it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ropeode.cli.options import given_values, table_options
+from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
+from ropeode.files import write_whole
+
+if TYPE_CHECKING:
+    from ropeode.study.spec import TableJob
+
+# The names in ropeode.render.plots.registry; a test holds the two together. Listed here because
+# the help text must not import what makes plots.
+TYPES = ("convergence", "error", "energy")
+
+
+@click.command()
+@click.argument("spec", required=False, type=click.Path(path_type=Path))
+@table_options
+@click.option(
+    "--type", "name", type=click.Choice(TYPES), default=TYPES[0], help=f"Of plot. [{TYPES[0]}]"
+)
+@click.option("--out", metavar="FILE", help="A .png, .pdf or .svg file. [TYPE.png]")
+def plot(spec: Path | None, name: str, out: str | None, **options: str | None) -> None:
+    """Plot errors or energies of a rope, or of another problem.
+
+    Takes its settings from SPEC and the options as `ropeode table` does. Types: error against
+    step size with the observed orders (convergence), error against time (error), energy
+    against time (energy). Needs matplotlib: pip install 'ropeode[plots]'.
+    """
+    from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
+
+    path = check_picture(out or f"{name}.png", FIGURES)
+    set_up_jax()
+    from ropeode.render.plots.registry import PLOTS
+
+    job = _job(spec, options)
+
+    with show_progress() as progress:
+
+        def work() -> bytes:
+            result = PLOTS[name].study(
+                job.problem,
+                job.spec.steppers,
+                job.spec.steps_per_frame,
+                norm=job.spec.norm,
+                accuracy=job.spec.accuracy,
+                rtol=job.spec.rtol,
+                progress=progress,
+            )
+            return figure_bytes(PLOTS[name].draw(result), path.suffix)
+
+        contents = interruptible(work)
+    _write(path, contents)
+
+
+@click.command()
+@click.argument("spec", required=False, type=click.Path(path_type=Path))
+@table_options
+@click.option("--fps", metavar="N", default="20", help="Pictures per second, up to 50. [20]")
+@click.option("--out", metavar="FILE", help="A .gif or .mp4 file. [rope.gif]")
+def animate(spec: Path | None, fps: str, out: str | None, **options: str | None) -> None:
+    """Make a film of a rope, or of another problem that moves in a plane or in space.
+
+    Takes its settings from SPEC and the options as `ropeode table` does: the steppers are
+    shown beside the reference, all at the first of the steps per frame. Where none are given,
+    that is semi-implicit-euler at 64. Needs matplotlib: pip install 'ropeode[plots]', and for
+    MP4 pip install 'ropeode[video]'.
+    """
+    from ropeode.render.plots.animation import check_film, check_fps, film_bytes
+
+    path, speed = check_film(out or "rope.gif"), check_fps(fps)
+    set_up_jax()
+    from ropeode.study.node_paths import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME, node_paths
+
+    job = _job(spec, options)
+    steps_given = "steps_per_frame" in job.spec.model_fields_set
+
+    with show_progress() as progress:
+
+        def work() -> bytes:
+            paths = node_paths(
+                job.problem,
+                job.spec.steppers or DEFAULT_STEPPERS,
+                job.spec.steps_per_frame[0] if steps_given else DEFAULT_STEPS_PER_FRAME,
+                norm=job.spec.norm,
+                accuracy=job.spec.accuracy,
+                rtol=job.spec.rtol,
+                progress=progress,
+            )
+            return film_bytes(paths, path.suffix, speed, progress)
+
+        contents = interruptible(work)
+    _write(path, contents)
+
+
+def _job(spec: Path | None, options: Mapping[str, str | None]) -> TableJob:
+    """What SPEC and the options ask for, as for `ropeode table`."""
+    from ropeode.study.spec import TableJob, read_spec
+
+    values: dict[str, Any] = read_spec(spec) if spec else {}
+    given, rope = given_values(options)
+    values |= given
+    if rope:
+        values["rope"] = {**values.get("rope", {}), **rope}
+    return TableJob(values, folder=None if "problem" in given or not spec else spec.parent)
+
+
+def _write(path: Path, contents: bytes) -> None:
+    with not_interrupted():
+        write_whole(path, contents)
+    click.echo(f"wrote {path}")

@@ -1,0 +1,174 @@
+"""`ropeode plot` and `ropeode animate`, as a user meets them: whole processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from PIL import Image
+
+from ropeode.cli.pictures import TYPES
+
+RUN = [sys.executable, "-m", "ropeode"]
+QUICK = ["--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "4,8,16"]
+
+
+@pytest.fixture(scope="session")
+def environment(tmp_path_factory):
+    """Everything that a command caches goes to a folder of the test's own."""
+    return {**os.environ, "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
+
+
+@pytest.fixture
+def run(environment, tmp_path):
+    def call(*arguments, without=None):
+        code = (
+            f"import sys; sys.modules[{without!r}] = None\n"
+            f"from ropeode.cli.main import main; main({list(arguments)!r})"
+        )
+        return subprocess.run(
+            [sys.executable, "-c", code] if without else [*RUN, *arguments],
+            capture_output=True,
+            text=True,
+            timeout=180,
+            cwd=tmp_path,
+            env=environment,
+            check=False,
+        )
+
+    return call
+
+
+def test_help_imports_neither_jax_nor_matplotlib(environment):
+    code = (
+        "import sys\n"
+        "from ropeode.cli.main import cli\n"
+        "for command in ([], ['plot'], ['animate']):\n"
+        "    try: cli.main([*command, '--help'], standalone_mode=False)\n"
+        "    except SystemExit: pass\n"
+        "print({'jax', 'numpy', 'matplotlib'} & set(sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
+    assert done.stderr == "set()\n"
+    assert all(len(line) <= 80 for line in done.stdout.splitlines())
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_plot(name, run, tmp_path):
+    done = run("plot", *QUICK, "--type", name)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"wrote {name}.png\n", "")
+    with Image.open(tmp_path / f"{name}.png") as image:
+        assert image.width == 1300
+    assert os.listdir(tmp_path) == [f"{name}.png"]
+
+
+def test_plot_of_a_spec_file_in_another_format(run, tmp_path):
+    (tmp_path / "mine.toml").write_text(
+        'frames = 2\nsteppers = ["rk4"]\nsteps_per_frame = [4, 8, 16]\n[rope]\nnum_nodes = 3\n'
+    )
+    done = run("plot", "mine.toml", "--damping", "0.25", "--out", "a.svg")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "wrote a.svg\n", "")
+    assert (tmp_path / "a.svg").read_text().startswith("<?xml")
+
+
+def test_a_norm_in_a_spec_does_not_keep_energies_from_being_plotted(run):
+    assert run("plot", *QUICK, "--type", "energy", "--norm", "velocity-max").returncode == 0
+
+
+def test_animate(run, tmp_path):
+    """One run of all that is given: the first of the steps, which 4 samples per frame fit."""
+    done = run("animate", *QUICK)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "wrote rope.gif\n", "")
+    with Image.open(tmp_path / "rope.gif") as image:
+        assert image.n_frames == 2 * 4 + 1
+        assert image.info["duration"] == 50
+    assert os.listdir(tmp_path) == ["rope.gif"]
+
+
+def test_animate_by_default(run, tmp_path):
+    """At 64 steps per frame, which 8 samples fit; to MP4 just as well."""
+    import imageio_ffmpeg
+
+    done = run("animate", "--num-nodes", "2", "--frames", "1", "--fps", "4", "--out", "a.mp4")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "wrote a.mp4\n", "")
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(tmp_path / "a.mp4")
+    assert frames == 9
+    assert seconds == pytest.approx(9 / 4, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["plot", "--type", "errors"], "'errors' is not one of"),
+        (["plot", "--out", "a.jpg"], "out: 'a.jpg' given; allowed: a file name that ends in .png"),
+        (["plot", "--out", "missing/a.png"], "create 'missing'"),
+        (["plot", "--steps", "0"], "steps_per_frame: "),
+        (["plot", "--steppers", "rk44"], "did you mean 'rk4'"),
+        (["plot", "--norm", "max"], "norm: 'max' given"),
+        (["plot", "missing.toml"], "spec: 'missing.toml' given"),
+        (["plot", "--problem", "forced", "--type", "energy"], "a problem that has an energy"),
+        (["animate", "--out", "a.png"], "out: 'a.png' given; allowed: a file name that ends in .g"),
+        (["animate", "--fps", "0"], "fps: '0' given"),
+        (["animate", "--fps", "quick"], "fps: 'quick' given"),
+        (["animate", "--problem", "oscillator"], "positions have 2 or 3 components"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input_is_a_line_and_exit_code_2(arguments, words, run, tmp_path):
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("ropeode: ")
+    assert words in line
+    assert "Fix: " in line
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "package", "extra"),
+    [
+        (["plot"], "matplotlib", "plots"),
+        (["animate"], "matplotlib", "plots"),
+        (["animate", "--out", "a.mp4"], "imageio_ffmpeg", "video"),
+    ],
+    ids=str,
+)
+def test_missing_packages_are_a_line(arguments, package, extra, run, tmp_path):
+    """Told before anything is computed: the default rope takes longer than this may."""
+    done = run(*arguments, without=package)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"ropeode: {package}: it cannot be imported")
+    assert line.endswith(f"Fix: pip install 'ropeode[{extra}]'")
+    assert os.listdir(tmp_path) == []
+
+
+def test_gif_needs_no_video_extra(run, tmp_path):
+    assert run("animate", *QUICK, without="imageio_ffmpeg").returncode == 0
+    assert os.listdir(tmp_path) == ["rope.gif"]
+
+
+@pytest.mark.parametrize("command", [["plot"], ["animate", "--out", "a.gif"]], ids=str)
+def test_ctrl_c_leaves_nothing(command, environment, tmp_path):
+    process = subprocess.Popen(
+        [*RUN, *command, "--num-nodes", "256", "--frames", "100"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+    )
+    time.sleep(5.0)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert (out, err) == ("", "ropeode: interrupted; nothing was written.\n")
+    assert os.listdir(tmp_path) == []
