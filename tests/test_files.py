@@ -24,6 +24,11 @@ def test_writes_and_replaces(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == 0o666 & ~mask
 
 
+def test_writes_bytes(tmp_path):
+    write_whole(tmp_path / "picture.png", b"\x89PNG\r\n\x1a\n")
+    assert (tmp_path / "picture.png").read_bytes() == b"\x89PNG\r\n\x1a\n"
+
+
 def test_no_room_leaves_the_old_file(tmp_path):
     path = tmp_path / "table.txt"
     write_whole(path, "old")
