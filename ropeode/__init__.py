@@ -17,9 +17,15 @@ if TYPE_CHECKING:
     from ropeode.problems.rope import Rope
     from ropeode.references.reference import Reference, reference
     from ropeode.render.formats import format_table
+    from ropeode.render.plots.animation import animate
+    from ropeode.render.plots.convergence import plot_convergence
+    from ropeode.render.plots.energy import plot_energies
+    from ropeode.render.plots.error import plot_errors
     from ropeode.simulation import Trajectory, simulate
     from ropeode.steppers.base import ProblemClass, Stepper, System
     from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
+    from ropeode.study.curves import energy_curves, error_curves
+    from ropeode.study.node_paths import node_paths
 
 _MODULES = {
     "analysis.errors": ("ErrorSeries", "error_series"),
@@ -29,9 +35,15 @@ _MODULES = {
     "problems.rope": ("Rope",),
     "references.reference": ("Reference", "reference"),
     "render.formats": ("format_table",),
+    "render.plots.animation": ("animate",),
+    "render.plots.convergence": ("plot_convergence",),
+    "render.plots.energy": ("plot_energies",),
+    "render.plots.error": ("plot_errors",),
     "simulation": ("Trajectory", "simulate"),
     "steppers.base": ("ProblemClass", "Stepper", "System"),
     "study.accuracy_table": ("AccuracyTable", "accuracy_table"),
+    "study.curves": ("energy_curves", "error_curves"),
+    "study.node_paths": ("node_paths",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -52,9 +64,16 @@ __all__ = [
     "Trajectory",
     "UserCodeError",
     "accuracy_table",
+    "animate",
+    "energy_curves",
+    "error_curves",
     "error_series",
     "format_table",
+    "node_paths",
     "observed_order",
+    "plot_convergence",
+    "plot_energies",
+    "plot_errors",
     "reference",
     "simulate",
 ]

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from ropeode.cli.commands import spec, steppers, table
+from ropeode.cli.pictures import animate, plot
 from ropeode.cli.running import end_on_ctrl_c
 from ropeode.errors import InputError, RopeodeError, UserCodeError
 
@@ -26,7 +27,7 @@ def cli(debug: bool) -> None:
     """
 
 
-for command in (table, spec, steppers):
+for command in (table, plot, animate, spec, steppers):
     cli.add_command(command)
 
 
