@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from ropeode.problems.problem import LinearDamping, Problem
+from ropeode.problems.links import LinearDamping
+from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 
 # The gate draws the same examples each time; `pytest --hypothesis-profile=random` searches on.

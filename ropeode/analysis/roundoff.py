@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ropeode.norms import Norm, distance
-from ropeode.problems.problem import LinearDamping, Problem
+from ropeode.problems.links import LinearDamping, Links
+from ropeode.problems.problem import Problem
 from ropeode.simulation import Trajectory, simulate
 
 # The ratio of the units. Any number does whose binary digits have no pattern; near 1, so that
@@ -36,6 +37,7 @@ def in_other_units(problem: Problem) -> Problem:
         problem.ts,
         args,
         damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,
+        links=_ScaledLinks(mechanics.links) if mechanics.links else None,
         node_axis=mechanics.node_axis,
         **more,
     )
@@ -95,3 +97,13 @@ class _ScaledDamping:
 
     def __call__(self, args: Any) -> LinearDamping:
         return self.damping(args[1])
+
+
+@dataclasses.dataclass(frozen=True)
+class _ScaledLinks:
+    links: Callable
+
+    def __call__(self, args: Any) -> Links:
+        ratio, args = args
+        links = self.links(args)
+        return links._replace(length=ratio * links.length, acceleration=ratio * links.acceleration)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -184,3 +184,65 @@ def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tup
                 "start where the right-hand side is defined",
             )
         )
+
+
+@in_float64
+def constraints(function: Any, t: float, y: np.ndarray, args: Any, quantities: Any) -> None:
+    """Try constraints on the initial state.
+
+    Raises:
+        InputError: they are no function, or give something else than residuals by quantity.
+        UserCodeError: it raised.
+    """
+    found = _called("constraints", "constraints(t, y, args)", function, (t, y, args))
+    if not isinstance(found, Mapping) or not set(found) <= set(quantities):
+        raise InputError(
+            complaint(
+                "constraints result",
+                found,
+                f"a dict with keys among {', '.join(quantities)}",
+                "name what each residual is in the units of",
+            )
+        )
+
+
+@in_float64
+def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> None:
+    """Try links on the initial positions.
+
+    Raises:
+        InputError: they are no function, the positions are not ``(dim, nodes)``, or there is
+            not one length for each pair of neighbours.
+        UserCodeError: it raised.
+    """
+    found = _called("links", "links(args)", function, (args,))
+    if x.ndim != 2 or node_axis != 1:
+        raise InputError(
+            complaint(
+                "links",
+                f"positions {x.shape} with nodes along axis {node_axis}",
+                "positions (dim, nodes) with node_axis=1",
+                "transpose them",
+            )
+        )
+    if getattr(getattr(found, "length", None), "shape", None) != (x.shape[1] - 1,):
+        raise InputError(
+            complaint(
+                "links result",
+                found,
+                f"Links with {x.shape[1] - 1} lengths",
+                "give one length for each two neighbours",
+            )
+        )
+
+
+def _called(name: str, signature: str, function: Any, inputs: tuple) -> Any:
+    if not callable(function):
+        raise InputError(complaint(name, function, f"a function {signature}", "write one in JAX"))
+    try:
+        return function(*inputs)
+    except Exception as error:
+        raise UserCodeError(
+            f"{name}: raised {type(error).__name__} when it was tried on the initial state; "
+            f"allowed: a function {signature} in JAX. Fix: mend the error above."
+        ) from error

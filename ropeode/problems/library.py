@@ -6,11 +6,18 @@ from collections.abc import Callable
 from typing import Any
 
 from ropeode.problems.forced import forced
+from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
 from ropeode.problems.linear_chain import linear_chain
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+
+# The ropes, which take the same words in specs and options.
+ROPES: dict[str, type[Rope] | type[InextensibleRope]] = {
+    "rope": Rope,
+    "inextensible-rope": InextensibleRope,
+}
 
 
 def rope(frames: int = 20, **parameters: Any) -> Problem:
@@ -26,9 +33,23 @@ def rope(frames: int = 20, **parameters: Any) -> Problem:
     return Rope(**parameters).problem(frames)
 
 
+def inextensible_rope(frames: int = 20, **parameters: Any) -> Problem:
+    """An `InextensibleRope` as a problem.
+
+    Arguments:
+        frames: the problem is sampled at times 0, 1, ..., `frames`.
+        parameters: those of `InextensibleRope`.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+    """
+    return InextensibleRope(**parameters).problem(frames)
+
+
 # Each problem's `parameters` name its kind, one of these keys; with the others it is built anew.
 PROBLEMS: dict[str, Callable[..., Problem]] = {
     "rope": rope,
+    "inextensible-rope": inextensible_rope,
     "oscillator": oscillator,
     "linear-chain": linear_chain,
     "kepler": kepler,

@@ -11,7 +11,8 @@ import numpy as np
 from pydantic import ValidationInfo, field_validator
 
 from ropeode.problems import oscillator
-from ropeode.problems.problem import LinearDamping, Problem
+from ropeode.problems.links import LinearDamping
+from ropeode.problems.problem import Problem
 from ropeode.validation import FiniteTuple, Input, NonNegative, Positive, WholePositive, field
 
 

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.problems.problem import LinearDamping, Problem
+from ropeode.problems.links import LinearDamping
+from ropeode.problems.problem import Problem
 from ropeode.validation import Finite, Input, NonNegative, Positive, WholePositive, field
 
 

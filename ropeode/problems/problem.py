@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,23 +14,11 @@ import numpy as np
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems import checks
+from ropeode.problems.links import LinearDamping, Links
 from ropeode.validation import complaint
 
 Rhs = Callable[[Any, Any, Any], Any]
 Acceleration = Callable[[Any, Any, Any, Any], Any]
-
-
-class LinearDamping(NamedTuple):
-    """The part ``-rate * v`` of an acceleration.
-
-    Fields:
-        rate: damping per mass, in 1/time; broadcasts against the positions.
-        coefficient: the damping coefficient itself, in mass/time. Only a stepper that
-            (like the course assignment) uses it without the mass asks for it.
-    """
-
-    rate: Any
-    coefficient: Any
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,11 +31,14 @@ class Mechanics:
             None where the acceleration depends on the velocity in another way.
         node_axis: the axis of the positions that counts nodes; the other counts the
             components.
+        links: ``links(args)`` gives the `Links` between neighbours, for steppers that keep
+            lengths; None where nodes do not stand in a row.
     """
 
     acceleration: Acceleration
     damping: Callable[[Any], LinearDamping] | None
     node_axis: int = 0
+    links: Callable[[Any], Links] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,6 +70,8 @@ class Problem:
         energy: ``energy(t, y, args)`` in JAX, if there is one.
         exact: ``exact(ts)`` gives the exact states, shape ``(times, *y0.shape)``, in NumPy.
         jump_times: times inside the span at which `rhs` jumps.
+        constraints: ``constraints(t, y, args)`` in JAX gives, for some of `quantities`, what
+            is zero along each solution, in the units of the quantity.
         parameters: what the problem was made from, as plain JSON values.
         mechanics: set by `Problem.second_order`.
 
@@ -94,6 +88,7 @@ class Problem:
     energy: Callable[[Any, Any, Any], Any] | None = None
     exact: Callable[[np.ndarray], np.ndarray] | None = None
     jump_times: Sequence[float] = ()
+    constraints: Callable[[Any, Any, Any], Mapping[str, Any]] | None = None
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     mechanics: Mechanics | None = None
 
@@ -106,7 +101,10 @@ class Problem:
         )
         self._set("jump_times", checks.jump_times(self.jump_times, self.ts))
         self._set("args", checks.numeric_pytree("args", self.args))
-        checks.right_hand_side(self.rhs, float(self.ts[0]), self.y0, self.args)
+        start = float(self.ts[0])
+        checks.right_hand_side(self.rhs, start, self.y0, self.args)
+        if self.constraints is not None:
+            checks.constraints(self.constraints, start, self.y0, self.args, self.quantities)
 
     def _set(self, name: str, value: Any) -> None:
         if isinstance(value, np.ndarray):
@@ -123,6 +121,7 @@ class Problem:
         args: Any = None,
         *,
         damping: Callable[[Any], LinearDamping] | None = None,
+        links: Callable[[Any], Links] | None = None,
         node_axis: int = 0,
         **more: Any,
     ) -> Problem:
@@ -140,8 +139,11 @@ class Problem:
             damping: ``damping(args)`` gives the `LinearDamping` inside `acceleration`, for
                 steppers that treat damping on its own. Not needed where the acceleration
                 does not depend on the velocity: that is found out by trying.
+            links: ``links(args)`` gives the `Links` of nodes that stand in a row; for such,
+                positions are stored ``(dim, nodes)``.
             node_axis: 1 where positions are stored ``(dim, nodes)``.
-            more: `name`, `energy`, `exact`, `jump_times` and `parameters` of `Problem`.
+            more: `name`, `energy`, `exact`, `jump_times`, `constraints` and `parameters` of
+                `Problem`.
 
         Raises:
             InputError: an argument cannot be used, or `damping` is not what the
@@ -165,6 +167,8 @@ class Problem:
         ts = checks.sample_times(ts)
         args = checks.numeric_pytree("args", args)
         checks.acceleration(acceleration, float(ts[0]), x0, v0, args)
+        if links is not None:
+            checks.links(links, x0, node_axis, args)
         if damping is None:
             if not _depends_on_velocity(acceleration, ts, x0, v0, args):
                 damping = no_damping
@@ -179,7 +183,7 @@ class Problem:
             y0=np.stack([x0, v0]),
             ts=ts,
             args=args,
-            mechanics=Mechanics(acceleration, damping, node_axis),
+            mechanics=Mechanics(acceleration, damping, node_axis, links),
             **more,
         )
 
@@ -264,14 +268,40 @@ class Problem:
             raise InputError(
                 complaint("energy", None, "a function energy(t, y, args)", "give the problem one")
             )
-        every = jax.vmap(self.energy, in_axes=(0, 0, None))
+        every = _for_each_state(self.energy)
         return np.asarray(every(self.ts[: len(states)], states, self.args))
+
+    @property
+    def rigid(self) -> bool:
+        """Whether it has constraints that hold at every time."""
+        return self.constraints is not None
+
+    @in_float64
+    def drift(self, states: np.ndarray) -> dict[str, np.ndarray]:
+        """How far states are off the constraints: for each quantity the largest, ``(times,)``.
+
+        Arguments:
+            states: shape ``(times, *y0.shape)``, taken at the first sample times.
+        """
+        if self.constraints is None:
+            return {}
+        every = _for_each_state(self.constraints)
+        return {
+            quantity: np.max(np.abs(residual).reshape(len(states), -1), axis=1, initial=0.0)
+            for quantity, residual in every(self.ts[: len(states)], states, self.args).items()
+        }
 
     @property
     def scale(self) -> float:
         """The size of the initial state's largest component; 1 where all are zero."""
         largest = float(np.max(np.abs(self.y0), initial=0.0))
         return largest if largest > 0 else 1.0
+
+
+@functools.lru_cache(maxsize=64)
+def _for_each_state(function: Callable) -> Callable:
+    """``function(t, y, args)``, compiled for many times and states at once."""
+    return jax.jit(jax.vmap(function, in_axes=(0, 0, None)))
 
 
 def no_damping(args: Any) -> LinearDamping:

@@ -60,6 +60,9 @@ class Certificate:
         accuracy: the error asked for, in the units of the first quantity.
         bounds: for each quantity the estimated error bound at each sample, in the largest
             node's norm; it never falls in time. Infinite where a run did not arrive.
+        drift: for each constrained quantity how far each sample is off the problem's
+            constraints (for an inextensible rope: its links' lengths, and the rates at which
+            these change). Empty for a problem without constraints.
         trusted: the number of leading samples inside the trust horizon.
         horizon: the first sample time outside of it; None if there is none.
         horizon_reason: why it ends there.
@@ -77,6 +80,7 @@ class Certificate:
     steps: int
     accuracy: float
     bounds: Mapping[str, np.ndarray]
+    drift: Mapping[str, np.ndarray]
     trusted: int
     horizon: float | None
     horizon_reason: str | None
@@ -108,18 +112,24 @@ def largest_norms(problem: Problem) -> dict[str, Norm]:
 
 
 def bounds(
-    problem: Problem, primary: Solution, witnesses: Sequence[Witness]
+    problem: Problem,
+    primary: Solution,
+    witnesses: Sequence[Witness],
+    drift: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """The estimated error bound of the primary at each sample, for each quantity.
 
     Three times the running maximum of the largest difference from any witness that is at
     least as good as the primary, and a few units of rounding of the largest value so far.
     The looser run is left out: it is further from the truth than the primary, so that its
-    difference says how wrong *it* is.
+    difference says how wrong *it* is. Where the problem has constraints, the distance from
+    them counts like a difference: at least half of it is error.
     """
     result = {}
     for quantity in problem.quantities:
         differences = [w.differences[quantity] for w in witnesses if w.role != "looser"]
+        if quantity in drift:
+            differences.append(_padded(drift[quantity], problem))
         values = np.abs(problem.quantity(quantity, primary.states)).max(axis=(1, 2))
         rounding = ROUNDING_UNITS * np.finfo(np.float64).eps * _padded(values, problem)
         result[quantity] = np.maximum.accumulate(

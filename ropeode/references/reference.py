@@ -180,7 +180,8 @@ def reference(
     )
     hold_against(solve_independent(problem, method, next_tighter, primary, progress), "independent")
 
-    estimated = bounds(problem, primary, witnesses)
+    drift = problem.drift(primary.states)
+    estimated = bounds(problem, primary, witnesses, drift)
     bound = estimated[problem.quantities[0]]
     if accuracy is None:
         relative = max(RELATIVE_ACCURACY, 1e4 * rtol if rtol else 0.0)
@@ -209,6 +210,7 @@ def reference(
             steps=primary.steps,
             accuracy=accuracy,
             bounds=estimated,
+            drift=drift,
             trusted=trusted,
             horizon=float(problem.ts[trusted]) if trusted < len(problem.ts) else None,
             horizon_reason=reason,

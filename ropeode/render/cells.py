@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import numpy as np
+
 from ropeode.analysis.order import ObservedOrder
-from ropeode.problems.rope import Rope
-from ropeode.study.accuracy_table import AccuracyTable, Row
+from ropeode.problems.library import ROPES
+from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
 
 RUN_HEADERS = (
     "steps/frame",
@@ -30,12 +32,12 @@ def problem_words(table: AccuracyTable) -> str:
     """The problem in a few words."""
     problem, parameters = table.problem, table.problem.parameters
     words = [problem.name]
-    if parameters.get("kind") == "rope":
+    if parameters.get("kind") in ROPES:
         words.append(f"{parameters['num_nodes']} nodes")
         words.append(_parameter_words("damping", parameters["damping"]))
     words.append(f"{problem.frames} frames")
-    if parameters.get("kind") == "rope":
-        usual = Rope().model_dump(mode="json")
+    if kind := ROPES.get(parameters.get("kind", "")):
+        usual = kind().model_dump(mode="json")
         words += [
             _parameter_words(name, parameters[name])
             for name in usual
@@ -71,7 +73,7 @@ def run_cells(row: Row) -> tuple[str, ...]:
         str(row.steps_per_frame),
         f"{row.dt:.4g}",
         *errors,
-        str(row.rhs_evaluations),
+        str(row.rhs_evaluations or "-"),
         f"{row.seconds:.2g}" if row.seconds < 10 else f"{row.seconds:.0f}",
     )
 
@@ -112,6 +114,13 @@ def left_out_words(table: AccuracyTable, stepper: str, order: ObservedOrder) -> 
     return "; ".join(f"{reason}: {', '.join(each)}" for reason, each in by_reason.items())
 
 
+def remark(found: StepperOrder) -> str | None:
+    """What has to be said of a stepper that was made for another problem."""
+    if found.solves:
+        return None
+    return "keeps every link at its length: solves the inextensible rope, not this one"
+
+
 def reference_words(table: AccuracyTable) -> str:
     """What the errors rest on, in the quantity that they are of."""
     reference, quantity = table.reference, table.norm.quantity
@@ -121,6 +130,8 @@ def reference_words(table: AccuracyTable) -> str:
     agreeing = ", ".join(
         f"{w.solver} agrees to {max(w.differences[quantity][inside]):.1e}" for w in independent
     )
+    drift = made.drift.get(quantity)
+    kept = "" if drift is None else f"; constraints kept to {np.max(drift[inside]):.1e}"
     trust = (
         "trusted to the end"
         if reference.horizon is None
@@ -128,7 +139,7 @@ def reference_words(table: AccuracyTable) -> str:
     )
     return (
         f"Reference: {made.solver} at rtol {made.rtol:.0e}, estimated bound "
-        f"{reference.bound(table.norm)[-1]:.1e}; {agreeing}; {trust}."
+        f"{reference.bound(table.norm)[-1]:.1e}; {agreeing}{kept}; {trust}."
     )
 
 

@@ -9,6 +9,8 @@ import json
 import math
 from typing import Any
 
+import numpy as np
+
 from ropeode.study.accuracy_table import AccuracyTable
 
 SCHEMA = "ropeode.accuracy-table/1"
@@ -77,6 +79,10 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
                 }
                 for w in made.witnesses
             ],
+            "drift_max": {
+                quantity: float(np.max(drift[: reference.trusted]))
+                for quantity, drift in made.drift.items()
+            },
             "bound_max": float(reference.bound(table.norm)[-1]),
             "accuracy": made.accuracy,
             "horizon": made.horizon,
@@ -87,6 +93,7 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
         "orders": [
             {
                 "stepper": each.stepper,
+                "solves_this_problem": each.solves,
                 "expected": each.expected,
                 "observed": each.order.observed,
                 "ci95": list(each.order.ci95) if each.order.ci95 else None,

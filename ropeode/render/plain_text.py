@@ -50,6 +50,8 @@ def _order(table: AccuracyTable, each: StepperOrder) -> list[str]:
     else:
         finding = f"{verdict}, order {observed} {interval}, {used} steps/frame"
     lines = [name, *_wrapped(f"{finding}; expected {expected}", indent=4)]
+    if remark := cells.remark(each):
+        lines += _wrapped(remark, indent=4)
     if order.left_out:
         lines += _wrapped(f"left out: {cells.left_out_words(table, name, order)}", indent=4)
     return lines

@@ -6,7 +6,7 @@ import itertools
 
 from tabulate import tabulate
 
-from ropeode.steppers import STEPPERS, options
+from ropeode.steppers import STEPPERS, option_value, options
 from ropeode.steppers.base import ProblemClass, Stepper
 
 HEADERS = ("stepper", "order", "damped", "moving", "symplectic")
@@ -16,7 +16,12 @@ def variants(cls: type[Stepper]) -> list[Stepper]:
     """A stepper with every combination of its options, the defaults first."""
     choices = options(cls)
     return [
-        cls(**dict(zip(choices, chosen, strict=True)))
+        cls(
+            **{
+                option: option_value(cls, option, text)
+                for option, text in zip(choices, chosen, strict=True)
+            }
+        )
         for chosen in itertools.product(*choices.values())
     ]
 

@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 
-from ropeode.problems.problem import LinearDamping, Problem
+from ropeode.problems.links import LinearDamping, Links, taut_between
+from ropeode.problems.problem import Problem
 
 
 class ProblemClass(NamedTuple):
@@ -18,10 +19,12 @@ class ProblemClass(NamedTuple):
     Fields:
         damped: the acceleration contains damping.
         at_rest: all initial velocities are zero.
+        rigid: its nodes are joined by rigid links (a rope that is not: by springs).
     """
 
     damped: bool = False
     at_rest: bool = True
+    rigid: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,11 +35,13 @@ class System:
         rhs: ``rhs(t, y)``. For a mechanical problem `y` and the result are `Phase` values.
         acceleration: ``acceleration(t, x, v)``; None for a problem that is not mechanical.
         damping: the `LinearDamping` inside the acceleration; None if it is not known.
+        links: the `Links` between neighbours; None if nodes do not stand in a row.
     """
 
     rhs: Callable[[Any, Any], Any]
     acceleration: Callable[[Any, Any, Any], Any] | None = None
     damping: LinearDamping | None = None
+    links: Links | None = None
 
     def undamped_acceleration(self, t: Any, x: Any) -> Any:
         """The acceleration without its damping part, which is linear in the velocity."""
@@ -49,9 +54,9 @@ class Stepper(abc.ABC):
     """A method with a fixed step size.
 
     Subclasses are frozen dataclasses whose fields are their options, each a `Literal` of
-    the choices. The driver calls `init` once and then `step` for each step; `state` is
-    called where a sample is due. What is carried from step to step is the stepper's own
-    affair. By default it is the state.
+    the choices, or an `int` for a number from 1 on. The driver calls `init` once and then
+    `step` for each step; `state` is called where a sample is due. What is carried from step
+    to step is the stepper's own affair. By default it is the state.
 
     Class attributes:
         name: as it is typed on the command line.
@@ -62,7 +67,9 @@ class Stepper(abc.ABC):
     """
 
     name: ClassVar[str]
-    needs: ClassVar[Literal["any ODE", "second order", "second order, linear damping"]]
+    needs: ClassVar[
+        Literal["any ODE", "second order", "second order, linear damping", "nodes in a row"]
+    ]
     symplectic: ClassVar[bool]
     source: ClassVar[str]
     equal_frames: ClassVar[bool] = False
@@ -92,6 +99,10 @@ class Stepper(abc.ABC):
         del system, t, dt
         return carried
 
+    def solves(self, problem_class: ProblemClass) -> bool:
+        """Whether it is meant for such problems; if not, it solves another problem."""
+        return problem_class.rigid or self.needs != "nodes in a row"
+
     @property
     def label(self) -> str:
         """The name with the options that differ from their defaults."""
@@ -112,6 +123,21 @@ class Stepper(abc.ABC):
                 "methods. Fix: choose velocity-verlet, or equally spaced sample times."
             )
         if self.needs == "any ODE":
+            return None
+        if self.needs == "nodes in a row":
+            if mechanics is None or mechanics.links is None:
+                return (
+                    f"stepper: {self.label!r} given, which keeps the distances of nodes in a row, "
+                    f"and {problem.name!r} has no such nodes; allowed: steppers for forces, such "
+                    "as semi-implicit-euler. Fix: choose one of them, or solve a rope."
+                )
+            if pins := taut_between(mechanics.links(problem.args), problem.y0[0]):
+                return (
+                    f"stepper: {self.label!r} given, whose links are rigid, and {problem.name!r} "
+                    f"is taut between the pinned nodes {pins[0]} and {pins[1]}, so that what is "
+                    "between them could not move; allowed: steppers for forces, such as "
+                    "semi-implicit-euler. Fix: choose one of them, or leave out a pin."
+                )
             return None
         if mechanics is None:
             return (

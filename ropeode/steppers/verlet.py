@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, Literal, NamedTuple
 
+from ropeode.problems.links import LinearDamping
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
 
@@ -14,6 +15,31 @@ class TwoPositions(NamedTuple):
 
     now: Any
     before: Any
+
+
+Damping = Literal["centered", "lagged", "per-step"]
+
+
+def advance(choice: Damping, damping: LinearDamping, moved: Any, a: Any, dt: Any) -> Any:
+    """How far the positions move in a step, from how far they moved in the last one.
+
+    The small terms are added up before they meet x: each sum with x itself is rounded to a
+    unit of x, and in much the same way at every step, so that it does not average out.
+
+    Arguments:
+        choice: how the damping enters, as `StormerVerlet` explains.
+        damping: rate and coefficient.
+        moved: ``x(t) - x(t - dt)``.
+        a: the acceleration without damping.
+        dt: step size.
+    """
+    rate, coefficient = damping
+    if choice == "centered":
+        half = rate * dt / 2
+        return ((1 - half) * moved + dt**2 * a) / (1 + half)
+    if choice == "lagged":
+        return (1 - rate * dt) * moved + dt**2 * a
+    return (1 - coefficient) * moved + dt**2 * a
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +73,7 @@ class StormerVerlet(Stepper):
     equal_frames = True
 
     start: Literal["taylor", "rest"] = "taylor"
-    damping: Literal["centered", "lagged", "per-step"] = "centered"
+    damping: Damping = "centered"
 
     def order(self, problem_class: ProblemClass) -> int:
         """Order 2, less what the start and the damping cost."""
@@ -69,19 +95,9 @@ class StormerVerlet(Stepper):
     def step(self, system: System, t: Any, x: TwoPositions, dt: Any) -> TwoPositions:
         """One step of the position form."""
         assert system.damping is not None
-        rate, coefficient = system.damping
         a = system.undamped_acceleration(t, x.now)
-        moved = x.now - x.before
-        # The small terms are added up before they meet x: each sum with x itself is rounded to
-        # a unit of x, and in much the same way at every step, so that it does not average out.
-        if self.damping == "centered":
-            half = rate * dt / 2
-            after = x.now + ((1 - half) * moved + dt**2 * a) / (1 + half)
-        elif self.damping == "lagged":
-            after = x.now + ((1 - rate * dt) * moved + dt**2 * a)
-        else:
-            after = x.now + ((1 - coefficient) * moved + dt**2 * a)
-        return TwoPositions(after, x.now)
+        moved = advance(self.damping, system.damping, x.now - x.before, a, dt)
+        return TwoPositions(x.now + moved, x.now)
 
     def state(self, system: System, t: Any, x: TwoPositions, dt: Any) -> Phase:
         """Positions, and velocities by central differences."""

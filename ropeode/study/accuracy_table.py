@@ -27,6 +27,8 @@ DEFAULT_STEPPERS = (
     "stormer-verlet:start=rest",
     "stormer-verlet",
     "rk4",
+    "constraint-verlet",
+    "rattle",
 )
 DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
 
@@ -78,11 +80,14 @@ class StepperOrder:
         expected: what it declares for this class of problem (0: it converges to another
             solution); None where the right-hand side jumps.
         order: what was observed.
+        solves: whether the stepper is meant for this kind of problem; if not, the table says
+            that it solves another one.
     """
 
     stepper: str
     expected: int | None
     order: ObservedOrder
+    solves: bool = True
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -119,7 +124,7 @@ def accuracy_table(
     Arguments:
         problem: what to solve.
         steppers: steppers, or their names with options; by default those of
-            `DEFAULT_STEPPERS` that can run on the problem.
+            `DEFAULT_STEPPERS` that can run on the problem and are meant for it.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
         accuracy: as for `ropeode.reference`.
@@ -131,7 +136,7 @@ def accuracy_table(
         ReferenceRefused: no reference can be had for the problem.
     """
     if steppers is None:
-        steppers = [s for s in DEFAULT_STEPPERS if stepper_named(s).refusal(problem) is None]
+        steppers = default_steppers(problem)
     chosen = check_steppers(steppers)
     ladder = check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
@@ -160,6 +165,16 @@ def accuracy_table(
             for stepper in chosen
         ),
     )
+
+
+def default_steppers(problem: Problem) -> list[str]:
+    """Those of `DEFAULT_STEPPERS` that can run on a problem and do not solve another one."""
+    return [
+        name
+        for name in DEFAULT_STEPPERS
+        if (stepper := stepper_named(name)).refusal(problem) is None
+        and stepper.solves(problem_class(problem))
+    ]
 
 
 def check_steppers(given: Sequence[str | Stepper]) -> list[Stepper]:
@@ -259,6 +274,7 @@ def _order(problem: Problem, stepper: Stepper, rows: Sequence[Row], size: float)
             rounding=[row.round_off or 0.0 for row in rows],
             motion=size,
         ),
+        solves=stepper.solves(problem_class(problem)),
     )
 
 
@@ -266,6 +282,13 @@ def problem_class(problem: Problem) -> ProblemClass:
     """What the declared orders of steppers depend on."""
     mechanics = problem.mechanics
     if mechanics is None:
-        return ProblemClass(damped=True, at_rest=False)
-    damped = mechanics.damping is None or bool(np.any(mechanics.damping(problem.args).rate))
-    return ProblemClass(damped=damped, at_rest=not np.any(problem.y0[1]))
+        return ProblemClass(damped=True, at_rest=False, rigid=problem.rigid)
+    # A stepper that keeps lengths sees the damping of the nodes apart from that of the links.
+    damping = mechanics.links(problem.args).damping if mechanics.links else None
+    if damping is None and mechanics.damping is not None:
+        damping = mechanics.damping(problem.args)
+    return ProblemClass(
+        damped=damping is None or bool(np.any(damping.rate)),
+        at_rest=not np.any(problem.y0[1]),
+        rigid=problem.rigid,
+    )

@@ -14,6 +14,8 @@ from ropeode.files import read_text
 from ropeode.norms import NORMS
 from ropeode.problems.checks import run as run_checks
 from ropeode.problems.files import load_problem
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.library import ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.study.accuracy_table import (
@@ -50,6 +52,12 @@ def _norm(value: str | None) -> str | None:
     return value
 
 
+def _kind(value: str) -> str:
+    if value not in ROPES:
+        raise InputError(unknown("kind", value, ROPES))
+    return value
+
+
 def _frames(value: Any) -> int | None:
     return None if value is None else whole_number(value, at_least=1)
 
@@ -68,6 +76,7 @@ class TableSpec(Input):
 
     Arguments:
         problem: `rope`, another problem of the library, or FILE.py:NAME.
+        kind: of the rope: `rope` or `inextensible-rope`.
         frames: how many frames are solved; where nothing is given, 20 for the rope.
         steppers: names with options; where none are given, those of `DEFAULT_STEPPERS` that
             can run on the problem.
@@ -81,6 +90,9 @@ class TableSpec(Input):
     """
 
     problem: str = field("rope", allowed="a problem's name, or FILE.py:NAME", example='"rope"')
+    kind: Annotated[str, AfterValidator(_kind)] = field(
+        "rope", allowed="the kind of a rope", example='"inextensible-rope"'
+    )
     frames: Annotated[int | None, BeforeValidator(_frames)] = field(
         None, allowed="a whole number >= 1", example="20"
     )
@@ -126,6 +138,12 @@ class TableJob:
     def __init__(self, values: Mapping[str, Any], folder: Path | None = None):
         rest = dict(values)
         rope_values = rest.pop("rope", {})
+        # The name of a rope says its kind as well.
+        if rest.get("problem") in ROPES:
+            kind = rest.pop("problem")
+            if kind != "rope" and rest.setdefault("kind", kind) != kind:
+                allowed = f"no other kind with problem {kind!r}"
+                raise InputError(complaint("kind", rest["kind"], allowed, "leave out one of them"))
         found: dict[str, Any] = {}
 
         def check_spec() -> None:
@@ -138,22 +156,34 @@ class TableJob:
                         "rope", rope_values, "a table of parameters", "write [rope] above them"
                     )
                 )
-            found["rope"] = Rope(**rope_values)
+            kind = ROPES.get(str(rest.get("kind")), Rope)
+            if kind is InextensibleRope and "stiffness" in rope_values:
+                raise InputError(
+                    complaint(
+                        "stiffness",
+                        rope_values["stiffness"],
+                        "none with kind 'inextensible-rope', whose links do not stretch",
+                        "leave it out, or choose kind 'rope'",
+                    )
+                )
+            found["rope"] = kind(**rope_values)
 
         run_checks(check_spec, check_rope)
         self.spec: TableSpec = found["spec"]
         self.problem = self._problem(found["rope"], bool(rope_values), folder)
 
-    def _problem(self, rope: Rope, rope_given: bool, folder: Path | None) -> Problem:
+    def _problem(
+        self, rope: Rope | InextensibleRope, rope_given: bool, folder: Path | None
+    ) -> Problem:
         spec = self.spec
         if spec.problem == "rope":
             return rope.problem(**({} if spec.frames is None else {"frames": spec.frames}))
-        if rope_given:
+        if rope_given or spec.kind != "rope":
             raise InputError(
                 complaint(
-                    "rope",
-                    f"parameters of the rope with problem {spec.problem!r}",
-                    "parameters of the rope with problem 'rope' only",
+                    "rope" if rope_given else "kind",
+                    f"what describes a rope, with problem {spec.problem!r}",
+                    "what describes a rope with problem 'rope' only",
                     "leave out one of the two",
                 )
             )
@@ -179,6 +209,10 @@ COMMENTED_SPEC = """\
 # "rope", another problem of the library (oscillator, linear-chain, kepler, forced), or your
 # own: "FILE.py:NAME", where NAME is a Problem or a function that returns one.
 problem = "rope"
+
+# With problem "rope": nodes joined by springs ("rope") or by rigid links ("inextensible-rope",
+# without a stiffness).
+kind = "rope"
 
 # How long to simulate. One frame is the rope's time unit and the distance of two samples.
 frames = 20
@@ -211,7 +245,7 @@ start = [0.0, 200.0]       # 2 or 3 coordinates
 end = [-400.0, 200.0]
 num_nodes = 16
 node_mass = 1.0            # one number, or a list with one for each node
-stiffness = 100.0          # one number, or a list with one for each spring
+stiffness = 100.0          # one number, or a list with one for each spring; not for links
 pinned = [0]               # indices of the nodes that do not move
 gravity = [0.0, -1.0]
 damping = 0.01             # one number, or a list with one for each node

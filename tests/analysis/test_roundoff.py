@@ -9,21 +9,21 @@ import pytest
 
 from ropeode.analysis.roundoff import in_other_units, round_off
 from ropeode.norms import distance, norm_for
-from ropeode.problems.library import PROBLEMS
+from ropeode.precision import in_float64
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.reference import reference
-from ropeode.render.stepper_list import variants
 from ropeode.simulation import simulate
-from ropeode.steppers import STEPPERS
 from ropeode.steppers import stepper as stepper_named
 from ropeode.steppers.verlet import StormerVerlet, TwoPositions
+from tests.steppers.every_variant import EVERY_VARIANT
 
 LAGGED = "stormer-verlet:damping=lagged"
-VARIANTS = [each for cls in STEPPERS.values() for each in variants(cls)]
 
 
-@pytest.mark.parametrize("stepper", VARIANTS, ids=lambda each: each.label)
+@pytest.mark.parametrize("stepper", EVERY_VARIANT, ids=lambda each: each.label)
 def test_other_units_change_nothing_but_rounding(stepper):
     problem = Rope(
         num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.2, initial_velocity=(1, -1)
@@ -31,6 +31,33 @@ def test_other_units_change_nothing_but_rounding(stepper):
     run = simulate(problem, stepper, 400)
     found = round_off(run, in_other_units(problem), 4, norm_for(problem))
     assert 0 < found < 1e-8
+
+
+@pytest.mark.parametrize("label", ["constraint-verlet", "rattle", "rk4"])
+def test_links_are_measured_in_the_other_unit_as_well(label):
+    # A length or an acceleration left in the old unit would change the motion by 19 %.
+    problem = InextensibleRope(
+        num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.2, initial_velocity=(0, -1)
+    ).problem(frames=3)
+    run = simulate(problem, label, 400)
+    found = round_off(run, in_other_units(problem), 4, norm_for(problem))
+    assert 0 < found < 1e-8
+
+
+@pytest.mark.parametrize("name", ROPES)
+def test_links_in_other_units(name):
+    problem = PROBLEMS[name](num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.2)
+    rescaled = in_other_units(problem)
+    one, other = (in_float64(p.mechanics.links)(p.args) for p in (problem, rescaled))
+    ratio = rescaled.y0[0, 0, -1] / problem.y0[0, 0, -1]
+    for scaled in ("length", "acceleration"):
+        np.testing.assert_allclose(getattr(other, scaled), ratio * getattr(one, scaled), rtol=1e-15)
+    np.testing.assert_array_equal(other.inverse_mass, one.inverse_mass)
+    np.testing.assert_array_equal(other.damping.rate, one.damping.rate)
+    np.testing.assert_array_equal(other.damping.coefficient, one.damping.coefficient)
+    # Equal ones hash equally, so that what was compiled is found again.
+    assert rescaled.mechanics == in_other_units(problem).mechanics
+    assert hash(rescaled.mechanics) == hash(in_other_units(problem).mechanics)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)

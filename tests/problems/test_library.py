@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import InputError
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.rope import Rope, RopeArgs, acceleration, energy
 
 WRONG = {
     "rope": {"num_nodes": 0, "damping": -1, "nonsense": 3},
+    "inextensible-rope": {"num_nodes": 2.5, "gravity": (1, 2, 3), "damping": -1, "stiffness": 3},
     "oscillator": {"frames": 0, "mass": 0, "stiffness": -1, "damping": -1, "x0": "a", "v0": None},
     "linear-chain": {
         "frames": 1.5,
@@ -32,6 +33,15 @@ WRONG = {
 }
 OTHER = {
     "rope": {"frames": 3, "num_nodes": 5, "start": [0, 0, 0], "end": [1, 2, 3], "pinned": [1, 3]},
+    "inextensible-rope": {
+        "frames": 3,
+        "num_nodes": 5,
+        "start": [0, 0, 0],
+        "end": [4, 0, 0],
+        "node_mass": np.arange(1, 6),
+        "pinned": [2, 1],
+        "initial_velocity": [(0, 1, 0), (0, 0, 0), (0, 0, 0), (0, 2, 3), (0, 0, -1)],
+    },
     "oscillator": {"frames": 3, "mass": "2.5", "damping": 7, "x0": np.float32(0.5), "v0": -1},
     "linear-chain": {
         "frames": 3,
@@ -73,12 +83,19 @@ def test_all_faults_are_told_at_once(name):
         assert "Fix: " in line
 
 
-@pytest.mark.parametrize("name", [name for name in PROBLEMS if name != "rope"])
+@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in ROPES])
 def test_every_parameter_is_documented_and_refused_when_wrong(name):
     parameters = list(inspect.signature(PROBLEMS[name]).parameters)
     documented = inspect.getdoc(PROBLEMS[name])
     assert set(WRONG[name]) <= set(parameters)
     assert all(f"{parameter}:" in documented for parameter in parameters)
+
+
+@pytest.mark.parametrize("name", ROPES)
+def test_every_parameter_of_a_rope_is_documented(name):
+    assert "frames:" in inspect.getdoc(PROBLEMS[name])
+    assert all(f"{field}:" in inspect.getdoc(ROPES[name]) for field in ROPES[name].model_fields)
+    assert PROBLEMS[name]().parameters == ROPES[name]().problem().parameters
 
 
 def test_kepler_covers_its_periods():

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.problem import LinearDamping, Problem
+from ropeode.problems.links import LinearDamping
+from ropeode.problems.problem import Problem
 
 
 def decay(t, y, args):

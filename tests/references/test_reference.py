@@ -11,11 +11,13 @@ import pytest
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import distance, norm_for
+from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.certificate import Role, largest_norms
 from ropeode.references.reference import reference
+from tests.verification.extrapolation import EPS, inextensible_rope_solution
 
 EXACT = [name for name, make in PROBLEMS.items() if make().exact]
 
@@ -263,3 +265,110 @@ def test_rungs_that_are_computed_twice_change_nothing(rtol, small_rope, monkeypa
     assert [(w.role, w.tolerance, w.difference) for w in whole.certificate.witnesses] == [
         (w.role, w.tolerance, w.difference) for w in thrifty.certificate.witnesses
     ]
+
+
+INEXTENSIBLE = {
+    "plane, its own mass and damping for each node, moving": InextensibleRope(
+        start=(0, 0),
+        end=(3, 1),
+        num_nodes=5,
+        node_mass=(1, 2, 0.5, 1.5, 0.7),
+        damping=(0.1, 0.2, 0.3, 0, 0.5),
+        initial_velocity=np.outer((0, 0.4, -0.2, 0.3, 0.1), (-1, 3)),
+    ),
+    "space, pinned inside, undamped": InextensibleRope(
+        start=(0, 0, 1),
+        end=(3, -1, 0.5),
+        num_nodes=6,
+        node_mass=(1, 2, 0.5, 1.5, 0.7, 1),
+        pinned=(1,),
+        gravity=(0.3, -1, 0.2),
+        damping=0.0,
+    ),
+    "neighbours pinned": InextensibleRope(num_nodes=6, pinned=(2, 3), node_mass=np.arange(1, 7)),
+    "no pins, moving": InextensibleRope(
+        start=(5, 5),
+        end=(8, 5),
+        num_nodes=4,
+        pinned=(),
+        node_mass=(1, 2, 0.5, 1.5),
+        damping=(0.1, 0.2, 0.3, 0),
+        initial_velocity=[(0.5, 1), (0.5, 0), (0.5, -0.5), (0.5, 2)],
+    ),
+}
+
+
+@pytest.mark.skipif(EPS > 2e-19, reason="np.longdouble is no wider than float64 here")
+@pytest.mark.parametrize("rtol", [None, 1e-8])
+@pytest.mark.parametrize("name", INEXTENSIBLE)
+def test_bound_covers_the_true_error_of_an_inextensible_rope(name, rtol):
+    problem = INEXTENSIBLE[name].problem(frames=4)
+    known = reference(problem, rtol=rtol)
+    made = known.certificate
+    assert known.horizon is None
+    truth = inextensible_rope_solution(problem)
+    for quantity, norm in largest_norms(problem).items():
+        true = distance(problem, norm, known.states.astype(np.longdouble), truth)
+        bound = made.bounds[quantity]
+        assert np.all(true <= bound)
+        assert np.all(np.diff(bound) >= 0)
+        assert np.all(bound >= made.drift[quantity])
+        # A link is off by what its two nodes are off, and a rounding unit of their positions.
+        allowed = 2 * true + 8 * np.finfo(np.float64).eps * problem.scale
+        if quantity == "velocity":
+            # The rate is seen along the reference's own link, which is turned a little.
+            turned = 2 * distance(problem, norm, known.states, 0 * known.states)
+            length = np.min(problem.args.rest_length)
+            allowed = allowed + turned * 2 * made.bounds["position"] / length
+        assert np.all(made.drift[quantity] <= allowed)
+
+
+@pytest.mark.parametrize("name", INEXTENSIBLE)
+def test_drift_is_how_far_links_are_off(name):
+    problem = INEXTENSIBLE[name].problem(frames=4)
+    known = reference(problem, rtol=1e-6)
+    x, v = known.positions.astype(np.longdouble), known.velocities.astype(np.longdouble)
+    length = np.linalg.norm(np.diff(problem.positions(problem.y0[None])[0], axis=0), axis=1)
+    expected = {quantity: np.zeros(5) for quantity in ("position", "velocity")}
+    for sample in range(5):
+        for i in range(len(length)):
+            d, w = x[sample, i + 1] - x[sample, i], v[sample, i + 1] - v[sample, i]
+            long = np.sqrt(d @ d)
+            for quantity, off in (("position", long - length[i]), ("velocity", d @ w / long)):
+                expected[quantity][sample] = max(expected[quantity][sample], abs(float(off)))
+    assert set(known.certificate.drift) == set(expected)
+    for quantity, found in known.certificate.drift.items():
+        rounding = 8 * np.finfo(np.float64).eps * problem.scale
+        np.testing.assert_allclose(found, expected[quantity], rtol=1e-9, atol=rounding)
+        assert np.all(known.certificate.bounds[quantity] >= 3 * found)
+    # At 1e-6 the lengths of what moves a lot are visibly lost, far above rounding.
+    assert "moving" not in name or np.max(known.certificate.drift["position"]) > 1e-10
+
+
+def test_what_has_no_constraints_does_not_drift(small_rope):
+    assert reference(small_rope).certificate.drift == {}
+
+
+def test_a_constraint_that_does_not_hold_makes_the_bound_large():
+    """Solvers that agree on a wrong right-hand side are found out by its constraints."""
+
+    def falling_apart(t, y, args):
+        # Of a rod that ought to keep the length 1; nothing in the right-hand side does that.
+        return {"position": jnp.sqrt(jnp.sum(y[0] ** 2)) - 1.0}
+
+    def fall(t, x, v, args):
+        return jnp.array([0.0, -1.0])
+
+    given = (fall, [1.0, 0.0], [0.0, 0.0], [0.0, 0.5, 1.0])
+    free = reference(Problem.second_order(*given))
+    assert free.bound()[-1] < 1e-13
+    held = Problem.second_order(*given, constraints=falling_apart, name="rod")
+    with pytest.raises(ReferenceRefused, match="no reference for 'rod': .* bound exceeds"):
+        reference(held)
+    lenient = reference(held, accuracy=10.0).certificate
+    lost = np.sqrt(1 + (held.ts**2 / 2) ** 2) - 1
+    np.testing.assert_allclose(lenient.drift["position"], lost, atol=1e-12)
+    np.testing.assert_allclose(lenient.bounds["position"], 3 * lost, atol=1e-12)
+    # What is not constrained is no worse for it.
+    assert set(lenient.drift) == {"position"}
+    assert lenient.bounds["velocity"][-1] < 1e-13

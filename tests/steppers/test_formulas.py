@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from ropeode.problems.rope import Rope
-from ropeode.render.stepper_list import variants
 from ropeode.simulation import simulate
-from ropeode.steppers import STEPPERS
+from tests.steppers.every_variant import EVERY_VARIANT
 
 ROPE = Rope(
     start=(0.0, 0.0, 1.0),
@@ -107,19 +106,105 @@ def stormer_verlet(start, damping):
     return run
 
 
+START = PROBLEM.positions(PROBLEM.y0[None])[0]
+GRAVITY = FREE * np.array(ROPE.gravity)
+INVERSE_MASS = FREE / np.array(ROPE.node_mass)[:, None]
+
+
+def stretching(x):
+    """What gives ``d . (b - a)`` of each link from node vectors, ``(links, nodes * dim)``."""
+    nodes, dim = x.shape
+    rows = np.zeros((nodes - 1, nodes, dim))
+    for i in range(nodes - 1):
+        rows[i, i + 1] = x[i + 1] - x[i]
+        rows[i, i] = x[i] - x[i + 1]
+    return rows.reshape(nodes - 1, -1)
+
+
+def squares(x):
+    return np.sum(np.diff(x, axis=0) ** 2, axis=1)
+
+
+def pulls(x, needed, inverse_mass, along=None):
+    """The smallest change of node vectors, by pulls along the links, that stretches as needed."""
+    rows = stretching(x)
+    weighted = np.broadcast_to(inverse_mass, x.shape).ravel()[:, None] * rows.T
+    across = rows if along is None else stretching(along)
+    return (weighted @ np.linalg.solve(across @ weighted, needed)).reshape(x.shape)
+
+
+def rigid_acceleration(x, v):
+    applied = GRAVITY - RATE * v
+    needed = -squares(v) - stretching(x) @ applied.ravel()
+    return applied + pulls(x, needed, INVERSE_MASS)
+
+
+def swept(x, sweeps):
+    x = x.copy()
+    for _ in range(sweeps):
+        for i in range(len(x) - 1):
+            a, b = INVERSE_MASS[i, 0], INVERSE_MASS[i + 1, 0]
+            length = np.linalg.norm(START[i + 1] - START[i])
+            gap = x[i + 1] - x[i]
+            excess = gap - length * gap / np.linalg.norm(gap)
+            x[i] += a / (a + b) * excess
+            x[i + 1] -= b / (a + b) * excess
+    return x
+
+
+def constraint_verlet(sweeps, start, damping):
+    def step(x, before):
+        """Where the swept positions go next."""
+        if damping == "lagged":
+            return 2 * x - before + DT**2 * (GRAVITY - RATE * (x - before) / DT)
+        if damping == "per-step":
+            return x + (1 - COEFFICIENT) * (x - before) + DT**2 * GRAVITY
+        after = x
+        for _ in range(60):
+            after = 2 * x - before + DT**2 * (GRAVITY - RATE * (after - before) / (2 * DT))
+        return after
+
+    def run(x, v, steps):
+        taylor = x - DT * v + DT**2 / 2 * rigid_acceleration(x, v)
+        every_swept, every = [taylor if start == "taylor" else x], [x]
+        for _ in range(steps + 1):
+            every_swept.append(swept(every[-1], sweeps))
+            every.append(step(every_swept[-1], every_swept[-2]))
+        every_swept.append(swept(every[-1], sweeps))
+        return every[steps], (every_swept[steps + 2] - every_swept[steps]) / (2 * DT)
+
+    return run
+
+
+def rattle(x, v, steps):
+    for _ in range(steps):
+        middle = v + DT / 2 * (GRAVITY - RATE * v)
+        for _ in range(60):
+            ahead = x + DT * middle
+            wrong = squares(START) - squares(ahead)
+            middle = middle + pulls(x, wrong / (2 * DT), INVERSE_MASS, along=ahead)
+        x = x + DT * middle
+        v = (middle + DT / 2 * GRAVITY) / (1 + RATE * DT / 2)
+        # The pulls act on the new velocity, which its own damping already brakes.
+        v = v + pulls(x, -stretching(x) @ v.ravel(), INVERSE_MASS / (1 + RATE * DT / 2))
+    return x, v
+
+
 FORMULAS = {
     "explicit-euler": explicit_euler,
     "semi-implicit-euler": semi_implicit_euler,
     "velocity-verlet": velocity_verlet,
     "rk4": rk4,
+    "rattle": rattle,
 }
-VARIANTS = [each for cls in STEPPERS.values() for each in variants(cls)]
 
 
-@pytest.mark.parametrize("stepper", VARIANTS, ids=lambda each: each.label)
+@pytest.mark.parametrize("stepper", EVERY_VARIANT, ids=lambda each: each.label)
 def test_stepper_is_its_formula(stepper):
     if stepper.name == "stormer-verlet":
         formula = stormer_verlet(stepper.start, stepper.damping)
+    elif stepper.name == "constraint-verlet":
+        formula = constraint_verlet(stepper.sweeps, stepper.start, stepper.damping)
     else:
         formula = FORMULAS[stepper.name]
     run = simulate(PROBLEM, stepper, STEPS)

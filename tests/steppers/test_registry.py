@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import itertools
 import pkgutil
 
 import pytest
 
 import ropeode.steppers
 from ropeode.errors import InputError
+from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.rope import Rope
-from ropeode.render.stepper_list import variants
 from ropeode.steppers import STEPPERS, options, stepper
 from ropeode.steppers.base import ProblemClass, Stepper
-
-VARIANTS = [each for cls in STEPPERS.values() for each in variants(cls)]
+from tests.steppers.every_variant import EVERY_VARIANT, number_options
 
 
 def test_no_stepper_escapes_the_registry():
@@ -25,7 +25,7 @@ def test_no_stepper_escapes_the_registry():
     assert set(STEPPERS.values()) == defined
 
 
-@pytest.mark.parametrize("each", VARIANTS, ids=lambda each: each.label)
+@pytest.mark.parametrize("each", EVERY_VARIANT, ids=lambda each: each.label)
 def test_label_round_trip(each):
     assert stepper(each.label) == each
     assert stepper(each) is each
@@ -37,12 +37,57 @@ def test_declared_facts(cls):
     assert cls.source
     assert "Source:" in (cls.__doc__ or "")
     assert dataclasses.is_dataclass(cls)
-    assert all(
-        default == choices[0] for choices in options(cls).values() for default in choices[:1]
-    )
-    for damped in (False, True):
-        for at_rest in (False, True):
-            assert cls().order(ProblemClass(damped, at_rest)) >= 1
+    for option, choices in options(cls).items():
+        assert choices[0] == str(getattr(cls(), option))
+        assert (len(choices) == 1) == (option in number_options(cls))
+    keeps_lengths = cls.needs == "nodes in a row"
+    for damped, at_rest, rigid in itertools.product((False, True), repeat=3):
+        problem_class = ProblemClass(damped, at_rest, rigid)
+        solves = rigid or not keeps_lengths
+        assert cls().solves(problem_class) == solves
+        order = cls().order(problem_class)
+        assert order >= 1 if solves else order == 0
+
+
+@pytest.mark.parametrize("each", EVERY_VARIANT, ids=lambda each: each.label)
+def test_no_order_where_another_problem_is_solved(each):
+    for damped, at_rest, rigid in itertools.product((False, True), repeat=3):
+        problem_class = ProblemClass(damped, at_rest, rigid)
+        assert each.solves(problem_class) or each.order(problem_class) == 0
+
+
+NUMBERS = [(cls, option) for cls in STEPPERS.values() for option in number_options(cls)]
+
+
+@pytest.mark.parametrize(("cls", "option"), NUMBERS)
+def test_any_whole_number_from_one_on(cls, option):
+    default = getattr(cls(), option)
+    assert options(cls)[option] == (str(default),)
+    for number in (default + 1, default + 3, 1000):
+        text = f"{cls.name}:{option}={number}"
+        found = stepper(text)
+        assert (getattr(found, option), found.label) == (number, text)
+        assert type(getattr(found, option)) is int
+        assert stepper(found.label) == found
+    assert stepper(f"{cls.name}:{option}={default}").label == cls.name
+    for text, why in [
+        ("0", "0 is below 1"),
+        ("-2", "-2 is below 1"),
+        ("1.5", "'1.5' is not whole"),
+        ("x", "'x' is not a number"),
+        ("", "'' is not a number"),
+        ("inf", "inf is not finite"),
+    ]:
+        with pytest.raises(InputError) as caught:
+            stepper(f"{cls.name}:{option}={text}")
+        (line,) = caught.value.problems
+        assert line.startswith(f"{cls.name}:{option}: {text!r} given; allowed: a whole number >= 1")
+        assert f"({why})" in line
+        assert f"Fix: for example {cls.name}:{option}=" in line
+
+
+def test_there_is_a_number_to_try():
+    assert (STEPPERS["constraint-verlet"], "sweeps") in NUMBERS
 
 
 @pytest.mark.parametrize(
@@ -56,6 +101,9 @@ def test_declared_facts(cls):
         ("stormer-verlet:start=rset", "did you mean 'rest'"),
         ("stormer-verlet:start", "allowed: taylor, rest"),
         ("stormer-verlet:start=rest,start=taylor", "each option once"),
+        ("constraint-verlet:sweep=2", "did you mean 'sweeps'"),
+        ("constraint-verlet:sweeps=2,sweeps=3", "each option once"),
+        ("rattle:sweeps=2", "no options"),
         (4, "a name or a Stepper"),
     ],
 )
@@ -72,9 +120,20 @@ def test_spaces_do_not_matter():
 
 def test_refusals_name_the_stepper_and_a_way_out(driven_pendulum):
     rope = Rope(num_nodes=3).problem(frames=2)
-    assert all(each.refusal(rope) is None for each in VARIANTS)
+    assert all(each.refusal(rope) is None for each in EVERY_VARIANT)
+    rigid = InextensibleRope(num_nodes=3).problem(frames=2)
     uneven = dataclasses.replace(driven_pendulum, ts=driven_pendulum.ts**2)
-    for each in VARIANTS:
-        refusal = each.refusal(uneven)
-        assert (refusal is not None) == each.equal_frames
-        assert refusal is None or (each.label in refusal and "Fix:" in refusal)
+    for each in EVERY_VARIANT:
+        keeps_lengths = each.needs == "nodes in a row"
+        # Its links' tensions depend on the velocities, and not by linear damping.
+        refused = {
+            rigid: each.needs == "second order, linear damping",
+            driven_pendulum: keeps_lengths,
+            uneven: keeps_lengths or each.equal_frames,
+        }
+        for problem, expected in refused.items():
+            refusal = each.refusal(problem)
+            assert (refusal is not None) == expected
+            assert refusal is None or (each.label in refusal and "Fix:" in refusal)
+        if keeps_lengths:
+            assert "'driven pendulum' has no such nodes" in each.refusal(driven_pendulum)

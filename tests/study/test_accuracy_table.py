@@ -7,11 +7,17 @@ import pytest
 
 from ropeode.errors import InputError
 from ropeode.norms import NORMS
+from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.reference import reference
 from ropeode.simulation import simulate
-from ropeode.study.accuracy_table import DEFAULT_STEPPERS, accuracy_table
+from ropeode.study.accuracy_table import (
+    DEFAULT_STEPPERS,
+    accuracy_table,
+    default_steppers,
+    problem_class,
+)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +60,56 @@ def test_first_order_problems_get_the_steppers_that_fit():
     problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0, 2.0])
     found = accuracy_table(problem, steps_per_frame=(10, 20, 40))
     assert [each.stepper for each in found.orders] == ["explicit-euler", "rk4"]
-    assert len(DEFAULT_STEPPERS) == 5
+
+
+def test_default_steppers_fit_and_solve_the_problem(driven_pendulum):
+    """A rope with springs is not given to steppers that keep lengths, whose limit is another."""
+    keep_lengths = {"constraint-verlet", "rattle"}
+    needs_damping = {"stormer-verlet", "stormer-verlet:start=rest"}
+    everything = set(DEFAULT_STEPPERS)
+    rigid = InextensibleRope(num_nodes=4).problem(frames=2)
+    for problem, expected in [
+        (Rope(num_nodes=4).problem(frames=2), everything - keep_lengths),
+        (driven_pendulum, everything - keep_lengths),
+        (rigid, everything - needs_damping),
+        (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]), {"explicit-euler", "rk4"}),
+    ]:
+        found = default_steppers(problem)
+        assert set(found) == expected
+        assert found == [each for each in DEFAULT_STEPPERS if each in expected]
+
+
+def test_problem_classes(driven_pendulum):
+    made = {
+        "rigid": InextensibleRope(num_nodes=4).problem(frames=2),
+        "undamped": InextensibleRope(num_nodes=4, damping=0.0).problem(frames=2),
+        "pin damped": InextensibleRope(num_nodes=2, damping=(3, 0)).problem(frames=2),
+        "moving": InextensibleRope(num_nodes=4, initial_velocity=(0, 1)).problem(frames=2),
+        "rope": Rope(num_nodes=4).problem(frames=2),
+        "other": driven_pendulum,
+        "first order": Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]),
+    }
+    assert {name: tuple(problem_class(problem)) for name, problem in made.items()} == {
+        "rigid": (True, True, True),
+        "undamped": (False, True, True),
+        "pin damped": (False, True, True),
+        "moving": (True, False, True),
+        "rope": (True, True, False),
+        "other": (True, False, False),
+        "first order": (True, False, False),
+    }
+
+
+def test_steppers_of_another_problem_are_marked(small_rope):
+    """Asked for, they run; the table says that they solve something else."""
+    steppers = ["rattle", "rk4"]
+    found = accuracy_table(small_rope, steppers, (32, 48, 72, 108))
+    assert [(each.expected, each.solves) for each in found.orders] == [(0, False), (4, True)]
+    assert found.orders[0].order.verdict == "does not converge"
+    rigid = InextensibleRope(num_nodes=4).problem(frames=3)
+    found = accuracy_table(rigid, ["constraint-verlet", "rattle"], (32, 48, 72, 108))
+    assert [(each.expected, each.solves) for each in found.orders] == [(1, True), (2, True)]
+    assert [each.order.verdict for each in found.orders] == ["converges"] * 2
 
 
 def test_diverged_runs_are_rows_without_errors():

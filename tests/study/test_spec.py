@@ -7,8 +7,9 @@ import tomllib
 import pytest
 
 from ropeode.errors import InputError, UserCodeError
+from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.rope import Rope
-from ropeode.study.accuracy_table import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME
+from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, default_steppers
 from ropeode.study.spec import COMMENTED_SPEC, TableJob, TableSpec, read_spec
 
 
@@ -17,7 +18,9 @@ def test_the_commented_spec_holds_the_defaults():
     assert Rope(**values["rope"]) == Rope()
     assert set(values["rope"]) == set(Rope.model_fields)
     job = TableJob(values)
-    assert job.spec.steppers == DEFAULT_STEPPERS
+    assert list(job.spec.steppers) == default_steppers(Rope().problem())
+    assert job.spec.kind == TableSpec().kind == values["kind"] == "rope"
+    assert all(kind in COMMENTED_SPEC for kind in ROPES)
     assert job.spec.steps_per_frame == DEFAULT_STEPS_PER_FRAME
     assert job.problem.parameters == TableJob({}).problem.parameters
     for name in TableSpec.model_fields:
@@ -46,6 +49,22 @@ def test_all_faults_of_a_file_at_once():
         ({"problem": "kepler", "rope": {"damping": 0.1}}, "rope: .* leave out one"),
         ({"problem": "keplre"}, "did you mean 'kepler'"),
         ({"problem": 3}, "problem: 3 given"),
+        ({"kind": "chain"}, "kind: 'chain' given, which does not exist; allowed: rope, inext"),
+        ({"kind": "inextensible"}, "did you mean 'inextensible-rope'"),
+        ({"kind": 3}, "kind: 3 given"),
+        ({"problem": "kepler", "kind": "inextensible-rope"}, "kind: .* leave out one"),
+        (
+            {"kind": "inextensible-rope", "rope": {"stiffness": 100.0}},
+            "stiffness: 100.0 given; allowed: none with kind 'inextensible-rope'",
+        ),
+        (
+            {"problem": "inextensible-rope", "rope": {"stiffness": 100.0}},
+            "stiffness: 100.0 given; allowed: none with kind 'inextensible-rope'",
+        ),
+        (
+            {"kind": "inextensible-rope", "rope": {"num_nodes": 4, "pinned": [0, 3]}},
+            r"pinned: \[0, 3\] given; allowed: one node, or neighbours",
+        ),
         ({"frames": "x"}, "frames: 'x' given"),
         ({"rtol": 0}, "rtol: 0 given"),
         ({"norm": "positions"}, "did you mean 'position-"),
@@ -61,6 +80,20 @@ def test_library_problems_by_name():
     job = TableJob({"problem": "kepler", "frames": 7})
     assert job.problem.name == "Kepler"
     assert job.problem.frames == 7
+
+
+@pytest.mark.parametrize("kind", ROPES)
+def test_ropes_by_kind_or_by_name(kind):
+    rope = {"num_nodes": 5, "damping": 0.3}
+    by_kind = TableJob({"kind": kind, "frames": 4, "rope": rope})
+    by_name = TableJob({"problem": kind, "frames": 4, "rope": rope})
+    expected = PROBLEMS[kind](frames=4, **rope).parameters
+    assert by_kind.problem.parameters == by_name.problem.parameters == expected
+    assert expected["kind"] == kind
+    # A kind that is said overrules the name, and nothing else does.
+    again = TableJob({"problem": "rope", "kind": kind, "frames": 4, "rope": rope})
+    assert again.problem.parameters == expected
+    assert TableJob({"problem": kind}).problem.parameters == PROBLEMS[kind]().parameters
 
 
 def test_bad_files(tmp_path):

@@ -165,3 +165,131 @@ def rope_solution(problem: Any, *, rtol: float = 1e-19) -> np.ndarray:
         sizes=rope_sizes(problem.args, problem.y0),
         rtol=rtol,
     )
+
+
+class Links:
+    """An inextensible rope in the directions of its links, and not in its nodes' positions.
+
+    The nodes are sums of links, so that there are no lengths to keep and no tensions: each
+    link turns about axes across it, and d'Alembert's principle along these motions gives a
+    dense symmetric system for how fast the turning changes. The state is
+    ``(..., 2, dim, 1 + links)``: how far the first pin has moved (the first node, where none
+    is pinned), then the links over their lengths; and the rates of all that.
+
+    Arguments:
+        problem: of an inextensible rope, whose float64 numbers are taken as they are.
+    """
+
+    def __init__(self, problem: Any):
+        args = problem.args
+        self.mass, self.damping = (
+            np.asarray(of, dtype=np.longdouble) for of in (args.mass, args.damping)
+        )
+        self.gravity = np.asarray(args.gravity, dtype=np.longdouble)[:, 0]
+        x, v = np.asarray(problem.y0, dtype=np.longdouble)
+        d, w = np.diff(x), np.diff(v)
+        self.length = np.sqrt(np.sum(d * d, axis=0))
+        pinned = np.flatnonzero(np.asarray(args.free) == 0)
+        base = int(pinned[0]) if len(pinned) else 0
+        self.start = x[:, base]
+        self.dim, nodes = x.shape
+        self.base_moves = not len(pinned)
+        self.turning = [
+            j for j in range(nodes - 1) if not (j in set(pinned) and j + 1 in set(pinned))
+        ]
+        # How far each node goes with the first column (all by one) and with each link.
+        node, link = np.arange(nodes)[:, None], np.arange(nodes - 1)
+        signs = np.where((base <= link) & (link < node), 1, 0)
+        signs = signs - np.where((node <= link) & (link < base), 1, 0)
+        self.reach = np.hstack([np.ones((nodes, 1)), signs * self.length])
+        self.y0 = np.zeros((2, self.dim, nodes), dtype=np.longdouble)
+        self.y0[0, :, 1:], self.y0[1, :, 1:] = d / self.length, w / self.length
+        if self.base_moves:
+            self.y0[1, :, 0] = v[:, base]
+        # Each unknown belongs to a column; the unknowns of a link to its axes one by one.
+        self.column = [0] * self.dim * self.base_moves + [
+            1 + j for j in self.turning for _ in range(self.dim - 1)
+        ]
+        each = self.reach[:, self.column]
+        self.inertia = each.T @ (self.mass[:, None] * each)
+
+    def __call__(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The right-hand side, for `integrate`."""
+        q, rate = y[..., 0, :, :], y[..., 1, :, :]
+        u, w = q[..., 1:], rate[..., 1:]
+        axes = self._axes(u)
+        # What the links' turning alone needs: |u| stays as it is where u . u'' = -|w|^2.
+        bend = np.zeros_like(q)
+        bend[..., 1:] = (
+            -u * np.sum(w * w, axis=-2, keepdims=True) / np.sum(u * u, axis=-2, keepdims=True)
+        )
+        force = (
+            self.mass * self.gravity[:, None]
+            - self.damping * (rate @ self.reach.T)
+            - self.mass * (bend @ self.reach.T)
+        )
+        pull = np.sum(axes * (force @ self.reach)[..., self.column], axis=-2)
+        system = self.inertia * (np.swapaxes(axes, -1, -2) @ axes)
+        change = axes * solve_symmetric(system, pull)[..., None, :]
+        for unknown, column in enumerate(self.column):
+            bend[..., column] += change[..., unknown]
+        return np.stack([rate, bend], axis=-3)
+
+    def _axes(self, u: np.ndarray) -> np.ndarray:
+        """The direction of each unknown, ``(rows, dim, unknowns)``."""
+        rows = np.moveaxis(u[..., self.turning], -2, -1)
+        if self.dim == 2:
+            across = [np.stack([-rows[..., 1], rows[..., 0]], axis=-1)]
+        else:
+            far = np.eye(3, dtype=np.longdouble)[np.argmin(np.abs(rows), axis=-1)]
+            first = np.cross(rows, far)
+            first = first / np.sqrt(np.sum(first * first, axis=-1, keepdims=True))
+            across = [first, np.cross(rows, first)]
+        # Link by link, the axes of one after the other.
+        turning = np.stack(across, axis=-2).reshape(len(u), -1, self.dim)
+        moving = np.eye(self.dim, dtype=np.longdouble)[: self.dim * self.base_moves]
+        moving = np.broadcast_to(moving, (len(u), *moving.shape))
+        return np.swapaxes(np.concatenate([moving, turning], axis=1), 1, 2)
+
+    def sizes(self) -> np.ndarray:
+        """Sizes of the state for `integrate`, ``(2, 1, 1 + links)``."""
+        whole, shortest = np.sum(self.length), np.min(self.length, initial=np.inf)
+        pull = np.sqrt(np.sum(self.gravity**2))
+        turning = np.sqrt(pull / shortest) + np.max(np.abs(self.y0[1, :, 1:]), initial=0)
+        moving = np.sqrt(pull * whole) + np.max(np.abs(self.y0[1]), initial=0) * max(whole, 1)
+        result = np.ones((2, 1, self.y0.shape[-1]), dtype=np.longdouble)
+        result[0, :, 0], result[1, :, 0] = max(whole, moving), max(moving, 1)
+        result[1, :, 1:] = max(turning, 1e-3)
+        return result
+
+    def nodes(self, states: np.ndarray) -> np.ndarray:
+        """States of the problem, ``(times, 2, dim, nodes)``."""
+        found = states @ self.reach.T
+        found[:, 0] += self.start[:, None]
+        return found
+
+
+def solve_symmetric(system: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solutions of positive definite systems, ``(rows, n, n)`` and ``(rows, n)``.
+
+    By elimination without pivots, since NumPy's solvers know no `np.longdouble`.
+    """
+    a, b = system.copy(), right.copy()
+    n = b.shape[-1]
+    for k in range(n - 1):
+        factor = a[:, k + 1 :, k] / a[:, k, k, None]
+        a[:, k + 1 :, k + 1 :] -= factor[..., None] * a[:, k, None, k + 1 :]
+        b[:, k + 1 :] -= factor * b[:, k, None]
+    for k in reversed(range(n)):
+        b[:, k] = (b[:, k] - np.sum(a[:, k, k + 1 :] * b[:, k + 1 :], axis=-1)) / a[:, k, k]
+    return b
+
+
+def inextensible_rope_solution(problem: Any, *, rtol: float = 1e-19) -> np.ndarray:
+    """The states of an inextensible rope's problem at its sample times, in `np.longdouble`.
+
+    Tolerance and accuracy are as for `rope_solution`; rounding in the links' directions
+    counts times the length of the rope.
+    """
+    links = Links(problem)
+    return links.nodes(integrate(links, links.y0, problem.ts, sizes=links.sizes(), rtol=rtol))

@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.rope import Rope
 from tests.verification.extrapolation import (
     EPS,
+    Links,
+    inextensible_rope_solution,
     integrate,
     rope_rhs,
     rope_sizes,
     rope_solution,
+    solve_symmetric,
 )
 
 pytestmark = pytest.mark.skipif(EPS > 2e-19, reason="np.longdouble is no wider than float64 here")
@@ -151,3 +155,107 @@ def test_rhs_takes_many_states_at_once():
     together = rhs(np.zeros((3, 1, 1, 1)), y)
     for i in range(3):
         assert np.array_equal(together[i], rhs(np.zeros((1, 1, 1, 1)), y[i : i + 1])[0])
+
+
+def double_pendulum(mass, length, damping):
+    """The textbook's equations in the angles from the vertical, with damping on each bob."""
+    (m1, m2), (l1, l2), (c1, c2) = mass, length, damping
+
+    def rhs(t, y):
+        (a, b), (p, q) = np.moveaxis(y[:, 0], -1, 0), np.moveaxis(y[:, 1], -1, 0)
+        c, s = np.cos(a - b), np.sin(a - b)
+        m11, m12, m22 = (m1 + m2) * l1**2, m2 * l1 * l2 * c, m2 * l2**2
+        f1 = -m2 * l1 * l2 * s * q**2 - (m1 + m2) * l1 * np.sin(a)
+        f2 = m2 * l1 * l2 * s * p**2 - m2 * l2 * np.sin(b)
+        # Rayleigh's dissipation c v^2/2 of each bob.
+        f1 = f1 - (c1 + c2) * l1**2 * p - c2 * l1 * l2 * c * q
+        f2 = f2 - c2 * l2**2 * q - c2 * l1 * l2 * c * p
+        det = m11 * m22 - m12 * m12
+        change = np.stack([(m22 * f1 - m12 * f2) / det, (m11 * f2 - m12 * f1) / det], axis=-1)
+        return np.stack([y[:, 1], change], axis=1)
+
+    return rhs
+
+
+@pytest.mark.parametrize("damping", [(0.0, 0.0), (0.1, 0.3)])
+def test_inextensible_rope_of_three_nodes_is_the_double_pendulum(damping):
+    problem = InextensibleRope(
+        start=(0, 0),
+        end=(4, 0),
+        num_nodes=3,
+        node_mass=(1, 2, 0.5),
+        damping=(0, *damping),
+        initial_velocity=((0, 0), (0, 1), (0, -0.5)),
+    ).problem(frames=5)
+    states = inextensible_rope_solution(problem)
+    length = ONE * np.array([2, 2])
+    # Along x; the rates are those of the links, over their lengths.
+    angles = integrate(
+        double_pendulum(ONE * np.array([2, 0.5]), length, ONE * np.array(damping)),
+        np.array([[np.arccos(0 * ONE)] * 2, [0.5, -0.75]]),
+        problem.ts,
+    )
+    bobs = np.cumsum(length * np.stack([np.sin(angles[:, 0]), -np.cos(angles[:, 0])], 1), axis=2)
+    # Both are good to some 1e-18 a step; a factor of a hundred is left for its growth.
+    assert np.max(np.abs(states[:, 0, :, 1:] - bobs)) < 1e-16
+    assert not np.any(states[:, :, :, 0])
+
+
+def test_inextensible_rope_without_pins_keeps_what_it_must():
+    problem = InextensibleRope(
+        start=(1, 2, 3),
+        end=(4, 2, 3),
+        num_nodes=5,
+        node_mass=(1, 2, 0.5, 3, 0.25),
+        pinned=(),
+        damping=0.0,
+        initial_velocity=((1, 0, 0), (1, -2, 0), (1, 0, 1), (1, 1, 1), (1, -1, 3)),
+    ).problem(frames=4)
+    links = Links(problem)
+    x, v = np.moveaxis(inextensible_rope_solution(problem), 1, 0)
+    np.testing.assert_allclose((x[0] - problem.y0[0]).astype(np.float64), 0, atol=1e-18)
+    length = np.sqrt(np.sum(np.diff(x) ** 2, axis=1))
+    assert np.max(np.abs(length - links.length)) < 1e-16
+    rates = np.sum(np.diff(x) * np.diff(v), axis=1)
+    assert np.max(np.abs(rates)) < 3e-16
+    args = problem.args
+    energy = 0.5 * np.sum(args.mass * v**2, axis=(1, 2)) - np.sum(
+        args.mass * args.gravity * x, axis=(1, 2)
+    )
+    assert np.max(np.abs(energy - energy[0])) < 1e-16 * np.abs(energy[0])
+    momentum = np.sum(args.mass * v, axis=2)
+    fallen = np.sum(args.mass) * args.gravity[:, 0] * problem.ts[:, None]
+    assert np.max(np.abs(momentum - momentum[0] - fallen)) < 1e-16
+    spin = np.sum(args.mass * np.cross(x, v, axis=1), axis=2)
+    centre = np.sum(args.mass * x, axis=2)
+    gravity = np.broadcast_to(args.gravity[:, 0], centre.shape)
+    # Gravity's torque is that on the centre of mass, which flies along a parabola.
+    flight = problem.ts[:, None] * momentum[0] + fallen * problem.ts[:, None] / 2
+    start = centre[0] / np.sum(args.mass)
+    moved = flight / np.sum(args.mass)
+    torque = np.cross(start, fallen) + np.cross(momentum[0] / 2 * problem.ts[:, None] ** 2, gravity)
+    np.testing.assert_allclose(
+        (centre / np.sum(args.mass) - start - moved).astype(float), 0, atol=1e-16
+    )
+    assert np.max(np.abs(spin - spin[0] - torque)) < 1e-15
+
+
+def test_two_tolerances_agree_on_inextensible_ropes():
+    problem = InextensibleRope(
+        num_nodes=6, pinned=(1, 2), start=(0, 0, 0), end=(10, 0, 0), damping=0.2
+    ).problem(frames=5)
+    states = inextensible_rope_solution(problem)
+    again = inextensible_rope_solution(problem, rtol=3e-20)
+    assert np.max(np.abs(states - again)) < 1e-16
+    assert np.array_equal(states[-1, 0][:, [1, 2]], problem.y0[0][:, [1, 2]])
+    assert not np.any(states[:, 1][:, :, [1, 2]])
+
+
+def test_symmetric_systems_are_solved_in_extended_precision():
+    random = np.random.default_rng(5)
+    root = random.normal(size=(3, 7, 7)).astype(np.longdouble)
+    system = root @ np.swapaxes(root, 1, 2) + np.eye(7)
+    solution = random.normal(size=(3, 7)).astype(np.longdouble)
+    found = solve_symmetric(system, (system @ solution[..., None])[..., 0])
+    condition = float(np.max(np.linalg.cond(system.astype(np.float64))))
+    assert np.max(np.abs(found - solution)) < 20 * EPS * condition

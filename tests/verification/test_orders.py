@@ -13,14 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import LinearDamping, Problem
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.library import PROBLEMS, ROPES
+from ropeode.problems.links import LinearDamping
+from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.render.stepper_list import variants
-from ropeode.steppers import STEPPERS
 from ropeode.study.accuracy_table import accuracy_table, problem_class
+from tests.steppers.every_variant import EVERY_VARIANT
 
-VARIANTS = {each.label: each for cls in STEPPERS.values() for each in variants(cls)}
+VARIANTS = {each.label: each for each in EVERY_VARIANT}
 STEPS = (40, 60, 90, 135, 202, 303)
 
 
@@ -42,6 +43,29 @@ def resting_rope(damping: float) -> Problem:
     return Rope(
         start=(0, 0), end=(4, 1), num_nodes=6, node_mass=1.7, stiffness=12.0, damping=damping
     ).problem(frames=3)
+
+
+def inextensible_rope(moving: bool, **given) -> Problem:
+    """In three dimensions with unequal masses; always of one size, to be compiled only once."""
+    rope = {
+        "start": (0, 0, 1),
+        "end": (3, -1, 0.5),
+        "num_nodes": 6,
+        "node_mass": (1, 2, 0.5, 1.5, 0.7, 1.2),
+        "pinned": (1,),
+        "gravity": (0.3, -1, 0.2),
+        "damping": (0.1, 0.2, 0.3, 0.4, 0.5, 0.15),
+        **given,
+    }
+    if moving:
+        # Across the rope, so that no link is stretched.
+        along = np.subtract(rope["end"], rope["start"])
+        across = np.cross(along, [(0.1, 0.2, 0.3), (1, -1, 0.4)])
+        free = [node not in rope["pinned"] for node in range(6)]
+        rows = np.outer((0.5, 0, -0.2, 0.1, 0.4, -0.5), across[0])
+        rows += np.outer((-0.3, 0, 0.2, 0, 0.25, 0.1), across[1])
+        rope["initial_velocity"] = rows * np.reshape(free, (6, 1))
+    return InextensibleRope(**rope).problem(frames=3)
 
 
 def driven_acceleration(t, x, v, args):
@@ -72,12 +96,16 @@ CASES = {
     "moving rope": moving_rope,
     "resting rope": functools.partial(resting_rope, 0.15),
     "undamped rope": functools.partial(resting_rope, 0.0),
+    "moving inextensible rope": functools.partial(inextensible_rope, True, pinned=(1, 2)),
+    "moving undamped inextensible rope": functools.partial(inextensible_rope, True, damping=0.0),
+    "resting inextensible rope": functools.partial(inextensible_rope, False),
+    "undamped inextensible rope": functools.partial(inextensible_rope, False, damping=0.0),
     "driven": driven,
     "riccati": riccati,
     **{
         f"library {name}": functools.partial(make, frames=4)
         for name, make in PROBLEMS.items()
-        if name != "rope"
+        if name not in ROPES
     },
 }
 
@@ -97,7 +125,10 @@ def test_declared_orders(case):
         declared = VARIANTS[each.stepper].order(problem_class(table.problem))
         assert each.expected == declared
         order = each.order
-        if declared == 0:
+        if not each.solves:
+            # The limit is another solution, and far enough away for the table to say so.
+            right = declared == 0 and order.verdict == "does not converge"
+        elif declared == 0:
             right = order.verdict != "converges"
         else:
             low, high = order.ci95 or (np.inf, -np.inf)
@@ -121,13 +152,15 @@ def test_velocities_have_the_order_of_positions(case):
 
 def test_every_stepper_is_judged_on_several_problems():
     for each in VARIANTS.values():
-        judged = [case for case in CASES if each.refusal(CASES[case]()) is None]
+        judged = [CASES[case]() for case in CASES if each.refusal(CASES[case]()) is None]
         assert len(judged) >= 4, each.label
+        assert sum(each.solves(problem_class(problem)) for problem in judged) >= 4, each.label
 
 
 def test_right_wrong_limits_are_told_apart():
     """The cases hold a problem on which each wrong variant shows its fault."""
     for each in VARIANTS.values():
-        orders = {each.order(problem_class(CASES[case]())) for case in CASES}
-        best = each.order(problem_class(CASES["undamped rope"]()))
-        assert best == max(orders)
+        fitting = [case for case in CASES if each.refusal(CASES[case]()) is None]
+        orders = {case: each.order(problem_class(CASES[case]())) for case in fitting}
+        kind = "inextensible rope" if each.needs == "nodes in a row" else "rope"
+        assert orders[f"undamped {kind}"] == max(orders.values())

@@ -1,0 +1,203 @@
+"""The rope whose nodes are joined by rigid links, as an initial value problem."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.problems import rope_input
+from ropeode.problems.links import (
+    LinearDamping,
+    Links,
+    along,
+    constrained_acceleration,
+    dot,
+)
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope_input import Indices, Nodes, Numbers, OneOrMany, RopeInput, Velocity
+from ropeode.validation import check_whole, complaint
+
+# What rounding may leave of a stretching rate, relative to the velocities.
+_ROUNDING = 1e-12
+
+
+class InextensibleRope(RopeInput):
+    """A chain of point masses joined by rigid massless links, some of them pinned.
+
+    Nodes stand equally spaced from `start` to `end` (a single node at `start`). It is what a
+    `Rope` tends to as its stiffness grows, and what a stepper that projects link lengths
+    solves as its step size shrinks. The time unit is one frame.
+
+    Arguments:
+        start: position of the first node, 2 or 3 coordinates.
+        end: position of the last node.
+        num_nodes: number of nodes.
+        node_mass: mass of every node, or one for each.
+        pinned: indices of the nodes that do not move. The rope starts taut, so that nodes
+            between two pins could not move either: it may be pinned in one node, or in
+            neighbours.
+        gravity: acceleration, as many components as `start`; a 3-D rope that is given none
+            has (0, -1, 0).
+        damping: coefficient of the force ``-damping * v``, one or one for each node.
+        initial_velocity: one velocity for all the nodes that are free, or one for each; no
+            link may be stretched by it.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+    """
+
+    start: Numbers = rope_input.START
+    end: Numbers = rope_input.END
+    num_nodes: int = rope_input.NUM_NODES
+    node_mass: OneOrMany = rope_input.NODE_MASS
+    pinned: Indices = rope_input.PINNED
+    gravity: Numbers = rope_input.GRAVITY
+    damping: OneOrMany = rope_input.DAMPING
+    initial_velocity: Velocity = rope_input.INITIAL_VELOCITY
+
+    def __init__(self, *values: Any, **named: Any):
+        super().__init__(*values, **named)
+        faults = [*self._lengths_at_fault(), *self._pins_at_fault()]
+        if faults := faults or self._velocities_at_fault():
+            raise InputError(faults)
+
+    def _lengths_at_fault(self) -> list[str]:
+        if np.all(self.nodes().length > 0):
+            return []
+        allowed = "a point so far from start that no link has length zero"
+        return [complaint("end", self.end, allowed, "move it away, or take fewer nodes")]
+
+    def _pins_at_fault(self) -> list[str]:
+        if len(self.pinned) == self.num_nodes:
+            allowed = "pins that leave a node free (with all nodes pinned, nothing moves)"
+            return [complaint("pinned", list(self.pinned), allowed, "leave one out")]
+        for pin, other in zip(self.pinned, self.pinned[1:], strict=False):
+            if other - pin > 1:
+                allowed = (
+                    "one node, or neighbours (the rope is taut between the pins "
+                    f"{pin} and {other}, so that what is between them cannot move)"
+                )
+                fix = f"leave one of them out, as in pinned = [{pin}]"
+                return [complaint("pinned", list(self.pinned), allowed, fix)]
+        return []
+
+    def _velocities_at_fault(self) -> list[str]:
+        nodes = self.nodes()
+        d, w = np.diff(nodes.x0), np.diff(nodes.v0)
+        rate = np.abs(np.sum(d * w, axis=0)) / nodes.length
+        fastest = np.max(np.abs(nodes.v0), initial=0.0)
+        bad = np.flatnonzero(rate > _ROUNDING * fastest)
+        if not len(bad):
+            return []
+        allowed = (
+            f"velocities that stretch no link (link {bad[0]}, between the nodes {bad[0]} and "
+            f"{bad[0] + 1}, would change its length by {rate[bad[0]]:.3g} per frame)"
+        )
+        fix = "give velocities across the rope, or none"
+        return [complaint("initial_velocity", self.initial_velocity, allowed, fix)]
+
+    def problem(self, frames: int = 20) -> Problem:
+        """The rope as a `Problem`, sampled at times 0, 1, ..., `frames`.
+
+        Raises:
+            InputError: `frames` is not a whole number >= 1.
+        """
+        frames = check_whole("frames", frames, at_least=1, example="20")
+        nodes: Nodes = self.nodes()
+        args = InextensibleRopeArgs(
+            mass=nodes.mass,
+            rest_length=nodes.length,
+            free=nodes.free,
+            gravity=nodes.gravity,
+            damping=nodes.damping,
+        )
+        return Problem.second_order(
+            acceleration,
+            nodes.x0,
+            nodes.v0,
+            np.arange(frames + 1.0),
+            args,
+            # The tensions depend on the velocities too, and a single node has none.
+            damping=linear_damping if self.num_nodes == 1 else None,
+            links=links,
+            node_axis=1,
+            name="inextensible rope",
+            energy=energy,
+            constraints=constraints,
+            parameters={
+                "kind": "inextensible-rope",
+                "frames": frames,
+                **self.model_dump(mode="json"),
+            },
+        )
+
+
+class InextensibleRopeArgs(NamedTuple):
+    """The numbers in the rope's equations; nodes and links run along the last axis."""
+
+    mass: Any
+    rest_length: Any
+    free: Any
+    gravity: Any
+    damping: Any
+
+
+def links(args: InextensibleRopeArgs) -> Links:
+    """The links, and gravity and damping on the nodes."""
+    return Links(
+        length=args.rest_length,
+        inverse_mass=args.free / args.mass,
+        acceleration=args.gravity * args.free,
+        damping=linear_damping(args),
+    )
+
+
+def linear_damping(args: InextensibleRopeArgs) -> LinearDamping:
+    """The damping force ``-damping v`` as an acceleration; none at pinned nodes."""
+    return LinearDamping(args.damping / args.mass * args.free, args.damping * args.free)
+
+
+def acceleration(t: Any, x: Any, v: Any, args: InextensibleRopeArgs) -> Any:
+    """``M a = tensions - damping v + M gravity`` with links of constant length.
+
+    Arguments:
+        t: time; the rope does not depend on it.
+        x: positions, ``(dim, nodes)``.
+        v: velocities, ``(dim, nodes)``.
+        args: the rope's numbers.
+    """
+    del t
+    return constrained_acceleration(x, v, links(args))
+
+
+def constraints(t: Any, y: Any, args: InextensibleRopeArgs) -> dict[str, Any]:
+    """What is zero along each solution: how much longer the links are, and are getting.
+
+    Arguments:
+        t: time; not used.
+        y: state, ``(2, dim, nodes)``.
+        args: the rope's numbers.
+    """
+    del t
+    apart = links(args).apart
+    d, w = along(y[0], apart), along(y[1], apart)
+    length = jnp.sqrt(dot(d, d))
+    return {"position": length - args.rest_length, "velocity": dot(d, w) / length}
+
+
+def energy(t: Any, y: Any, args: InextensibleRopeArgs) -> Any:
+    """Kinetic energy and potential energy in gravity's field.
+
+    Constant along solutions where the damping is zero.
+
+    Arguments:
+        t: time; not used.
+        y: state, ``(2, dim, nodes)``.
+        args: the rope's numbers.
+    """
+    del t
+    x, v = y
+    return 0.5 * jnp.sum(args.mass * jnp.sum(v * v, axis=0)) - jnp.sum(args.mass * args.gravity * x)

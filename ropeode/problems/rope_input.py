@@ -1,0 +1,215 @@
+"""What all ropes are given: nodes in a straight row, their masses, pins, gravity and damping."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import numpy as np
+from pydantic import BeforeValidator, ValidationInfo, field_validator, model_validator
+
+from ropeode.validation import (
+    Input,
+    fault_of,
+    field,
+    finite_number,
+    finite_numbers,
+    plain,
+    whole_number,
+)
+
+
+def _one_or_many(value: Any) -> float | tuple[float, ...]:
+    value = plain(value)
+    return finite_numbers(value) if isinstance(value, (list, tuple)) else finite_number(value)
+
+
+def _velocity(value: Any) -> Any:
+    value = plain(value)
+    if value and isinstance(value, (list, tuple)) and isinstance(plain(value[0]), (list, tuple)):
+        return tuple(finite_numbers(row) for row in value)
+    return finite_numbers(value)
+
+
+def _whole_numbers(value: Any) -> tuple[int, ...]:
+    value = plain(value)
+    if not isinstance(value, (list, tuple)):
+        raise ValueError(f"{value!r} is not a list of whole numbers")
+    return tuple(whole_number(entry, at_least=0) for entry in value)
+
+
+Numbers = Annotated[tuple[float, ...], BeforeValidator(finite_numbers)]
+OneOrMany = Annotated[float | tuple[float, ...], BeforeValidator(_one_or_many)]
+Indices = Annotated[tuple[int, ...], BeforeValidator(_whole_numbers)]
+Velocity = Annotated[tuple[float, ...] | tuple[tuple[float, ...], ...], BeforeValidator(_velocity)]
+
+# The fields that ropes share. A rope lists them itself, in the order of its own arguments.
+START = field((0.0, 200.0), allowed="2 or 3 finite coordinates", example="[0, 200]")
+END = field(
+    (-400.0, 200.0),
+    allowed="as many finite coordinates as start, and another point than start",
+    example="[-400, 200]",
+)
+NUM_NODES = field(16, allowed="a whole number >= 1", example="16")
+NODE_MASS = field(
+    1.0, allowed="finite numbers > 0, one for all nodes or one for each", example="1.0"
+)
+PINNED = field((0,), allowed="different node indices from 0 to num_nodes - 1", example="[0]")
+GRAVITY = field((0.0, -1.0), allowed="as many finite components as start", example="[0, -1]")
+DAMPING = field(
+    0.01, allowed="finite numbers >= 0, one for all nodes or one for each", example="0.01"
+)
+INITIAL_VELOCITY = field(
+    (),
+    allowed="a finite velocity for all free nodes, or one for each node (zero where pinned)",
+    example="[0, 0]",
+)
+
+
+class RopeInput(Input):
+    """The checks that ropes share; a subclass lists the fields, and may add some.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+    """
+
+    if TYPE_CHECKING:
+        start: Numbers
+        end: Numbers
+        num_nodes: int
+        node_mass: OneOrMany
+        pinned: Indices
+        gravity: Numbers
+        damping: OneOrMany
+        initial_velocity: Velocity
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults_follow_the_dimension(cls, given: Any) -> Any:
+        start = given.get("start", cls.model_fields["start"].default)
+        dim = len(start) if hasattr(start, "__len__") else 2
+        if dim == 3:
+            given = {"gravity": (0.0, -1.0, 0.0), **given}
+        if dim in (2, 3):
+            given = {"initial_velocity": (0.0,) * dim, **given}
+        return given
+
+    @field_validator("num_nodes", mode="before", check_fields=False)
+    @classmethod
+    def _whole(cls, value: Any) -> int:
+        return whole_number(value, at_least=1)
+
+    @field_validator("start", check_fields=False)
+    @classmethod
+    def _two_or_three(cls, start: tuple[float, ...]) -> tuple[float, ...]:
+        if len(start) not in (2, 3):
+            raise ValueError(f"these are {len(start)}")
+        return start
+
+    @field_validator("end", "gravity", check_fields=False)
+    @classmethod
+    def _same_dimension(cls, value: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        if "start" in info.data and len(value) != len(info.data["start"]):
+            raise ValueError(f"start has {len(info.data['start'])}, these are {len(value)}")
+        return value
+
+    @field_validator("num_nodes", check_fields=False)
+    @classmethod
+    def _has_a_length(cls, num_nodes: int, info: ValidationInfo) -> int:
+        end = info.data.get("end")
+        if num_nodes > 1 and end is not None and end == info.data.get("start"):
+            raise fault_of("end", end, "what joins neighbours would have no direction")
+        return num_nodes
+
+    @field_validator("node_mass", "stiffness", check_fields=False)
+    @classmethod
+    def _above_zero(cls, value: Any) -> Any:
+        if np.any(np.asarray(value) <= 0):
+            raise ValueError(f"{np.min(value)} is not above zero")
+        return value
+
+    @field_validator("damping", check_fields=False)
+    @classmethod
+    def _not_below_zero(cls, value: Any) -> Any:
+        if np.any(np.asarray(value) < 0):
+            raise ValueError(f"{np.min(value)} is below zero")
+        return value
+
+    @field_validator("node_mass", "stiffness", "damping", check_fields=False)
+    @classmethod
+    def _one_for_each(cls, value: Any, info: ValidationInfo) -> Any:
+        if "num_nodes" not in info.data or isinstance(value, float):
+            return value
+        needed = info.data["num_nodes"] - (info.field_name == "stiffness")
+        if len(value) != needed:
+            raise ValueError(f"{needed} needed, {len(value)} given")
+        return value
+
+    @field_validator("pinned", check_fields=False)
+    @classmethod
+    def _different_nodes(cls, pinned: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+        last = info.data.get("num_nodes", np.inf) - 1
+        for node in pinned:
+            if node > last:
+                raise ValueError(f"there is no node {node}, the last one is {last}")
+        if len(set(pinned)) != len(pinned):
+            raise ValueError("one is repeated")
+        return tuple(sorted(pinned))
+
+    @field_validator("initial_velocity", check_fields=False)
+    @classmethod
+    def _fits_the_nodes(cls, velocity: Any, info: ValidationInfo) -> Any:
+        if not {"start", "num_nodes", "pinned"} <= info.data.keys():
+            return velocity
+        dim, num_nodes = len(info.data["start"]), info.data["num_nodes"]
+        if np.shape(velocity) == (dim,):
+            return velocity
+        if any(len(row) != dim for row in velocity if isinstance(row, tuple)) or np.shape(
+            velocity
+        ) != (num_nodes, dim):
+            raise ValueError(f"{dim} components, or {num_nodes} times {dim}, needed")
+        for node in info.data["pinned"]:
+            if any(velocity[node]):
+                raise ValueError(f"node {node} is pinned but has velocity {velocity[node]}")
+        return velocity
+
+    def nodes(self) -> Nodes:
+        """The nodes as arrays."""
+        dim = len(self.start)
+        fractions = np.linspace(0.0, 1.0, self.num_nodes)
+        start, end = np.asarray(self.start)[:, None], np.asarray(self.end)[:, None]
+        x0 = start + (end - start) * fractions
+        free = np.ones(self.num_nodes)
+        free[list(self.pinned)] = 0.0
+        velocity = np.asarray(self.initial_velocity)
+        v0 = np.broadcast_to(velocity[:, None] if velocity.ndim == 1 else velocity.T, x0.shape)
+        return Nodes(
+            x0=x0,
+            v0=v0 * free,
+            length=np.sqrt(np.sum(np.diff(x0) ** 2, axis=0)),
+            mass=np.broadcast_to(self.node_mass, (self.num_nodes,)),
+            free=free,
+            gravity=np.asarray(self.gravity).reshape(dim, 1),
+            damping=np.broadcast_to(self.damping, (self.num_nodes,)),
+        )
+
+
+class Nodes(NamedTuple):
+    """The nodes of a rope.
+
+    Fields:
+        x0: initial positions, ``(dim, nodes)``.
+        v0: initial velocities, ``(dim, nodes)``; zero where pinned.
+        length: distance of neighbours, ``(nodes - 1,)``.
+        mass: ``(nodes,)``.
+        free: 1 where a node is free and 0 where it is pinned, ``(nodes,)``.
+        gravity: acceleration, ``(dim, 1)``.
+        damping: coefficient, ``(nodes,)``.
+    """
+
+    x0: np.ndarray
+    v0: np.ndarray
+    length: np.ndarray
+    mass: np.ndarray
+    free: np.ndarray
+    gravity: np.ndarray
+    damping: np.ndarray

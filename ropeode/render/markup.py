@@ -1,0 +1,156 @@
+"""Headings, paragraphs and tables, written in Markdown, LaTeX or HTML."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from tabulate import tabulate
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem }}
+table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }}
+th, td {{ padding: 0.2rem 0.8rem; border-bottom: 1px solid #ccc; vertical-align: top }}
+td:not(.long) {{ white-space: nowrap }}
+thead th {{ border-bottom: 2px solid #444 }}
+</style>
+</head>
+<body>
+{body}
+</body>
+</html>
+"""
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    **{c: f"\\{c}" for c in "&%$#_{}"},
+    "<": "$<$",
+    "~": r"\~{}",
+    "±": r"$\pm$",
+}
+
+
+class Heading(NamedTuple):
+    """A heading."""
+
+    text: str
+
+
+class Paragraph(NamedTuple):
+    """A paragraph."""
+
+    text: str
+
+
+class Grid(NamedTuple):
+    """A table.
+
+    Fields:
+        headers: of the columns.
+        rows: cells as text.
+        left: the columns whose text is flush left; numbers are flush right.
+        long: the columns whose text may be broken into lines.
+    """
+
+    headers: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    left: frozenset[int]
+    long: frozenset[int] = frozenset()
+
+
+Block = Heading | Paragraph | Grid
+
+
+def markdown(blocks: Sequence[Block]) -> str:
+    """Markdown with pipe tables."""
+
+    def cell(text: str) -> str:
+        return text.replace("|", r"\|").replace("<", "&lt;")
+
+    return _joined(
+        blocks,
+        heading=lambda text: f"# {text}",
+        paragraph=lambda text: text,
+        grid=lambda grid: _tabulated(grid, "pipe", cell),
+    )
+
+
+def latex(blocks: Sequence[Block]) -> str:
+    """Sections and tabulars in the style of the booktabs package."""
+
+    def text(words: str) -> str:
+        return "".join(_LATEX.get(c, c) for c in words)
+
+    def grid(grid: Grid) -> str:
+        # tabulate escapes all that LaTeX needs, but for this sign.
+        return _tabulated(grid, "latex_booktabs", str).replace("±", _LATEX["±"])
+
+    return _joined(
+        blocks,
+        heading=lambda words: f"% needs \\usepackage{{booktabs}}\n\\section*{{{text(words)}}}",
+        paragraph=lambda words: text(words) + "\n",
+        grid=grid,
+    )
+
+
+def html_page(blocks: Sequence[Block]) -> str:
+    """A page that needs nothing beside it."""
+    title = next(block.text for block in blocks if isinstance(block, Heading))
+    body = _joined(
+        blocks,
+        heading=lambda text: f"<h1>{html.escape(text)}</h1>",
+        paragraph=lambda text: f"<p>{html.escape(text)}</p>",
+        grid=_html_grid,
+    )
+    return _PAGE.format(title=html.escape(title), body=body)
+
+
+def _html_grid(grid: Grid) -> str:
+    def style(column: int) -> str:
+        words = ' class="long"' if column in grid.long else ""
+        return words + ("" if column in grid.left else ' style="text-align: right"')
+
+    def row(tag: str, cells: Sequence[str]) -> str:
+        inside = "".join(
+            f"<{tag}{style(column)}>{html.escape(cell)}</{tag}>"
+            for column, cell in enumerate(cells)
+        )
+        return f"<tr>{inside}</tr>"
+
+    head = row("th", grid.headers)
+    body = "\n".join(row("td", cells) for cells in grid.rows)
+    return f"<table>\n<thead>\n{head}\n</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+
+
+def _tabulated(grid: Grid, style: str, cell: Callable[[str], str]) -> str:
+    return tabulate(
+        [[cell(entry) for entry in row] for row in grid.rows],
+        headers=[cell(entry) for entry in grid.headers],
+        tablefmt=style,
+        disable_numparse=True,
+        colalign=["left" if i in grid.left else "right" for i in range(len(grid.headers))],
+    )
+
+
+def _joined(
+    blocks: Sequence[Block],
+    *,
+    heading: Callable[[str], str],
+    paragraph: Callable[[str], str],
+    grid: Callable[[Grid], str],
+) -> str:
+    written = []
+    for block in blocks:
+        if isinstance(block, Heading):
+            written.append(heading(block.text))
+        elif isinstance(block, Paragraph):
+            written.append(paragraph(block.text))
+        else:
+            written.append(grid(block))
+    return "\n\n".join(written) + "\n"

@@ -1,0 +1,204 @@
+"""Steppers that keep the distances of neighbours: a rope with rigid links."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+
+from ropeode.problems.links import (
+    Links,
+    along,
+    constrained_acceleration,
+    dot,
+    impulses,
+    tensions,
+)
+from ropeode.steppers.base import ProblemClass, Stepper, System
+from ropeode.steppers.phase import Phase
+from ropeode.steppers.verlet import Damping, TwoPositions, advance
+from ropeode.validation import check_whole
+
+# Newton's method doubles the digits each time; where this many iterations do not suffice, the
+# step was too long for the links to be kept.
+_MOST_ITERATIONS = 30
+
+
+@dataclasses.dataclass(frozen=True)
+class ConstraintVerlet(Stepper):
+    """Links put back to their lengths one after the other, then a Verlet step without them.
+
+    The course assignment's constraint rope. Each sweep goes from the first link to the last
+    and moves the two nodes of each link along it, in proportion to their inverse masses: half
+    each where these are equal, the free one all the way where the other is pinned. Putting
+    one link right spoils the one before; the next step's sweep goes on from there.
+
+    It does not solve the rope with springs. As dt shrinks it goes to the inextensible rope.
+
+    Arguments:
+        sweeps: over the links in each step, at least 1.
+        start: where ``x(-dt)`` comes from. `taylor`: ``x - dt v + dt^2/2 a`` with the
+            acceleration of the inextensible rope. `rest`: ``x(-dt) = x(0)``, as in the
+            assignment; another solution where the initial velocity is not zero.
+        damping: as for `StormerVerlet`; `per-step` is the assignment's.
+
+    Velocities of samples are the central differences of positions after the sweeps.
+
+    Source: T. Jakobsen, Advanced Character Physics (Game Developers Conference 2001), without
+    number; as position based dynamics: Müller, Heidelberger, Hennix, Ratcliff, J. Vis. Commun.
+    Image R. 18 (2007).
+    """
+
+    name = "constraint-verlet"
+    needs = "nodes in a row"
+    symplectic = False
+    source = "Jakobsen, Advanced Character Physics, GDC 2001"
+    equal_frames = True
+
+    sweeps: int = 1
+    start: Literal["taylor", "rest"] = "taylor"
+    damping: Damping = "centered"
+
+    def __post_init__(self) -> None:
+        sweeps = check_whole(f"{self.name}:sweeps", self.sweeps, at_least=1, example="4")
+        object.__setattr__(self, "sweeps", sweeps)
+
+    def order(self, problem_class: ProblemClass) -> int:
+        """Order 1 on inextensible ropes, however many sweeps; else another solution."""
+        if not problem_class.rigid or (self.start == "rest" and not problem_class.at_rest):
+            return 0
+        return 0 if self.damping == "per-step" and problem_class.damped else 1
+
+    def init(self, system: System, t: Any, y: Phase, dt: Any) -> TwoPositions:
+        """``x(0)`` and ``x(-dt)``."""
+        assert system.links is not None
+        if self.start == "rest":
+            return TwoPositions(y.x, y.x)
+        a = constrained_acceleration(y.x, y.v, system.links)
+        return TwoPositions(y.x, y.x - dt * y.v + dt**2 / 2 * a)
+
+    def step(self, system: System, t: Any, x: TwoPositions, dt: Any) -> TwoPositions:
+        """Sweep, then move; what is carried as the last position has been swept."""
+        assert system.links is not None
+        links = system.links
+        swept = jax.lax.fori_loop(0, self.sweeps, lambda _, x: sweep(x, links), x.now)
+        moved = advance(self.damping, links.damping, swept - x.before, links.acceleration, dt)
+        return TwoPositions(swept + moved, swept)
+
+    def state(self, system: System, t: Any, x: TwoPositions, dt: Any) -> Phase:
+        """Positions as they are shown, before the sweep, and velocities."""
+        after = self.step(system, t, self.step(system, t, x, dt), dt).before
+        return Phase(x.now, (after - x.before) / (2 * dt))
+
+
+def sweep(x: Any, links: Links) -> Any:
+    """Each link put back to its length, from the first to the last.
+
+    A link of length zero, which has no direction, is left as it is.
+
+    Arguments:
+        x: positions, ``(dim, nodes)``.
+        links: the links.
+    """
+    apart = links.apart
+    if not links.length.shape[-1]:
+        return x
+    either = links.inverse_mass[:-apart] + links.inverse_mass[apart:]
+    share = jnp.where(either > 0, 1.0 / jnp.where(either > 0, either, 1.0), 0.0)
+    first, second = links.inverse_mass[:-apart] * share, links.inverse_mass[apart:] * share
+
+    def one(i: Any, x: Any) -> Any:
+        def here(row: Any, places: int = apart) -> Any:
+            return jax.lax.dynamic_slice_in_dim(row, i * apart, places, axis=-1)
+
+        pair = here(x, 2 * apart)
+        a, b = pair[:, :apart], pair[:, apart:]
+        squared = dot(b - a, b - a)
+        inverse = jnp.where(squared > 0, 1.0 / jnp.sqrt(jnp.where(squared > 0, squared, 1.0)), 0.0)
+        excess = jnp.where(squared > 0, 1.0 - here(links.length) * inverse, 0.0) * (b - a)
+        pair = jnp.concatenate([a + here(first) * excess, b - here(second) * excess], axis=1)
+        return jax.lax.dynamic_update_slice_in_dim(x, pair, i * apart, axis=1)
+
+    return jax.lax.fori_loop(0, x.shape[1] // apart - 1, one, x)
+
+
+@dataclasses.dataclass(frozen=True)
+class Rattle(Stepper):
+    """Velocity Verlet with links: lengths exact at each step, and no link being stretched.
+
+    The first half kick includes pulls along the links as they are before the step, such that
+    the lengths are right after it; the second half kick includes pulls along the links as
+    they are then, such that no length is changing. Damping enters as in `VelocityVerlet`.
+
+    A step too long for the lengths to be kept gives a state that is not finite.
+
+    Source: H. C. Andersen, J. Comput. Phys. 52 (1983); Hairer, Lubich, Wanner, Geometric
+    Numerical Integration, eq. (VII.1.26).
+    """
+
+    name = "rattle"
+    needs = "nodes in a row"
+    symplectic = True
+    source = "Andersen, J. Comput. Phys. 52 (1983)"
+
+    def order(self, problem_class: ProblemClass) -> int:
+        """Order 2 on inextensible ropes; else another solution."""
+        return 2 if problem_class.rigid else 0
+
+    def step(self, system: System, t: Any, y: Phase, dt: Any) -> Phase:
+        """Kick, drift with the lengths kept, kick with the rates kept."""
+        assert system.links is not None
+        links = system.links
+        half = links.damping.rate * dt / 2
+        kick = dt / 2 * links.acceleration
+        v_middle = with_lengths_kept(y.x, (1 - half) * y.v + kick, links, dt)
+        x = y.x + dt * v_middle
+        return Phase(x, with_rates_kept(x, (v_middle + kick) / (1 + half), half, links))
+
+
+def with_lengths_kept(x: Any, v: Any, links: Links, dt: Any) -> Any:
+    """Velocities with pulls along the links added so that ``x + dt v`` has the right lengths.
+
+    By Newton's method for the lengths' squares. Of ropes side by side, one whose lengths cannot
+    be kept spoils no other.
+    """
+    apart = links.apart
+    d = along(x, apart)
+    if not d.shape[1]:
+        return v
+
+    def by_rope(row: Any) -> Any:
+        return row.reshape(-1, apart)
+
+    length = by_rope(links.length)
+    rounding = 1.0 + jnp.max(by_rope(jnp.abs(x)), axis=0) / jnp.min(length, axis=0)
+    close = 16.0 * jnp.finfo(jnp.float64).eps * rounding * length**2
+
+    def fault(v: Any) -> Any:
+        ahead = along(x + dt * v, apart)
+        return dot(ahead, ahead) - links.length**2
+
+    def correct(loop: tuple) -> tuple:
+        count, v, _ = loop
+        ahead = along(x + dt * v, apart)
+        tension = tensions(ahead, d, fault(v) / (2.0 * dt), links.inverse_mass)
+        v = v + impulses(d, tension, links.inverse_mass)
+        return count + 1, v, fault(v)
+
+    def going_on(loop: tuple) -> Any:
+        count, _, wrong = loop
+        return (count < _MOST_ITERATIONS) & jnp.any(jnp.abs(by_rope(wrong)) > close)
+
+    # One more than needed: it costs little, and takes what the last one left down to rounding.
+    _, v, wrong = correct(jax.lax.while_loop(going_on, correct, (0, v, fault(v))))
+    kept = jnp.all(jnp.abs(by_rope(wrong)) <= close, axis=0)
+    return jnp.where(jnp.tile(kept, x.shape[1] // apart), v, jnp.nan)
+
+
+def with_rates_kept(x: Any, v: Any, half: Any, links: Links) -> Any:
+    """Velocities with pulls along the links added so that no length is changing."""
+    d = along(x, links.apart)
+    weight = links.inverse_mass / (1 + half)
+    return v + impulses(d, tensions(d, d, dot(d, along(v, links.apart)), weight), weight)

@@ -1,0 +1,248 @@
+"""Steppers that keep lengths: against the assignment's program, and what they promise."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from ropeode.precision import in_float64
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.links import LinearDamping, Links
+from ropeode.problems.rope import Rope
+from ropeode.simulation import simulate
+from ropeode.steppers.constraint import sweep
+from tests.verification.extrapolation import EPS, inextensible_rope_solution
+
+UNIT = np.finfo(np.float64).eps
+swept = in_float64(sweep)
+
+
+def one_sweep(x, rest, pinned, mass=None):
+    """The assignment's loop: each spring put back in turn; ``x`` is a list of points."""
+    x = [list(point) for point in x]
+    for i in range(len(x) - 1):
+        a, b = x[i], x[i + 1]
+        length = sum((q - p) ** 2 for p, q in zip(a, b, strict=True)) ** 0.5
+        if pinned[i] and pinned[i + 1]:
+            of_a = of_b = 0.0
+        elif pinned[i]:
+            of_a, of_b = 0.0, 1.0
+        elif pinned[i + 1]:
+            of_a, of_b = 1.0, 0.0
+        elif mass is None:
+            of_a = of_b = 0.5
+        else:
+            of_a, of_b = mass[i + 1] / (mass[i] + mass[i + 1]), mass[i] / (mass[i] + mass[i + 1])
+        for c in range(len(a)):
+            along = (b[c] - a[c]) / length
+            excess = length - rest[i]
+            a[c], b[c] = a[c] + of_a * excess * along, b[c] - of_b * excess * along
+    return x
+
+
+def links(rest, pinned, mass=None):
+    free = 1.0 - np.array(pinned, dtype=float)
+    none = np.zeros(len(free))
+    return Links(
+        length=np.array(rest),
+        inverse_mass=free / (1.0 if mass is None else np.array(mass)),
+        acceleration=none,
+        damping=LinearDamping(none, none),
+    )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("own_masses", [False, True])
+@pytest.mark.parametrize("pins", [(), (0,), (2,), (0, 5), (1, 2), (0, 1, 3), range(6)])
+def test_one_sweep_is_the_assignments_loop(dim, own_masses, pins):
+    random = np.random.default_rng([dim, len(pins)])
+    x, rest = random.normal(size=(6, dim)) * 10, random.uniform(1, 20, 5)
+    pinned = [node in pins for node in range(6)]
+    mass = random.uniform(0.2, 5, 6) if own_masses else None
+    expected = np.array(one_sweep(x.tolist(), rest.tolist(), pinned, mass))
+    found = np.asarray(swept(x.T, links(rest, pinned, mass))).T
+    # Each of the five links is put back by a handful of roundings, of moves up to 30 long.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=32 * UNIT * 30)
+    assert np.array_equal(found[pinned], x[pinned])
+    # The last link is right where one of its nodes is free; those before are spoilt again.
+    if not all(pinned[-2:]):
+        assert np.linalg.norm(found[-1] - found[-2]) == pytest.approx(rest[-1], rel=1e-14)
+
+
+def test_a_sweep_by_hand():
+    # Three nodes on a line, springs of length 1 stretched to 2 and 1; the first is pinned.
+    found = swept(np.array([[0.0, 2.0, 3.0], [0, 0, 0]]), links([1.0, 1.0], [True, False, False]))
+    # Node 1 goes to 1; then the gap of 2 closes from both sides, by half of 1.
+    assert np.array_equal(found, [[0.0, 1.5, 2.5], [0, 0, 0]])
+
+
+def test_a_link_of_length_zero_is_left_alone():
+    x = np.array([[0.0, 0.0, 3.0], [0.0, 0.0, 4.0]])
+    found = np.asarray(swept(x, links([1.0, 1.0], [True, False, False])))
+    np.testing.assert_allclose(found, [[0.0, 1.2, 1.8], [0.0, 1.6, 2.4]], rtol=4 * UNIT)
+
+
+def assignments_program(rope, steps, frames, sweeps=1):
+    """The report's program with constraints: sweep, then move; the last position is the swept.
+
+    Equal masses, of a rope at rest at the start.
+    """
+    start, end = np.array(rope.start), np.array(rope.end)
+    x = [start + (end - start) * i / (rope.num_nodes - 1) for i in range(rope.num_nodes)]
+    last = [point.copy() for point in x]
+    rest = [np.linalg.norm(b - a) for a, b in itertools.pairwise(x)]
+    pinned = [node in rope.pinned for node in range(rope.num_nodes)]
+    dt, shown = 1.0 / steps, [np.array(x)]
+    for _ in range(frames):
+        for _ in range(steps):
+            for _ in range(sweeps):
+                x = [np.array(point) for point in one_sweep(x, rest, pinned)]
+            for i in range(rope.num_nodes):
+                if not pinned[i]:
+                    here = x[i].copy()
+                    move = (1 - rope.damping) * (x[i] - last[i]) + np.array(rope.gravity) * dt**2
+                    x[i], last[i] = x[i] + move, here
+        shown.append(np.array(x))
+    return np.array(shown)
+
+
+@pytest.mark.parametrize("kind", [Rope, InextensibleRope])
+@pytest.mark.parametrize("sweeps", [1, 3])
+def test_constraint_verlet_is_the_assignments_program(kind, sweeps):
+    rope = kind(num_nodes=8)
+    stepper = f"constraint-verlet:sweeps={sweeps},start=rest,damping=per-step"
+    found = simulate(rope.problem(frames=10), stepper, 30)
+    expected = assignments_program(rope, 30, 10, sweeps)
+    # 300 steps with some rounding units of 400 (1e-13) in each; their growth is not known.
+    np.testing.assert_allclose(found.positions, expected, rtol=0, atol=1e-9)
+    assert np.max(np.abs(expected[-1] - expected[0])) > 20
+
+
+def test_velocities_are_differences_of_swept_positions():
+    rope = InextensibleRope(num_nodes=4)
+    stepper = "constraint-verlet:start=rest,damping=per-step"
+    fine = simulate(rope.problem(frames=3), stepper, 8)
+    dt, rest = 1 / 8, rope.nodes().length
+    pinned = [True, False, False, False]
+    positions = assignments_program(
+        InextensibleRope(num_nodes=4, gravity=(0, -1 / 64), damping=0.01), 1, 25
+    )
+    before, after = (np.array(one_sweep(positions[n], rest, pinned)) for n in (23, 25))
+    np.testing.assert_allclose(positions[24], fine.positions[3], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(fine.velocities[3], (after - before) / (2 * dt), atol=1e-9)
+
+
+def moving(**given):
+    """A rope in space with its own mass for each node, whose velocities stretch no link."""
+    along = np.array([3.0, -1.0, -0.5])
+    across = np.cross(along, [(0.1, 0.2, 0.3), (1, -1, 0.4)])
+    v = np.outer((0, 0.4, -0.2, 0.3, 0.1), across[0]) + np.outer((0, -0.1, 0.2, 0, 0.3), across[1])
+    pinned = given.get("pinned", (0,))
+    v[list(pinned)] = 0.0
+    return InextensibleRope(
+        **{
+            "start": (0, 0, 1),
+            "end": (3, -1, 0.5),
+            "num_nodes": 5,
+            "node_mass": (1, 2, 0.5, 1.5, 0.7),
+            "gravity": (0.3, -1, 0.2),
+            "damping": (0.1, 0.2, 0.3, 0, 0.5),
+            "initial_velocity": v,
+            **given,
+        }
+    )
+
+
+@pytest.mark.parametrize("pinned", [(0,), (2,), (0, 1), ()])
+@pytest.mark.parametrize("steps", [16, 64])
+def test_rattle_keeps_lengths_and_rates(pinned, steps):
+    problem = moving(pinned=pinned).problem(frames=4)
+    run = simulate(problem, "rattle", steps)
+    assert run.status == "ok"
+    drift = problem.drift(run.states)
+    # The iteration ends where the squares are right to 16 units, of lengths and positions.
+    size = np.max(np.abs(run.positions)) + np.max(problem.args.rest_length)
+    assert np.max(drift["position"]) <= 32 * UNIT * size
+    assert np.max(drift["velocity"]) <= 32 * UNIT * (np.max(np.abs(run.velocities)) + 1)
+    assert np.array_equal(
+        run.positions[:, list(pinned)], run.positions[:1, list(pinned)].repeat(5, 0)
+    )
+    assert not np.any(run.velocities[:, list(pinned)])
+
+
+@pytest.mark.skipif(EPS > 2e-19, reason="np.longdouble is no wider than float64 here")
+@pytest.mark.parametrize(
+    ("label", "order"), [("rattle", 2), ("constraint-verlet", 1), ("constraint-verlet:sweeps=2", 1)]
+)
+@pytest.mark.parametrize("pinned", [(0,), (0, 1)])
+def test_orders_in_positions_and_velocities(label, order, pinned):
+    problem = moving(pinned=pinned).problem(frames=2)
+    truth = inextensible_rope_solution(problem).astype(np.float64)
+    wrong = []
+    for steps in (400, 800):
+        states = simulate(problem, label, steps).states
+        wrong.append(np.max(np.abs(states - truth), axis=(0, 2, 3)))
+    # The next term of the error is smaller by a factor of the order of the step size.
+    np.testing.assert_allclose(np.log2(wrong[0] / wrong[1]), order, atol=0.1)
+    assert np.max(wrong[1]) < 0.1
+
+
+def test_rattle_is_time_reversible():
+    problem = moving(damping=0.0).problem(frames=3)
+    there = simulate(problem, "rattle", 50).states
+    turned = dataclasses.replace(problem, y0=there[-1] * np.array([1, -1]).reshape(2, 1, 1))
+    back = simulate(turned, "rattle", 50).states
+    np.testing.assert_allclose(back[::-1, 0], there[:, 0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(back[::-1, 1], -there[:, 1], rtol=0, atol=1e-9)
+    assert np.max(np.abs(there[-1] - there[0])) > 0.5
+
+
+def test_rattle_keeps_its_energy_for_long():
+    """A symplectic method's energy error does not grow; it falls with the step size's square."""
+    problem = moving(damping=0.0).problem(frames=400)
+    worst = {}
+    for steps in (50, 100):
+        energies = problem.energies(simulate(problem, "rattle", steps).states)
+        off = np.abs(energies - energies[0])
+        worst[steps] = np.max(off)
+        assert np.max(off[300:]) < 3 * np.max(off[:100])
+    assert worst[50] / worst[100] == pytest.approx(4, rel=0.5)
+    kinetic = 0.5 * np.sum(problem.args.mass * np.sum(problem.y0[1] ** 2, axis=0))
+    assert worst[100] < 0.01 * kinetic
+
+
+@pytest.mark.parametrize("gravity", [1e3, 1e6, 1e200])
+def test_too_long_a_step_is_no_wrong_number(gravity):
+    """No pull along the old links brings back what falls a hundred lengths in one step."""
+    problem = InextensibleRope(
+        start=(0, 0), end=(1, 0), num_nodes=4, gravity=(0.3 * gravity, -gravity)
+    ).problem(frames=3)
+    run = simulate(problem, "rattle", 1)
+    assert run.status == "diverged"
+    assert run.diverged_at == 1
+    assert np.array_equal(run.states, problem.y0[None])
+    fine = InextensibleRope(start=(0, 0), end=(1, 0), num_nodes=4, gravity=(0.3, -1))
+    assert simulate(fine.problem(frames=3), "rattle", 32).status == "ok"
+
+
+@pytest.mark.parametrize("sweeps", [1, 4])
+def test_nodes_that_coincide_are_finite(sweeps):
+    problem = Rope(num_nodes=4, start=(0, 0), end=(3, 0)).problem(frames=3)
+    y0 = problem.y0.copy()
+    y0[0, :, 2] = y0[0, :, 1]
+    collapsed = dataclasses.replace(problem, y0=y0)
+    run = simulate(collapsed, f"constraint-verlet:start=rest,sweeps={sweeps}", 16)
+    assert run.status == "ok"
+    everything = dataclasses.replace(problem, y0=np.zeros_like(y0))
+    assert simulate(everything, f"constraint-verlet:start=rest,sweeps={sweeps}", 16).status == "ok"
+
+
+@pytest.mark.parametrize("label", ["constraint-verlet", "constraint-verlet:sweeps=3", "rattle"])
+def test_one_free_node_falls(label):
+    """There is no link to sweep over or to keep."""
+    problem = InextensibleRope(num_nodes=1, pinned=(), damping=0.0).problem(frames=3)
+    run = simulate(problem, label, 10)
+    np.testing.assert_allclose(run.positions[:, 0, 1], 200 - problem.ts**2 / 2, rtol=1e-12)
