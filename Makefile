@@ -1,13 +1,14 @@
 # make table   the accuracy table of the default rope
 # make test    the whole test suite
 # make check   lint and types
+# make docs    the computed parts of the documentation (ten minutes or so)
 # PYTHON=python3.13 uses another interpreter, in an environment of its own.
 
 PYTHON ?= python3
 VENV := .venv$(if $(filter-out python3,$(notdir $(PYTHON))),-$(notdir $(PYTHON)))
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: table test check clean
+.PHONY: table test check docs clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -19,6 +20,9 @@ check: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/pyright --pythonpath $(VENV)/bin/python
+
+docs: $(VENV)/.installed-dev
+	cd docs && ../$(VENV)/bin/cog -r -I . $$(grep -l '\[\[\[cog' *.md)
 
 clean:
 	rm -rf .venv .venv-* build dist .pytest_cache .ruff_cache

@@ -10,13 +10,19 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ropeode.analysis.equilibrium import hanging_equilibrium
     from ropeode.analysis.errors import ErrorSeries, error_series
+    from ropeode.analysis.motion import Motion, Thresholds, classify_motion
     from ropeode.analysis.order import ObservedOrder, observed_order
+    from ropeode.analysis.stability import growth_per_frame, stability_limit
     from ropeode.errors import InputError, ReferenceRefused, RopeodeError, UserCodeError
-    from ropeode.problems.problem import LinearDamping, Problem
+    from ropeode.experiments.report import Report, rope_report
+    from ropeode.problems.inextensible_rope import InextensibleRope
+    from ropeode.problems.links import LinearDamping, Links
+    from ropeode.problems.problem import Problem
     from ropeode.problems.rope import Rope
     from ropeode.references.reference import Reference, reference
-    from ropeode.render.formats import format_table
+    from ropeode.render.formats import format_report, format_table
     from ropeode.render.plots.animation import animate
     from ropeode.render.plots.convergence import plot_convergence
     from ropeode.render.plots.energy import plot_energies
@@ -28,13 +34,19 @@ if TYPE_CHECKING:
     from ropeode.study.node_paths import node_paths
 
 _MODULES = {
+    "analysis.equilibrium": ("hanging_equilibrium",),
     "analysis.errors": ("ErrorSeries", "error_series"),
+    "analysis.motion": ("Motion", "Thresholds", "classify_motion"),
     "analysis.order": ("ObservedOrder", "observed_order"),
+    "analysis.stability": ("growth_per_frame", "stability_limit"),
+    "experiments.report": ("Report", "rope_report"),
     "errors": ("InputError", "ReferenceRefused", "RopeodeError", "UserCodeError"),
-    "problems.problem": ("LinearDamping", "Problem"),
+    "problems.inextensible_rope": ("InextensibleRope",),
+    "problems.links": ("LinearDamping", "Links"),
+    "problems.problem": ("Problem",),
     "problems.rope": ("Rope",),
     "references.reference": ("Reference", "reference"),
-    "render.formats": ("format_table",),
+    "render.formats": ("format_report", "format_table"),
     "render.plots.animation": ("animate",),
     "render.plots.convergence": ("plot_convergence",),
     "render.plots.energy": ("plot_energies",),
@@ -50,32 +62,43 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "AccuracyTable",
     "ErrorSeries",
+    "InextensibleRope",
     "InputError",
     "LinearDamping",
+    "Links",
+    "Motion",
     "ObservedOrder",
     "Problem",
     "ProblemClass",
     "Reference",
     "ReferenceRefused",
+    "Report",
     "Rope",
     "RopeodeError",
     "Stepper",
     "System",
+    "Thresholds",
     "Trajectory",
     "UserCodeError",
     "accuracy_table",
     "animate",
+    "classify_motion",
     "energy_curves",
     "error_curves",
     "error_series",
+    "format_report",
     "format_table",
+    "growth_per_frame",
+    "hanging_equilibrium",
     "node_paths",
     "observed_order",
     "plot_convergence",
     "plot_energies",
     "plot_errors",
     "reference",
+    "rope_report",
     "simulate",
+    "stability_limit",
 ]
 
 

@@ -23,8 +23,17 @@ ALLOWED = {
     "references": {"problems", "norms"},
     "analysis": {"problems", "norms", "steppers", "simulation", "references"},
     "study": {"problems", "norms", "steppers", "simulation", "references", "analysis"},
-    "render": {"problems", "norms", "steppers", "references", "analysis", "study"},
-    "cli": {"study", "render"},
+    "experiments": {"problems", "steppers", "simulation", "analysis", "study", "references"},
+    "render": {
+        "problems",
+        "norms",
+        "steppers",
+        "references",
+        "analysis",
+        "study",
+        "experiments",
+    },
+    "cli": {"study", "experiments", "render"},
     "__main__": {"cli"},
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

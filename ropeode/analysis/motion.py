@@ -103,20 +103,52 @@ class Motion:
     thresholds: Thresholds
 
 
+class Words(NamedTuple):
+    """What hangs on the thresholds in a `Motion`; the fields mean the same there.
+
+    Fields:
+        kept: the number of samples before it diverged.
+    """
+
+    verdict: Verdict
+    kept: int
+    diverged_at: int | None
+    settled_at: int | None
+    unsettled_at: int | None
+    swing_times: np.ndarray
+    reached_vertical_at: int | None
+    thresholds: Thresholds
+
+    @property
+    def swings(self) -> int:
+        """How often it swung from one side to the other."""
+        return len(self.swing_times)
+
+    @property
+    def frames(self) -> int:
+        """The last frame that counts."""
+        return self.kept - 1
+
+
 class Sensitivity(NamedTuple):
-    """The verdict with one threshold changed.
+    """The words with one threshold changed.
 
     Fields:
         threshold: which one.
         value: what it was changed to.
-        verdict: what the run is called then.
-        differs: whether that is another word than with the thresholds unchanged.
+        words: what the run is called then.
+        differs: whether its verdict is another one than with the thresholds unchanged.
     """
 
     threshold: str
     value: float
-    verdict: Verdict
+    words: Words
     differs: bool
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the run is called then, in one word."""
+        return self.words.verdict
 
 
 def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -> Motion:
@@ -177,24 +209,12 @@ def sensitivity(
     for field in dataclasses.fields(thresholds):
         for factor in (0.5, 2.0):
             value = factor * getattr(thresholds, field.name)
-            verdict = _words(seen, dataclasses.replace(thresholds, **{field.name: value})).verdict
-            changed.append(Sensitivity(field.name, value, verdict, verdict != usual))
+            words = _words(seen, dataclasses.replace(thresholds, **{field.name: value}))
+            changed.append(Sensitivity(field.name, value, words, words.verdict != usual))
     return tuple(changed)
 
 
-class _Words(NamedTuple):
-    """What thresholds make of what was seen; `kept` counts the samples before it diverged."""
-
-    verdict: Verdict
-    kept: int
-    diverged_at: int | None
-    settled_at: int | None
-    unsettled_at: int | None
-    swing_times: np.ndarray
-    reached_vertical_at: int | None
-
-
-def _words(seen: Seen, thresholds: Thresholds) -> _Words:
+def _words(seen: Seen, thresholds: Thresholds) -> Words:
     whole = np.isfinite(seen.speed) & np.all(seen.stretch <= thresholds.stretch, axis=1)
     broken = np.flatnonzero(~whole)
     diverged_at = int(broken[0]) if len(broken) else seen.lost_at
@@ -221,7 +241,7 @@ def _words(seen: Seen, thresholds: Thresholds) -> _Words:
         verdict = "diverges"
     elif settled_at is not None and not left:
         verdict = "settles" if len(swing_times) else "settles_without_swinging"
-    return _Words(
+    return Words(
         verdict=verdict,
         kept=kept,
         diverged_at=diverged_at,
@@ -229,6 +249,7 @@ def _words(seen: Seen, thresholds: Thresholds) -> _Words:
         unsettled_at=end if left else None,
         swing_times=swing_times,
         reached_vertical_at=int(reached[0]) if len(reached) else None,
+        thresholds=thresholds,
     )
 
 

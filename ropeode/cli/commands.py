@@ -7,31 +7,16 @@ from typing import Any
 
 import click
 
+from ropeode.cli.formats import format_for, format_option
 from ropeode.cli.options import given_values, table_options
 from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.files import check_writable, write_whole
-
-# The names in ropeode.render.formats and the suffixes that stand for them; a test holds the
-# two together. Listed here because the help text must not import what makes tables.
-FORMATS = {
-    "text": ".txt",
-    "markdown": ".md",
-    "latex": ".tex",
-    "csv": ".csv",
-    "json": ".json",
-    "html": ".html",
-}
 
 
 @click.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(list(FORMATS)),
-    help="Default: by the suffix of --out, or else text.",
-)
+@format_option
 @click.option("--out", metavar="FILE", help="Write the table to FILE and print nothing.")
 def table(spec: Path | None, form: str | None, out: str | None, **options: str | None) -> None:
     """Print the accuracy table of a rope, or of another problem.
@@ -50,10 +35,8 @@ def table(spec: Path | None, form: str | None, out: str | None, **options: str |
     if rope:
         values["rope"] = {**values.get("rope", {}), **rope}
     job = TableJob(values, folder=None if "problem" in given or not spec else spec.parent)
-    suffixes = {suffix: name for name, suffix in FORMATS.items()}
-    form = form or (suffixes.get(path.suffix, "text") if path else "text")
     with show_progress() as progress:
-        text = interruptible(lambda: format_table(job.run(progress), form))
+        text = interruptible(lambda: format_table(job.run(progress), format_for(form, path)))
     if path:
         with not_interrupted():
             write_whole(path, text)

@@ -51,6 +51,7 @@ ROPE: dict[str, tuple[Callable[[str], Any], str, str]] = {
 # Field of TableSpec: option name, how its text is read, how it is written, what it means.
 TABLE: dict[str, tuple[str, Callable[[str], Any], str, str]] = {
     "problem": ("problem", _text, "NAME", "rope, another of the library, or FILE.py:NAME. [rope]"),
+    "kind": ("kind", _text, "KIND", "Springs (rope) or rigid links (inextensible-rope). [rope]"),
     "frames": ("frames", _text, "N", "Frames to solve. [20]"),
     "steppers": ("steppers", _steppers, "S[,S...]", "Names; see `ropeode steppers`."),
     "steps_per_frame": ("steps", _list, "N[,N...]", "Steps per frame. [16,32,...,16384]"),

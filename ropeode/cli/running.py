@@ -17,15 +17,18 @@ INTERRUPTED = 130
 _CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
 
 
-def end_on_ctrl_c() -> None:
+def end_on_ctrl_c(left: str = "nothing was written") -> None:
     """Let Ctrl-C end the process at once, with a word.
 
     An exception would not do: extension modules swallow it while they are imported.
+
+    Arguments:
+        left: what has become of the work.
     """
 
     def end(*_: Any) -> None:
         clear = _CLEAR_LINE_SHOW_CURSOR if sys.stderr.isatty() else ""
-        os.write(2, f"{clear}ropeode: interrupted; nothing was written.\n".encode())
+        os.write(2, f"{clear}ropeode: interrupted; {left}.\n".encode())
         os._exit(INTERRUPTED)
 
     signal.signal(signal.SIGINT, end)

@@ -1,1 +1,1 @@
-"""Results as text. Reads results; computes and stores nothing."""
+"""Results as text and as pictures. Reads results; computes and stores nothing."""

@@ -1,10 +1,12 @@
-"""The formats that a table can be written in, by name."""
+"""The formats that results can be written in, by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from ropeode.errors import InputError
+from ropeode.experiments.report import Report
+from ropeode.render import report as of_report
 from ropeode.render.data import as_csv, as_json
 from ropeode.render.documents import as_html, as_latex, as_markdown
 from ropeode.render.plain_text import as_text
@@ -18,6 +20,14 @@ FORMATS: dict[str, Callable[[AccuracyTable], str]] = {
     "csv": as_csv,
     "json": as_json,
     "html": as_html,
+}
+REPORT_FORMATS: dict[str, Callable[[Report], str]] = {
+    "text": of_report.as_text,
+    "markdown": of_report.as_markdown,
+    "latex": of_report.as_latex,
+    "csv": of_report.as_csv,
+    "json": of_report.as_json,
+    "html": of_report.as_html,
 }
 
 
@@ -34,3 +44,18 @@ def format_table(table: AccuracyTable, form: str = "text") -> str:
     if form not in FORMATS:
         raise InputError(unknown("format", form, FORMATS))
     return FORMATS[form](table)
+
+
+def format_report(report: Report, form: str = "text") -> str:
+    """A report as text.
+
+    Arguments:
+        report: from `ropeode.rope_report`.
+        form: one of `REPORT_FORMATS`.
+
+    Raises:
+        InputError: there is no such format.
+    """
+    if form not in REPORT_FORMATS:
+        raise InputError(unknown("format", form, REPORT_FORMATS))
+    return REPORT_FORMATS[form](report)

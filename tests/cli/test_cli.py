@@ -42,7 +42,7 @@ def test_help_does_not_import_jax(environment):
     code = (
         "import sys\n"
         "from ropeode.cli.main import cli\n"
-        "for command in ([], ['table'], ['spec'], ['steppers']):\n"
+        "for command in ([], ['table'], ['report'], ['spec'], ['steppers']):\n"
         "    try: cli.main([*command, '--help'], standalone_mode=False)\n"
         "    except SystemExit: pass\n"
         "print({'jax', 'numpy', 'scipy'} & set(sys.modules), file=sys.stderr)"
@@ -225,3 +225,70 @@ def test_version_and_steppers(run):
     done = run("steppers")
     assert done.returncode == 0
     assert "stormer-verlet:start=rest,damping=per-step" in done.stdout
+
+
+def test_report(run, tmp_path):
+    done = run("report", "--figure", "4,1", "--frames", "20", "--plots", "pictures")
+    assert done.returncode == 0
+    assert "Of the claims of 2 figures, 2 hold" in done.stdout
+    assert done.stderr == "wrote 3 pictures to pictures\n"
+    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == [
+        "contact-sheet-1.png",
+        "figure-01.png",
+        "figure-04.png",
+    ]
+    written = run("report", "--figure", "4", "--frames", "20", "--out", "report.json")
+    assert written.stdout == written.stderr == ""
+    assert json.loads((tmp_path / "report.json").read_text())["figures"][0]["verdict"] == "holds"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ["--figure", "42", "--plots", "new"],
+            "figure: '42' given; allowed: whole numbers from 1 to 41",
+        ),
+        (["--figure", ""], "figure: "),
+        (["--figure", "4", "--frames", "0"], "frames: '0' given; allowed: a whole number >= 1"),
+        (["--figure", "4", "--frames", "-3"], "frames: '-3' given"),
+        (["--figure", "4", "--plots", "/proc/none"], "plots: '/proc/none' given"),
+        (
+            ["--figure", "4", "--plots", "a/b"],
+            "plots: 'a/b' given; allowed: a folder that you may write to",
+        ),
+        (["--figure", "4", "--out", "none/x.md"], "out: 'none/x.md' given"),
+        (["--figure", "4", "--format", "pdf"], "--format"),
+    ],
+)
+def test_report_faults(run, tmp_path, arguments, words):
+    done = run("report", *arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
+    assert words in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupted_report_keeps_what_is_finished(environment, tmp_path):
+    """Figure 4 is done in no time; figure 6, which takes a minute, is interrupted."""
+    kept = Path(environment["XDG_CACHE_HOME"]) / "ropeode" / "report"
+    process = subprocess.Popen(
+        [*RUN, "report", "--figure", "4,6", "--frames", "2000"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+    )
+    deadline = time.monotonic() + 120
+    while not list(kept.glob("*/*.npz")) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    out, error = process.communicate(timeout=10)
+    assert process.returncode == 130
+    assert out == ""
+    assert error == (
+        "ropeode: interrupted; finished runs are kept; the same command goes on from there.\n"
+    )
+    assert len(list(kept.glob("*/*.npz"))) == 1

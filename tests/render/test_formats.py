@@ -12,7 +12,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from ropeode.cli.commands import FORMATS as LISTED
+from ropeode.cli.formats import FORMATS as LISTED
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.render.data import SCHEMA

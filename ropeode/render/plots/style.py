@@ -32,7 +32,7 @@ STYLE: Any = {
 }
 WIDTH = 6.5
 DPI = 200
-_LETTERS_PER_INCH = 14
+_LETTERS_PER_INCH = 13
 
 # Source: Okabe and Ito, Color Universal Design (2008); without the yellow, which is too pale
 # for lines on white.

@@ -1,0 +1,89 @@
+"""The command that runs the published rope report again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ropeode.cli.formats import format_for, format_option
+from ropeode.cli.running import (
+    end_on_ctrl_c,
+    interruptible,
+    not_interrupted,
+    set_up_jax,
+    show_progress,
+)
+from ropeode.errors import InputError
+from ropeode.files import check_writable, write_whole
+from ropeode.validation import complaint
+
+
+@click.command()
+@click.option("--figure", "figures", metavar="N[,N...]", help="Figures, 1 to 41. [all]")
+@click.option("--frames", metavar="N", help="Frames to watch. [4000, or more where needed]")
+@click.option("--plots", metavar="DIR", help="Write a picture for each figure, and sheets, to DIR.")
+@format_option
+@click.option("--out", metavar="FILE", help="Write the report to FILE and print nothing.")
+def report(
+    figures: str | None, frames: str | None, plots: str | None, form: str | None, out: str | None
+) -> None:
+    """Run the published rope report again, claim by claim.
+
+    All its figures take minutes. When it is interrupted, the runs that are finished are kept,
+    and the same command goes on from there. Pictures need matplotlib: pip install
+    'ropeode[plots]'.
+    """
+    path = check_writable("out", out) if out else None
+    folder = _check_folder(plots) if plots else None
+    if folder:
+        from ropeode.render.plots import report as pictures
+    set_up_jax()
+    end_on_ctrl_c("finished runs are kept; the same command goes on from there")
+    import platformdirs
+
+    from ropeode.experiments.figures import check_figures
+    from ropeode.experiments.report import rope_report
+    from ropeode.render.formats import format_report
+
+    numbers = [part.strip() for part in figures.split(",")] if figures is not None else None
+    check_figures(numbers)
+    with show_progress() as progress:
+
+        def work() -> tuple[str, dict[str, bytes]]:
+            done = rope_report(
+                numbers,  # type: ignore[arg-type]
+                frames,  # type: ignore[arg-type]
+                folder=platformdirs.user_cache_path("ropeode") / "report",
+                progress=progress,
+            )
+            made = pictures.draw_report(done, progress) if folder else {}
+            return format_report(done, format_for(form, path)), made
+
+        text, made = interruptible(work)
+    with not_interrupted():
+        if folder:
+            folder.mkdir(exist_ok=True)
+            for name, contents in made.items():
+                write_whole(folder / name, contents)
+        if path:
+            write_whole(path, text)
+    if not path:
+        click.echo(text, nl=False)
+    if folder:
+        click.echo(f"wrote {len(made)} pictures to {folder}", err=True)
+
+
+def _check_folder(given: str) -> Path:
+    """A folder for pictures that is there or can be made, checked before anything is computed."""
+    folder = Path(given)
+    try:
+        if folder.exists():
+            check_writable("plots", folder / "figure.png")
+        else:
+            folder.mkdir()
+            folder.rmdir()
+    except (OSError, InputError) as error:
+        allowed = "a folder that you may write to, or the name of a new one in such a folder"
+        raise InputError(complaint("plots", given, allowed, "choose another folder")) from error
+    return folder

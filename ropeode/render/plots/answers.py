@@ -1,0 +1,135 @@
+"""Pictures of the answers to the rope report's open questions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ropeode.experiments.growth import MeasuredGrowth
+from ropeode.experiments.rest_time import RestTime
+from ropeode.experiments.sweeps import SweepStudy
+from ropeode.render.plots.style import STYLE, new_figure, stepper_style
+
+_HEIGHT = 3.4
+
+
+@matplotlib.rc_context(STYLE)
+def plot_sweeps(study: SweepStudy) -> Figure:
+    """Error and broken lengths of constraint Verlet against step size, for each sweep count.
+
+    Arguments:
+        study: from `ropeode.sweep_study`.
+    """
+    figure = new_figure(
+        "Constraint Verlet: one sweep over the links, or many",
+        f"{study.reference.problem.name}, {study.reference.problem.frames} frames; errors against "
+        f"a reference good to {study.reference.bound()[-1]:.0e} length units",
+        _HEIGHT,
+    )
+    errors, lengths = figure.subplots(1, 2)
+    for index, each in enumerate(study.swept):
+        colour, marker = stepper_style(index)
+        label = f"{each.sweeps} sweep{'s' if each.sweeps > 1 else ''}"
+        known = [(dt, e) for dt, e in zip(each.dts, each.errors, strict=True) if e is not None]
+        errors.plot(*zip(*known, strict=True), color=colour, marker=marker, ms=3.5, label=label)
+        lengths.plot(each.dts, each.violations, color=colour, marker=marker, ms=3.5)
+    errors.set_ylabel("error of the worst node [length units]")
+    lengths.set_ylabel("error of the worst link [its length]")
+    for axes in (errors, lengths):
+        axes.set_xlabel("dt [frames]")
+        axes.set_xscale("log", base=2)
+        axes.set_yscale("log")
+        axes.xaxis.set_major_formatter(lambda dt, _: f"1/{1 / dt:.0f}")
+    _slope(errors, study.swept[0].dts, study.swept[0].errors[-1], 1)
+    _slope(lengths, study.swept[0].dts, study.swept[-1].violations[-1], 2)
+    errors.legend(loc="upper left")
+    return figure
+
+
+def _slope(axes: Axes, dts: Sequence[float], at_finest: float | None, order: int) -> None:
+    """A dashed line of a slope, below the finest point."""
+    if at_finest is None:
+        return
+    dt = np.array(dts)
+    line = 0.4 * at_finest * (dt / dt.min()) ** order
+    axes.plot(dt, line, color="0.4", ls="--", lw=0.8)
+    middle = len(dt) // 2
+    axes.annotate(
+        f"order {order}",
+        (dt[middle], line[middle]),
+        textcoords="offset points",
+        xytext=(6, -8),
+        color="0.3",
+        fontsize=7.5,
+    )
+
+
+@matplotlib.rc_context(STYLE)
+def plot_rest_times(found: Sequence[RestTime]) -> Figure:
+    """The frame of coming to rest against steps per frame, and times the damping rate.
+
+    Arguments:
+        found: from `ropeode.rest_times`, of any ropes and rules.
+    """
+    figure = new_figure(
+        "When the Verlet ropes come to rest",
+        "damping as a factor per step, as in the report, and as the same factor per time",
+        _HEIGHT,
+    )
+    frames, products = figure.subplots(1, 2)
+    kinds = list(dict.fromkeys((each.rope, each.rule) for each in found))
+    names = {"constraint": "rigid links", "force": "springs"}
+    rules = {"per-step": "per step", "lagged": "per time"}
+    for index, (rope, rule) in enumerate(kinds):
+        colour, marker = stepper_style(index)
+        own = [e for e in found if (e.rope, e.rule) == (rope, rule) and e.settled_at is not None]
+        steps = [each.steps_per_frame for each in own]
+        # Both ropes do nearly the same; the second one's line must not hide the first.
+        look = {"color": colour, "marker": marker, "ls": "-" if rope == "constraint" else ":"}
+        frames.plot(
+            steps, [e.settled_at for e in own], label=f"{names[rope]}, {rules[rule]}", **look
+        )
+        products.plot(steps, [e.product for e in own], **look)
+    for axes in (frames, products):
+        axes.set_xlabel("steps per frame")
+        axes.set_xscale("log", base=2)
+        axes.xaxis.set_major_formatter("{x:.0f}")
+    frames.set_ylabel("at rest from frame")
+    frames.set_yscale("log", base=2)
+    frames.yaxis.set_major_formatter("{x:.0f}")
+    products.set_ylabel("that frame times damping per frame")
+    products.set_ylim(0, 20)
+    products.legend(*frames.get_legend_handles_labels(), loc="lower center", fontsize=7.5)
+    return figure
+
+
+@matplotlib.rc_context(STYLE)
+def plot_growth(scan: Sequence[MeasuredGrowth]) -> Figure:
+    """Growth rate of a disturbance against steps per frame: theory as lines, runs as points.
+
+    Arguments:
+        scan: from `ropeode.growth_scan`.
+    """
+    figure = new_figure(
+        "What becomes of a small disturbance of the hanging rope",
+        "above zero it grows: lines are eigenvalues of the stepper's own step, points are runs",
+        _HEIGHT,
+    )
+    axes = figure.subplots()
+    for index, name in enumerate(dict.fromkeys(each.stepper for each in scan)):
+        colour, marker = stepper_style(index)
+        own = [each for each in scan if each.stepper == name]
+        steps = [each.steps_per_frame for each in own]
+        axes.plot(steps, [each.predicted for each in own], color=colour)
+        axes.plot(steps, [each.measured for each in own], marker, color=colour, label=name)
+    axes.axhline(0.0, color="0.3", lw=0.8)
+    axes.set_xscale("log", base=2)
+    axes.set_yscale("symlog", linthresh=1e-3)
+    axes.set_ylim(-0.03, 50.0)
+    axes.set(xlabel="steps per frame", ylabel="growth rate [1/frame]")
+    axes.legend()
+    return figure

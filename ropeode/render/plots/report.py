@@ -1,0 +1,201 @@
+"""Pictures of the report run again: one for each figure, and contact sheets."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from ropeode.experiments.figures import ENDS
+from ropeode.experiments.report import Judged, Reading, Report
+from ropeode.experiments.runs import Progress
+from ropeode.problems.rope import Rope
+from ropeode.render.plots.files import figure_bytes
+from ropeode.render.plots.style import COLOURS, STYLE, new_figure
+from ropeode.render.report import measured_words, theory_words
+
+# The rope is drawn so often while it falls and swings for the first time, and once at the end.
+_SHAPES = 16
+_FIRST_SWING = 120
+_HEIGHT = 3.6
+_PER_SHEET = 12
+_SHEET_COLUMNS = 4
+_SHEET_HEIGHT = 5.4
+# In lengths of the rope: how far a picture looks from the pin to the sides and down, and up.
+_VIEW, _VIEW_UP = 1.15, 0.65
+_TRACE, _END = COLOURS[1], COLOURS[6]
+
+
+@matplotlib.rc_context(STYLE)
+def plot_report_figure(judged: Judged) -> Figure:
+    """A figure of the report: the rope over time with its free end's trace, and its speed.
+
+    The rope that is drawn to the left is shown; of a run that flew apart, what came before.
+
+    Arguments:
+        judged: one of `Report.figures`.
+    """
+    figure = new_figure(_title(judged), _below(judged), _HEIGHT)
+    if not judged.readings:
+        axes = figure.subplots()
+        _draw_still(axes, judged)
+        axes.legend(loc="lower center")
+        return figure
+    shapes, speeds = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
+    _draw_shapes(shapes, judged.readings[0], bar=figure)
+    _label_plane(shapes)
+    _draw_speed(speeds, judged)
+    return figure
+
+
+@matplotlib.rc_context(STYLE)
+def plot_contact_sheets(report: Report) -> list[Figure]:
+    """All figures in small, twelve on a sheet.
+
+    Arguments:
+        report: from `ropeode.rope_report`.
+    """
+    sheets = []
+    for first in range(0, len(report.figures), _PER_SHEET):
+        shown = report.figures[first : first + _PER_SHEET]
+        rows = -(-len(shown) // _SHEET_COLUMNS)
+        title = f"Figures {shown[0].figure.figure} to {shown[-1].figure.figure}"
+        height = 0.7 + (_SHEET_HEIGHT - 0.7) * rows / (_PER_SHEET // _SHEET_COLUMNS)
+        sheet = new_figure(title, "rope over time, dark to light; trace of the free end", height)
+        grid = sheet.subplots(rows, _SHEET_COLUMNS, squeeze=False).ravel()
+        for axes, judged in zip(grid, shown, strict=False):
+            if judged.readings:
+                _draw_shapes(axes, judged.readings[0])
+            else:
+                _draw_still(axes, judged)
+            axes.set_title(_small_title(judged), fontsize=6.5, loc="left")
+            axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
+        for axes in grid[len(shown) :]:
+            axes.remove()
+        sheets.append(sheet)
+    return sheets
+
+
+def _small_title(judged: Judged) -> str:
+    setting = judged.figure
+    if setting.run_as is None:
+        return f"{setting.figure}: {setting.num_nodes} nodes\nnot moving\n{judged.verdict}"
+    return (
+        f"{setting.figure}: {setting.stepper.replace('_', ' ')}\n"
+        f"{setting.steps_per_frame}/frame, damping {setting.damping:g}\n{judged.verdict}"
+    )
+
+
+def _title(judged: Judged) -> str:
+    setting = judged.figure
+    if setting.run_as is None:
+        return f"Figure {setting.figure}: {setting.num_nodes} nodes"
+    return (
+        f"Figure {setting.figure}: {setting.stepper.replace('_', ' ')}, "
+        f"{setting.steps_per_frame} steps per frame, damping {setting.damping:g}"
+    )
+
+
+def _below(judged: Judged) -> str:
+    return (
+        f"“{judged.figure.words}”: {judged.verdict}. {measured_words(judged)}. "
+        f"{theory_words(judged)}"
+    ).rstrip()
+
+
+def _draw_still(axes: Axes, judged: Judged) -> None:
+    """The rope before it moves, in both images."""
+    for end, colour in zip(ENDS, COLOURS, strict=False):
+        problem = Rope(end=end, num_nodes=judged.figure.num_nodes).problem(1)
+        x, y = problem.positions(problem.y0[None])[0].T
+        axes.plot(x, y, "o-", color=colour, label=f"from (0, 200) to ({end[0]:g}, 200)")
+    _label_plane(axes)
+    axes.set(xlim=(-460, 460), ylim=(-260, 460))
+
+
+def _draw_shapes(axes: Axes, reading: Reading, bar: Figure | None = None) -> None:
+    """The rope at some frames, and the trace of its free end; `bar` gets a colour bar."""
+    places = reading.trajectory.positions[: reading.motion.frames + 1]
+    last = min(_FIRST_SWING, len(places) - 1)
+    frames = np.unique(np.linspace(0, last, _SHAPES).round().astype(int))
+    colours = matplotlib.colormaps["viridis"]
+    scale = Normalize(0, max(last, 1))
+    trace = places[:, -1]
+    axes.plot(*trace.T, color=_TRACE, lw=0.4, alpha=0.7, label="trace of the free end")
+    for frame in frames:
+        axes.plot(*places[frame].T, color=colours(0.9 * scale(frame)), lw=0.8)
+    axes.plot(*places[-1].T, ".-", color=_END, ms=2.5, label=f"frame {len(places) - 1}")
+    args = reading.trajectory.problem.args
+    length = float(np.sum(args.rest_length))
+    pin = places[0, 0]
+    axes.set_xlim(pin[0] - _VIEW * length, pin[0] + _VIEW * length)
+    axes.set_ylim(pin[1] - _VIEW * length, pin[1] + _VIEW_UP * length)
+    axes.set_aspect("equal")
+    if bar is not None:
+        cut = LinearSegmentedColormap.from_list("cut", colours(np.linspace(0, 0.9, 64)))
+        mappable = ScalarMappable(scale, cut)
+        bar.colorbar(mappable, ax=axes, label="frame", shrink=0.8, pad=0.02)
+        axes.legend(loc="upper center", fontsize=6.5)
+
+
+def _label_plane(axes: Axes) -> None:
+    axes.set(xlabel="x [length units]", ylabel="y [length units]", aspect="equal")
+
+
+def _draw_speed(axes: Axes, judged: Judged) -> None:
+    """The fastest node's speed over time for each meaning, and where verdicts come from."""
+    for reading, colour in zip(judged.readings, COLOURS, strict=False):
+        motion, problem = reading.motion, reading.trajectory.problem
+        velocities = reading.trajectory.velocities[: motion.frames + 1]
+        speed = np.max(np.linalg.norm(velocities, axis=2), axis=1)
+        label = None
+        if len(judged.readings) > 1:
+            label = "as the words have it" if reading.meaning == "words" else "as listed"
+        axes.plot(_thinned(speed)[0], _thinned(speed)[1], color=colour, lw=0.7, label=label)
+        if motion.settled_at is not None:
+            axes.axvline(motion.settled_at, color=colour, ls="--", lw=0.9, label="at rest from")
+        if motion.diverged_at is not None:
+            axes.axvline(motion.diverged_at, color=COLOURS[1], ls=":", lw=1.4, label="apart at")
+    gravity = np.linalg.norm(problem.args.gravity[:, 0])
+    rest = motion.thresholds.speed * np.sqrt(gravity * np.sum(problem.args.rest_length))
+    axes.axhline(rest, color="0.4", lw=0.8)
+    axes.annotate(
+        "slower is at rest", (0.02, rest), xycoords=("axes fraction", "data"), fontsize=6.5,
+        ha="left", va="bottom", color="0.3",
+    )  # fmt: skip
+    axes.set(yscale="log", xlabel="time [frames]", ylabel="fastest node [length units/frame]")
+    low, high = axes.get_ylim()
+    axes.set_ylim(max(low, rest * 1e-4), min(high, rest * 1e6))
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="upper right", fontsize=6.5, frameon=True, framealpha=0.9, edgecolor="none")
+
+
+def _thinned(speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frames and speeds with no more points than can be seen; nothing that stands out is lost."""
+    block = max(1, len(speed) // 2000)
+    if block == 1:
+        return np.arange(len(speed)), speed
+    whole = speed[: len(speed) // block * block].reshape(-1, block)
+    frames = np.arange(len(whole)) * block
+    return np.repeat(frames, 2), np.stack([whole.min(axis=1), whole.max(axis=1)], axis=1).ravel()
+
+
+def draw_report(report: Report, progress: Progress) -> dict[str, bytes]:
+    """All pictures of a report, as the contents of PNG files by their names.
+
+    Arguments:
+        report: from `ropeode.rope_report`.
+        progress: called with what is being drawn and the fraction that is done.
+    """
+    made = {}
+    for index, each in enumerate(report.figures):
+        progress(f"picture {each.figure.figure}", index / len(report.figures))
+        name = f"figure-{each.figure.figure:02}.png"
+        made[name] = figure_bytes(plot_report_figure(each), ".png")
+    progress("contact sheets", 1.0)
+    for number, sheet in enumerate(plot_contact_sheets(report), start=1):
+        made[f"contact-sheet-{number}.png"] = figure_bytes(sheet, ".png")
+    return made

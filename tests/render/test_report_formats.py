@@ -1,0 +1,142 @@
+"""The report in every format, and its pictures."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.experiments.report import Moved, Report, rope_report
+from ropeode.render.formats import FORMATS, REPORT_FORMATS, format_report
+from ropeode.render.report import SCHEMA, as_dict, summary
+
+FIGURES = (1, 4, 8, 12, 31, 36, 37)
+ROW = {
+    "figure",
+    "stepper",
+    "steps_per_frame",
+    "damping",
+    "claim",
+    "measured",
+    "verdict",
+    "diverged_at",
+    "settled_at",
+    "frames",
+}
+
+
+@pytest.fixture(scope="module")
+def report() -> Report:
+    found = rope_report(FIGURES, 260)
+    moved = Moved(8, "words", "speed", 0.002, "holds until frame 12")
+    return dataclasses.replace(found, moved=(*found.moved, moved))
+
+
+def test_reports_have_the_formats_of_tables():
+    assert list(REPORT_FORMATS) == list(FORMATS)
+    with pytest.raises(InputError, match="format: 'jsn' given"):
+        format_report(None, "jsn")
+
+
+@pytest.mark.parametrize("form", REPORT_FORMATS)
+def test_every_format_holds_the_findings(form, report):
+    text = format_report(report, form)
+    assert text.endswith("\n")
+    assert not re.search(r"\b(nan|NaN|inf|Infinity|None)\b", text)
+    plain = " ".join(text.replace("\\_", "_").replace("&#x27;", "'").split())
+    for each in report.figures:
+        assert each.verdict in plain
+        assert str(each.figure.steps_per_frame) in plain or not each.readings
+        if form != "latex":
+            assert each.measured in plain
+    if form != "csv":
+        for compared in report.comparisons:
+            assert compared.comparison.claim in plain
+        assert "holds until frame 12" in plain
+
+
+def test_text_fits_80_columns(report):
+    assert all(len(line) <= 80 for line in format_report(report).splitlines())
+
+
+def test_json_schema(report):
+    found = json.loads(format_report(report, "json"))
+    assert found == as_dict(report)
+    assert found["schema"] == SCHEMA == "ropeode.report/1"
+    assert [row["figure"] for row in found["figures"]] == list(FIGURES)
+    for row, each in zip(found["figures"], report.figures, strict=True):
+        assert set(row) >= ROW
+        assert row["verdict"] == each.verdict
+        if each.motion is not None:
+            assert row["diverged_at"] == each.motion.diverged_at
+            assert row["settled_at"] == each.motion.settled_at
+            assert row["frames"] == 260
+            assert {reading["meaning"] for reading in row["meanings"]} == set(each.figure.meanings)
+    for row in found["comparisons"]:
+        assert set(row) == {"figures", "claim", "measured", "verdict"}
+
+
+def test_csv_is_read_back(report):
+    rows = list(csv.DictReader(io.StringIO(format_report(report, "csv"))))
+    assert [int(row["figure"]) for row in rows] == list(FIGURES)
+    assert set(rows[0]) >= ROW
+    assert rows[1]["diverged_at"] == str(report.figures[1].motion.diverged_at)
+    assert float(rows[1]["predicted_rate"]) == report.figures[1].readings[0].growth.rate
+
+
+def test_the_summary_counts(report):
+    verdicts = [each.verdict for each in report.figures]
+    assert summary(report).startswith(f"Of the claims of {len(FIGURES)} figures, ")
+    fails = verdicts.count("does not hold")
+    assert f"{verdicts.count('holds')} hold" in summary(report)
+    assert f"{fails} do{'es' * (fails == 1)} not" in summary(report)
+
+
+def test_html_rows_are_whole(report):
+    class Page(HTMLParser):
+        def __init__(self):
+            super().__init__()
+            self.rows: list[int] = []
+
+        def handle_starttag(self, tag, attrs):
+            if tag == "tr":
+                self.rows.append(0)
+            elif tag in ("td", "th"):
+                self.rows[-1] += 1
+
+    page = Page()
+    page.feed(format_report(report, "html"))
+    assert page.rows == [9] * (1 + len(FIGURES)) + [4] * (1 + len(report.comparisons))
+
+
+def test_pictures(report):
+    from ropeode.render.plots.report import draw_report, plot_contact_sheets, plot_report_figure
+
+    made = draw_report(report, lambda text, fraction: None)
+    assert set(made) == {f"figure-{n:02}.png" for n in FIGURES} | {"contact-sheet-1.png"}
+    assert all(contents.startswith(b"\x89PNG") for contents in made.values())
+
+    diverged = next(each for each in report.figures if each.figure.figure == 8)
+    shapes, speeds, *_ = plot_report_figure(diverged).axes
+    before = diverged.motion.diverged_at
+    trace = shapes.get_lines()[0].get_xydata()
+    np.testing.assert_array_equal(trace, diverged.readings[0].trajectory.positions[:before, -1])
+    assert [line.get_xdata()[0] for line in speeds.get_lines() if line.get_linestyle() == ":"] == [
+        before
+    ]
+    for each in report.figures:
+        figure = plot_report_figure(each)
+        assert str(each.figure.figure) in figure.get_suptitle()
+        for axes in figure.axes:
+            if axes.get_label() != "<colorbar>":
+                assert "[" in axes.get_xlabel()
+                assert "[" in axes.get_ylabel()
+    (sheet,) = plot_contact_sheets(report)
+    assert len(sheet.axes) == len(FIGURES)
