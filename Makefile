@@ -22,7 +22,7 @@ check: $(VENV)/.installed-dev
 	$(VENV)/bin/pyright --pythonpath $(VENV)/bin/python
 
 docs: $(VENV)/.installed-dev
-	cd docs && ../$(VENV)/bin/cog -r -I . $$(grep -l '\[\[\[cog' *.md)
+	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -l '\[\[\[cog' *.md)
 
 clean:
 	rm -rf .venv .venv-* build dist .pytest_cache .ruff_cache

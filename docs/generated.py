@@ -7,8 +7,10 @@ the program cog carries out.
 from __future__ import annotations
 
 import functools
+import io
 from pathlib import Path
 
+from PIL import Image
 from tabulate import tabulate
 
 from ropeode import Rope, stability_limit
@@ -23,19 +25,26 @@ from ropeode.render.plots.report import plot_contact_sheets
 from ropeode.render.report import measured_words, summary, theory_words, threshold_words
 
 IMAGES = Path(__file__).parent / "images"
+# Enough for lines and text, and a third of the size.
+_COLOURS = 128
 DAMPINGS = (0.0, 0.001, 0.01, 0.1)
 
 
-def table(headers: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table, numbers to the right."""
+def table(headers: list[str], rows: list[list[str]], words: int | set[int] = 0) -> str:
+    """A Markdown table; columns of words (the first ones, or those named) to the left."""
+    left = set(range(words)) if isinstance(words, int) else words
+    align = ["left" if column in left else "right" for column in range(len(headers))]
     cells = [[cell.replace("|", r"\|") for cell in row] for row in rows]
-    return tabulate(cells, headers, tablefmt="pipe", disable_numparse=True)
+    return tabulate(cells, headers, tablefmt="pipe", disable_numparse=True, colalign=align)
 
 
 def picture(figure, name: str, words: str) -> str:
     """A figure as a file of docs/images, and the Markdown that shows it."""
     IMAGES.mkdir(exist_ok=True)
-    write_whole(IMAGES / name, figure_bytes(figure, ".png"))
+    image = Image.open(io.BytesIO(figure_bytes(figure, ".png"))).convert("RGB")
+    small = io.BytesIO()
+    image.quantize(_COLOURS).save(small, "PNG", optimize=True)
+    write_whole(IMAGES / name, small.getvalue())
     return f"![{words}](images/{name})"
 
 
@@ -70,7 +79,7 @@ def growth() -> str:
     return "\n\n".join(
         [
             picture(plot_growth(scan), "growth.png", words),
-            table(["stepper", "steps/frame", "predicted", "measured", "difference"], rows),
+            table(["stepper", "steps/frame", "predicted", "measured", "difference"], rows, words=1),
         ]
     )
 
@@ -97,7 +106,7 @@ def rests() -> str:
     headers = ["rope", "damping", "steps/frame", "damping per frame", "at rest from", "product"]
     words = "frame of coming to rest against steps per frame"
     return "\n\n".join(
-        [picture(plot_rest_times(found), "rest-time.png", words), table(headers, rows)]
+        [picture(plot_rest_times(found), "rest-time.png", words), table(headers, rows, words=2)]
     )
 
 
@@ -163,7 +172,7 @@ def figures() -> str:
         "theory",
         "verdict",
     ]
-    return f"{summary(report())}\n\n{table(headers, rows)}"
+    return f"{summary(report())}\n\n{table(headers, rows, words={1, 4, 5, 6, 7})}"
 
 
 def comparisons() -> str:
@@ -177,7 +186,7 @@ def comparisons() -> str:
         ]
         for each in report().comparisons
     ]
-    return table(["figures", "claim", "measured", "verdict"], rows)
+    return table(["figures", "claim", "measured", "verdict"], rows, words=4)
 
 
 def thresholds() -> str:

@@ -85,9 +85,13 @@ def predicted(growth: Growth) -> str:
     """What linear theory has happen to a rope that hangs still, in a few words."""
     if not growth.stable:
         return (
-            f"unstable: grows by e in {1 / growth.rate:.3g} frames, out of rounding by frame "
+            f"unstable: grows by e in {_frames(1 / growth.rate)}, out of rounding by frame "
             f"{growth.predicted_blow_up}"
         )
     if growth.rate < -growth.tolerance:
-        return f"stable: slowest mode decays by e in {-1 / growth.rate:.3g} frames"
+        return f"stable: slowest mode decays by e in {_frames(-1 / growth.rate)}"
     return "neither grows nor decays"
+
+
+def _frames(number: float) -> str:
+    return f"{number:.0f} frames" if number >= 100 else f"{number:.3g} frames"

@@ -125,11 +125,11 @@ def theory_words(each: Judged) -> str:
     if not each.readings:
         return ""
     reading = each.readings[0]
-    needs = (
-        "unstable at any step size"
-        if reading.limit is None
-        else f"stable from {reading.limit} steps/frame on"
-    )
+    needs = f"stable from {reading.limit} steps/frame on"
+    if reading.limit is None:
+        needs = "unstable at any step size"
+    elif reading.limit == 1:
+        needs = "stable at any whole number of steps/frame"
     return f"{predicted(reading.growth)}; {needs}"
 
 
