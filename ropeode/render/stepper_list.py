@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 from tabulate import tabulate
@@ -31,31 +32,39 @@ def as_text() -> str:
     rows = [
         (
             each.label,
-            _order(each, ProblemClass(damped=False, at_rest=True)),
-            _order(each, ProblemClass(damped=True, at_rest=True)),
-            _order(each, ProblemClass(damped=True, at_rest=False)),
+            _order(each, damped=False, at_rest=True),
+            _order(each, damped=True, at_rest=True),
+            _order(each, damped=True, at_rest=False),
             "yes" if each.symplectic else "no",
         )
         for cls in STEPPERS.values()
         for each in variants(cls)
-    ]
-    notes = [
-        f"{cls.name}\n    runs on: {cls.needs}\n    source: {cls.source}"
-        for cls in STEPPERS.values()
     ]
     return "\n".join(
         [
             tabulate([HEADERS, *rows], tablefmt="plain", disable_numparse=True),
             "",
             "Declared orders of convergence: undamped and at rest at the start; damped;",
-            "damped and moving at the start. 0: it converges to another solution.",
-            "Symplectic: on problems without damping.",
+            "damped and moving at the start. 0: it converges to another solution. Those of",
+            "steppers that run on nodes in a row are for ropes with rigid links; a rope with",
+            "springs they take for one. Symplectic: on problems without damping.",
             "",
-            *notes,
+            *(_note(cls) for cls in STEPPERS.values()),
             "",
         ]
     )
 
 
-def _order(stepper: Stepper, problem_class: ProblemClass) -> str:
-    return str(stepper.order(problem_class))
+def _order(stepper: Stepper, *, damped: bool, at_rest: bool) -> str:
+    """The order on the problems that the stepper is for."""
+    classes = [ProblemClass(damped, at_rest, rigid) for rigid in (False, True)]
+    return str(next(stepper.order(each) for each in classes if stepper.solves(each)))
+
+
+def _note(cls: type[Stepper]) -> str:
+    lines = [cls.name, f"    runs on: {cls.needs}", f"    source: {cls.source}"]
+    numbers = {field.name for field in dataclasses.fields(cls) if field.type == "int"}
+    for option, choices in options(cls).items():
+        words = f"{choices[0]}, or more" if option in numbers else ", ".join(choices)
+        lines.append(f"    {option}: {words}")
+    return "\n".join(lines)

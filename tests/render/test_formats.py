@@ -196,3 +196,12 @@ def test_every_stepper_is_in_the_list():
     for name, cls in STEPPERS.items():
         assert name in stepper_list()
         assert cls.source in stepper_list()
+
+
+def test_the_list_gives_orders_on_the_problems_that_steppers_are_for():
+    table = stepper_list().split("\n\n")[0]
+    rows = {line.split()[0]: line.split()[1:] for line in table.splitlines()}
+    assert rows["rattle"] == ["2", "2", "2", "yes"]
+    assert rows["constraint-verlet:start=rest"] == ["1", "1", "0", "no"]
+    assert rows["stormer-verlet:damping=per-step"] == ["2", "0", "0", "yes"]
+    assert "    sweeps: 1, or more" in stepper_list().splitlines()
