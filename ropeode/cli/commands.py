@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
 from ropeode.cli.formats import format_for, format_option
-from ropeode.cli.options import given_values, table_options
+from ropeode.cli.job import job_from
+from ropeode.cli.options import table_options
 from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.files import check_writable, write_whole
 
@@ -27,14 +27,8 @@ def table(spec: Path | None, form: str | None, out: str | None, **options: str |
     path = check_writable("out", out) if out else None
     set_up_jax()
     from ropeode.render.formats import format_table
-    from ropeode.study.spec import TableJob, read_spec
 
-    values: dict[str, Any] = read_spec(spec) if spec else {}
-    given, rope = given_values(options)
-    values |= given
-    if rope:
-        values["rope"] = {**values.get("rope", {}), **rope}
-    job = TableJob(values, folder=None if "problem" in given or not spec else spec.parent)
+    job = job_from(spec, options)
     with show_progress() as progress:
         text = interruptible(lambda: format_table(job.run(progress), format_for(form, path)))
     if path:

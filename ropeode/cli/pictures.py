@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
-from ropeode.cli.options import given_values, table_options
+from ropeode.cli.job import job_from
+from ropeode.cli.options import table_options
 from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.files import write_whole
-
-if TYPE_CHECKING:
-    from ropeode.study.spec import TableJob
 
 # The names in ropeode.render.plots.registry; a test holds the two together. Listed here because
 # the help text must not import what makes plots.
@@ -40,7 +36,7 @@ def plot(spec: Path | None, name: str, out: str | None, **options: str | None) -
     set_up_jax()
     from ropeode.render.plots.registry import PLOTS
 
-    job = _job(spec, options)
+    job = job_from(spec, options)
 
     with show_progress() as progress:
 
@@ -79,7 +75,7 @@ def animate(spec: Path | None, fps: str, out: str | None, **options: str | None)
     set_up_jax()
     from ropeode.study.node_paths import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME, node_paths
 
-    job = _job(spec, options)
+    job = job_from(spec, options)
     steps_given = "steps_per_frame" in job.spec.model_fields_set
 
     with show_progress() as progress:
@@ -98,18 +94,6 @@ def animate(spec: Path | None, fps: str, out: str | None, **options: str | None)
 
         contents = interruptible(work)
     _write(path, contents)
-
-
-def _job(spec: Path | None, options: Mapping[str, str | None]) -> TableJob:
-    """What SPEC and the options ask for, as for `ropeode table`."""
-    from ropeode.study.spec import TableJob, read_spec
-
-    values: dict[str, Any] = read_spec(spec) if spec else {}
-    given, rope = given_values(options)
-    values |= given
-    if rope:
-        values["rope"] = {**values.get("rope", {}), **rope}
-    return TableJob(values, folder=None if "problem" in given or not spec else spec.parent)
 
 
 def _write(path: Path, contents: bytes) -> None:

@@ -9,7 +9,7 @@ from tabulate import tabulate
 from ropeode.render import cells
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
 
-_WIDTH = 80
+WIDTH = 80
 
 
 def as_text(table: AccuracyTable) -> str:
@@ -28,15 +28,15 @@ def as_text(table: AccuracyTable) -> str:
         blocks.extend(next(runs) for row in table.rows if row.stepper == each.stepper)
     return "\n".join(
         [
-            *_wrapped(cells.title(table)),
-            *_wrapped(cells.error_words(table)),
+            *wrapped(cells.title(table)),
+            *wrapped(cells.error_words(table)),
             "",
             *(line.rstrip() for line in blocks),
             "",
             f"Observed orders ({cells.RUN_HEADERS[2]}, as dt goes to 0)",
             *(line for each in table.orders for line in _order(table, each)),
             "",
-            *_wrapped(cells.reference_words(table)),
+            *wrapped(cells.reference_words(table)),
             "",
         ]
     )
@@ -49,18 +49,24 @@ def _order(table: AccuracyTable, each: StepperOrder) -> list[str]:
         finding = f"{verdict}: {order.why}"
     else:
         finding = f"{verdict}, order {observed} {interval}, {used} steps/frame"
-    lines = [name, *_wrapped(f"{finding}; expected {expected}", indent=4)]
+    lines = [name, *wrapped(f"{finding}; expected {expected}", indent=4)]
     if remark := cells.remark(each):
-        lines += _wrapped(remark, indent=4)
+        lines += wrapped(remark, indent=4)
     if order.left_out:
-        lines += _wrapped(f"left out: {cells.left_out_words(table, name, order)}", indent=4)
+        lines += wrapped(f"left out: {cells.left_out_words(table, name, order)}", indent=4)
     return lines
 
 
-def _wrapped(text: str, indent: int = 0) -> list[str]:
+def wrapped(text: str, indent: int = 0) -> list[str]:
+    """The lines of a paragraph, those after the first indented a little more.
+
+    Arguments:
+        text: of the paragraph.
+        indent: of the first line; without one, no line is indented.
+    """
     return textwrap.wrap(
         text,
-        _WIDTH,
+        WIDTH,
         initial_indent=" " * indent,
         subsequent_indent=" " * (indent + 2 * bool(indent)),
     )

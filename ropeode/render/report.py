@@ -6,36 +6,35 @@ import csv
 import dataclasses
 import io
 import json
-import textwrap
 from typing import Any
 
 from ropeode.experiments.claims import FAILS, HOLDS, predicted
 from ropeode.experiments.report import Judged, Moved, Reading, Report
 from ropeode.render import markup
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.plain_text import wrapped
 
 SCHEMA = "ropeode.report/1"
 TITLE = "The published rope report, run again"
 
-_WIDTH = 80
 _HEADERS = ("figure", "stepper", "steps/frame", "damping", "claim", "verdict")
 
 
 def as_text(report: Report) -> str:
     """A row for each figure with what was measured below it, for 80 columns."""
-    lines = [*_wrapped(f"{TITLE}. {summary(report)}"), "", _row(_HEADERS)]
+    lines = [*wrapped(f"{TITLE}. {summary(report)}"), "", _row(_HEADERS)]
     for each in report.figures:
         lines.append(_row(_setting(each)))
-        lines += _wrapped(f"claim: {_setting(each)[4]}: {each.figure.words}", 4)
-        lines += _wrapped(f"measured: {measured_words(each)}", 4)
+        lines += wrapped(f"claim: {_setting(each)[4]}: {each.figure.words}", 4)
+        lines += wrapped(f"measured: {measured_words(each)}", 4)
         if theory := theory_words(each):
-            lines += _wrapped(f"theory: {theory}", 4)
+            lines += wrapped(f"theory: {theory}", 4)
     if report.comparisons:
         lines += ["", "Comparisons"]
     for compared in report.comparisons:
-        lines += _wrapped(f"{_numbers(compared)}: {compared.comparison.claim}", 0)
-        lines += _wrapped(f"{compared.verdict}. {compared.measured}", 4)
-    return "\n".join([*lines, "", *_wrapped(threshold_words(report)), ""])
+        lines += wrapped(f"{_numbers(compared)}: {compared.comparison.claim}", 0)
+        lines += wrapped(f"{compared.verdict}. {compared.measured}", 4)
+    return "\n".join([*lines, "", *wrapped(threshold_words(report)), ""])
 
 
 def as_markdown(report: Report) -> str:
@@ -171,15 +170,6 @@ def _row(cells: tuple[str, ...]) -> str:
 
 def _numbers(compared: Any) -> str:
     return ", ".join(str(number) for number in compared.comparison.figures)
-
-
-def _wrapped(text: str, indent: int = 0) -> list[str]:
-    return textwrap.wrap(
-        text,
-        _WIDTH,
-        initial_indent=" " * indent,
-        subsequent_indent=" " * (indent + 2 * bool(indent)),
-    )
 
 
 def as_dict(report: Report) -> dict[str, Any]:
