@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from ropeode.problems.problem import Problem
     from ropeode.problems.rope import Rope
     from ropeode.references.reference import Reference, reference
+    from ropeode.references.stored.store import load_reference, save_reference
+    from ropeode.references.stored.verify import Verification, verify_reference
     from ropeode.render.formats import format_report, format_table
     from ropeode.render.plots.animation import animate
     from ropeode.render.plots.convergence import plot_convergence
@@ -46,6 +48,8 @@ _MODULES = {
     "problems.problem": ("Problem",),
     "problems.rope": ("Rope",),
     "references.reference": ("Reference", "reference"),
+    "references.stored.store": ("load_reference", "save_reference"),
+    "references.stored.verify": ("Verification", "verify_reference"),
     "render.formats": ("format_report", "format_table"),
     "render.plots.animation": ("animate",),
     "render.plots.convergence": ("plot_convergence",),
@@ -80,6 +84,7 @@ __all__ = [
     "Thresholds",
     "Trajectory",
     "UserCodeError",
+    "Verification",
     "accuracy_table",
     "animate",
     "classify_motion",
@@ -90,6 +95,7 @@ __all__ = [
     "format_table",
     "growth_per_frame",
     "hanging_equilibrium",
+    "load_reference",
     "node_paths",
     "observed_order",
     "plot_convergence",
@@ -97,8 +103,10 @@ __all__ = [
     "plot_errors",
     "reference",
     "rope_report",
+    "save_reference",
     "simulate",
     "stability_limit",
+    "verify_reference",
 ]
 
 

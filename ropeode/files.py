@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from ropeode.errors import InputError
@@ -46,12 +47,29 @@ def write_whole(path: Path, contents: str | bytes) -> None:
     Raises:
         InputError: the operating system refuses; no part of the file is left behind.
     """
+    with replacing(path) as part:
+        part.write_bytes(contents.encode() if isinstance(contents, str) else contents)
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new empty file beside `path`, to be written; at the end it takes the place of `path`.
+
+    At any moment either the old file or the new one is there, whole. If the block raises, the
+    new one is gone.
+
+    Arguments:
+        path: of the file, which may exist.
+
+    Raises:
+        InputError: the operating system refuses; no part of the file is left behind.
+    """
     part = None
     try:
         handle, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        with os.fdopen(handle, "wb") as file:
-            file.write(contents.encode() if isinstance(contents, str) else contents)
-            file.flush()
+        os.close(handle)
+        yield Path(part)
+        with open(part, "rb") as file:
             os.fsync(file.fileno())
         mask = os.umask(0)
         os.umask(mask)
@@ -60,7 +78,10 @@ def write_whole(path: Path, contents: str | bytes) -> None:
     except OSError as error:
         raise InputError(
             complaint(
-                "out", str(path), f"a file that can be written ({error.strerror})", "choose another"
+                "out",
+                str(path),
+                f"a file that can be written ({error.strerror or error})",
+                "choose another",
             )
         ) from error
     finally:

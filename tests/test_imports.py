@@ -33,7 +33,7 @@ ALLOWED = {
         "study",
         "experiments",
     },
-    "cli": {"study", "experiments", "render"},
+    "cli": {"problems", "references", "study", "experiments", "render"},
     "__main__": {"cli"},
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -11,6 +11,7 @@ import click
 
 from ropeode.cli.commands import spec, steppers, table
 from ropeode.cli.pictures import animate, plot
+from ropeode.cli.reference import reference
 from ropeode.cli.report import report
 from ropeode.cli.running import end_on_ctrl_c
 from ropeode.errors import InputError, RopeodeError, UserCodeError
@@ -28,7 +29,7 @@ def cli(debug: bool) -> None:
     """
 
 
-for command in (table, plot, animate, report, spec, steppers):
+for command in (table, reference, plot, animate, report, spec, steppers):
     cli.add_command(command)
 
 

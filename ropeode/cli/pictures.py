@@ -42,7 +42,7 @@ def plot(spec: Path | None, name: str, out: str | None, **options: str | None) -
 
         def work() -> bytes:
             result = PLOTS[name].study(
-                job.problem,
+                job.given,
                 job.spec.steppers,
                 job.spec.steps_per_frame,
                 norm=job.spec.norm,
@@ -82,7 +82,7 @@ def animate(spec: Path | None, fps: str, out: str | None, **options: str | None)
 
         def work() -> bytes:
             paths = node_paths(
-                job.problem,
+                job.given,
                 job.spec.steppers or DEFAULT_STEPPERS,
                 job.spec.steps_per_frame[0] if steps_given else DEFAULT_STEPS_PER_FRAME,
                 norm=job.spec.norm,

@@ -224,6 +224,42 @@ def reference(
     )
 
 
+def reference_for(
+    given: Problem | Reference,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    *,
+    progress: Progress = lambda text: None,
+) -> Reference:
+    """The reference that is given, or else that of the problem that is given.
+
+    Arguments:
+        given: a problem, or a reference of it that exists already.
+        accuracy: as for `reference`; not with a reference.
+        rtol: as for `reference`; not with a reference.
+        progress: as for `reference`.
+
+    Raises:
+        InputError: an argument cannot be used.
+        ReferenceRefused: no reference can be had.
+    """
+    if not isinstance(given, Reference):
+        return reference(given, accuracy, rtol, progress=progress)
+    faults = [
+        complaint(name, value, "none with a reference that exists already", "leave one of them out")
+        for name, value in (("accuracy", accuracy), ("rtol", rtol))
+        if value is not None
+    ]
+    if faults:
+        raise InputError(faults)
+    return given
+
+
+def problem_of(given: Problem | Reference) -> Problem:
+    """The problem that is given, or that of the reference that is given."""
+    return given.problem if isinstance(given, Reference) else given
+
+
 def motion(problem: Problem, states: np.ndarray, norm: Norm | None = None) -> np.ndarray:
     """How far any node (or component) has got from where it started, up to each sample.
 

@@ -14,8 +14,7 @@ from ropeode.analysis.roundoff import in_other_units, round_off
 from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, motion
-from ropeode.references.reference import reference as make_reference
+from ropeode.references.reference import Reference, motion, problem_of, reference_for
 from ropeode.simulation import simulate
 from ropeode.steppers import stepper as stepper_named
 from ropeode.steppers.base import ProblemClass, Stepper
@@ -110,7 +109,7 @@ class AccuracyTable:
 
 
 def accuracy_table(
-    problem: Problem,
+    problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
@@ -122,7 +121,7 @@ def accuracy_table(
     """Run steppers at several step sizes and hold them against a reference.
 
     Arguments:
-        problem: what to solve.
+        problem: what to solve, or a reference of it that exists already.
         steppers: steppers, or their names with options; by default those of
             `DEFAULT_STEPPERS` that can run on the problem and are meant for it.
         steps_per_frame: whole numbers, each once.
@@ -135,6 +134,7 @@ def accuracy_table(
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference can be had for the problem.
     """
+    given, problem = problem, problem_of(problem)
     if steppers is None:
         steppers = default_steppers(problem)
     chosen = check_steppers(steppers)
@@ -142,7 +142,7 @@ def accuracy_table(
     measure = norm_for(problem, norm)
     if refusals := [refusal for each in chosen if (refusal := each.refusal(problem))]:
         raise InputError(refusals)
-    reference = make_reference(problem, accuracy, rtol, progress=lambda text: progress(text, 0.0))
+    reference = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0))
     size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
 
     # Each run is made twice; the second time in other units, to find its round-off.

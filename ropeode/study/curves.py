@@ -11,8 +11,7 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, motion
-from ropeode.references.reference import reference as make_reference
+from ropeode.references.reference import Reference, motion, problem_of, reference_for
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import (
@@ -91,7 +90,7 @@ class EnergyCurves:
 
 
 def error_curves(
-    problem: Problem,
+    problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
@@ -105,7 +104,7 @@ def error_curves(
     A run that diverged has errors up to its last finite state.
 
     Arguments:
-        problem: what to solve.
+        problem: what to solve, or a reference of it that exists already.
         steppers: as for `ropeode.accuracy_table`.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
@@ -117,9 +116,10 @@ def error_curves(
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference can be had for the problem.
     """
+    given, problem = problem, problem_of(problem)
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
-    known = make_reference(problem, accuracy, rtol, progress=lambda text: progress(text, 0.0))
+    known = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0))
     inside = slice(1, known.trusted)
     bound = known.bound(measure)[inside]
     curves = []
@@ -139,7 +139,7 @@ def error_curves(
 
 
 def energy_curves(
-    problem: Problem,
+    problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
@@ -150,7 +150,7 @@ def energy_curves(
     """Run steppers and take the energy at each sample, and that of a reference.
 
     Arguments:
-        problem: what to solve; it must have an energy.
+        problem: what to solve, which must have an energy; or a reference of it.
         steppers: as for `ropeode.accuracy_table`.
         steps_per_frame: whole numbers, each once.
         accuracy: as for `ropeode.reference`.
@@ -161,6 +161,7 @@ def energy_curves(
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference can be had for the problem.
     """
+    given, problem = problem, problem_of(problem)
     if problem.energy is None:
         raise InputError(
             complaint(
@@ -171,7 +172,7 @@ def energy_curves(
             )
         )
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    known = make_reference(problem, accuracy, rtol, progress=lambda text: progress(text, 0.0))
+    known = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0))
     return EnergyCurves(
         problem=problem,
         reference=known,

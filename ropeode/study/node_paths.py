@@ -11,8 +11,7 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
-from ropeode.references.reference import reference as make_reference
+from ropeode.references.reference import Reference, problem_of, reference_for
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import Progress, check_steps
 from ropeode.study.curves import chosen_steppers, runs
@@ -74,7 +73,7 @@ class NodePaths:
 
 
 def node_paths(
-    problem: Problem,
+    problem: Problem | Reference,
     steppers: Sequence[str | Stepper] = DEFAULT_STEPPERS,
     steps_per_frame: int = DEFAULT_STEPS_PER_FRAME,
     *,
@@ -89,7 +88,8 @@ def node_paths(
     interpolated.
 
     Arguments:
-        problem: what to solve; its positions must have 2 or 3 components.
+        problem: what to solve, whose positions must have 2 or 3 components; or a reference of
+            it, which is taken with its own samples.
         steppers: steppers, or their names with options.
         steps_per_frame: a whole number, the same for all.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
@@ -101,6 +101,7 @@ def node_paths(
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference can be had for the problem.
     """
+    given, problem = problem, problem_of(problem)
     if problem.mechanics is None or problem.positions(problem.y0[None]).shape[2] not in (2, 3):
         raise InputError(
             complaint(
@@ -112,9 +113,12 @@ def node_paths(
         )
     chosen, (steps,) = chosen_steppers(problem, steppers), check_steps([steps_per_frame])
     measure = norm_for(problem, norm)
-    parts = _parts(problem.frames, steps)
-    finer = _sampled(problem, parts)
-    known = make_reference(finer, accuracy, rtol, progress=lambda text: progress(text, 0.0))
+    stored = isinstance(given, Reference)
+    parts = 1 if stored else _parts(problem.frames, steps)
+    finer = problem if stored else _sampled(problem, parts)
+    known = reference_for(
+        given if stored else finer, accuracy, rtol, progress=lambda text: progress(text, 0.0)
+    )
     trusted = known.states[: known.trusted]
     return NodePaths(
         problem=problem,

@@ -15,9 +15,10 @@ from ropeode.norms import NORMS
 from ropeode.problems.checks import run as run_checks
 from ropeode.problems.files import load_problem
 from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import ROPES
+from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.reference import Reference, problem_of
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
     AccuracyTable,
@@ -77,6 +78,7 @@ class TableSpec(Input):
     Arguments:
         problem: `rope`, another problem of the library, or FILE.py:NAME.
         kind: of the rope: `rope` or `inextensible-rope`.
+        reference: a file with a stored reference, which says the problem as well.
         frames: how many frames are solved; where nothing is given, 20 for the rope.
         steppers: names with options; where none are given, those of `DEFAULT_STEPPERS` that
             can run on the problem.
@@ -92,6 +94,9 @@ class TableSpec(Input):
     problem: str = field("rope", allowed="a problem's name, or FILE.py:NAME", example='"rope"')
     kind: Annotated[str, AfterValidator(_kind)] = field(
         "rope", allowed="the kind of a rope", example='"inextensible-rope"'
+    )
+    reference: str | None = field(
+        None, allowed="the name of a file with a stored reference", example='"rope.nc"'
     )
     frames: Annotated[int | None, BeforeValidator(_frames)] = field(
         None, allowed="a whole number >= 1", example="20"
@@ -170,14 +175,22 @@ class TableJob:
 
         run_checks(check_spec, check_rope)
         self.spec: TableSpec = found["spec"]
-        self.problem = self._problem(found["rope"], bool(rope_values), folder)
+        self.given: Problem | Reference
+        if self.spec.reference is None:
+            self.given = self._problem(found["rope"], bool(rope_values), folder, self.spec.frames)
+        else:
+            self.given = self._stored(found["rope"], bool(rope_values), {*rest}, folder)
 
     def _problem(
-        self, rope: Rope | InextensibleRope, rope_given: bool, folder: Path | None
+        self,
+        rope: Rope | InextensibleRope,
+        rope_given: bool,
+        folder: Path | None,
+        frames: int | None,
     ) -> Problem:
         spec = self.spec
         if spec.problem == "rope":
-            return rope.problem(**({} if spec.frames is None else {"frames": spec.frames}))
+            return rope.problem(**({} if frames is None else {"frames": frames}))
         if rope_given or spec.kind != "rope":
             raise InputError(
                 complaint(
@@ -187,13 +200,34 @@ class TableJob:
                     "leave out one of the two",
                 )
             )
-        return load_problem(spec.problem, folder=folder, frames=spec.frames)
+        return load_problem(spec.problem, folder=folder, frames=frames)
+
+    def _stored(
+        self, rope: Rope | InextensibleRope, rope_given: bool, named: set[str], folder: Path | None
+    ) -> Reference:
+        """The stored reference; its problem must be the one that is described, if one is."""
+        # Not above: HDF5 takes its time to load, and most tables need none of it.
+        from ropeode.references.stored.store import load_reference
+
+        assert self.spec.reference is not None
+        path = (folder or Path()) / self.spec.reference
+        if not (rope_given or named & {"problem", "kind", "frames"}):
+            return load_reference(path)
+        frames = self.spec.frames
+        if frames is None and self.spec.problem in PROBLEMS:
+            frames = load_reference(path).problem.frames
+        return load_reference(path, self._problem(rope, rope_given, folder, frames))
+
+    @property
+    def problem(self) -> Problem:
+        """What is solved."""
+        return problem_of(self.given)
 
     def run(self, progress: Progress) -> AccuracyTable:
         """Make the table; raises as `accuracy_table` does."""
         spec = self.spec
         return accuracy_table(
-            self.problem,
+            self.given,
             spec.steppers,
             spec.steps_per_frame,
             norm=spec.norm,
@@ -213,6 +247,9 @@ problem = "rope"
 # With problem "rope": nodes joined by springs ("rope") or by rigid links ("inextensible-rope",
 # without a stiffness).
 kind = "rope"
+
+# A file with a stored reference, which says the problem as well (see `ropeode reference`).
+# reference = "rope.nc"
 
 # How long to simulate. One frame is the rope's time unit and the distance of two samples.
 frames = 20

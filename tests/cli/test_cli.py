@@ -42,7 +42,7 @@ def test_help_does_not_import_jax(environment):
     code = (
         "import sys\n"
         "from ropeode.cli.main import cli\n"
-        "for command in ([], ['table'], ['report'], ['spec'], ['steppers']):\n"
+        "for command in ([], ['table'], ['report'], ['reference'], ['spec'], ['steppers']):\n"
         "    try: cli.main([*command, '--help'], standalone_mode=False)\n"
         "    except SystemExit: pass\n"
         "print({'jax', 'numpy', 'scipy'} & set(sys.modules), file=sys.stderr)"
@@ -292,3 +292,57 @@ def test_an_interrupted_report_keeps_what_is_finished(environment, tmp_path):
         "ropeode: interrupted; finished runs are kept; the same command goes on from there.\n"
     )
     assert len(list(kept.glob("*/*.npz"))) == 1
+
+
+def test_references_in_files(run, tmp_path):
+    rope = ["--num-nodes", "3", "--frames", "3"]
+    done = run("reference", *rope, "-o", "rope.nc")
+    assert done.returncode == 0, done.stderr
+    assert "Estimated error bound" in " ".join(done.stdout.split())
+    assert done.stdout.endswith("wrote rope.nc\n")
+    shown = run("reference", "show", "rope.nc")
+    assert shown.returncode == 0
+    assert all(len(line) <= 80 for line in shown.stdout.splitlines())
+    assert "SciPy DOP853" in shown.stdout
+    assert "sha256 " in shown.stdout
+    verified = run("reference", "verify", "rope.nc")
+    assert verified.returncode == 0
+    assert verified.stdout.count("within the bounds") == 2
+
+    direct = run("table", *rope, "--steppers", "rk4", "--steps", "8,12,18", "--format", "json")
+    stored = run(
+        "table", "--reference", "rope.nc", "--steppers", "rk4", "--steps", "8,12,18",
+        "--format", "json",
+    )  # fmt: skip
+    mine, its = (json.loads(each.stdout) for each in (stored, direct))
+    assert [row["error_max"] for row in mine["rows"]] == [row["error_max"] for row in its["rows"]]
+    assert mine["problem"] == its["problem"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["reference", "show", "none.nc"], "reference: 'none.nc' given; allowed: a file that can"),
+        (["reference", "verify", "bad.nc"], "the seal at its end is missing"),
+        (["table", "--reference", "bad.nc"], "the seal at its end is missing"),
+        (["reference", "--frames", "3"], "Missing option"),
+        (["reference", "-o", "none/x.nc"], "out: 'none/x.nc' given"),
+        (["reference", "--frames", "0", "-o", "x.nc"], "frames: '0' given"),
+    ],
+)
+def test_faults_of_references_in_files(run, tmp_path, arguments, words):
+    (tmp_path / "bad.nc").write_text("no such thing")
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
+    assert words in done.stderr
+    assert os.listdir(tmp_path) == ["bad.nc"]
+
+
+def test_a_reference_of_another_rope_is_refused(run):
+    assert run("reference", "--num-nodes", "3", "--frames", "3", "-o", "rope.nc").returncode == 0
+    done = run("table", "--reference", "rope.nc", "--damping", "0.02", "--num-nodes", "3")
+    assert done.returncode == 2
+    assert done.stderr.startswith("ropeode: damping: 0.02 given; allowed: 0.01, which is")
+    assert len(done.stderr.splitlines()) == 1

@@ -1,0 +1,97 @@
+"""The commands that write, show and check references in files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ropeode.cli.job import job_from
+from ropeode.cli.options import table_options
+from ropeode.cli.running import interruptible, set_up_jax, show_progress
+from ropeode.files import check_writable
+
+
+class _ComputesByDefault(click.Group):
+    """A group whose command `compute` need not be named."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put `compute` in front of what is no name of a command."""
+        if args and args[0] not in self.commands and args[0] not in ("-h", "--help"):
+            args = ["compute", *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group(cls=_ComputesByDefault)
+def reference() -> None:
+    """Compute a reference and write it to a file; show and verify such files.
+
+    `ropeode reference [SPEC] [OPTIONS] --out FILE.nc` is short for `ropeode reference compute`.
+    """
+
+
+@reference.command()
+@click.argument("spec", required=False, type=click.Path(path_type=Path))
+@table_options
+@click.option("-o", "--out", metavar="FILE", required=True, help="A NetCDF file, *.nc.")
+def compute(spec: Path | None, out: str, **options: str | None) -> None:
+    """Compute a reference and write it to FILE.
+
+    Takes the problem, accuracy and rtol from SPEC and the options as `ropeode table` does;
+    steppers are of no concern.
+    """
+    path = check_writable("out", out)
+    set_up_jax()
+    from ropeode.references.reference import reference_for
+    from ropeode.references.stored.store import save_reference
+    from ropeode.render.reference import summary
+
+    job = job_from(spec, options)
+    with show_progress() as progress:
+        known = interruptible(
+            lambda: reference_for(
+                job.given,
+                job.spec.accuracy,
+                job.spec.rtol,
+                progress=lambda text: progress(text, 0.0),
+            )
+        )
+    save_reference(known, path)
+    click.echo(summary(known), nl=False)
+    click.echo(f"wrote {path}")
+
+
+@reference.command()
+@click.argument("file", type=click.Path(path_type=Path))
+def show(file: Path) -> None:
+    """Print what the reference in FILE is and what its bound rests on."""
+    from ropeode.references.stored.store import stored_facts
+    from ropeode.render.reference import as_text
+
+    click.echo(as_text(stored_facts(file)), nl=False)
+
+
+@reference.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--problem", metavar="FILE.py:NAME", help="Where it is not of the library.")
+def verify(file: Path, problem: str | None) -> None:
+    """Check FILE, and compute its reference again with today's solvers.
+
+    Exit code 1 if a stored value lies outside of the two bounds.
+    """
+    set_up_jax()
+    from ropeode.problems.files import load_problem
+    from ropeode.references.stored.verify import verify_reference
+    from ropeode.render.reference import verification_words
+
+    with show_progress() as progress:
+        found = interruptible(
+            lambda: verify_reference(
+                file,
+                load_problem(problem) if problem else None,
+                progress=lambda text: progress(text, 0.0),
+            )
+        )
+    click.echo(verification_words(found), nl=False)
+    if not found.agrees:
+        raise SystemExit(1)

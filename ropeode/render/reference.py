@@ -1,0 +1,116 @@
+"""References and stored references, as text for a terminal."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from tabulate import tabulate
+
+from ropeode.references.certificate import Certificate
+from ropeode.references.reference import Reference
+from ropeode.references.stored.store import Facts
+from ropeode.references.stored.verify import Verification
+from ropeode.render.plain_text import wrapped
+
+_COLUMNS, _ROWS = 60, 8
+_BLOCKS = " ▁▂▃▄▅▆▇█"
+
+
+def summary(known: Reference) -> str:
+    """One paragraph on a reference that has just been computed."""
+    made, problem = known.certificate, known.problem
+    return _lines(wrapped(f"{problem.name}, {problem.frames} frames: {_claim(made)}"))
+
+
+def as_text(facts: Facts) -> str:
+    """All that a file says of its reference, with a plot of its bound."""
+    made, times = facts.certificate, facts.numbers["time"]
+    parameters = dict(facts.problem["parameters"])
+    rows = [
+        (w.solver, f"{w.tolerance:.0e}", w.role, str(w.steps), f"{w.difference:.1e}")
+        for w in made.witnesses
+    ]
+    witnesses = tabulate(
+        [("witness", "tolerance", "role", "steps", "difference"), *rows],
+        tablefmt="plain",
+        disable_numparse=True,
+    )
+    versions = ", ".join(f"{name} {number}" for name, number in made.versions.items())
+    kind = parameters.pop("kind", None)
+    told = ", ".join(f"{name} {_short(value)}" for name, value in parameters.items())
+    return _lines(
+        wrapped(f"{facts.problem['name']}" + (f" ({kind}): {told}" if kind else "")),
+        wrapped(f"{len(times)} samples from t = {times[0]:g} to {times[-1]:g}. {_claim(made)}"),
+        [""],
+        witnesses.splitlines(),
+        [""],
+        _plot(times[: made.trusted], made.bounds[next(iter(made.bounds))][: made.trusted]),
+        [""],
+        wrapped(f"Made with {versions}."),
+        [f"sha256 {facts.digest}"],
+    )
+
+
+def verification_words(found: Verification) -> str:
+    """What came of a verification."""
+    made = found.recomputed.certificate
+    lines = [
+        f"{found.path}: seal, structure and problem are right; sha256 {found.digest}",
+        f"Computed again: {made.solver} at rtol {made.rtol:.0e}, {found.samples} samples compared.",
+    ]
+    for quantity, apart in found.distances.items():
+        verdict = "within the bounds"
+        if quantity in found.outside:
+            verdict = f"OUTSIDE the bounds from t = {found.outside[quantity]:g} on"
+        lines.append(f"{quantity}: at most {apart:.1e} apart, {verdict}.")
+    return _lines(*(wrapped(line) for line in lines))
+
+
+def _claim(made: Certificate) -> str:
+    horizon = "trusted to the end"
+    if made.horizon is not None:
+        horizon = f"trusted before t = {made.horizon:g} ({made.horizon_reason})"
+    bounds = ", ".join(
+        f"{quantity} {series[made.trusted - 1]:.1e}" for quantity, series in made.bounds.items()
+    )
+    drift = "".join(
+        f"; {quantity} constraints kept to {np.max(series[: made.trusted]):.1e}"
+        for quantity, series in made.drift.items()
+    )
+    return (
+        f"Level {made.level}: {made.solver} at rtol {made.rtol:.0e}. Estimated error bound at the "
+        f"end: {bounds}{drift}; {horizon}."
+    )
+
+
+def _plot(times: np.ndarray, bound: np.ndarray) -> list[str]:
+    """The bound over time, in blocks, on a logarithmic scale."""
+    shown = np.maximum(bound, np.finfo(np.float64).tiny)
+    columns = np.unique(np.linspace(0, len(shown) - 1, min(_COLUMNS, len(shown))).astype(int))
+    exponents = np.log10(shown[columns])
+    low, high = (
+        np.floor(exponents.min()),
+        max(np.ceil(exponents.max()), np.floor(exponents.min()) + 1),
+    )
+    filled = np.round((exponents - low) / (high - low) * _ROWS * 8).astype(int)
+    wide = max(1, _COLUMNS // len(columns))
+    lines = ["estimated error bound"]
+    for row in reversed(range(_ROWS)):
+        blocks = "".join(_BLOCKS[int(np.clip(level - 8 * row, 0, 8))] * wide for level in filled)
+        label = {_ROWS - 1: f"1e{high:+03.0f}", 0: f"1e{low:+03.0f}"}.get(row, "")
+        lines.append(f"{label:>7} |{blocks}")
+    lines.append(f"{'':>7} +{'-' * wide * len(columns)}")
+    end = f"t = {times[-1]:g}"
+    lines.append(f"{'':>9}{f't = {times[0]:g}':<{max(1, wide * len(columns) - len(end))}}{end}")
+    return lines
+
+
+def _short(value: Any) -> str:
+    text = f"{value:g}" if isinstance(value, float) else json.dumps(value)
+    return text if len(text) <= 30 else "of each its own"
+
+
+def _lines(*parts: list[str]) -> str:
+    return "\n".join(line.rstrip() for part in parts for line in part) + "\n"
