@@ -59,6 +59,9 @@ TABLE: dict[str, tuple[str, Callable[[str], Any], str, str]] = {
     "norm": ("norm", _text, "NAME", "position-max, position-rms, velocity-max, ..."),
     "accuracy": ("accuracy", _text, "E", "Largest error bound still trusted. [by the motion]"),
     "rtol": ("rtol", _text, "R", "Tolerance of the reference. [as tight as float64 allows]"),
+    "level": ("level", _text, "LEVEL", "Of the reference: consensus or extended. [consensus]"),
+    "digits": ("digits", _text, "N", "Of an extended reference. [18]"),
+    "time_limit": ("time-limit", _text, "S", "Seconds for an extended reference. [60]"),
 }
 
 

@@ -37,8 +37,8 @@ def reference() -> None:
 def compute(spec: Path | None, out: str, **options: str | None) -> None:
     """Compute a reference and write it to FILE.
 
-    Takes the problem, accuracy and rtol from SPEC and the options as `ropeode table` does;
-    steppers are of no concern.
+    Takes the problem and what is asked of the reference from SPEC and the options as
+    `ropeode table` does; steppers are of no concern.
     """
     path = check_writable("out", out)
     set_up_jax()
@@ -49,12 +49,7 @@ def compute(spec: Path | None, out: str, **options: str | None) -> None:
     job = job_from(spec, options)
     with show_progress() as progress:
         known = interruptible(
-            lambda: reference_for(
-                job.given,
-                job.spec.accuracy,
-                job.spec.rtol,
-                progress=lambda text: progress(text, 0.0),
-            )
+            lambda: reference_for(job.given, **job.asked, progress=lambda text: progress(text, 0.0))
         )
     save_reference(known, path)
     click.echo(summary(known), nl=False)

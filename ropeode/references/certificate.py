@@ -19,7 +19,8 @@ SAFETY_FACTOR = 3.0
 # Units of rounding below which no two float64 runs can be told apart.
 ROUNDING_UNITS = 4.0
 
-Role = Literal["looser", "tighter", "neighbour", "short steps", "independent"]
+Role = Literal["looser", "tighter", "neighbour", "short steps", "independent", "fewer digits"]
+Level = Literal["consensus", "extended"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -31,7 +32,8 @@ class Witness:
         tolerance: its relative tolerance.
         role: `tighter` or `looser` runs of the primary solver; an `independent` solver; a
             `neighbour` is the primary solver started one unit of rounding away; one with
-            `short steps` may not step over what lasts longer than 1/32 of a frame.
+            `short steps` may not step over what lasts longer than 1/32 of a frame; one with
+            `fewer digits` stands beside a reference in extended precision.
         steps: that it made (rejected ones count with diffrax, not with SciPy).
         seconds: that it took, without compiling.
         differences: its distance from the reference at each sample, for each quantity.
@@ -52,7 +54,8 @@ class Certificate:
     """What is claimed of a reference, and what the claim rests on.
 
     Arguments:
-        level: `consensus`: the witnesses are float64 runs.
+        level: `consensus`: the witnesses are float64 runs. `extended`: two runs in extended
+            precision agree, and the states are the finer one, rounded to float64.
         solver: the primary solver.
         rtol: its relative tolerance.
         atol: its absolute tolerance.
@@ -73,7 +76,7 @@ class Certificate:
         versions: of the packages that took part.
     """
 
-    level: Literal["consensus"]
+    level: Level
     solver: str
     rtol: float
     atol: float

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import platform
 from importlib import metadata
+from typing import Any, get_args
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ropeode.norms import Norm, distance, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import (
     Certificate,
+    Level,
     Role,
     Witness,
     bounds,
@@ -33,14 +35,17 @@ from ropeode.references.ladder import (
     step_budget,
 )
 from ropeode.references.solution import Solution
-from ropeode.validation import check_positive, complaint
+from ropeode.validation import check_positive, complaint, unknown
 
 TIGHTEST_RTOL = 1e-14
 SMALLEST_RTOL = 1e-13
 LARGEST_RTOL = 1e-3
 RELATIVE_ACCURACY = 1e-8
+# At the level `extended`: float64 has 16 digits, and two to spare.
+DIGITS = 18
+TIME_LIMIT = 60.0
 # Of the initial state's scale; what hardly moves cannot be known to 1e-8 of its motion.
-_FINEST_ACCURACY = 1e-12
+FINEST_ACCURACY = 1e-12
 _PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
 
 
@@ -100,6 +105,9 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
+    level: Level = "consensus",
+    digits: int = DIGITS,
+    time_limit: float = TIME_LIMIT,
     progress: Progress = lambda text: None,
 ) -> Reference:
     """Solve a problem so that the solution can be trusted, and say how far.
@@ -110,6 +118,9 @@ def reference(
     miss much, and against SciPy's DOP853. If the explicit solver needs too many steps the
     problem counts as stiff, and the solvers are diffrax Kvaerno5 and SciPy's Radau.
 
+    At the level `extended` it is solved by Taylor series (heyoka) in as many digits as it
+    takes, twice; see `ropeode.references.extended.solution`.
+
     Arguments:
         problem: what to solve.
         accuracy: the largest error bound that is still trusted, in the units of the positions
@@ -117,12 +128,24 @@ def reference(
             `rtol`, if that is given and more) of how far a node (or component) moves.
         rtol: relative tolerance of the reference; by default as tight as gains anything. The
             absolute tolerance is `rtol` times the largest component of the initial state.
+        level: `consensus` of float64 solvers, or `extended` precision, which needs heyoka.
+        digits: to which two runs in extended precision are to agree.
+        time_limit: in seconds, for all runs in extended precision.
         progress: called with a few words before each run.
 
     Raises:
-        InputError: `accuracy` or `rtol` cannot be used.
+        InputError: an argument cannot be used.
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
+    if level not in get_args(Level):
+        raise InputError(unknown("level", level, get_args(Level)))
+    if level == "extended":
+        # Not above: that module builds on this one, and heyoka is an extra.
+        from ropeode.references.extended.reference import extended_reference
+
+        return extended_reference(
+            problem, accuracy, rtol, digits=digits, time_limit=time_limit, progress=progress
+        )
     if accuracy is not None:
         accuracy = check_positive("accuracy", accuracy, example="1e-6")
     if rtol is not None:
@@ -187,7 +210,7 @@ def reference(
         relative = max(RELATIVE_ACCURACY, 1e4 * rtol if rtol else 0.0)
         accuracy = max(
             relative * _motion_while_known(problem, primary.states, bound),
-            _FINEST_ACCURACY * problem.scale,
+            FINEST_ACCURACY * problem.scale,
         )
     trusted, reason = trusted_samples(problem, every[: len(away)], away, bound, witnesses, accuracy)
     if trusted < 2:
@@ -230,6 +253,7 @@ def reference_for(
     rtol: float | None = None,
     *,
     progress: Progress = lambda text: None,
+    **more: Any,
 ) -> Reference:
     """The reference that is given, or else that of the problem that is given.
 
@@ -238,13 +262,14 @@ def reference_for(
         accuracy: as for `reference`; not with a reference.
         rtol: as for `reference`; not with a reference.
         progress: as for `reference`.
+        more: `level`, `digits` and `time_limit` of `reference`.
 
     Raises:
         InputError: an argument cannot be used.
         ReferenceRefused: no reference can be had.
     """
     if not isinstance(given, Reference):
-        return reference(given, accuracy, rtol, progress=progress)
+        return reference(given, accuracy, rtol, progress=progress, **more)
     faults = [
         complaint(name, value, "none with a reference that exists already", "leave one of them out")
         for name, value in (("accuracy", accuracy), ("rtol", rtol))

@@ -125,7 +125,7 @@ def reference_words(table: AccuracyTable) -> str:
     """What the errors rest on, in the quantity that they are of."""
     reference, quantity = table.reference, table.norm.quantity
     made = reference.certificate
-    independent = [w for w in made.witnesses if w.role == "independent"]
+    independent = [w for w in made.witnesses if w.role in ("independent", "fewer digits")]
     inside = slice(reference.trusted)
     agreeing = ", ".join(
         f"{w.solver} agrees to {max(w.differences[quantity][inside]):.1e}" for w in independent

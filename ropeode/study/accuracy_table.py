@@ -117,6 +117,7 @@ def accuracy_table(
     accuracy: float | None = None,
     rtol: float | None = None,
     progress: Progress = lambda text, fraction: None,
+    **asked: Any,
 ) -> AccuracyTable:
     """Run steppers at several step sizes and hold them against a reference.
 
@@ -129,6 +130,7 @@ def accuracy_table(
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
+        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
 
     Raises:
         InputError: one line for each argument that cannot be used.
@@ -142,7 +144,9 @@ def accuracy_table(
     measure = norm_for(problem, norm)
     if refusals := [refusal for each in chosen if (refusal := each.refusal(problem))]:
         raise InputError(refusals)
-    reference = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0))
+    reference = reference_for(
+        given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
+    )
     size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
 
     # Each run is made twice; the second time in other units, to find its round-off.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -98,6 +99,7 @@ def error_curves(
     accuracy: float | None = None,
     rtol: float | None = None,
     progress: Progress = lambda text, fraction: None,
+    **asked: Any,
 ) -> ErrorCurves:
     """Run steppers and measure their distance from a reference at each sample.
 
@@ -111,6 +113,7 @@ def error_curves(
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
+        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
 
     Raises:
         InputError: one line for each argument that cannot be used.
@@ -119,7 +122,7 @@ def error_curves(
     given, problem = problem, problem_of(problem)
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
-    known = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0))
+    known = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked)
     inside = slice(1, known.trusted)
     bound = known.bound(measure)[inside]
     curves = []
@@ -146,6 +149,7 @@ def energy_curves(
     accuracy: float | None = None,
     rtol: float | None = None,
     progress: Progress = lambda text, fraction: None,
+    **asked: Any,
 ) -> EnergyCurves:
     """Run steppers and take the energy at each sample, and that of a reference.
 
@@ -156,6 +160,7 @@ def energy_curves(
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
+        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
 
     Raises:
         InputError: one line for each argument that cannot be used.
@@ -172,7 +177,7 @@ def energy_curves(
             )
         )
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    known = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0))
+    known = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked)
     return EnergyCurves(
         problem=problem,
         reference=known,

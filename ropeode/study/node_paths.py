@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -81,6 +82,7 @@ def node_paths(
     accuracy: float | None = None,
     rtol: float | None = None,
     progress: Progress = lambda text, fraction: None,
+    **asked: Any,
 ) -> NodePaths:
     """Run steppers on a problem that is sampled up to 8 times in each frame.
 
@@ -96,6 +98,7 @@ def node_paths(
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
+        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
 
     Raises:
         InputError: one line for each argument that cannot be used.
@@ -117,7 +120,11 @@ def node_paths(
     parts = 1 if stored else _parts(problem.frames, steps)
     finer = problem if stored else _sampled(problem, parts)
     known = reference_for(
-        given if stored else finer, accuracy, rtol, progress=lambda text: progress(text, 0.0)
+        given if stored else finer,
+        accuracy,
+        rtol,
+        progress=lambda text: progress(text, 0.0),
+        **asked,
     )
     trusted = known.states[: known.trusted]
     return NodePaths(

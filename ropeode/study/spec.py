@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import AfterValidator, BeforeValidator
 
@@ -18,6 +18,7 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.certificate import Level
 from ropeode.references.reference import Reference, problem_of
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
@@ -59,6 +60,12 @@ def _kind(value: str) -> str:
     return value
 
 
+def _level(value: str) -> str:
+    if value not in get_args(Level):
+        raise InputError(unknown("level", value, get_args(Level)))
+    return value
+
+
 def _frames(value: Any) -> int | None:
     return None if value is None else whole_number(value, at_least=1)
 
@@ -86,6 +93,9 @@ class TableSpec(Input):
         norm: one of `ropeode.norms.NORMS`.
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
+        level: as for `ropeode.reference`, like what follows.
+        digits: of an extended reference; 18 where nothing is given.
+        time_limit: of an extended reference, in seconds; 60 where nothing is given.
 
     Raises:
         InputError: one line for each that cannot be used.
@@ -112,6 +122,15 @@ class TableSpec(Input):
     )
     accuracy: Positive = field(None, allowed="a finite number > 0", example="1e-6")
     rtol: Positive = field(None, allowed="a finite number > 0", example="1e-12")
+    level: Annotated[str, AfterValidator(_level)] = field(
+        "consensus", allowed="the level of a reference", example='"extended"'
+    )
+    digits: Annotated[int | None, BeforeValidator(_frames)] = field(
+        None, allowed="a whole number >= 1, with level 'extended'", example="18"
+    )
+    time_limit: Positive = field(
+        None, allowed="a finite number > 0, with level 'extended'", example="60"
+    )
 
 
 def read_spec(path: Path) -> dict[str, Any]:
@@ -175,6 +194,7 @@ class TableJob:
 
         run_checks(check_spec, check_rope)
         self.spec: TableSpec = found["spec"]
+        self._check_level()
         self.given: Problem | Reference
         if self.spec.reference is None:
             self.given = self._problem(found["rope"], bool(rope_values), folder, self.spec.frames)
@@ -202,6 +222,20 @@ class TableJob:
             )
         return load_problem(spec.problem, folder=folder, frames=frames)
 
+    def _check_level(self) -> None:
+        """Raises:
+        InputError: something is given that only another level has.
+        """
+        if self.spec.level == "extended":
+            return
+        faults = [
+            complaint(name, value, "none with level 'consensus'", "add level = extended")
+            for name in ("digits", "time_limit")
+            if (value := getattr(self.spec, name)) is not None
+        ]
+        if faults:
+            raise InputError(faults)
+
     def _stored(
         self, rope: Rope | InextensibleRope, rope_given: bool, named: set[str], folder: Path | None
     ) -> Reference:
@@ -223,6 +257,13 @@ class TableJob:
         """What is solved."""
         return problem_of(self.given)
 
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What is asked of the reference, as `ropeode.reference` takes it."""
+        names = ("accuracy", "rtol", "level", "digits", "time_limit")
+        given = {name: getattr(self.spec, name) for name in names}
+        return {name: value for name, value in given.items() if value is not None}
+
     def run(self, progress: Progress) -> AccuracyTable:
         """Make the table; raises as `accuracy_table` does."""
         spec = self.spec
@@ -231,9 +272,8 @@ class TableJob:
             spec.steppers,
             spec.steps_per_frame,
             norm=spec.norm,
-            accuracy=spec.accuracy,
-            rtol=spec.rtol,
             progress=progress,
+            **self.asked,
         )
 
 
@@ -276,6 +316,14 @@ norm = "position-max"
 
 # Relative tolerance of the reference; by default as tight as gains anything.
 # rtol = 1e-12
+
+# "consensus" of float64 solvers, or "extended" precision, which needs heyoka:
+# pip install 'ropeode[extended]'.
+level = "consensus"
+
+# With level "extended": to how many digits two runs are to agree, and how many seconds they have.
+# digits = 18
+# time_limit = 60
 
 [rope]
 start = [0.0, 200.0]       # 2 or 3 coordinates

@@ -62,7 +62,8 @@ def verify_reference(
         ReferenceRefused: today no reference can be had for the problem.
     """
     stored = load_reference(path, problem)
-    again = reference(stored.problem, stored.certificate.accuracy, progress=progress)
+    made = stored.certificate
+    again = reference(stored.problem, made.accuracy, level=made.level, progress=progress)
     samples = min(stored.trusted, again.trusted)
     distances, outside = {}, {}
     for quantity, norm in largest_norms(stored.problem).items():

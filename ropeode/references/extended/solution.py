@@ -1,0 +1,174 @@
+"""A solution that is known beyond float64, from two runs that do not share their rounding."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Mapping
+
+import numpy as np
+
+from ropeode.norms import NORMS, distance
+from ropeode.problems.problem import Problem
+from ropeode.references.extended.taylor import ExtendedRun, Progress, solve
+from ropeode.validation import check_positive, check_whole
+
+# As for references in float64: the bound is this many times what the runs are apart.
+SAFETY_FACTOR = 3.0
+# The finer run of a pair has so many bits more, and a tolerance that is finer by as much.
+_BITS_APART = 24
+# Bits that a first pair has beyond the digits that are wished, for problems that grow little.
+_BITS_TO_SPARE = 20
+_MOST_BITS = 4096
+# Where the runs are further apart than this, relative to the state, the growth has ended.
+_SATURATED = 1e-3
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ExtendedSolution:
+    """States that are known to about float64's own rounding, and how well they are known.
+
+    Arguments:
+        states: ``(times, *state)`` at the sample times that both runs reached: the finer run,
+            each number rounded to the nearest float64.
+        bounds: for each quantity, an estimated bound of the error of `states` in the norm of
+            the largest node, up to each sample: half a unit in the last place of each
+            component, and three times what the two runs are apart.
+        differences: what the two runs are apart, for each quantity at each sample.
+        agreed: how many leading samples are as accurate as was wished.
+        coarse: the run with fewer bits and a looser tolerance.
+        fine: the other one.
+        seconds: that all runs took, those with too few digits included.
+        failure: why not all samples are as accurate as was wished; None if they are.
+    """
+
+    states: np.ndarray
+    bounds: Mapping[str, np.ndarray]
+    differences: Mapping[str, np.ndarray]
+    agreed: int
+    coarse: ExtendedRun
+    fine: ExtendedRun
+    seconds: float
+    failure: str | None
+
+
+def extended_solution(
+    problem: Problem,
+    *,
+    digits: int = 18,
+    time_limit: float = 60.0,
+    progress: Progress = lambda text: None,
+) -> ExtendedSolution:
+    """Solve twice in extended precision, with more digits until the two agree.
+
+    The two runs differ in their precision by 24 bits and in their tolerance likewise. Where
+    they do not agree to the digits that are wished, what they lost says how many bits a next
+    pair needs.
+
+    Arguments:
+        problem: what to solve.
+        digits: three times what the runs are apart is at most 10 to the minus `digits` of the
+            quantity's largest component; float64 itself has 16.
+        time_limit: seconds for all runs together; the one that is under way then is cut off.
+        progress: called with a few words before each run.
+
+    Raises:
+        InputError: an argument cannot be used, the right-hand side cannot be translated, or
+            heyoka is missing.
+    """
+    digits = check_whole("digits", digits, at_least=1, example="18")
+    time_limit = check_positive("time_limit", time_limit, example="60")
+    began = time.perf_counter()
+
+    def run(precision: int) -> ExtendedRun:
+        left = max(began + time_limit - time.perf_counter(), 0.0)
+        return solve(problem, precision=precision, time_limit=left, progress=progress)
+
+    coarse = run(math.ceil(digits * math.log2(10)) + _BITS_TO_SPARE)
+    best: _Pair | None = None
+    while True:
+        pair = _Pair(problem, digits, coarse, run(coarse.precision + _BITS_APART))
+        if best is None or pair.agreed >= best.agreed:
+            best = pair
+        needed = pair.bits_needed()
+        out_of_time = time.perf_counter() >= began + time_limit
+        if pair.agreed == pair.reached or out_of_time or needed > _MOST_BITS:
+            break
+        coarse = pair.fine if needed <= pair.fine.precision else run(needed)
+    return best.solution(time.perf_counter() - began, out_of_time)
+
+
+class _Pair:
+    """Two runs and what they are apart."""
+
+    def __init__(self, problem: Problem, digits: int, coarse: ExtendedRun, fine: ExtendedRun):
+        self.problem, self.digits, self.coarse, self.fine = problem, digits, coarse, fine
+        self.reached = min(self.coarse.reached, self.fine.reached)
+        self.states = self.fine.rounded[: self.reached]
+        apart = self.coarse.states[: self.reached] - self.fine.states[: self.reached]
+        self.differences = self._distances(apart.astype(np.float64))
+        relative = [
+            SAFETY_FACTOR * self.differences[quantity] / size
+            for quantity, size in self._sizes().items()
+        ]
+        self.relative = np.maximum.accumulate(np.max(relative, axis=0))
+        self.agreed = int(np.sum(self.relative <= 10.0**-digits))
+
+    def _sizes(self) -> dict[str, float]:
+        """The largest component of each quantity; 1 where nothing moves."""
+        largest = {
+            quantity: float(np.max(np.abs(self.problem.quantity(quantity, self.states))))
+            for quantity in self.problem.quantities
+        }
+        return {quantity: size or 1.0 for quantity, size in largest.items()}
+
+    def _distances(self, apart: np.ndarray) -> dict[str, np.ndarray]:
+        """What states that are so far apart are apart in the norms of the largest node."""
+        return {
+            quantity: distance(self.problem, NORMS[f"{quantity}-max"], apart, np.zeros_like(apart))
+            for quantity in self.problem.quantities
+        }
+
+    def bits_needed(self) -> int:
+        """The precision of a coarse run that would agree to the end, by what this one lost."""
+        span = self.problem.ts - self.problem.ts[0]
+        known = np.flatnonzero(self.relative < _SATURATED)
+        last = int(known[-1])
+        if last == 0:
+            return 2 * self.fine.precision
+        lost = self.coarse.precision + math.log2(max(self.relative[last], 1e-300))
+        # Errors that grow exponentially take the same number of bits in each frame.
+        lost *= span[self.reached - 1] / span[last]
+        needed = math.ceil(self.digits * math.log2(10) + 1.1 * max(lost, 0.0)) + 8
+        return max(needed, self.coarse.precision + 1)
+
+    def solution(self, seconds: float, out_of_time: bool) -> ExtendedSolution:
+        """What is told of the pair."""
+        rounding = self._distances(np.spacing(np.abs(self.states)) / 2)
+        return ExtendedSolution(
+            states=self.states,
+            bounds={
+                quantity: np.maximum.accumulate(
+                    rounding[quantity] + SAFETY_FACTOR * self.differences[quantity]
+                )
+                for quantity in self.problem.quantities
+            },
+            differences=self.differences,
+            agreed=self.agreed,
+            coarse=self.coarse,
+            fine=self.fine,
+            seconds=seconds,
+            failure=self._failure(out_of_time),
+        )
+
+    def _failure(self, out_of_time: bool) -> str | None:
+        if self.agreed == len(self.problem.ts):
+            return None
+        if self.agreed == self.reached:
+            return self.fine.failure or self.coarse.failure
+        why = "time ran out" if out_of_time else f"more than {_MOST_BITS} bits would be needed"
+        return (
+            f"{self.digits} digits are not reached from t = {self.problem.ts[self.agreed]:g} on: "
+            f"{why}"
+        )

@@ -1,0 +1,214 @@
+"""heyoka's Taylor series method in as many digits as are asked for."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ropeode.problems.problem import Problem
+from ropeode.references.extended.library import heyoka
+from ropeode.references.extended.translate import Translation, translate
+from ropeode.validation import check_positive, check_whole
+
+# The significand of IEEE quadruple precision.
+QUADRUPLE = 113
+
+Progress = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ExtendedRun:
+    """One run of the Taylor method.
+
+    Arguments:
+        precision: of all its numbers, in bits of the significand.
+        tolerance: relative, of one step.
+        states: ``(times, *state)`` at the sample times that were reached, as `heyoka.real`.
+        steps: made.
+        seconds: to run.
+        compile_seconds: to translate and compile.
+        choices: primitives that chose a branch by looking at the state, and stayed with it.
+        failure: why it did not reach the last sample time; None if it did.
+    """
+
+    precision: int
+    tolerance: float
+    states: np.ndarray
+    steps: int
+    seconds: float
+    compile_seconds: float
+    choices: tuple[str, ...] = ()
+    failure: str | None = None
+
+    @property
+    def rounded(self) -> np.ndarray:
+        """The states, each rounded to the nearest float64."""
+        return self.states.astype(np.float64)
+
+    @property
+    def reached(self) -> int:
+        """How many samples it has, the initial state included."""
+        return len(self.states)
+
+
+def solve(
+    problem: Problem,
+    *,
+    precision: int = QUADRUPLE,
+    tolerance: float | None = None,
+    time_limit: float = np.inf,
+    progress: Progress = lambda text: None,
+) -> ExtendedRun:
+    """Solve with Taylor series whose order follows from the tolerance.
+
+    Each sample time is the end of a step. At declared jump times the right-hand side is
+    translated anew and the series begin anew. Elsewhere it must be one smooth function: the
+    run ends at the last sample before a step after which it would choose another branch.
+
+    Arguments:
+        problem: what to solve.
+        precision: of all numbers, in bits of the significand, 53 or more.
+        tolerance: relative error of one step; by default one unit of rounding.
+        time_limit: seconds after which the run ends where it is; looked at after each step.
+        progress: called with a few words at the start.
+
+    Raises:
+        InputError: an argument cannot be used, the right-hand side cannot be translated, or
+            heyoka is missing.
+    """
+    # What is given is float64, which fewer bits could not hold.
+    precision = check_whole("precision", precision, at_least=53, example="113")
+    if tolerance is None:
+        tolerance = 2.0 ** (1 - precision)
+    tolerance = check_positive("tolerance", tolerance, example="1e-33")
+    progress(f"reference: heyoka Taylor with {precision} bits")
+    run = _Run(problem, precision, tolerance, time.perf_counter() + time_limit)
+    run.to_the_end()
+    states = np.stack(run.samples).reshape(-1, *problem.y0.shape)
+    return ExtendedRun(
+        precision=precision,
+        tolerance=tolerance,
+        states=states,
+        steps=run.steps,
+        seconds=run.seconds,
+        compile_seconds=run.compile_seconds,
+        choices=tuple(sorted(run.choices)),
+        failure=run.failure,
+    )
+
+
+class _Run:
+    """What grows in the course of a run."""
+
+    def __init__(self, problem: Problem, precision: int, tolerance: float, deadline: float):
+        self.problem = problem
+        self.precision = precision
+        self.tolerance = tolerance
+        self.deadline = deadline
+        self.samples = [self._exactly(problem.y0.reshape(-1))]
+        self.steps = 0
+        self.seconds = self.compile_seconds = 0.0
+        self.choices: set[str] = set()
+        self.failure: str | None = None
+
+    def to_the_end(self) -> None:
+        """From one jump time to the next, until the end or a failure."""
+        ends = [*self.problem.jump_times, float(self.problem.ts[-1])]
+        at, state = float(self.problem.ts[0]), self.samples[0]
+        for end in ends:
+            state = self._piece(at, state, end)
+            if self.failure is not None:
+                return
+            at = end
+
+    def _piece(self, start: float, state: np.ndarray, end: float) -> np.ndarray:
+        """The state at the end of a piece without jumps; the samples on the way are kept."""
+        began = time.perf_counter()
+        library, shape = heyoka(), self.problem.y0.shape
+        rounded = state.astype(np.float64).reshape(shape)
+        translation = translate(self.problem, self.precision, t=start, y=rounded)
+        self.choices.update(translation.guards.names)
+        taylor = library.taylor_adaptive(
+            translation.system,
+            state,
+            time=library.real(start, self.precision),
+            tol=library.real(self.tolerance, self.precision),
+            fp_type=library.real,
+            prec=self.precision,
+            # Otherwise some problems of four components take minutes to compile.
+            compact_mode=True,
+        )
+        self.compile_seconds += time.perf_counter() - began
+
+        began = time.perf_counter()
+        ts, first = self.problem.ts, len(self.samples)
+        stops = sorted({end, *ts[(ts > start) & (ts < end)].tolist()})
+        steps: list[tuple[float, np.ndarray]] = []
+        for stop in stops:
+            target = library.real(stop, self.precision)
+            why = self._advance(taylor, target, steps)
+            arrived = taylor.time == target and np.all(np.isfinite(taylor.state))
+            if arrived and stop in ts:
+                self.samples.append(taylor.state.copy())
+            # The time limit may be noticed after the very last step.
+            if not arrived or (why is not None and stop != ts[-1]):
+                why = why or "the state is not finite"
+                last = max([start, *(t for t, _ in steps if np.isfinite(t))])
+                self.failure = f"stopped after t = {last:g}: {why}"
+                break
+        self.steps += len(steps)
+        self._look_at_guards(translation, steps, end, first)
+        self.seconds += time.perf_counter() - began
+        return taylor.state.copy()
+
+    def _advance(
+        self, taylor: Any, target: Any, steps: list[tuple[float, np.ndarray]]
+    ) -> str | None:
+        """Step to a time, noting each step's end; why it was given up on the way, if it was."""
+        shortest = 2.0**-self.precision * float(self.problem.ts[-1] - self.problem.ts[0])
+        given_up: list[str] = []
+
+        def each_step(taylor: Any) -> bool:
+            steps.append((float(taylor.time), taylor.state.astype(np.float64)))
+            if abs(float(taylor.last_h)) < shortest and taylor.time != target:
+                given_up.append("its steps become too short")
+            elif time.perf_counter() >= self.deadline:
+                given_up.append("the time limit")
+            return not given_up
+
+        taylor.propagate_until(target, callback=each_step)
+        return given_up[0] if given_up else None
+
+    def _look_at_guards(
+        self,
+        translation: Translation,
+        steps: list[tuple[float, np.ndarray]],
+        end: float,
+        first: int,
+    ) -> None:
+        """Drop the samples from where the right-hand side is another function."""
+        # At a jump time it may be either.
+        inside = [step for step in steps if step[0] < end or end == self.problem.ts[-1]]
+        inside = [step for step in inside if np.all(np.isfinite(step[1]))]
+        if not inside:
+            return
+        ts = [t for t, _ in inside]
+        states = np.stack([state for _, state in inside]).reshape(-1, *self.problem.y0.shape)
+        broken = translation.guards.first_break(ts, states)
+        if broken is None:
+            return
+        index, name = broken
+        kept = int(np.searchsorted(self.problem.ts, ts[index]))
+        del self.samples[max(kept, first) :]
+        self.failure = (
+            f"stopped before t = {ts[index]:g}: there {name!r} in the right-hand side takes "
+            "another branch than at the start, so that it is not one smooth function"
+        )
+
+    def _exactly(self, array: np.ndarray) -> np.ndarray:
+        real = heyoka().real
+        return np.array([real(float(entry), self.precision) for entry in array])

@@ -1,0 +1,126 @@
+"""References of level `extended`, held against exact solutions and against the other level."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError, ReferenceRefused
+from ropeode.norms import distance
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.certificate import largest_norms
+from ropeode.references.reference import reference
+from ropeode.references.stored.store import load_reference, save_reference
+
+pytest.importorskip("heyoka", reason="heyoka is an extra")
+
+EXACT = [name for name, build in PROBLEMS.items() if build().exact is not None]
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_it_is_the_exact_solution_rounded(name):
+    problem = PROBLEMS[name](frames=3)
+    known = reference(problem, level="extended")
+    assert known.certificate.level == "extended"
+    exact = problem.exact(problem.ts)
+    for quantity, norm in largest_norms(problem).items():
+        # The exact solution is computed to a unit or two in the last place itself.
+        size = np.max(np.abs(problem.quantity(quantity, exact)))
+        apart = distance(problem, norm, known.states, exact)
+        assert np.all(apart <= known.bound(norm) + 4 * np.finfo(float).eps * size)
+        assert known.bound(norm)[-1] <= 2 * np.finfo(float).eps * size
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        Rope(num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.1, initial_velocity=(0.3, 1)),
+        InextensibleRope(num_nodes=4, damping=0.3),
+    ],
+    ids=["rope", "inextensible"],
+)
+def test_the_other_level_lies_within_its_bound(problem):
+    problem = problem.problem(3)
+    extended, consensus = reference(problem, level="extended"), reference(problem)
+    for norm in largest_norms(problem).values():
+        apart = distance(problem, norm, consensus.states, extended.states)
+        assert np.all(apart <= consensus.bound(norm))
+        assert extended.bound(norm)[-1] < 0.1 * consensus.bound(norm)[-1]
+
+
+def test_it_comes_back_from_a_file(tmp_path):
+    known = reference(PROBLEMS["kepler"](frames=2), level="extended")
+    found = load_reference(save_reference(known, tmp_path / "kepler.nc"))
+    np.testing.assert_array_equal(found.states, known.states)
+    assert found.certificate.level == "extended"
+    assert found.certificate.witnesses[0].role == "fewer digits"
+    assert found.trusted == known.trusted
+
+
+def test_a_pole_ends_it():
+    """y' = y^2 from 1 has the solution 1/(1 - t)."""
+    problem = Problem(lambda t, y, args: y**2, [1.0], [0.0, 0.5, 0.9, 1.1])
+    known = reference(problem, level="extended")
+    assert known.trusted == 3
+    assert known.horizon == 1.1
+    assert known.certificate.horizon_reason
+    np.testing.assert_allclose(known.states[:3, 0], [1, 2, 10], rtol=4e-16)
+
+
+def test_what_float64_solvers_contradict_is_refused(monkeypatch):
+    """As it would be if both runs stepped over the same thing, or were translated wrongly."""
+    from ropeode.references.extended import reference as module
+
+    def wrong(problem, **more):
+        found = solution(problem, **more)
+        states = found.states.copy()
+        states[2:] *= 1 + 1e-9
+        return dataclasses.replace(found, states=states)
+
+    solution = module.extended_solution
+    monkeypatch.setattr(module, "extended_solution", wrong)
+    with pytest.raises(ReferenceRefused, match=r"from t = 2 on it is further from that of float64"):
+        reference(PROBLEMS["oscillator"](frames=4), level="extended")
+
+
+def test_float64_solvers_are_among_the_witnesses():
+    known = reference(PROBLEMS["forced"](frames=3), level="extended")
+    roles = [witness.role for witness in known.certificate.witnesses]
+    assert roles == ["fewer digits", "independent"]
+    assert known.certificate.witnesses[1].difference < 1e-10
+
+
+def test_no_time_is_told():
+    with pytest.raises(ReferenceRefused, match="time limit"):
+        reference(Rope(damping=0.0).problem(200), level="extended", time_limit=0.01)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"rtol": 1e-9}, "rtol: .* none with level 'extended'"),
+        ({"digits": 0}, "digits: 0 given"),
+        ({"time_limit": -1}, "time_limit: -1 given"),
+        ({"accuracy": 0}, "accuracy: 0 given"),
+    ],
+)
+def test_faults(more, words):
+    with pytest.raises(InputError, match=words):
+        reference(PROBLEMS["oscillator"](), level="extended", **more)
+
+
+def test_levels_that_do_not_exist():
+    with pytest.raises(InputError, match="level: 'exact' given"):
+        reference(PROBLEMS["oscillator"](), level="exact")
+
+
+def test_what_cannot_be_translated_is_named():
+    problem = Problem(lambda t, y, args: jnp.sort(y), [2.0, 1.0], [0.0, 1.0])
+    with pytest.raises(InputError, match="sort"):
+        reference(problem, level="extended")

@@ -1,0 +1,276 @@
+"""Right-hand sides as expressions of heyoka."""
+
+from __future__ import annotations
+
+import sys
+from fractions import Fraction
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.extended import rules
+from ropeode.references.extended.entries import CHOICES
+from ropeode.references.extended.translate import translate
+
+heyoka = pytest.importorskip("heyoka", reason="the extra 'extended' is not installed")
+
+BITS = 113
+
+
+def apart(problem, states, t=1.3, bits=53):
+    """The largest difference from the JAX right-hand side, relative to the largest derivative.
+
+    In float64, where the two may differ by the order of operations.
+    """
+    translation = translate(problem, bits)
+    compiled = heyoka.cfunc(translation.derivatives, translation.variables, compact_mode=True)
+    worst = 0.0
+    for y in states:
+        with jax.enable_x64(True):
+            wanted = np.asarray(problem.rhs(t, y, problem.args)).reshape(-1)
+        found = compiled(y.reshape(-1), time=t)
+        worst = max(worst, np.max(np.abs(found - wanted)) / np.max(np.abs(wanted)))
+    return worst
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_library_problems_are_what_jax_computes(name):
+    problem = PROBLEMS[name]()
+    draw = np.random.default_rng(3).normal(size=(5, *problem.y0.shape))
+    # Measured: 5.4e-16 at most.
+    assert apart(problem, problem.y0 + 0.1 * problem.scale * draw) < 2e-15
+
+
+@pytest.mark.parametrize(
+    "rope",
+    [
+        Rope(num_nodes=1, pinned=[]),
+        Rope(num_nodes=2, pinned=[0, 1]),
+        Rope(num_nodes=5, start=(0, 0, 0), end=(1, 2, 3), pinned=[0, 4], damping=0.3),
+        Rope(num_nodes=4, node_mass=[1, 2, 3, 4], stiffness=[5, 6, 7], initial_velocity=[1, 2]),
+        InextensibleRope(num_nodes=1, pinned=[]),
+        InextensibleRope(num_nodes=2),
+        InextensibleRope(num_nodes=5, pinned=[0, 1], damping=0.3),
+        InextensibleRope(num_nodes=4, pinned=[], node_mass=[1, 2, 3, 4]),
+    ],
+    ids=lambda rope: f"{type(rope).__name__} of {rope.num_nodes}",
+)
+def test_ropes_of_every_kind(rope):
+    problem = rope.problem()
+    draw = np.random.default_rng(5).normal(size=(3, *problem.y0.shape))
+    states = problem.y0 + 0.1 * problem.scale * draw
+    if np.any(problem.args.free):
+        # An inextensible rope's tensions come from a system whose condition counts.
+        assert apart(problem, states) < 1e-14
+    assert len(translate(problem, BITS).derivatives) == problem.y0.size
+
+
+def test_sums_over_nothing():
+    assert (
+        apart(problem_of(lambda t, y, a: y + jnp.sum(y[3:]) + jnp.dot(y[3:], y[3:])), [np.ones(3)])
+        == 0
+    )
+
+
+INDEX = np.array([2, 0, 1])
+MATRIX = np.array([[0.3, 0.1, 0.7], [0.2, -0.4, 0.9], [1.1, 0.6, -0.8]])
+
+
+def bands(y):
+    """A tridiagonal system of three equations, solved."""
+    zero = jnp.zeros(1)
+    lower, upper = jnp.concatenate([zero, y[:2]]), jnp.concatenate([y[1:], zero])
+    return jax.lax.linalg.tridiagonal_solve(lower, 4.0 + y, upper, jnp.stack([y, y**2], 1)).sum(1)
+
+
+@jax.custom_jvp
+def own_rule(y):
+    return y * y
+
+
+own_rule.defjvp(lambda y, dy: (y[0] ** 2, 2 * y[0] * dy[0]))
+
+
+def looped(y):
+    """A loop of known length, with something carried, something read and something stacked."""
+
+    def body(carry, row):
+        return carry + row * y, carry * row
+
+    carry, rows = jax.lax.scan(body, y, jnp.array([0.3, 0.5]), reverse=True)
+    return carry + rows[0] - rows[1] + jax.lax.fori_loop(0, 3, lambda i, z: z * 0.7 + y[i], y)
+
+
+# Of a state of three components, from 0.2 to 0.8.
+CASES = {
+    "arithmetic": lambda t, y, a: -(y + 1.5) * y / (y - 3.0) + jnp.square(y) + y**3 + y**-2,
+    "powers": lambda t, y, a: (
+        y**1.5 + y**0.3 + 2.0**y + y**a + jax.lax.pow(y, jnp.array([2, 3, 1]))
+    ),
+    "roots": lambda t, y, a: jnp.sqrt(y) + jax.lax.rsqrt(y) + jnp.cbrt(y) + jnp.cbrt(-y * 3.0),
+    "exponentials": lambda t, y, a: (
+        jnp.exp(y) + jnp.exp2(y) + jnp.expm1(y) + jnp.log(y) + jnp.log1p(y)
+    ),
+    "circular": lambda t, y, a: (
+        jnp.sin(y) + jnp.cos(y) * jnp.tan(y) + jnp.arcsin(y) + jnp.arccos(y) + jnp.arctan(y)
+    ),
+    "atan2": lambda t, y, a: jnp.arctan2(y, y[::-1]) + jnp.arctan2(y, 0.3) + jnp.arctan2(0.3, a),
+    "hyperbolic": lambda t, y, a: (
+        jnp.sinh(y) + jnp.cosh(y) + jnp.tanh(y) + jnp.arcsinh(y) + jnp.arctanh(y)
+    ),
+    "arcosh": lambda t, y, a: jnp.arccosh(1.0 + y),
+    "sigmoids": lambda t, y, a: jax.nn.sigmoid(y) + jax.scipy.special.erf(y) * 0.5,
+    "erfc": lambda t, y, a: jax.scipy.special.erfc(y),
+    "choices": lambda t, y, a: (
+        jnp.abs(y)
+        + jnp.abs(-y)
+        + jnp.maximum(y, 0.1)
+        + jnp.minimum(y, 0.1)
+        + jax.lax.clamp(0.0, y, 1.0)
+    ),
+    "steps": lambda t, y, a: (
+        jnp.sign(y) * y + jnp.floor(y + 2) * y + jnp.ceil(y) + jnp.round(y / 9) + (y > 0.1) * y
+    ),
+    "constant choices": lambda t, y, a: (
+        jnp.abs(-a) * y + jnp.maximum(a, 0.5) + jnp.sign(a) + jnp.where(a > 0.5, a, y)
+    ),
+    "constant functions": lambda t, y, a: (
+        y * jnp.sin(a) * jax.nn.sigmoid(a) * jnp.log1p(a) * jnp.exp2(a) * a**a * jnp.cbrt(-a)
+    ),
+    "guard": lambda t, y, a: jnp.where(y > 0, 1 / jnp.where(y > 0, y, 1.0), 0.0),
+    "slices": lambda t, y, a: jnp.concatenate([y[1:], y[:1]]) + y[::-1] + jnp.pad(y[:1], (1, 1)),
+    "indices": lambda t, y, a: y[INDEX] + y[jnp.argmax(a)] + jnp.roll(y, 1) + jnp.take(y, INDEX),
+    "dynamic": lambda t, y, a: jax.lax.dynamic_slice(y, (jnp.argmax(a) - 1,), (1,)) * y,
+    "updates": lambda t, y, a: (
+        y.at[0].set(2.0 * y[1])
+        + y.at[INDEX].add(y**2)
+        + jax.lax.dynamic_update_slice(y, y[:1], (1,))
+    ),
+    "repeated update": lambda t, y, a: y.at[jnp.array([1, 1, 2])].add(y),
+    "shapes": lambda t, y, a: (
+        (jnp.stack([y, 2 * y]).T.reshape(2, 3)[:, None] * y).squeeze(1).sum(0) + jnp.tile(y, 2)[1:4]
+    ),
+    "split": lambda t, y, a: sum(jnp.split(jnp.concatenate([y, y * y]), 2)) + jnp.copy(y),
+    "unstack": lambda t, y, a: sum(jnp.unstack(jnp.stack([y, y * y]))) * y,
+    "sums": lambda t, y, a: (
+        jnp.sum(y) + jnp.prod(y) + jnp.cumsum(y) + jnp.cumprod(y) + jax.lax.cumsum(y, reverse=True)
+    ),
+    "products": lambda t, y, a: (
+        MATRIX @ y + jnp.dot(y, y) + jnp.einsum("ij,jk,k->i", MATRIX, MATRIX, y)
+    ),
+    "batched product": lambda t, y, a: jnp.einsum("bi,bi->b", MATRIX * y, MATRIX),
+    "tridiagonal": lambda t, y, a: bands(y),
+    "gradient": lambda t, y, a: -jax.grad(lambda y: jnp.sum(jnp.sqrt(1 + y**2) * y[::-1]))(y),
+    "calls": lambda t, y, a: jax.jit(own_rule)(y) + jax.checkpoint(jnp.sin)(y),
+    "loops": lambda t, y, a: looped(y),
+    "barrier": lambda t, y, a: jax.lax.optimization_barrier(y) + jax.lax.stop_gradient(y),
+    "time": lambda t, y, a: jnp.cos(1.7 * t) * y + t,
+    "whole numbers": lambda t, y, a: y * jnp.arange(3) + jnp.arange(3.0) + jax.lax.iota(float, 3),
+}
+
+
+def problem_of(rhs, y0=(0.3, 0.5, 0.7)):
+    constants = np.array([0.7, 0.9, 0.2])
+    return Problem(lambda t, y, a: rhs(t, jnp.asarray(y), a), y0, [0.0, 1.0], constants)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_primitive_is_what_jax_computes(name):
+    states = np.random.default_rng(4).uniform(0.2, 0.8, size=(5, 3))
+    # A few operations, of which the worst (a difference of near numbers) loses a digit.
+    assert apart(problem_of(CASES[name]), states) < 1e-14
+
+
+def primitives(jaxpr):
+    found = set()
+    for equation in jaxpr.eqns:
+        found.add(equation.primitive.name)
+        for param in equation.params.values():
+            inner = getattr(param, "jaxpr", param)
+            if hasattr(inner, "eqns"):
+                found |= primitives(inner)
+    return found
+
+
+def test_no_primitive_goes_untested():
+    found = set()
+    with jax.enable_x64(True):
+        for rhs in CASES.values():
+            found |= primitives(jax.make_jaxpr(rhs)(0.0, np.ones(3), np.ones(3)).jaxpr)
+    assert {*rules.RULES, *rules.MOVES, *CHOICES, *rules.STEPS, "scatter-add"} <= found
+
+
+def exact_value(expression):
+    """A constant derivative, as a fraction; 300 bits hold every number here."""
+    compiled = heyoka.cfunc([expression], [heyoka.expression("y0")], fp_type=heyoka.real, prec=300)
+    return Fraction(str(compiled(np.array([heyoka.real(1, 300)]))[0]))
+
+
+@pytest.mark.parametrize(
+    "rhs",
+    [
+        lambda t, y, args: 0.1 * y,
+        lambda t, y, args: np.array([0.1]) * y,
+        lambda t, y, args: args * y,
+        lambda t, y, args: jnp.full(1, 0.1) * jnp.sum(y),
+    ],
+    ids=["literal", "closed over", "argument", "filled"],
+)
+def test_constants_are_the_binary64_numbers(rhs):
+    problem = Problem(rhs, [1.0], [0.0, 1.0], 0.1)
+    (expression,) = translate(problem, 300).derivatives
+    error = abs(exact_value(expression) - Fraction(0.1))
+    assert error < Fraction(1, 2**300)
+    assert Fraction(0.1) != Fraction(1, 10)
+
+
+def test_what_constants_make_is_not_rounded_to_float64():
+    problem = Problem(lambda t, y, a: a[0] / a[1] * y, [1.0], [0.0, 1.0], np.array([1.0, 3.0]))
+    (expression,) = translate(problem, 300).derivatives
+    assert abs(exact_value(expression) - Fraction(1, 3)) < Fraction(1, 2**300)
+
+
+@pytest.mark.parametrize(
+    ("name", "rhs"),
+    [
+        ("rem", lambda t, y, a: y % 0.3),
+        ("while", lambda t, y, a: jax.lax.while_loop(lambda z: z[0] < 1, lambda z: z * 2, y)),
+        ("cond", lambda t, y, a: jax.lax.cond(y[0] > 0, jnp.sin, jnp.cos, y)),
+        ("lu", lambda t, y, a: jnp.linalg.solve(jnp.diag(y), y)),
+        ("convert_element_type", lambda t, y, a: y.astype(jnp.float32).astype(float)),
+    ],
+)
+def test_other_primitives_are_named(name, rhs):
+    with pytest.raises(InputError, match="(?s)rhs: .*primitive.*allowed: .*Fix: ") as error:
+        translate(problem_of(rhs), BITS)
+    assert repr(name) in str(error.value)
+
+
+def test_choices_are_remembered():
+    rope = PROBLEMS["rope"]()
+    guards = translate(rope, BITS).guards
+    assert set(guards.names) == {"gt"}
+    assert guards.first_break(rope.ts, np.stack([rope.y0] * len(rope.ts))) is None
+    collapsed = np.stack([rope.y0, np.zeros_like(rope.y0), rope.y0])
+    assert guards.first_break([0.0, 1.0, 2.0], collapsed) == (1, "gt")
+
+
+def test_more_states_than_a_block():
+    guards = translate(problem_of(lambda t, y, a: jnp.abs(y)), BITS).guards
+    states = np.ones((1000, 3))
+    assert guards.first_break(np.arange(1000.0), states) is None
+    states[777, 1] = -1.0
+    assert guards.first_break(np.arange(1000.0), states) == (777, "abs")
+
+
+def test_missing_heyoka_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "heyoka", None)
+    with pytest.raises(InputError, match=r"heyoka: .*pip install 'ropeode\[extended\]'"):
+        translate(problem_of(lambda t, y, a: y), BITS)
