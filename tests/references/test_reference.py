@@ -43,7 +43,7 @@ def test_everything_is_recorded():
     assert made.level == "consensus"
     assert made.solver == "diffrax Dopri8"
     assert (made.rtol, made.atol) == (1e-13, 1e-13 * 400)
-    assert {w.role for w in made.witnesses} == set(get_args(Role))
+    assert {w.role for w in made.witnesses} == set(get_args(Role)) - {"fewer digits"}
     assert [w.solver for w in made.witnesses if w.role == "independent"] == ["SciPy DOP853"]
     for w in made.witnesses:
         assert w.steps > 0
