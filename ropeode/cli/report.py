@@ -42,12 +42,10 @@ def report(
     end_on_ctrl_c("finished runs are kept; the same command goes on from there")
     import platformdirs
 
-    from ropeode.experiments.figures import check_figures
     from ropeode.experiments.report import rope_report
     from ropeode.render.formats import format_report
 
     numbers = [part.strip() for part in figures.split(",")] if figures is not None else None
-    check_figures(numbers)
     with show_progress() as progress:
 
         def work() -> tuple[str, dict[str, bytes]]:

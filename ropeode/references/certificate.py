@@ -103,7 +103,7 @@ def witness(problem: Problem, primary: Solution, run: Solution, role: Role) -> W
         steps=run.steps,
         seconds=run.seconds,
         differences={
-            quantity: _padded(distance(problem, norm, run.states, primary.states), problem)
+            quantity: padded(distance(problem, norm, run.states, primary.states), problem)
             for quantity, norm in largest_norms(problem).items()
         },
     )
@@ -132,9 +132,9 @@ def bounds(
     for quantity in problem.quantities:
         differences = [w.differences[quantity] for w in witnesses if w.role != "looser"]
         if quantity in drift:
-            differences.append(_padded(drift[quantity], problem))
+            differences.append(padded(drift[quantity], problem))
         values = np.abs(problem.quantity(quantity, primary.states)).max(axis=(1, 2))
-        rounding = ROUNDING_UNITS * np.finfo(np.float64).eps * _padded(values, problem)
+        rounding = ROUNDING_UNITS * np.finfo(np.float64).eps * padded(values, problem)
         result[quantity] = np.maximum.accumulate(
             SAFETY_FACTOR * np.max(differences, axis=0) + rounding
         )
@@ -145,7 +145,7 @@ def from_tightest(problem: Problem, run: Solution, tightest: Solution) -> np.nda
     """The largest distance of the first quantity up to each sample, ``(times,)``."""
     norm = next(iter(largest_norms(problem).values()))
     apart = distance(problem, norm, run.states, tightest.states)
-    return np.maximum.accumulate(_padded(apart, problem))
+    return np.maximum.accumulate(padded(apart, problem))
 
 
 def trusted_samples(
@@ -198,6 +198,6 @@ def trusted_samples(
     return enough, "the estimated bound exceeds the accuracy asked for"
 
 
-def _padded(series: np.ndarray, problem: Problem) -> np.ndarray:
+def padded(series: np.ndarray, problem: Problem) -> np.ndarray:
     """A series over the samples that were reached, infinite at the others."""
     return np.concatenate([series, np.full(len(problem.ts) - len(series), np.inf)])

@@ -137,13 +137,8 @@ def accuracy_table(
         ReferenceRefused: no reference can be had for the problem.
     """
     given, problem = problem, problem_of(problem)
-    if steppers is None:
-        steppers = default_steppers(problem)
-    chosen = check_steppers(steppers)
-    ladder = check_steps(steps_per_frame)
+    chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
-    if refusals := [refusal for each in chosen if (refusal := each.refusal(problem))]:
-        raise InputError(refusals)
     reference = reference_for(
         given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
     )
@@ -179,6 +174,18 @@ def default_steppers(problem: Problem) -> list[str]:
         if (stepper := stepper_named(name)).refusal(problem) is None
         and stepper.solves(problem_class(problem))
     ]
+
+
+def chosen_steppers(problem: Problem, given: Sequence[str | Stepper] | None) -> list[Stepper]:
+    """Steppers that can run on a problem; where none are given, those that a table has.
+
+    Raises:
+        InputError: one line for each that does not exist, is repeated or cannot run.
+    """
+    chosen = check_steppers(default_steppers(problem) if given is None else given)
+    if refusals := [refusal for each in chosen if (refusal := each.refusal(problem))]:
+        raise InputError(refusals)
+    return chosen
 
 
 def check_steppers(given: Sequence[str | Stepper]) -> list[Stepper]:

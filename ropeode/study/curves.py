@@ -18,9 +18,8 @@ from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
     Progress,
-    check_steppers,
     check_steps,
-    default_steppers,
+    chosen_steppers,
 )
 from ropeode.validation import complaint
 
@@ -188,18 +187,6 @@ def energy_curves(
             for run in runs(problem, chosen, ladder, progress)
         ),
     )
-
-
-def chosen_steppers(problem: Problem, given: Sequence[str | Stepper] | None) -> list[Stepper]:
-    """Steppers that can run on a problem; where none are given, those that a table has.
-
-    Raises:
-        InputError: one line for each that does not exist, is repeated or cannot run.
-    """
-    chosen = check_steppers(default_steppers(problem) if given is None else given)
-    if refusals := [refusal for each in chosen if (refusal := each.refusal(problem))]:
-        raise InputError(refusals)
-    return chosen
 
 
 def runs(

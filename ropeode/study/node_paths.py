@@ -14,8 +14,8 @@ from ropeode.norms import Norm, distance, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, problem_of, reference_for
 from ropeode.steppers.base import Stepper
-from ropeode.study.accuracy_table import Progress, check_steps
-from ropeode.study.curves import chosen_steppers, runs
+from ropeode.study.accuracy_table import Progress, check_steps, chosen_steppers
+from ropeode.study.curves import runs
 from ropeode.validation import complaint
 
 DEFAULT_STEPPERS = ("semi-implicit-euler",)

@@ -241,16 +241,16 @@ class TableJob:
     ) -> Reference:
         """The stored reference; its problem must be the one that is described, if one is."""
         # Not above: HDF5 takes its time to load, and most tables need none of it.
-        from ropeode.references.stored.store import load_reference
+        from ropeode.references.stored.store import reference_from, stored_facts
 
         assert self.spec.reference is not None
-        path = (folder or Path()) / self.spec.reference
+        facts = stored_facts((folder or Path()) / self.spec.reference)
         if not (rope_given or named & {"problem", "kind", "frames"}):
-            return load_reference(path)
+            return reference_from(facts)
         frames = self.spec.frames
         if frames is None and self.spec.problem in PROBLEMS:
-            frames = load_reference(path).problem.frames
-        return load_reference(path, self._problem(rope, rope_given, folder, frames))
+            frames = facts.problem["parameters"].get("frames")
+        return reference_from(facts, self._problem(rope, rope_given, folder, frames))
 
     @property
     def problem(self) -> Problem:

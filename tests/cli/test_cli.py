@@ -16,28 +16,6 @@ RUN = [sys.executable, "-m", "ropeode"]
 QUICK = ["table", "--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "8,12,18"]
 
 
-@pytest.fixture(scope="session")
-def environment(tmp_path_factory):
-    """Everything that a command caches goes to a folder of the test's own."""
-    return {**os.environ, "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
-
-
-@pytest.fixture
-def run(environment, tmp_path):
-    def call(*arguments):
-        return subprocess.run(
-            [*RUN, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=180,
-            cwd=tmp_path,
-            env=environment,
-            check=False,
-        )
-
-    return call
-
-
 def test_help_does_not_import_jax(environment):
     code = (
         "import sys\n"

@@ -17,32 +17,6 @@ RUN = [sys.executable, "-m", "ropeode"]
 QUICK = ["--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "4,8,16"]
 
 
-@pytest.fixture(scope="session")
-def environment(tmp_path_factory):
-    """Everything that a command caches goes to a folder of the test's own."""
-    return {**os.environ, "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
-
-
-@pytest.fixture
-def run(environment, tmp_path):
-    def call(*arguments, without=None):
-        code = (
-            f"import sys; sys.modules[{without!r}] = None\n"
-            f"from ropeode.cli.main import main; main({list(arguments)!r})"
-        )
-        return subprocess.run(
-            [sys.executable, "-c", code] if without else [*RUN, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=180,
-            cwd=tmp_path,
-            env=environment,
-            check=False,
-        )
-
-    return call
-
-
 def test_help_imports_neither_jax_nor_matplotlib(environment):
     code = (
         "import sys\n"

@@ -8,9 +8,9 @@ from importlib import metadata
 import numpy as np
 
 from ropeode.errors import InputError, ReferenceRefused
-from ropeode.norms import NORMS, distance
+from ropeode.norms import distance
 from ropeode.problems.problem import Problem
-from ropeode.references.certificate import Certificate, Witness
+from ropeode.references.certificate import Certificate, Witness, largest_norms, padded
 from ropeode.references.extended.solution import ExtendedSolution, extended_solution
 from ropeode.references.ladder import Progress
 from ropeode.references.reference import (
@@ -64,7 +64,7 @@ def extended_reference(
         accuracy = max(RELATIVE_ACCURACY * farthest, FINEST_ACCURACY * problem.scale)
     drift = problem.drift(states)
     bounds = {
-        quantity: _padded(_with_drift(series[: found.agreed], drift.get(quantity)), problem)
+        quantity: padded(_with_drift(series[: found.agreed], drift.get(quantity)), problem)
         for quantity, series in found.bounds.items()
     }
     first = problem.quantities[0]
@@ -132,8 +132,8 @@ def _consensus(problem: Problem, accuracy: float, progress: Progress) -> Referen
 def _distances(problem: Problem, states: np.ndarray, other: Reference) -> dict[str, np.ndarray]:
     """How far the other reference is, for each quantity at each sample that both have."""
     return {
-        quantity: distance(problem, NORMS[f"{quantity}-max"], states, other.states[: other.trusted])
-        for quantity in problem.quantities
+        quantity: distance(problem, norm, states, other.states[: other.trusted])
+        for quantity, norm in largest_norms(problem).items()
     }
 
 
@@ -152,7 +152,7 @@ def _independent(problem: Problem, other: Reference, apart: dict[str, np.ndarray
         role="independent",
         steps=made.steps,
         seconds=made.seconds,
-        differences={quantity: _padded(series, problem) for quantity, series in apart.items()},
+        differences={quantity: padded(series, problem) for quantity, series in apart.items()},
         difference=float(np.max(apart[problem.quantities[0]])),
     )
 
@@ -160,7 +160,7 @@ def _independent(problem: Problem, other: Reference, apart: dict[str, np.ndarray
 def _witness(problem: Problem, found: ExtendedSolution, trusted: int) -> Witness:
     """The coarser run, as far from the finer one as they are before anything is rounded."""
     differences = {
-        quantity: _padded(series, problem) for quantity, series in found.differences.items()
+        quantity: padded(series, problem) for quantity, series in found.differences.items()
     }
     return Witness(
         solver=_solver(found.coarse.precision),
@@ -179,8 +179,3 @@ def _solver(bits: int) -> str:
 
 def _with_drift(bound: np.ndarray, drift: np.ndarray | None) -> np.ndarray:
     return bound if drift is None else np.maximum.accumulate(np.maximum(bound, drift))
-
-
-def _padded(series: np.ndarray, problem: Problem) -> np.ndarray:
-    """A series over the samples that were reached, infinite at the others."""
-    return np.concatenate([series, np.full(len(problem.ts) - len(series), np.inf)])

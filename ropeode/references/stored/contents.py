@@ -11,7 +11,7 @@ import numpy as np
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.certificate import Certificate, Witness
+from ropeode.references.certificate import Certificate, Witness, padded
 from ropeode.references.reference import Reference
 
 SCHEMA = "ropeode.reference/1"
@@ -54,12 +54,11 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
         ),
     }
     for quantity in problem.quantities:
-        values = problem.quantity(quantity, reference.states)
-        dims = (
-            ("time", "node", "component") if problem.mechanics else ("time", *_state_dims(problem))
-        )
         if problem.mechanics is None:
-            values = reference.states
+            dims, values = ("time", *_state_dims(problem)), reference.states
+        else:
+            dims = ("time", "node", "component")
+            values = problem.quantity(quantity, reference.states)
         missing = np.full((len(problem.ts) - len(values), *values.shape[1:]), np.nan)
         found[quantity] = Array(dims, np.concatenate([values, missing]), quantity, units[quantity])
         for name, words, series in (
@@ -67,9 +66,8 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
             ("drift", "distance from the constraints", made.drift),
         ):
             if quantity in series:
-                padded = np.full(len(problem.ts), np.inf)
-                padded[: len(series[quantity])] = series[quantity]
-                found[_name(name, quantity)] = Array(("time",), padded, words, units[quantity])
+                whole = padded(series[quantity], problem)
+                found[_name(name, quantity)] = Array(("time",), whole, words, units[quantity])
         found[_name("witness_difference", quantity)] = Array(
             ("witness", "time"),
             np.stack([witness.differences[quantity] for witness in made.witnesses]),
@@ -169,7 +167,7 @@ def probed(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
         States and rates, each ``(probes, entries)``.
     """
     draw = np.random.default_rng(4).normal(size=(PROBES, *problem.y0.shape))
-    states = problem.y0 * (1.0 + 0.1 * draw) + 0.01 * problem.scale * draw[:, ::1]
+    states = problem.y0 * (1.0 + 0.1 * draw) + 0.01 * problem.scale * draw
     # Not at the start: what depends on time may well vanish there.
     times = problem.ts[0] + (problem.ts[-1] - problem.ts[0]) * np.array([0.237, 0.519, 0.841])
     rates = [

@@ -65,7 +65,19 @@ def load_reference(path: str | Path, problem: Problem | None = None) -> Referenc
         InputError: the file is not as it was written, or is no reference, or of another
             problem; says what differs.
     """
-    facts = stored_facts(path)
+    return reference_from(stored_facts(path), problem)
+
+
+def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
+    """The reference that a file says, after its problem has been checked.
+
+    Arguments:
+        facts: of the file.
+        problem: as for `load_reference`.
+
+    Raises:
+        InputError: the reference is of another problem; says what differs.
+    """
     if problem is None:
         problem = _own_problem(facts.path, facts.problem)
     _check_same(facts.path, problem, facts.problem, facts.numbers)

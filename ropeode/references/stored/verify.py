@@ -12,7 +12,7 @@ from ropeode.norms import distance
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import largest_norms
 from ropeode.references.reference import Reference, reference
-from ropeode.references.stored.store import load_reference, stored_facts
+from ropeode.references.stored.store import reference_from, stored_facts
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -61,7 +61,8 @@ def verify_reference(
         InputError: as `load_reference`.
         ReferenceRefused: today no reference can be had for the problem.
     """
-    stored = load_reference(path, problem)
+    facts = stored_facts(path)
+    stored = reference_from(facts, problem)
     made = stored.certificate
     again = reference(stored.problem, made.accuracy, level=made.level, progress=progress)
     samples = min(stored.trusted, again.trusted)
@@ -73,8 +74,8 @@ def verify_reference(
         if np.any(apart > allowed):
             outside[quantity] = float(stored.times[int(np.argmax(apart > allowed))])
     return Verification(
-        path=Path(path),
-        digest=stored_facts(path).digest,
+        path=facts.path,
+        digest=facts.digest,
         stored=stored,
         recomputed=again,
         samples=samples,
