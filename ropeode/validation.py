@@ -169,10 +169,34 @@ def finite_numbers(value: Any) -> tuple[float, ...]:
     return tuple(finite_number(entry) for entry in value)
 
 
+def so_many_numbers(value: Any, *, count: int, above_zero: bool = False) -> tuple[float, ...]:
+    """A sequence of so many finite floats as a tuple.
+
+    Raises:
+        ValueError: it is none, or (where that is asked for) an entry is not above zero.
+    """
+    numbers = finite_numbers(value)
+    if len(numbers) != count:
+        raise ValueError(f"{len(numbers)} given in place of {count}")
+    if above_zero and min(numbers) <= 0:
+        raise ValueError(f"{min(numbers)} is not above zero")
+    return numbers
+
+
 Finite = Annotated[float, BeforeValidator(finite_number)]
 Positive = Annotated[PositiveFloat, BeforeValidator(finite_number)]
 NonNegative = Annotated[NonNegativeFloat, BeforeValidator(finite_number)]
 FiniteTuple = Annotated[tuple[float, ...], BeforeValidator(finite_numbers)]
+FinitePair = Annotated[
+    tuple[float, ...], BeforeValidator(functools.partial(so_many_numbers, count=2))
+]
+PositivePair = Annotated[
+    tuple[float, ...],
+    BeforeValidator(functools.partial(so_many_numbers, count=2, above_zero=True)),
+]
+FiniteTriple = Annotated[
+    tuple[float, ...], BeforeValidator(functools.partial(so_many_numbers, count=3))
+]
 WholePositive = Annotated[int, BeforeValidator(functools.partial(whole_number, at_least=1))]
 
 

@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ropeode.problems.arenstorf import arenstorf
+from ropeode.problems.double_pendulum import double_pendulum
 from ropeode.problems.forced import forced
+from ropeode.problems.henon_heiles import henon_heiles
+from ropeode.problems.hires import hires
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
 from ropeode.problems.linear_chain import linear_chain
+from ropeode.problems.lorenz import lorenz
+from ropeode.problems.oregonator import oregonator
 from ropeode.problems.oscillator import oscillator
+from ropeode.problems.pendulum import pendulum
+from ropeode.problems.pleiades import pleiades
 from ropeode.problems.problem import Problem
+from ropeode.problems.robertson import robertson
 from ropeode.problems.rope import Rope
+from ropeode.problems.van_der_pol import van_der_pol
 
 # The ropes, which take the same words in specs and options.
 ROPES: dict[str, type[Rope] | type[InextensibleRope]] = {
@@ -54,4 +64,14 @@ PROBLEMS: dict[str, Callable[..., Problem]] = {
     "linear-chain": linear_chain,
     "kepler": kepler,
     "forced": forced,
+    "pendulum": pendulum,
+    "double-pendulum": double_pendulum,
+    "henon-heiles": henon_heiles,
+    "arenstorf": arenstorf,
+    "pleiades": pleiades,
+    "van-der-pol": van_der_pol,
+    "lorenz": lorenz,
+    "robertson": robertson,
+    "hires": hires,
+    "oregonator": oregonator,
 }

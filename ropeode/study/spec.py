@@ -280,7 +280,7 @@ class TableJob:
 COMMENTED_SPEC = """\
 # What `ropeode table THIS-FILE` computes. Every line may be left out: these are the defaults.
 
-# "rope", another problem of the library (oscillator, linear-chain, kepler, forced), or your
+# "rope", another problem of the library (pendulum, kepler, lorenz, van-der-pol, ...), or your
 # own: "FILE.py:NAME", where NAME is a Problem or a function that returns one.
 problem = "rope"
 

@@ -43,11 +43,17 @@ def forced_rhs(given, t, y):
     return -np.longdouble(given["rate"]) * (y - np.cos(np.longdouble(given["frequency"]) * t))
 
 
+def pendulum_rhs(given, t, y):
+    rate = np.longdouble(given["gravity"]) / np.longdouble(given["length"])
+    return np.stack([y[:, 1], -rate * np.sin(y[:, 0])], axis=1)
+
+
 EQUATIONS = {
     "oscillator": oscillator_rhs,
     "linear-chain": chain_rhs,
     "kepler": kepler_rhs,
     "forced": forced_rhs,
+    "pendulum": pendulum_rhs,
 }
 
 
@@ -92,6 +98,14 @@ PARAMETERS = {
     ),
     "forced": st.fixed_dictionaries(
         {"rate": st.floats(0.01, 30), "frequency": st.floats(-6, 6), "y0": numbers}
+    ),
+    "pendulum": st.fixed_dictionaries(
+        {
+            "length": st.floats(0.2, 5),
+            "gravity": st.floats(0.2, 5),
+            "angle": st.one_of(numbers, st.floats(-9, 9)),
+            "velocity": numbers,
+        }
     ),
 }
 EXACT = [name for name, build in PROBLEMS.items() if build().exact is not None]

@@ -30,6 +30,30 @@ WRONG = {
     },
     "kepler": {"frames": -1, "eccentricity": 1.0, "periods": 0},
     "forced": {"frames": True, "rate": 0, "frequency": float("nan"), "y0": []},
+    "pendulum": {"frames": 0, "length": 0, "gravity": -1, "angle": None, "velocity": "fast"},
+    "double-pendulum": {
+        "frames": 0,
+        "masses": [1, 0],
+        "lengths": 1,
+        "gravity": 0,
+        "angles": [1, 2, 3],
+        "velocities": [1, float("inf")],
+    },
+    "henon-heiles": {"frames": 0.5, "duration": 0, "position": [1], "velocity": "xy"},
+    "arenstorf": {"frames": -1, "periods": 0},
+    "pleiades": {"frames": [], "duration": float("nan")},
+    "van-der-pol": {"frames": 0, "duration": -1, "epsilon": 0, "x0": [], "v0": True},
+    "lorenz": {
+        "frames": 0,
+        "duration": 0,
+        "sigma": None,
+        "rho": float("inf"),
+        "beta": "b",
+        "y0": [1, 2],
+    },
+    "robertson": {"frames": 0, "duration": -1},
+    "hires": {"frames": 0, "duration": 0},
+    "oregonator": {"frames": 1.5, "duration": "long"},
 }
 OTHER = {
     "rope": {"frames": 3, "num_nodes": 5, "start": [0, 0, 0], "end": [1, 2, 3], "pinned": [1, 3]},
@@ -51,6 +75,22 @@ OTHER = {
     },
     "kepler": {"frames": 3, "eccentricity": 0.9, "periods": 2.5},
     "forced": {"frames": 3, "rate": 50, "frequency": -2, "y0": 1},
+    "pendulum": {"frames": 3, "length": "2.5", "gravity": 9.81, "angle": -1, "velocity": 7},
+    "double-pendulum": {
+        "frames": 3,
+        "masses": (1, 2.5),
+        "lengths": np.array([0.5, 2]),
+        "angles": [1, -2],
+        "velocities": [0, 3],
+    },
+    "henon-heiles": {"frames": 3, "duration": 7, "position": (0.1, 0), "velocity": [0, "0.2"]},
+    "arenstorf": {"frames": 3, "periods": 2},
+    "pleiades": {"frames": 3, "duration": 1},
+    "van-der-pol": {"frames": 3, "duration": 1, "epsilon": 1e-6, "x0": 1, "v0": -0.5},
+    "lorenz": {"frames": 3, "duration": 1, "sigma": 9, "rho": 15, "beta": 2, "y0": np.arange(3)},
+    "robertson": {"frames": 3, "duration": 40},
+    "hires": {"frames": 3, "duration": 5},
+    "oregonator": {"frames": 3, "duration": 30},
 }
 
 
@@ -62,7 +102,8 @@ def test_parameters_build_the_problem_anew(name, which):
     assert parameters.pop("kind") == name
     again = PROBLEMS[name](**parameters)
     assert again.parameters == problem.parameters
-    assert problem.frames == parameters["frames"] == (3 if which == "other" else 20)
+    default = inspect.signature(PROBLEMS[name]).parameters["frames"].default
+    assert problem.frames == parameters["frames"] == (3 if which == "other" else default)
     np.testing.assert_array_equal(again.y0, problem.y0)
     np.testing.assert_array_equal(again.ts, problem.ts)
     for one, other in zip(jax.tree.leaves(again.args), jax.tree.leaves(problem.args), strict=True):

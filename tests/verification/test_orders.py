@@ -92,6 +92,21 @@ def riccati() -> Problem:
     )
 
 
+# So short that the step sizes are in the asymptotic range, where the problem is stiff or wild.
+SHORTER = {
+    "arenstorf": {"periods": 0.003},
+    "henon-heiles": {"duration": 4},
+    "hires": {"duration": 1},
+    "lorenz": {"duration": 0.5},
+    "oregonator": {"duration": 0.05},
+    "pleiades": {"duration": 1.2},
+    "robertson": {"duration": 0.04},
+    "van-der-pol": {"duration": 1, "epsilon": 0.5},
+}
+
+# Its transient is over so soon that methods of high order are better than the reference knows.
+BETTER_THAN_THE_REFERENCE = {("library robertson", 4)}
+
 CASES = {
     "moving rope": moving_rope,
     "resting rope": functools.partial(resting_rope, 0.15),
@@ -103,7 +118,7 @@ CASES = {
     "driven": driven,
     "riccati": riccati,
     **{
-        f"library {name}": functools.partial(make, frames=4)
+        f"library {name}": functools.partial(make, frames=4, **SHORTER.get(name, {}))
         for name, make in PROBLEMS.items()
         if name not in ROPES
     },
@@ -133,6 +148,8 @@ def test_declared_orders(case):
         else:
             low, high = order.ci95 or (np.inf, -np.inf)
             right = order.verdict == "converges" and low - 0.02 <= declared <= high + 0.02
+            if (case, declared) in BETTER_THAN_THE_REFERENCE:
+                right = order.verdict == "undetermined" and "reference" in order.left_out[-1].reason
         if not right:
             found_wrong.append((each.stepper, declared, order))
     assert not found_wrong

@@ -1,0 +1,81 @@
+"""The Arenstorf orbit: a spacecraft between earth and moon that comes back to its start."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems.problem import Problem
+from ropeode.validation import Input, Positive, WholePositive, field
+
+MOON = 0.012277471
+START = 0.994
+SPEED = -2.00158510637908252240537862224
+PERIOD = 17.0652165601579625588917206249
+
+
+class ArenstorfArgs(NamedTuple):
+    """The share of the whole mass that the moon has."""
+
+    moon: Any
+
+
+class _Given(Input):
+    """What `arenstorf` is given."""
+
+    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
+    periods: Positive = field(..., allowed="a finite number > 0", example="1.0")
+
+
+def arenstorf(frames: int = 20, periods: float = 1.0) -> Problem:
+    """The restricted three-body problem on a closed orbit that passes close to the moon.
+
+    In coordinates that turn with earth and moon, whose distance is 1. Positions have the shape
+    (1, 2). An error at the start comes back after one period about 1e4 times as large.
+
+    Arguments:
+        frames: number of equal intervals between sample times.
+        periods: how many periods they cover together.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+
+    Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.0,
+    equations (0.1) and (0.2), after Arenstorf (1963).
+    """
+    given = _Given(frames=frames, periods=periods)
+    return Problem.second_order(
+        acceleration,
+        [[START, 0.0]],
+        [[0.0, SPEED]],
+        np.linspace(0.0, given.periods * PERIOD, given.frames + 1),
+        ArenstorfArgs(MOON),
+        name="Arenstorf orbit",
+        energy=energy,
+        parameters={"kind": "arenstorf", **given.model_dump(mode="json")},
+    )
+
+
+def acceleration(t: Any, x: Any, v: Any, args: ArenstorfArgs) -> Any:
+    """Gravity of earth and moon, centrifugal and Coriolis forces; `t` is not used."""
+    del t
+    earth = 1.0 - args.moon
+    from_earth, from_moon = x + jnp.array([args.moon, 0.0]), x - jnp.array([earth, 0.0])
+    coriolis = 2.0 * jnp.stack([v[:, 1], -v[:, 0]], axis=1)
+    return x + coriolis - earth * _pull(from_earth) - args.moon * _pull(from_moon)
+
+
+def energy(t: Any, y: Any, args: ArenstorfArgs) -> Any:
+    """Jacobi's integral, which is constant; `t` is not used."""
+    del t
+    x, v = y
+    earth = 1.0 - args.moon
+    to_earth = jnp.sqrt(jnp.sum((x + jnp.array([args.moon, 0.0])) ** 2))
+    to_moon = jnp.sqrt(jnp.sum((x - jnp.array([earth, 0.0])) ** 2))
+    return 0.5 * jnp.sum(v * v - x * x) - earth / to_earth - args.moon / to_moon
+
+
+def _pull(apart: Any) -> Any:
+    return apart / jnp.sum(apart * apart) ** 1.5

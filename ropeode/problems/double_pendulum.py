@@ -1,0 +1,104 @@
+"""The double pendulum: one pendulum hangs from the mass of another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems.problem import Problem
+from ropeode.validation import FinitePair, Input, Positive, PositivePair, WholePositive, field
+
+
+class DoublePendulumArgs(NamedTuple):
+    """The numbers in the equations; masses and lengths are ``(2,)``, the upper one first."""
+
+    masses: Any
+    lengths: Any
+    gravity: Any
+
+
+class _Given(Input):
+    """What `double_pendulum` is given."""
+
+    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
+    masses: PositivePair = field(..., allowed="two finite numbers > 0", example="[1.0, 1.0]")
+    lengths: PositivePair = field(..., allowed="two finite numbers > 0", example="[1.0, 1.0]")
+    gravity: Positive = field(..., allowed="a finite number > 0", example="1.0")
+    angles: FinitePair = field(..., allowed="two finite numbers", example="[2.0, 2.5]")
+    velocities: FinitePair = field(..., allowed="two finite numbers", example="[0.0, 0.0]")
+
+
+def double_pendulum(
+    frames: int = 20,
+    masses: Sequence[float] = (1.0, 1.0),
+    lengths: Sequence[float] = (1.0, 1.0),
+    gravity: float = 1.0,
+    angles: Sequence[float] = (2.0, 2.5),
+    velocities: Sequence[float] = (0.0, 0.0),
+) -> Problem:
+    """Two masses on rigid rods without friction, the second hanging from the first.
+
+    Positions are the angles from hanging down, in radians, of shape (2, 1). The time unit is
+    one frame. Released from high up, as here, it is chaotic.
+
+    Arguments:
+        frames: the problem is sampled at times 0, 1, ..., `frames`.
+        masses: of the upper and the lower mass.
+        lengths: of the upper and the lower rod.
+        gravity: acceleration.
+        angles: at the start, in radians.
+        velocities: at the start, in radians per frame.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+
+    Source: Landau and Lifshitz, Mechanics, section 5, problem 1 (the Lagrangian).
+    """
+    given = _Given(
+        frames=frames,
+        masses=masses,  # pyright: ignore[reportArgumentType]
+        lengths=lengths,  # pyright: ignore[reportArgumentType]
+        gravity=gravity,
+        angles=angles,  # pyright: ignore[reportArgumentType]
+        velocities=velocities,  # pyright: ignore[reportArgumentType]
+    )
+    return Problem.second_order(
+        acceleration,
+        np.reshape(given.angles, (2, 1)),
+        np.reshape(given.velocities, (2, 1)),
+        np.arange(given.frames + 1.0),
+        DoublePendulumArgs(np.array(given.masses), np.array(given.lengths), given.gravity),
+        name="double pendulum",
+        energy=energy,
+        parameters={"kind": "double-pendulum", **given.model_dump(mode="json")},
+    )
+
+
+def acceleration(t: Any, x: Any, v: Any, args: DoublePendulumArgs) -> Any:
+    """Lagrange's equations, solved for the two angular accelerations; `t` is not used."""
+    del t
+    (m1, m2), (l1, l2), g = args.masses, args.lengths, args.gravity
+    (upper, lower), (spin_upper, spin_lower) = x[:, 0], v[:, 0]
+    sine, cosine = jnp.sin(upper - lower), jnp.cos(upper - lower)
+    first = -m2 * l2 * spin_lower**2 * sine - (m1 + m2) * g * jnp.sin(upper)
+    second = l1 * spin_upper**2 * sine - g * jnp.sin(lower)
+    of_upper = (first - m2 * cosine * second) / (l1 * (m1 + m2 * sine**2))
+    of_lower = (second - l1 * cosine * of_upper) / l2
+    return jnp.stack([of_upper, of_lower])[:, None]
+
+
+def energy(t: Any, y: Any, args: DoublePendulumArgs) -> Any:
+    """Kinetic and potential energy, zero at rest below; `t` is not used."""
+    del t
+    (m1, m2), (l1, l2), g = args.masses, args.lengths, args.gravity
+    (upper, lower), (spin_upper, spin_lower) = y[0, :, 0], y[1, :, 0]
+    kinetic = (
+        0.5 * (m1 + m2) * (l1 * spin_upper) ** 2
+        + 0.5 * m2 * (l2 * spin_lower) ** 2
+        + m2 * l1 * l2 * spin_upper * spin_lower * jnp.cos(upper - lower)
+    )
+    heights = 2.0 * l1 * jnp.sin(upper / 2) ** 2, 2.0 * l2 * jnp.sin(lower / 2) ** 2
+    return kinetic + g * ((m1 + m2) * heights[0] + m2 * heights[1])

@@ -1,0 +1,141 @@
+"""The pendulum, swinging or turning over, with its exact solution."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems import elliptic
+from ropeode.problems.problem import Problem
+from ropeode.validation import Finite, Input, Positive, WholePositive, field
+
+
+class PendulumArgs(NamedTuple):
+    """The numbers in the pendulum's equation."""
+
+    length: Any
+    gravity: Any
+
+
+class _Given(Input):
+    """What `pendulum` is given."""
+
+    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
+    length: Positive = field(..., allowed="a finite number > 0", example="1.0")
+    gravity: Positive = field(..., allowed="a finite number > 0", example="1.0")
+    angle: Finite = field(..., allowed="a finite number", example="2.0")
+    velocity: Finite = field(..., allowed="a finite number", example="0.0")
+
+
+def pendulum(
+    frames: int = 20,
+    length: float = 1.0,
+    gravity: float = 1.0,
+    angle: float = 2.0,
+    velocity: float = 0.0,
+) -> Problem:
+    """A mass on a rigid rod without friction, ``length angle'' = -gravity sin(angle)``.
+
+    Its positions have the shape (1, 1). The time unit is one frame.
+
+    Arguments:
+        frames: the problem is sampled at times 0, 1, ..., `frames`.
+        length: of the rod.
+        gravity: acceleration.
+        angle: at the start, in radians from hanging down.
+        velocity: at the start, in radians per frame.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+
+    Source: Landau and Lifshitz, Mechanics, section 11, problem 1.
+    """
+    given = _Given(frames=frames, length=length, gravity=gravity, angle=angle, velocity=velocity)
+    args = PendulumArgs(given.length, given.gravity)
+    return Problem.second_order(
+        acceleration,
+        [[given.angle]],
+        [[given.velocity]],
+        np.arange(given.frames + 1.0),
+        args,
+        name="pendulum",
+        energy=energy,
+        exact=functools.partial(_exact, args, given.angle, given.velocity),
+        parameters={"kind": "pendulum", **given.model_dump(mode="json")},
+    )
+
+
+def acceleration(t: Any, x: Any, v: Any, args: PendulumArgs) -> Any:
+    """Gravity along the circle, over the length; only `x` is used."""
+    del t, v
+    return -args.gravity / args.length * jnp.sin(x)
+
+
+def energy(t: Any, y: Any, args: PendulumArgs) -> Any:
+    """Kinetic and potential energy for a mass of 1, zero at rest below; `t` is not used."""
+    del t
+    x, v = y
+    # Not 1 - cos, which loses the digits of small swings.
+    height = 2.0 * args.length * jnp.sin(x / 2) ** 2
+    return jnp.sum(0.5 * (args.length * v) ** 2 + args.gravity * height)
+
+
+def solution(
+    t: Any, length: Any, gravity: Any, angle: Any, velocity: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angle and angular velocity at times since the start, ``(times,)``, in extended precision.
+
+    With ``w^2 = gravity/length`` the energy makes ``k^2 = sin(angle/2)^2 + (velocity/2w)^2``.
+    Below 1 the pendulum swings and ``sin(angle/2) = k sn(w t + a, k^2)``; above, it turns over
+    and ``angle/2 = am(k (w t + a), 1/k^2)``; at 1 it comes to rest at the top.
+
+    Arguments:
+        t: times, ``(times,)``.
+        length: as for `pendulum`, like all that follow.
+        gravity: greater than zero.
+        angle: at the start.
+        velocity: at the start.
+
+    Source: Whittaker, A Treatise on the Analytical Dynamics of Particles and Rigid Bodies,
+    section 44.
+    """
+    t, length, gravity, angle, velocity = (
+        np.asarray(value, dtype=np.longdouble) for value in (t, length, gravity, angle, velocity)
+    )
+    pi = 4 * np.arctan(np.longdouble(1))
+    turns = np.rint(angle / (2 * pi))
+    half = (angle - 2 * pi * turns) / 2
+    rate = np.sqrt(gravity / length)
+    # The pendulum that moves the other way is the mirror image.
+    mirror = np.where(velocity < 0, -1, 1)
+    sine, cosine, speed = mirror * np.sin(half), np.cos(half), abs(velocity) / (2 * rate)
+    squared = sine * sine + speed * speed
+    # One minus the square, without the difference of near numbers where the angle is large.
+    complement = cosine * cosine - speed * speed
+    if squared == 0:
+        return angle + 0 * t, 0 * t
+    if complement > 0:
+        k = np.sqrt(squared)
+        start = elliptic.first_kind(sine / k, speed / k, cosine)
+        phi = elliptic.amplitude(rate * t + start, complement)
+        rise = np.sqrt(complement + squared * np.cos(phi) ** 2)
+        moved, turning = 2 * np.arctan2(k * np.sin(phi), rise), 2 * k * rate * np.cos(phi)
+    elif complement == 0:
+        start = np.arctanh(sine) if speed else np.longdouble(np.inf)
+        moved = 4 * np.arctan(np.tanh((rate * t + start) / 2))
+        turning = 2 * rate / np.cosh(rate * t + start)
+    else:
+        k = np.sqrt(squared)
+        start = elliptic.first_kind(sine, cosine, speed / k)
+        phi = elliptic.amplitude(k * rate * t + start, -complement / squared)
+        moved = 2 * phi
+        turning = 2 * rate * np.sqrt(-complement + np.cos(phi) ** 2)
+    return mirror * moved + 2 * pi * turns, mirror * turning
+
+
+def _exact(args: PendulumArgs, angle: float, velocity: float, ts: np.ndarray) -> np.ndarray:
+    states = np.stack(solution(ts, *args, angle, velocity), axis=1)
+    return states[..., None, None].astype(np.float64)

@@ -1,0 +1,52 @@
+"""Robertson's reaction, whose rates are nine orders of magnitude apart."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems.problem import Problem
+from ropeode.validation import Input, Positive, WholePositive, field
+
+
+class _Given(Input):
+    """What `robertson` is given."""
+
+    frames: WholePositive = field(..., allowed="a whole number >= 1", example="12")
+    duration: Positive = field(..., allowed="a finite number > 0", example="1e11")
+
+
+def robertson(frames: int = 12, duration: float = 1e11) -> Problem:
+    """Three substances, of which the second is gone almost as soon as it is made.
+
+    ``y1' = -0.04 y1 + 1e4 y2 y3``, ``y3' = 3e7 y2^2``, and the sum stays 1. The state has the
+    shape (3,). Each frame but the first ends at ten times the time at which the one before
+    ended.
+
+    Arguments:
+        frames: number of intervals between sample times.
+        duration: time at which the last one ends.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+
+    Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.1,
+    equation (1.4), after Robertson (1966).
+    """
+    given = _Given(frames=frames, duration=duration)
+    return Problem(
+        rhs,
+        np.array([1.0, 0.0, 0.0]),
+        np.append(0.0, given.duration / 10.0 ** np.arange(given.frames - 1, -1, -1)),
+        name="Robertson",
+        parameters={"kind": "robertson", **given.model_dump(mode="json")},
+    )
+
+
+def rhs(t: Any, y: Any, args: Any) -> Any:
+    """The rates of change of the three concentrations; only `y` is used."""
+    del t, args
+    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] * y[1]
+    return jnp.stack([back - slow, slow - back - fast, fast])

@@ -1,0 +1,101 @@
+"""Well-known problems against their own invariants.
+
+What others have published of them is held against the stored library of references.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.problems.double_pendulum import DoublePendulumArgs
+from ropeode.problems.library import PROBLEMS
+from ropeode.references.reference import reference
+
+
+def test_the_arenstorf_orbit_closes():
+    known = reference(PROBLEMS["arenstorf"](frames=3))
+    # An error at the start, such as that of rounding it, comes back 1e4 times as large.
+    rounding = 1e4 * np.finfo(np.float64).eps
+    gap = np.max(np.abs(known.positions[-1] - known.positions[0]))
+    assert gap <= known.bound()[-1] + rounding
+    assert known.bound()[-1] < 1e-10
+
+
+def test_double_pendulum_obeys_lagranges_equations():
+    """The mass matrix and the forces by differentiating the Lagrangian of two points."""
+    args = DoublePendulumArgs(np.array([1.3, 0.7]), np.array([0.8, 1.9]), 1.4)
+
+    def lagrangian(angles, spins):
+        def places(angles):
+            x = jnp.cumsum(args.lengths * jnp.sin(angles))
+            y = jnp.cumsum(-args.lengths * jnp.cos(angles))
+            return jnp.stack([x, y])
+
+        points, velocities = jax.jvp(places, (angles,), (spins,))
+        kinetic = 0.5 * jnp.sum(args.masses * velocities**2)
+        return kinetic - args.gravity * jnp.sum(args.masses * points[1])
+
+    random = np.random.default_rng(0)
+    with jax.enable_x64(True):
+        for angles, spins in random.normal(size=(5, 2, 2)) * 2:
+            mass = jax.hessian(lagrangian, 1)(angles, spins)
+            mixed = jax.jacfwd(jax.grad(lagrangian, 1), 0)(angles, spins)
+            forces = jax.grad(lagrangian, 0)(angles, spins) - mixed @ spins
+            expected = np.linalg.solve(mass, forces)
+            problem = PROBLEMS["double-pendulum"]()
+            y = np.stack([angles, spins])[..., None]
+            found = np.asarray(problem.rhs(0.0, y, args))[1, :, 0]
+            np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+CONSERVING = [
+    name
+    for name in ("pendulum", "double-pendulum", "henon-heiles", "arenstorf", "pleiades")
+    if PROBLEMS[name]().energy is not None
+]
+
+
+@pytest.mark.parametrize("name", CONSERVING)
+def test_the_energy_is_constant_along_every_motion(name):
+    """Its slope has no part along the right-hand side, at any state."""
+    problem = PROBLEMS[name]()
+    random = np.random.default_rng(1)
+    with jax.enable_x64(True):
+        for _ in range(5):
+            y = problem.y0 + random.normal(size=problem.y0.shape)
+            slope = np.asarray(jax.grad(problem.energy, 1)(0.0, y, problem.args))
+            rates = slope * np.asarray(problem.rhs(0.0, y, problem.args))
+            assert abs(np.sum(rates)) <= 1e-12 * np.sum(np.abs(rates))
+
+
+def test_every_energy_is_looked_at():
+    with_exact = {"oscillator", "linear-chain", "kepler", "pendulum"}
+    have_one = {name for name, make in PROBLEMS.items() if make().energy is not None}
+    assert have_one <= {*CONSERVING, *with_exact, "rope", "inextensible-rope"}
+
+
+def test_concentrations_of_robertson_sum_up_to_one():
+    known = reference(PROBLEMS["robertson"](frames=3, duration=4.0))
+    np.testing.assert_allclose(np.sum(known.states, axis=1), 1.0, rtol=1e-14)
+    assert np.all(known.states >= 0)
+
+
+def test_lorenz_shrinks_volumes_at_a_constant_rate():
+    problem = PROBLEMS["lorenz"]()
+    with jax.enable_x64(True):
+        for y in np.random.default_rng(2).normal(size=(3, 3)) * 20:
+            slope = np.asarray(jax.jacfwd(problem.rhs, 1)(0.0, y, problem.args))
+            assert np.trace(slope) == pytest.approx(-(10.0 + 1.0 + 8.0 / 3.0), rel=1e-14)
+
+
+def test_a_pendulum_released_at_the_top_stays_and_near_it_lingers():
+    still = PROBLEMS["pendulum"](angle=0.0)
+    assert not np.any(still.exact(still.ts))
+    # One half period is ln(16/k'^2) to the leading order, k' = cos(angle/2).
+    angle = np.pi - 1e-6
+    near = PROBLEMS["pendulum"](angle=angle)
+    half = float(np.log(16.0 / np.cos(angle / 2) ** 2))
+    np.testing.assert_allclose(near.exact(np.array([half]))[0, 0, 0, 0], -angle, rtol=1e-12)
