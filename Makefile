@@ -1,6 +1,7 @@
 # make table   the accuracy table of the default rope
 # make test    the whole test suite
 # make check   lint and types
+# make references  the stored library again (half an hour or so)
 # make docs    the computed parts of the documentation (ten minutes or so)
 # PYTHON=python3.13 uses another interpreter, in an environment of its own.
 
@@ -8,7 +9,7 @@ PYTHON ?= python3
 VENV := .venv$(if $(filter-out python3,$(notdir $(PYTHON))),-$(notdir $(PYTHON)))
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: table test check docs clean
+.PHONY: table test check docs references clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -23,6 +24,9 @@ check: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-dev
 	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -l '\[\[\[cog' *.md)
+
+references: $(VENV)/.installed-dev
+	$(VENV)/bin/python reference/make.py
 
 clean:
 	rm -rf .venv .venv-* build dist .pytest_cache .ruff_cache

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ropeode.problems.problem import Problem
     from ropeode.problems.rope import Rope
     from ropeode.references.reference import Reference, reference
+    from ropeode.references.stored.catalogue import load
     from ropeode.references.stored.store import load_reference, save_reference
     from ropeode.references.stored.verify import Verification, verify_reference
     from ropeode.render.formats import format_report, format_table
@@ -48,6 +49,7 @@ _MODULES = {
     "problems.problem": ("Problem",),
     "problems.rope": ("Rope",),
     "references.reference": ("Reference", "reference"),
+    "references.stored.catalogue": ("load",),
     "references.stored.store": ("load_reference", "save_reference"),
     "references.stored.verify": ("Verification", "verify_reference"),
     "render.formats": ("format_report", "format_table"),
@@ -95,6 +97,7 @@ __all__ = [
     "format_table",
     "growth_per_frame",
     "hanging_equilibrium",
+    "load",
     "load_reference",
     "node_paths",
     "observed_order",

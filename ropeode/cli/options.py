@@ -52,7 +52,12 @@ ROPE: dict[str, tuple[Callable[[str], Any], str, str]] = {
 TABLE: dict[str, tuple[str, Callable[[str], Any], str, str]] = {
     "problem": ("problem", _text, "NAME", "rope, another of the library, or FILE.py:NAME. [rope]"),
     "kind": ("kind", _text, "KIND", "Springs (rope) or rigid links (inextensible-rope). [rope]"),
-    "reference": ("reference", _text, "FILE", "A stored reference, which says the problem too."),
+    "reference": (
+        "reference",
+        _text,
+        "FILE",
+        "A file, or a name of the library; says the problem too.",
+    ),
     "frames": ("frames", _text, "N", "Frames to solve. [20]"),
     "steppers": ("steppers", _steppers, "S[,S...]", "Names; see `ropeode steppers`."),
     "steps_per_frame": ("steps", _list, "N[,N...]", "Steps per frame. [16,32,...,16384]"),

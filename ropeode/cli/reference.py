@@ -27,6 +27,7 @@ def reference() -> None:
     """Compute a reference and write it to a file; show and verify such files.
 
     `ropeode reference [SPEC] [OPTIONS] --out FILE.nc` is short for `ropeode reference compute`.
+    A FILE may also be a name of the stored library, which `ropeode reference list` lists.
     """
 
 
@@ -60,10 +61,20 @@ def compute(spec: Path | None, out: str, **options: str | None) -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 def show(file: Path) -> None:
     """Print what the reference in FILE is and what its bound rests on."""
+    from ropeode.references.stored.catalogue import find
     from ropeode.references.stored.store import stored_facts
     from ropeode.render.reference import as_text
 
-    click.echo(as_text(stored_facts(file)), nl=False)
+    click.echo(as_text(stored_facts(find(file))), nl=False)
+
+
+@reference.command("list")
+def list_library() -> None:
+    """List the stored library: references that come with the package."""
+    from ropeode.references.stored.catalogue import entries
+    from ropeode.render.reference import library_list
+
+    click.echo(library_list(entries()), nl=False)
 
 
 @reference.command()
@@ -76,13 +87,14 @@ def verify(file: Path, problem: str | None) -> None:
     """
     set_up_jax()
     from ropeode.problems.files import load_problem
+    from ropeode.references.stored.catalogue import find
     from ropeode.references.stored.verify import verify_reference
     from ropeode.render.reference import verification_words
 
     with show_progress() as progress:
         found = interruptible(
             lambda: verify_reference(
-                file,
+                find(file),
                 load_problem(problem) if problem else None,
                 progress=lambda text: progress(text, 0.0),
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from tabulate import tabulate
 
 from ropeode.references.certificate import Certificate
 from ropeode.references.reference import Reference
+from ropeode.references.stored.catalogue import Entry
 from ropeode.references.stored.store import Facts
 from ropeode.references.stored.verify import Verification
 from ropeode.render.plain_text import wrapped
@@ -50,6 +52,34 @@ def as_text(facts: Facts) -> str:
         [""],
         wrapped(f"Made with {versions}."),
         [f"sha256 {facts.digest}"],
+    )
+
+
+def library_list(entries: Mapping[str, Entry]) -> str:
+    """The stored library, two lines for each entry."""
+    rows = [
+        (name, entry.level, str(entry.samples), f"{entry.end:g}", f"{entry.bound:.1e}")
+        for name, entry in entries.items()
+    ]
+    head, *lines = tabulate(
+        [("name", "level", "samples", "until t =", "error bound"), *rows],
+        tablefmt="plain",
+        disable_numparse=True,
+    ).splitlines()
+    titled = [
+        part
+        for line, entry in zip(lines, entries.values(), strict=True)
+        for part in (line, f"    {entry.title}")
+    ]
+    return _lines(
+        [head],
+        titled,
+        [""],
+        wrapped(
+            "Bounds are those at the last sample, of positions or of the state. Use a name in "
+            "place of a file: `ropeode reference show NAME`, `ropeode table --reference NAME`, "
+            'ropeode.load("NAME").'
+        ),
     )
 
 

@@ -85,7 +85,8 @@ class TableSpec(Input):
     Arguments:
         problem: `rope`, another problem of the library, or FILE.py:NAME.
         kind: of the rope: `rope` or `inextensible-rope`.
-        reference: a file with a stored reference, which says the problem as well.
+        reference: a file with a reference, or a name of the stored library; either says the
+            problem as well.
         frames: how many frames are solved; where nothing is given, 20 for the rope.
         steppers: names with options; where none are given, those of `DEFAULT_STEPPERS` that
             can run on the problem.
@@ -106,7 +107,7 @@ class TableSpec(Input):
         "rope", allowed="the kind of a rope", example='"inextensible-rope"'
     )
     reference: str | None = field(
-        None, allowed="the name of a file with a stored reference", example='"rope.nc"'
+        None, allowed="a file with a reference, or a name of the library", example='"rope.nc"'
     )
     frames: Annotated[int | None, BeforeValidator(_frames)] = field(
         None, allowed="a whole number >= 1", example="20"
@@ -241,10 +242,12 @@ class TableJob:
     ) -> Reference:
         """The stored reference; its problem must be the one that is described, if one is."""
         # Not above: HDF5 takes its time to load, and most tables need none of it.
+        from ropeode.references.stored.catalogue import find
         from ropeode.references.stored.store import reference_from, stored_facts
 
         assert self.spec.reference is not None
-        facts = stored_facts((folder or Path()) / self.spec.reference)
+        beside = (folder or Path()) / self.spec.reference
+        facts = stored_facts(beside if beside.exists() else find(self.spec.reference))
         if not (rope_given or named & {"problem", "kind", "frames"}):
             return reference_from(facts)
         frames = self.spec.frames
@@ -288,7 +291,8 @@ problem = "rope"
 # without a stiffness).
 kind = "rope"
 
-# A file with a stored reference, which says the problem as well (see `ropeode reference`).
+# A file with a reference, or a name of the stored library (see `ropeode reference list`); it
+# says the problem as well.
 # reference = "rope.nc"
 
 # How long to simulate. One frame is the rope's time unit and the distance of two samples.

@@ -1,0 +1,96 @@
+"""The stored library: references that come with the package, by name."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ropeode.errors import InputError
+from ropeode.files import read_text
+from ropeode.references.reference import Reference
+from ropeode.references.stored.seal import check_seal
+from ropeode.references.stored.store import load_reference
+from ropeode.validation import complaint, unknown
+
+MANIFEST = "manifest.json"
+_PACKAGE = Path(__file__).resolve().parents[2]
+
+
+class Entry(NamedTuple):
+    """What the manifest says of a stored reference.
+
+    Fields:
+        title: one line.
+        problem: its kind.
+        samples: inside the trust horizon, the start included.
+        end: time of the last of them.
+        level: of the certificate.
+        bound: estimated error bound there, of positions or the state.
+        horizon: first sample time outside the trust horizon; None if there is none.
+        sha256: of the data file, without its seal.
+        recipe_sha256: of the recipe.
+    """
+
+    title: str
+    problem: str
+    samples: int
+    end: float
+    level: str
+    bound: float
+    horizon: float | None
+    sha256: str
+    recipe_sha256: str
+
+
+def folder() -> Path:
+    """Where the stored library is: in the installed package, or at the top of a checkout."""
+    installed = _PACKAGE / "stored_library"
+    return installed if installed.is_dir() else _PACKAGE.parent / "reference"
+
+
+def entries() -> dict[str, Entry]:
+    """What the manifest says, by name.
+
+    Raises:
+        InputError: the manifest cannot be read.
+    """
+    text = read_text("stored library", folder() / MANIFEST)
+    found: dict[str, Any] = json.loads(text)
+    return {name: Entry(**told) for name, told in found.items()}
+
+
+def find(name: str | Path) -> Path:
+    """The file of a reference: the one of this name, or else that of the library's entry.
+
+    Arguments:
+        name: of a file, or of an entry.
+
+    Raises:
+        InputError: there is neither, or the library's file is not what the manifest says.
+    """
+    path = Path(name)
+    if path.exists() or path.suffix == ".nc":
+        return path
+    known = entries()
+    if str(name) not in known:
+        raise InputError(unknown("reference", str(name), [*known, "FILE.nc"]))
+    stored = folder() / f"{name}.nc"
+    if check_seal(stored) != known[str(name)].sha256:
+        allowed = "the file that the library's manifest names (its sha256 is another one)"
+        raise InputError(complaint("reference", str(stored), allowed, "install ropeode again"))
+    return stored
+
+
+def load(name: str) -> Reference:
+    """A reference of the stored library, after its file has been checked.
+
+    Arguments:
+        name: of an entry; `ropeode reference list` lists them.
+
+    Raises:
+        InputError: there is none of this name, or its file is not as it was written.
+    """
+    if name not in (known := entries()):
+        raise InputError(unknown("name", name, known))
+    return load_reference(find(name))
