@@ -93,6 +93,10 @@ def lyapunov_exponent(
     is measured from there on is the exponent of another solution of the same equations: the
     same on an attractor or on an energy surface that solutions fill, and not in general.
 
+    Where constraints were made part of the equations by differentiating them, disturbances off
+    them neither grow nor decay by much. The solver's errors bring them in, so that a negative
+    exponent is lost after some ``ln(1/rtol) / |value|`` time units.
+
     The interval comes from the means over ten pieces of the second half (batch means), from its
     drift, or from the spread of the tangents, whichever is widest. It says how well the mean
     rate of *this span* is known. A span shorter than the slowest thing that the solution does,
@@ -202,17 +206,17 @@ def divided(ts: np.ndarray) -> np.ndarray:
 
 def _directions(problem: Problem, tangents: int) -> np.ndarray:
     """Unit vectors, ``(tangents, size)``, along which the problem can be disturbed at all."""
-    drawn = np.random.default_rng(1).normal(size=(tangents, *problem.y0.shape))
+    free = np.ones(problem.y0.shape)
     if problem.mechanics is not None:
-        drawn = drawn * free_coordinates(problem)
-    drawn = drawn.reshape(tangents, -1)
+        free = free * free_coordinates(problem)
+    drawn = np.random.default_rng(1).normal(size=(tangents, free.size)) * free.ravel()
     if problem.constraints is not None:
         constraints, start = problem.constraints, float(problem.ts[0])
 
         def residual(y: Any) -> Any:
             return ravel_pytree(constraints(start, y.reshape(problem.y0.shape), problem.args))[0]
 
-        normal = np.asarray(jax.jacfwd(residual)(problem.y0.ravel()))
+        normal = np.asarray(jax.jacfwd(residual)(problem.y0.ravel())) * free.ravel()
         drawn = drawn - drawn @ np.linalg.pinv(normal) @ normal
     return drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
 

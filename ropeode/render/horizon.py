@@ -19,6 +19,8 @@ from ropeode.render.plain_text import wrapped
 from ropeode.study.horizon import Growth, Horizon, Run
 
 SCHEMA = "ropeode.horizon/1"
+# Digits that are left where errors are a few units of rounding.
+_KEPT = 14
 _RUNS = ("run", "tolerance", "role", "steps", "largest error", "digits left")
 _DIGITS = ("digits left", "reference", "luckiest run", "certificate")
 _NEEDS = ("span", "digits lost", "digits needed", "95% interval", "bits", "known by")
@@ -82,7 +84,7 @@ def blocks(study: Horizon) -> list[Block]:
         Grid(_RUNS, [_run_cells(study, run) for run in study.runs], left=frozenset({0, 2})),
         Paragraph(loss_words(study)),
     ]
-    if study.digits_left:
+    if _loses(study):
         rows = [
             (str(each.digits), _time(each.reference), _time(each.luckiest), _time(each.certificate))
             for each in study.digits_left
@@ -141,9 +143,14 @@ def loss_words(study: Horizon) -> str:
         f"The certificate: {trust}. Inside, the reference's error is at most "
         f"{study.worst_cover:.2f} of the bound."
     )
-    if not any(each.reference is not None for each in study.digits_left):
-        return f"{words} Nothing is lost: 15 digits are left at every sample."
+    if not _loses(study):
+        return f"{words} Nothing but rounding is lost: {_KEPT} digits are left at every sample."
     return f"{words} From when on fewer digits are left:"
+
+
+def _loses(study: Horizon) -> bool:
+    """Whether the reference loses more than rounding does anywhere."""
+    return any(each.reference is not None and each.digits <= _KEPT for each in study.digits_left)
 
 
 def growth_words(study: Horizon) -> list[str]:

@@ -37,9 +37,10 @@ _LEAST_GROWTH = 1.0
 # Past the horizon of each, runs at these tolerances follow different solutions.
 _TANGENT_RTOLS = (3e-11, 1e-10, 3e-10, 1e-9)
 _FRAMES_AT_MOST = 10_000
-# Digits by which an error and a tangent differ from one sample to another: they are not measured
-# in the same norm, and do not lie in quite the same direction. See docs/horizon.md.
-_SCATTER = 0.5
+# The part of a run's first roundings that lies in the growing direction is a matter of chance. If
+# it is normal, its log10 has the standard deviation pi/sqrt(8)/ln(10) = 0.48, and those of two runs
+# differ by this at 95%.
+_CHANCE = 1.96 * math.sqrt(2) * math.pi / math.sqrt(8) / math.log(10)
 
 Law = Literal["exponential", "algebraic"]
 Progress = Callable[[str, float], None]
@@ -376,8 +377,8 @@ def _need(
     half = since[len(since) // 2 :]
     grown = np.array([_digits_grown(each, np.append(half, span)) for each in exponents])
     rounding = lost[len(since) // 2 :] - np.mean(grown[:, :-1], axis=0)
-    # Where one more sample, and one more solution, may lie among these.
-    spread = math.hypot(_prediction(rounding), _prediction(grown[:, -1]), _SCATTER)
+    # Where one more sample, one more solution and one more run may lie among these.
+    spread = math.hypot(_prediction(rounding), _prediction(grown[:, -1]), _CHANCE)
     # The rounding of later steps adds up on top: between not at all and all in one direction.
     added = math.log10(span / since[-1]) / 2
     gone = float(np.mean(grown[:, -1]) + np.mean(rounding)) + added

@@ -6,14 +6,14 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MultipleLocator, NullLocator
 
 from ropeode.render.plots.labels import horizon_words, problem_words, with_unit
 from ropeode.render.plots.style import BAND, BAND_EDGE, COLOURS, STYLE, new_figure
 from ropeode.study.horizon import Horizon
 
 _HEIGHT = 4.6
-# The names of the runs, in the order in which they are drawn: what matters most is on top.
+# In the order in which they are drawn: what matters most is on top.
 _LOOKS = {
     "looser": {"color": "0.75", "linewidth": 0.8},
     "tighter": {"color": COLOURS[2]},
@@ -79,6 +79,7 @@ def plot_horizon(study: Horizon) -> Figure:
     digits.set_ylabel("digits left")
     digits.yaxis.set_major_locator(MultipleLocator(2))
     digits.yaxis.set_major_formatter("{x:.0f}")
+    digits.yaxis.set_minor_locator(NullLocator())
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=7.5)
     return figure
@@ -96,7 +97,7 @@ def _limits(study: Horizon) -> tuple[float, float]:
 
 
 def _draw_growth(axes: Axes, study: Horizon) -> None:
-    """A line of the growth that was measured, through the reference in the middle of its range."""
+    """A line of the growth that was measured, through the mean of the runs."""
     growth = study.float64_growth
     if growth is None:
         return
@@ -106,8 +107,7 @@ def _draw_growth(axes: Axes, study: Horizon) -> None:
     logs = np.mean(
         [np.log(run.errors[inside]) for run in study.runs if run.role != "looser"], axis=0
     )
-    # A little above the runs, where it can be seen.
-    line = np.exp(np.mean(logs) + growth.rate * (x - np.mean(x)) + np.log(30.0))
+    line = np.exp(np.mean(logs) + growth.rate * (x - np.mean(x)))
     words = "rate" if growth.law == "exponential" else "power"
     axes.plot(
         times,
