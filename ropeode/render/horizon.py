@@ -178,7 +178,7 @@ def unit(study: Horizon) -> str:
 
 def _growth_words(growth: Growth | None, per: str) -> str:
     if growth is None:
-        return "less than a digit"
+        return "less than a digit above rounding"
     low, high = growth.interval
     law = {
         "exponential": f"exponential, rate {growth.rate:.3g} [{low:.3g}, {high:.3g}] {per}",

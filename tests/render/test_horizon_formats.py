@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 import math
+import re
 
+import numpy as np
 import pytest
 
 from ropeode.cli.formats import FORMATS as NAMES
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
-from ropeode.render.formats import HORIZON_FORMATS, format_horizon
+from ropeode.references.reference import reference
+from ropeode.render.formats import HORIZON_FORMATS, format_horizon, format_table
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
+from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.horizon import horizon
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
@@ -66,6 +71,20 @@ def test_the_picture_shows_every_run(study):
     assert len(axes.lines) == len(study.runs) + 1 + more
     assert axes.get_yscale() == "log"
     assert figure_bytes(figure, ".png") == figure_bytes(plot_horizon(study), ".png")
+
+
+def test_a_table_past_the_horizon_of_a_witness():
+    """The float64 reference has a horizon of its own beside one in extended precision."""
+    problem = Problem(away, [1.0], [0.0, 1.0, 2.0, 3.0])
+    known = reference(problem, level="extended")
+    *others, independent = known.certificate.witnesses
+    cut = {"state": np.where(problem.ts < 2, independent.differences["state"], np.inf)}
+    witnesses = (*others, dataclasses.replace(independent, differences=cut))
+    known = dataclasses.replace(
+        known, certificate=dataclasses.replace(known.certificate, witnesses=witnesses)
+    )
+    text = " ".join(format_table(accuracy_table(known, ["rk4"], [4])).split())
+    assert re.search(r"diffrax Dopri8 agrees to \d\.\de-\d\d before t = 2;", text)
 
 
 def test_formats_that_do_not_exist(study):
