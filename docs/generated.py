@@ -8,12 +8,22 @@ from __future__ import annotations
 
 import functools
 import io
+import math
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 from tabulate import tabulate
 
-from ropeode import Rope, stability_limit
+from ropeode import (
+    Rope,
+    accuracy_table,
+    format_horizon,
+    format_table,
+    lyapunov_exponent,
+    stability_limit,
+)
+from ropeode import horizon as horizon_of
 from ropeode.experiments.growth import growth_scan
 from ropeode.experiments.report import Report, rope_report
 from ropeode.experiments.rest_time import rest_times
@@ -21,6 +31,7 @@ from ropeode.experiments.sweeps import sweep_study
 from ropeode.files import write_whole
 from ropeode.render.plots.answers import plot_growth, plot_rest_times, plot_sweeps
 from ropeode.render.plots.files import figure_bytes
+from ropeode.render.plots.horizon import plot_horizon
 from ropeode.render.plots.report import plot_contact_sheets
 from ropeode.render.report import measured_words, summary, theory_words, threshold_words
 
@@ -200,3 +211,80 @@ def sheets() -> str:
         picture(sheet, f"report-{number}.png", f"figures of the report, sheet {number}")
         for number, sheet in enumerate(plot_contact_sheets(report()), start=1)
     )
+
+
+SHORT, LONG = 100, 200
+SPANS = (50, 100, 120, 150, 200, 300, 1000)
+
+
+@functools.cache
+def horizon_study(frames: int):
+    """The undamped default rope, held against extended precision."""
+    return horizon_of(Rope(damping=0.0).problem(frames), SPANS, time_limit=600)
+
+
+def horizon_words() -> str:
+    """What the command prints, and the picture."""
+    study = horizon_study(LONG)
+    words = "error of every float64 run against the truth, over time"
+    shown = picture(plot_horizon(study), "horizon.png", words)
+    return f"```text\n{format_horizon(study)}```\n\n{shown}"
+
+
+def predicted_needs() -> str:
+    """What 100 frames foretell of longer spans, and what these needed."""
+    short, long = horizon_study(SHORT), horizon_study(LONG)
+    rates = short.exponent.value / math.log(10), long.exponent.value / math.log(10)
+    rows = []
+    for need in short.needs:
+        if need.measured or need.span > LONG:
+            continue
+        by_rate = short.digits + short.lost[-1] + rates[0] * (need.span - SHORT)
+        measured = short.digits + float(np.interp(need.span, long.times, long.lost))
+        low, high = need.interval
+        rows.append(
+            [
+                f"{need.span:g}",
+                f"{need.digits:.1f} [{low:.1f}, {high:.1f}]",
+                str(need.bits),
+                f"{measured:.1f}",
+                f"{by_rate:.1f}",
+            ]
+        )
+    headers = ["frames", "predicted digits", "bits", "measured digits", "by the exponent alone"]
+    return table(headers, rows)
+
+
+def agreement() -> str:
+    """Digits lost up to frame 100, in two precisions."""
+    short, long = horizon_study(SHORT), horizon_study(LONG)
+    return table(
+        ["frame", *(f"{study.truth.coarse.precision} bits" for study in (short, long))],
+        [
+            [f"{frame}", f"{short.lost[frame]:.2f}", f"{long.lost[frame]:.2f}"]
+            for frame in (20, 40, 60, 80, 100)
+        ],
+    )
+
+
+def growth_by_window() -> str:
+    """The growth of tangents of the undamped rope, window by window."""
+    found = lyapunov_exponent(Rope(damping=0.0).problem(2000))
+    since = found.times - found.times[0]
+    rows = []
+    for start, end in ((0, 80), (80, 200), (200, 500), (500, 1000), (1000, 2000)):
+        grown = [np.interp(at, since, found.log_growth.mean(axis=0)) for at in (start, end)]
+        rate = (grown[1] - grown[0]) / (end - start)
+        rows.append([f"{start} to {end}", f"{rate:.3f}", f"{100 * rate / math.log(10):.1f}"])
+    low, high = found.interval
+    return (
+        table(["frames", "rate per frame", "digits in 100 frames"], rows)
+        + f"\n\nOver the frames 1000 to 2000 the exponent is {found.value:.3f} [{low:.3f}, "
+        f"{high:.3f}] per frame."
+    )
+
+
+def judged_inside() -> str:
+    """A table that goes past the horizon."""
+    problem, steps = Rope(damping=0.0).problem(LONG), (64, 128, 256)
+    return f"```text\n{format_table(accuracy_table(problem, ['rk4'], steps))}```"

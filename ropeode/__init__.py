@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ropeode.analysis.equilibrium import hanging_equilibrium
     from ropeode.analysis.errors import ErrorSeries, error_series
+    from ropeode.analysis.lyapunov import LyapunovExponent, lyapunov_exponent
     from ropeode.analysis.motion import Motion, Thresholds, classify_motion
     from ropeode.analysis.order import ObservedOrder, observed_order
     from ropeode.analysis.stability import growth_per_frame, stability_limit
@@ -25,20 +26,23 @@ if TYPE_CHECKING:
     from ropeode.references.stored.catalogue import load
     from ropeode.references.stored.store import load_reference, save_reference
     from ropeode.references.stored.verify import Verification, verify_reference
-    from ropeode.render.formats import format_report, format_table
+    from ropeode.render.formats import format_horizon, format_report, format_table
     from ropeode.render.plots.animation import animate
     from ropeode.render.plots.convergence import plot_convergence
     from ropeode.render.plots.energy import plot_energies
     from ropeode.render.plots.error import plot_errors
+    from ropeode.render.plots.horizon import plot_horizon
     from ropeode.simulation import Trajectory, simulate
     from ropeode.steppers.base import ProblemClass, Stepper, System
     from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
     from ropeode.study.curves import energy_curves, error_curves
+    from ropeode.study.horizon import Horizon, horizon
     from ropeode.study.node_paths import node_paths
 
 _MODULES = {
     "analysis.equilibrium": ("hanging_equilibrium",),
     "analysis.errors": ("ErrorSeries", "error_series"),
+    "analysis.lyapunov": ("LyapunovExponent", "lyapunov_exponent"),
     "analysis.motion": ("Motion", "Thresholds", "classify_motion"),
     "analysis.order": ("ObservedOrder", "observed_order"),
     "analysis.stability": ("growth_per_frame", "stability_limit"),
@@ -52,15 +56,17 @@ _MODULES = {
     "references.stored.catalogue": ("load",),
     "references.stored.store": ("load_reference", "save_reference"),
     "references.stored.verify": ("Verification", "verify_reference"),
-    "render.formats": ("format_report", "format_table"),
+    "render.formats": ("format_horizon", "format_report", "format_table"),
     "render.plots.animation": ("animate",),
     "render.plots.convergence": ("plot_convergence",),
     "render.plots.energy": ("plot_energies",),
     "render.plots.error": ("plot_errors",),
+    "render.plots.horizon": ("plot_horizon",),
     "simulation": ("Trajectory", "simulate"),
     "steppers.base": ("ProblemClass", "Stepper", "System"),
     "study.accuracy_table": ("AccuracyTable", "accuracy_table"),
     "study.curves": ("energy_curves", "error_curves"),
+    "study.horizon": ("Horizon", "horizon"),
     "study.node_paths": ("node_paths",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
@@ -68,10 +74,12 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = [
     "AccuracyTable",
     "ErrorSeries",
+    "Horizon",
     "InextensibleRope",
     "InputError",
     "LinearDamping",
     "Links",
+    "LyapunovExponent",
     "Motion",
     "ObservedOrder",
     "Problem",
@@ -93,17 +101,21 @@ __all__ = [
     "energy_curves",
     "error_curves",
     "error_series",
+    "format_horizon",
     "format_report",
     "format_table",
     "growth_per_frame",
     "hanging_equilibrium",
+    "horizon",
     "load",
     "load_reference",
+    "lyapunov_exponent",
     "node_paths",
     "observed_order",
     "plot_convergence",
     "plot_energies",
     "plot_errors",
+    "plot_horizon",
     "reference",
     "rope_report",
     "save_reference",

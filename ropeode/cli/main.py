@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from ropeode.cli.commands import spec, steppers, table
+from ropeode.cli.horizon import horizon
 from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
 from ropeode.cli.report import report
@@ -29,7 +30,7 @@ def cli(debug: bool) -> None:
     """
 
 
-for command in (table, reference, plot, animate, report, spec, steppers):
+for command in (table, reference, horizon, plot, animate, report, spec, steppers):
     cli.add_command(command)
 
 

@@ -188,7 +188,7 @@ def reference(
         every.append(run.without_states())
 
     hold_against(
-        solve_primary(problem, method, primary.rtol, progress, y0=_neighbour(problem)), "neighbour"
+        solve_primary(problem, method, primary.rtol, progress, y0=neighbour(problem)), "neighbour"
     )
     hold_against(
         solve_primary(
@@ -329,7 +329,7 @@ def _ladder(
     return method, climb(problem, method, first, tolerances(method)[1:], progress)
 
 
-def _neighbour(problem: Problem) -> np.ndarray:
+def neighbour(problem: Problem) -> np.ndarray:
     """The initial state with each component moved by one unit of rounding, up or down.
 
     Zeros are moved up, by a unit of rounding of the largest component: a solution that is

@@ -128,7 +128,7 @@ def reference_words(table: AccuracyTable) -> str:
     independent = [w for w in made.witnesses if w.role in ("independent", "fewer digits")]
     inside = slice(reference.trusted)
     agreeing = ", ".join(
-        f"{w.solver} agrees to {max(w.differences[quantity][inside]):.1e}" for w in independent
+        f"{w.solver} {_agreement(table, w.differences[quantity][inside])}" for w in independent
     )
     drift = made.drift.get(quantity)
     kept = "" if drift is None else f"; constraints kept to {np.max(drift[inside]):.1e}"
@@ -141,6 +141,15 @@ def reference_words(table: AccuracyTable) -> str:
         f"Reference: {made.solver} at rtol {made.rtol:.0e}, estimated bound "
         f"{reference.bound(table.norm)[-1]:.1e}; {agreeing}{kept}; {trust}."
     )
+
+
+def _agreement(table: AccuracyTable, differences: np.ndarray) -> str:
+    """How closely a witness agrees, and how far, if it has a horizon of its own."""
+    reached = int(np.argmin(np.append(np.isfinite(differences), False)))
+    words = f"agrees to {np.max(differences[:reached]):.1e}"
+    if reached == len(differences):
+        return words
+    return f"{words} before t = {table.problem.ts[reached]:g}"
 
 
 def _rows(table: AccuracyTable, stepper: str) -> list[Row]:

@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 from ropeode.errors import InputError
 from ropeode.experiments.report import Report
+from ropeode.render import horizon as of_horizon
 from ropeode.render import report as of_report
 from ropeode.render.data import as_csv, as_json
 from ropeode.render.documents import as_html, as_latex, as_markdown
 from ropeode.render.plain_text import as_text
 from ropeode.study.accuracy_table import AccuracyTable
+from ropeode.study.horizon import Horizon
 from ropeode.validation import unknown
 
 FORMATS: dict[str, Callable[[AccuracyTable], str]] = {
@@ -28,6 +30,14 @@ REPORT_FORMATS: dict[str, Callable[[Report], str]] = {
     "csv": of_report.as_csv,
     "json": of_report.as_json,
     "html": of_report.as_html,
+}
+HORIZON_FORMATS: dict[str, Callable[[Horizon], str]] = {
+    "text": of_horizon.as_text,
+    "markdown": of_horizon.as_markdown,
+    "latex": of_horizon.as_latex,
+    "csv": of_horizon.as_csv,
+    "json": of_horizon.as_json,
+    "html": of_horizon.as_html,
 }
 
 
@@ -59,3 +69,18 @@ def format_report(report: Report, form: str = "text") -> str:
     if form not in REPORT_FORMATS:
         raise InputError(unknown("format", form, REPORT_FORMATS))
     return REPORT_FORMATS[form](report)
+
+
+def format_horizon(study: Horizon, form: str = "text") -> str:
+    """A horizon study as text.
+
+    Arguments:
+        study: from `ropeode.horizon`.
+        form: one of `HORIZON_FORMATS`.
+
+    Raises:
+        InputError: there is no such format.
+    """
+    if form not in HORIZON_FORMATS:
+        raise InputError(unknown("format", form, HORIZON_FORMATS))
+    return HORIZON_FORMATS[form](study)

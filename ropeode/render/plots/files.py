@@ -22,12 +22,13 @@ FIGURES: dict[str, dict[str, None]] = {
 }
 
 
-def check_picture(path: str | Path, suffixes: Iterable[str]) -> Path:
+def check_picture(path: str | Path, suffixes: Iterable[str], name: str = "out") -> Path:
     """A path that a picture can be written to, checked before anything is computed.
 
     Arguments:
         path: of the file, which may exist.
         suffixes: that are allowed, as in ``.png``.
+        name: of the option that it was given with.
 
     Raises:
         InputError: it has another suffix, or cannot be written to.
@@ -36,13 +37,13 @@ def check_picture(path: str | Path, suffixes: Iterable[str]) -> Path:
     if Path(path).suffix.lower() not in allowed:
         raise InputError(
             complaint(
-                "out",
+                name,
                 str(path),
                 f"a file name that ends in {', '.join(allowed)}",
                 f"for example {Path(path).stem or 'picture'}{allowed[0]}",
             )
         )
-    return check_writable("out", path)
+    return check_writable(name, path)
 
 
 @matplotlib.rc_context(STYLE)

@@ -1,0 +1,82 @@
+"""The command that says when float64 references lose their digits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ropeode.cli.formats import format_for, format_option
+from ropeode.cli.job import job_from
+from ropeode.cli.options import table_options
+from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
+from ropeode.errors import InputError
+from ropeode.files import check_writable, write_whole
+from ropeode.validation import complaint
+
+
+@click.command()
+@click.argument("spec", required=False, type=click.Path(path_type=Path))
+@table_options
+@click.option("--spans", metavar="T[,T...]", help="Spans whose need is told. [100,300,1000]")
+@click.option("--plot", metavar="FILE", help="Draw all errors over time: .png, .pdf or .svg.")
+@format_option
+@click.option("--out", metavar="FILE", help="Write the findings to FILE and print nothing.")
+def horizon(
+    spec: Path | None,
+    spans: str | None,
+    plot: str | None,
+    form: str | None,
+    out: str | None,
+    **options: str | None,
+) -> None:
+    """Tell when a reference in float64 stops being one.
+
+    Holds the float64 solvers against a solution in extended precision: at which time how many
+    digits are left, how fast differences grow (with the Lyapunov exponent), and how many
+    digits of working precision a span of time needs. `ropeode horizon --damping 0 --frames
+    200 --time-limit 300` shows it on a rope that swings for ever.
+
+    Takes the problem from SPEC and the options as `ropeode table` does; steppers are of no
+    concern. --digits are those to be left at the end. Needs heyoka: pip install
+    'ropeode[extended]', and for --plot matplotlib: pip install 'ropeode[plots]'.
+    """
+    path = check_writable("out", out) if out else None
+    picture = None
+    if plot:
+        from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
+        from ropeode.render.plots.horizon import plot_horizon
+
+        picture = check_picture(plot, FIGURES, "plot")
+    set_up_jax()
+    from ropeode.render.formats import format_horizon
+    from ropeode.study.horizon import SPANS
+    from ropeode.study.horizon import horizon as study
+
+    if options["level"] not in (None, "extended"):
+        raise InputError(
+            complaint(
+                "level", options["level"], "extended, and it need not be said", "leave it out"
+            )
+        )
+    job = job_from(spec, {**options, "level": "extended"})
+    asked = {name: value for name, value in job.asked.items() if name != "level"}
+    wished = SPANS if spans is None else [part for part in spans.split(",") if part.strip()]
+
+    with show_progress() as progress:
+
+        def work() -> tuple[str, bytes | None]:
+            found = study(job.problem, wished, **asked, progress=progress)  # type: ignore[arg-type]
+            drawn = figure_bytes(plot_horizon(found), picture.suffix) if picture else None
+            return format_horizon(found, format_for(form, path)), drawn
+
+        text, drawn = interruptible(work)
+    with not_interrupted():
+        if picture and drawn:
+            write_whole(picture, drawn)
+        if path:
+            write_whole(path, text)
+    if not path:
+        click.echo(text, nl=False)
+    if picture:
+        click.echo(f"wrote {picture}", err=True)

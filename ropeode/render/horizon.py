@@ -1,0 +1,262 @@
+"""A horizon study in every format."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from typing import Any, cast
+
+import numpy as np
+from tabulate import tabulate
+
+from ropeode.norms import NORMS
+from ropeode.problems.library import ROPES
+from ropeode.render import cells, markup
+from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.plain_text import wrapped
+from ropeode.study.horizon import Growth, Horizon, Run
+
+SCHEMA = "ropeode.horizon/1"
+# Digits that are left where errors are a few units of rounding.
+_KEPT = 14
+_RUNS = ("run", "tolerance", "role", "steps", "largest error", "digits left")
+_DIGITS = ("digits left", "reference", "luckiest run", "certificate")
+_NEEDS = ("span", "digits lost", "digits needed", "95% interval", "bits", "known by")
+
+
+def as_text(study: Horizon) -> str:
+    """Tables between paragraphs, for 80 columns."""
+    lines: list[str] = []
+    for block in blocks(study):
+        if isinstance(block, Grid):
+            align = ["left" if i in block.left else "right" for i in range(len(block.headers))]
+            grid = tabulate(
+                [block.headers, *block.rows],
+                tablefmt="plain",
+                disable_numparse=True,
+                colalign=align,
+            )
+            lines += [*(line.rstrip() for line in grid.splitlines()), ""]
+        else:
+            lines += [*wrapped(block.text), *([""] if isinstance(block, Paragraph) else [])]
+    return "\n".join(lines)
+
+
+def as_markdown(study: Horizon) -> str:
+    """Pipe tables between paragraphs."""
+    return markup.markdown(blocks(study))
+
+
+def as_latex(study: Horizon) -> str:
+    """Tabulars in the style of the booktabs package."""
+    return markup.latex(blocks(study))
+
+
+def as_html(study: Horizon) -> str:
+    """A page that needs nothing beside it."""
+    return markup.html_page(blocks(study))
+
+
+def as_json(study: Horizon) -> str:
+    """Schema `ropeode.horizon/1`; what does not exist is null."""
+    return json.dumps(as_dict(study), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def as_csv(study: Horizon) -> str:
+    """One line for each sample: the bound, each run's error, and the digits lost."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [f"{run.role} {run.solver} {run.tolerance:.0e}" for run in study.runs]
+    writer.writerow(["time", "bound", *names, "digits lost in extended precision"])
+    columns = [study.times, study.bound, *(run.errors for run in study.runs), study.lost]
+    for row in np.stack(columns, axis=1):
+        writer.writerow([float(number) if math.isfinite(number) else "" for number in row])
+    return text.getvalue()
+
+
+def blocks(study: Horizon) -> list[Block]:
+    """The tables, and the words around them."""
+    found: list[Block] = [
+        Heading(f"Horizon of float64 references: {cells.problem_words(cast(Any, study))}"),
+        Paragraph(truth_words(study)),
+        Grid(_RUNS, [_run_cells(study, run) for run in study.runs], left=frozenset({0, 2})),
+        Paragraph(loss_words(study)),
+    ]
+    if _loses(study):
+        rows = [
+            (str(each.digits), _time(each.reference), _time(each.luckiest), _time(each.certificate))
+            for each in study.digits_left
+        ]
+        found += [Grid(_DIGITS, rows, left=frozenset())]
+    found += [Paragraph(words) for words in growth_words(study)]
+    found += [
+        Paragraph(
+            f"Working precision for {study.digits} digits at the end of a span (in "
+            f"{unit(study)}s); the bits are those of the interval's upper end:"
+        ),
+        Grid(_NEEDS, need_rows(study), left=frozenset({5})),
+    ]
+    return found
+
+
+def need_rows(study: Horizon) -> list[tuple[str, ...]]:
+    """The cells of the table of what spans need."""
+    return [
+        (
+            f"{each.span:g}",
+            f"{each.lost:.1f}",
+            f"{each.digits:.1f}",
+            "-" if each.measured else f"[{each.interval[0]:.1f}, {each.interval[1]:.1f}]",
+            str(each.bits),
+            "measurement" if each.measured else "prediction",
+        )
+        for each in study.needs
+    ]
+
+
+def truth_words(study: Horizon) -> str:
+    """What is held against what."""
+    truth, words = study.truth, NORMS[f"{study.problem.quantities[0]}-max"].words
+    reach = (
+        "to the end"
+        if truth.agreed == len(study.problem.ts)
+        else f"up to t = {study.times[-1]:g} only ({truth.failure})"
+    )
+    return (
+        f"Errors: {words}, against heyoka Taylor series with {truth.coarse.precision} and "
+        f"{truth.fine.precision} bits, which agree to {study.digits} digits {reach}. Digits are "
+        f"counted against the largest component, {study.size:.4g}."
+    )
+
+
+def loss_words(study: Horizon) -> str:
+    """Where the trust ends, and whether it was deserved."""
+    known = study.reference
+    trust = (
+        "trusted to the end"
+        if known.horizon is None
+        else f"trusted before t = {known.horizon:g} only ({known.certificate.horizon_reason})"
+    )
+    words = (
+        f"The certificate: {trust}. Inside, the reference's error is at most "
+        f"{study.worst_cover:.2f} of the bound."
+    )
+    if not _loses(study):
+        return f"{words} Nothing but rounding is lost: {_KEPT} digits are left at every sample."
+    return f"{words} From when on fewer digits are left:"
+
+
+def _loses(study: Horizon) -> bool:
+    """Whether the reference loses more than rounding does anywhere."""
+    return any(each.reference is not None and each.digits <= _KEPT for each in study.digits_left)
+
+
+def growth_words(study: Horizon) -> list[str]:
+    """How differences grow, and the exponent."""
+    per = f"per {unit(study)}"
+    exponent, rate = study.exponent, study.exponent.value
+    low, high = exponent.interval
+    meaning = {
+        "positive": f"{rate / math.log(10):.3f} digits {per}, in the end, at any precision",
+        "negative": "neighbouring solutions come together, and nothing is lost for long",
+        "not told from zero": "growth, if any, is slower than this span can show",
+    }[exponent.sign]
+    return [
+        f"Growth of the differences of float64 runs: {_growth_words(study.float64_growth, per)}. "
+        f"Of the runs in extended precision: {_growth_words(study.extended_growth, per)}.",
+        f"Largest Lyapunov exponent: {rate:.3g} [{low:.3g}, {high:.3g}] {per}, over t = "
+        f"{exponent.times[len(exponent.times) // 2]:g} to {exponent.times[-1]:g}: {meaning}.",
+    ]
+
+
+def unit(study: Horizon) -> str:
+    """What the problem's time is counted in."""
+    return "frame" if study.problem.parameters.get("kind") in ROPES else "time unit"
+
+
+def _growth_words(growth: Growth | None, per: str) -> str:
+    if growth is None:
+        return "less than a digit above rounding"
+    low, high = growth.interval
+    law = {
+        "exponential": f"exponential, rate {growth.rate:.3g} [{low:.3g}, {high:.3g}] {per}",
+        "algebraic": f"like t to the {growth.rate:.2g} [{low:.2g}, {high:.2g}]",
+    }[growth.law]
+    return f"{law}, t = {growth.start:g} to {growth.end:g}"
+
+
+def _run_cells(study: Horizon, run: Run) -> tuple[str, ...]:
+    largest = float(np.max(run.errors))
+    arrived = math.isfinite(largest)
+    left = -math.log10(max(largest / study.size, 1e-16)) if arrived else 0.0
+    return (
+        run.solver,
+        f"{run.tolerance:.0e}",
+        run.role,
+        str(run.steps),
+        f"{largest:.1e}" if arrived else "ended early",
+        f"{max(left, 0.0):.1f}" if arrived else "-",
+    )
+
+
+def _time(time: float | None) -> str:
+    return "-" if time is None else f"{time:g}"
+
+
+def as_dict(study: Horizon) -> dict[str, Any]:
+    """The study as nested plain values."""
+    problem, made, exponent = study.problem, study.reference.certificate, study.exponent
+    return {
+        "schema": SCHEMA,
+        "problem": {
+            "name": problem.name,
+            "frames": problem.frames,
+            "t_start": float(problem.ts[0]),
+            "t_end": float(problem.ts[-1]),
+            "parameters": dict(problem.parameters),
+        },
+        "truth": {
+            "bits": [study.truth.coarse.precision, study.truth.fine.precision],
+            "digits": study.digits,
+            "t_end": float(study.times[-1]),
+            "failure": study.truth.failure,
+            "seconds": study.truth.seconds,
+        },
+        "size": study.size,
+        "times": study.times.tolist(),
+        "bound": _finite(study.bound),
+        "horizon": made.horizon,
+        "horizon_reason": made.horizon_reason,
+        "largest_error_over_bound": study.worst_cover,
+        "runs": [
+            {
+                "solver": run.solver,
+                "tolerance": run.tolerance,
+                "role": run.role,
+                "steps": run.steps,
+                "errors": _finite(run.errors),
+            }
+            for run in study.runs
+        ],
+        "digits_lost_in_extended_precision": study.lost.tolist(),
+        "digits_left": [vars(each) for each in study.digits_left],
+        "growth": {
+            "float64": vars(study.float64_growth) if study.float64_growth else None,
+            "extended": vars(study.extended_growth) if study.extended_growth else None,
+        },
+        "lyapunov_exponent": {
+            "value": exponent.value,
+            "ci95": list(exponent.interval),
+            "sign": exponent.sign,
+            "resolution": exponent.resolution,
+            "t_end": float(exponent.times[-1]),
+            "failure": exponent.failure,
+        },
+        "needs": [vars(each) for each in study.needs],
+    }
+
+
+def _finite(series: np.ndarray) -> list[float | None]:
+    return [float(number) if math.isfinite(number) else None for number in series]

@@ -1,0 +1,124 @@
+"""Lyapunov exponents: known ones, and what cannot be told from zero."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.analysis import lyapunov
+from ropeode.analysis.lyapunov import lyapunov_exponent, mean_slope
+from ropeode.errors import InputError
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.kepler import kepler
+from ropeode.problems.oscillator import oscillator
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.diffrax_solver import solve
+
+
+def lorenz(t, y, args):
+    """Lorenz, J. Atmos. Sci. 20 (1963) 130-141."""
+    return jnp.stack([10 * (y[1] - y[0]), y[0] * (28 - y[2]) - y[1], y[0] * y[1] - 8 / 3 * y[2]])
+
+
+def test_lorenz():
+    """0.9056: Sprott, Chaos and Time-Series Analysis (2003), table of flows."""
+    found = lyapunov_exponent(Problem(lorenz, [1.0, 1.0, 20.0], np.arange(1001.0)))
+    low, high = found.interval
+    assert low < 0.9056 < high
+    # Of 500 time units: narrow enough to say something.
+    assert high - low < 0.1
+    assert found.sign == "positive"
+
+
+@pytest.mark.parametrize(("rates", "largest"), [((0.5, -2.0), 0.5), ((-0.3, -1.0), -0.3)])
+def test_linear_systems_have_their_eigenvalue(rates, largest):
+    problem = Problem(lambda t, y, args: jnp.array(rates) * y, [1.0, 1.0], np.arange(61.0))
+    found = lyapunov_exponent(problem)
+    # What is left of the other direction after half the span, and the solver's tolerance.
+    assert found.value == pytest.approx(largest, abs=math.exp(-30 * 0.7) + 1e-8)
+    assert found.sign == ("positive" if largest > 0 else "negative")
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_an_oscillator_loses_half_its_damping_rate(damping):
+    """x'' + damping x' + x = 0 has both eigenvalues at -damping/2."""
+    problem = oscillator(frames=200, damping=damping)
+    found = lyapunov_exponent(problem)
+    # The tangent's length goes up and down by damping/2 or so while it shrinks.
+    assert found.value == pytest.approx(-damping / 2, abs=2 * damping / 200 + 1e-8)
+    assert found.sign == ("negative" if damping else "not told from zero")
+
+
+def test_growth_like_a_power_is_not_told_from_zero():
+    """Two orbits of slightly different period part like t; over many periods that is no rate."""
+    orbit = dataclasses.replace(kepler(), ts=np.linspace(0, 50 * 2 * np.pi, 201))
+    found = lyapunov_exponent(orbit)
+    assert found.sign == "not told from zero"
+    # ln 2 in the second half, for growth like t: that is half the resolution.
+    assert found.value == pytest.approx(found.resolution / 2, rel=0.02)
+
+
+def test_tangents_grow_as_differences_do():
+    """Against two runs of the solver that start a little apart."""
+    problem = Rope(num_nodes=5, damping=0.0).problem(40)
+    found = lyapunov_exponent(problem, tangents=1)
+    size = problem.y0.size
+    direction = np.random.default_rng(1).normal(size=problem.y0.shape)
+    direction[:, :, 0] = 0.0
+    direction /= np.linalg.norm(direction)
+    step = 1e-5
+    ends = [
+        solve(problem, "Dopri8", 1e-12, 1e-10, max_steps=100_000, y0=problem.y0 + s * direction)
+        for s in (-step, step)
+    ]
+    apart = np.linalg.norm((ends[1].states - ends[0].states).reshape(-1, size), axis=1)
+    parts = (len(found.times) - 1) // 40
+    grown = np.log(apart / (2 * step))
+    # Second differences of a step of 1e-5 in 400 are below 1e-3 here.
+    np.testing.assert_allclose(found.log_growth[0, ::parts], grown, atol=0.01)
+
+
+def test_rigid_links_are_disturbed_where_they_can_move():
+    """Once it hangs, each of its modes loses half the damping rate; drift would show as zero."""
+    rope = InextensibleRope(num_nodes=3, damping=0.4, gravity=(0, -100))
+    found = lyapunov_exponent(rope.problem(60))
+    assert found.value == pytest.approx(-0.2, abs=found.resolution)
+    assert found.sign == "negative"
+
+
+def test_a_pole_ends_it(monkeypatch):
+    monkeypatch.setattr(lyapunov, "step_budget", lambda problem: 2000)
+    # The other solver does not get past it either, and takes long to compile.
+    monkeypatch.setattr(lyapunov, "IMPLICIT", lyapunov.EXPLICIT)
+    problem = Problem(lambda t, y, args: y**2, [1.0], [0.0, 0.5, 0.9, 1.1])
+    found = lyapunov_exponent(problem)
+    assert "2000 steps did not suffice" in found.failure
+    assert 0.9 < found.times[-1] <= 1.0
+
+
+def test_mean_slope_covers_independent_increments():
+    """95% of intervals hold the true mean; of 400 at least 92%, by three standard errors."""
+    draw = np.random.default_rng(5)
+    covered = 0
+    for _ in range(400):
+        walk = np.cumsum(0.3 + draw.normal(size=201))
+        value, half = mean_slope(np.arange(201.0), walk)
+        covered += abs(value - 0.3) <= half
+    assert covered >= 0.92 * 400
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"tangents": 0}, "tangents: 0 given; allowed: a whole number >= 1"),
+        ({"rtol": -1}, "rtol: -1 given; allowed: a finite number > 0"),
+    ],
+)
+def test_faults(more, words):
+    with pytest.raises(InputError, match=words):
+        lyapunov_exponent(oscillator(), **more)

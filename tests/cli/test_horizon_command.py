@@ -1,0 +1,78 @@
+"""`ropeode horizon`, as a user meets it: whole processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from PIL import Image
+
+QUICK = ["--problem", "oscillator", "--frames", "4", "--spans", "4,20"]
+
+
+def test_text_json_and_picture(run, tmp_path):
+    pytest.importorskip("heyoka", reason="heyoka is an extra")
+    done = run("horizon", *QUICK, "--plot", "a.png", "--format", "json", "--out", "a.json")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "wrote a.png\n")
+    found = json.loads((tmp_path / "a.json").read_text())
+    assert found["schema"] == "ropeode.horizon/1"
+    assert [need["measured"] for need in found["needs"]] == [True, False]
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.width == 1300
+    done = run("horizon", *QUICK)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "Nothing but rounding is lost" in done.stdout
+    assert all(len(line) <= 80 for line in done.stdout.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--spans", "0"], "spans: '0' given; allowed: a finite number > 0"),
+        (["--spans", ""], "spans: [] given; allowed: one or more"),
+        (["--frames", "0"], "frames: '0' given"),
+        (["--digits", "0"], "digits: '0' given"),
+        (["--level", "consensus"], "level: 'consensus' given"),
+        (["--plot", "a.jpg"], "plot: 'a.jpg' given; allowed: a file name that ends in .png"),
+        (["--out", "missing/a.txt"], "create 'missing'"),
+        (["--problem", "pendulums"], "pendulums"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input_is_a_line_and_exit_code_2(arguments, words, run, tmp_path):
+    done = run("horizon", *arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("ropeode: ")
+    assert words in line
+    assert "Fix: " in line
+    assert os.listdir(tmp_path) == []
+
+
+def test_without_heyoka_it_is_told_before_anything_is_computed(run):
+    done = run("horizon", "--frames", "1000000", without="heyoka")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("ropeode: heyoka: it cannot be imported")
+
+
+def test_ctrl_c(environment, tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "ropeode", "horizon", "--num-nodes", "128", "--frames", "400"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+    )
+    time.sleep(5.0)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert (out, err) == ("", "ropeode: interrupted; nothing was written.\n")
