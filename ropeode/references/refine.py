@@ -81,6 +81,7 @@ def with_dense_output(
     else:
         primary, witnesses = _float64_runs(known, progress)
     dense, refined, run = _fine_enough(known, primary)
+    dense = _through_the_samples(known, dense)
     judged = dataclasses.replace(run, states=dense.at(refined.ts))
     held = [witness(refined, judged, other, role) for role, other in witnesses(refined, run)]
     estimated = bounds(refined, judged, held, refined.drift(judged.states))
@@ -114,6 +115,7 @@ def _fine_enough(known: Reference, primary: Primary) -> tuple[Dense, Problem, So
     jumps = tuple(jump for jump in problem.jump_times if jump < samples[-1])
     parts = max(1, known.certificate.steps // (_STEPS_PER_PIECE * problem.frames))
     nodes = np.union1d(_split(samples, np.full(len(samples) - 1, parts)), jumps)
+    before = np.inf
     for _ in range(_MOST_PASSES):
         refined = dataclasses.replace(problem, ts=_looked_at(nodes), jump_times=jumps)
         run = primary(refined)
@@ -121,12 +123,28 @@ def _fine_enough(known: Reference, primary: Primary) -> tuple[Dense, Problem, So
             why = f"{run.solver} {run.failure}"
             raise ReferenceRefused(f"no dense output for {problem.name!r}: {why}.")
         dense, excess = _best(known, nodes, refined, run)
+        worst = np.max(excess)
+        # What is within the bound and does not fall any more is rounding.
+        if worst <= 1.0 or before / 2 < worst <= 1.0 / _SHARE:
+            break
         parts = np.ceil(1.1 * np.minimum(excess, 1e300) ** (1 / dense.order))
-        finer = _split(nodes, np.clip(parts, 1, _MOST_PARTS).astype(int))
+        parts = np.where(excess > 1.0, np.clip(parts, 2, _MOST_PARTS), 1)
+        finer = _split(nodes, parts.astype(int))
         if len(finer) == len(nodes) or len(finer) > most:
             break
-        nodes = finer
+        nodes, before = finer, worst
     return dense, refined, run
+
+
+def _through_the_samples(known: Reference, dense: Dense) -> Dense:
+    """The polynomials with the reference's own states at the samples, and derivatives there."""
+    sampled = np.isin(dense.times, known.times)
+    times = dense.times[sampled]
+    states = known.states[np.searchsorted(known.times, times)]
+    derivatives = dense.derivatives.copy()
+    count = derivatives.shape[1] - 1
+    derivatives[sampled] = time_derivatives(known.problem, times, states, count)
+    return dataclasses.replace(dense, derivatives=derivatives)
 
 
 def _best(
@@ -144,8 +162,6 @@ def _best(
     before = np.setdiff1d(np.nextafter(refined.jump_times, -np.inf), nodes)
     times = np.union1d(nodes, before)
     states = run.states[np.searchsorted(refined.ts, times)]
-    sampled = np.isin(times, known.times)
-    states[sampled] = known.states[np.searchsorted(known.times, times[sampled])]
     derivatives = time_derivatives(refined, times, states, _MOST_DERIVATIVES)
     piece = np.clip(np.searchsorted(nodes, refined.ts), 1, len(nodes) - 1) - 1
     best = None
