@@ -21,6 +21,7 @@ from ropeode.norms import distance
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import (
     ROUNDING_UNITS,
+    Level,
     Role,
     bounds,
     largest_norms,
@@ -45,6 +46,10 @@ _MOST_DERIVATIVES = 4
 _SHARE = 0.1
 # Where a piece is looked at: the leading term of its error is largest in the middle.
 _FRACTIONS = (0.22, 0.5, 0.71)
+# Where a pass makes the largest error less than so many times smaller, it may be rounding if it
+# is no more than so many times what is allowed: the bound, or what rounds a bound of half a unit.
+_LEAST_GAIN = 8.0
+_ROUNDING: dict[Level, float] = {"consensus": 10.0, "extended": 1000.0}
 # Steps of an order-8 method that one piece replaces, to begin with.
 _STEPS_PER_PIECE = 4
 _MOST_PARTS = 8
@@ -124,8 +129,8 @@ def _fine_enough(known: Reference, primary: Primary) -> tuple[Dense, Problem, So
             raise ReferenceRefused(f"no dense output for {problem.name!r}: {why}.")
         dense, excess = _best(known, nodes, refined, run)
         worst = np.max(excess)
-        # What is within the bound and does not fall any more is rounding.
-        if worst <= 1.0 or before / 2 < worst <= 1.0 / _SHARE:
+        # What hardly falls any more is rounding, that of the states in the derivatives included.
+        if worst <= 1.0 or before / _LEAST_GAIN < worst <= _ROUNDING[known.certificate.level]:
             break
         parts = np.ceil(1.1 * np.minimum(excess, 1e300) ** (1 / dense.order))
         parts = np.where(excess > 1.0, np.clip(parts, 2, _MOST_PARTS), 1)
@@ -226,7 +231,8 @@ def _float64_runs(known: Reference, progress: Progress) -> tuple[Primary, Witnes
     def witnesses(problem: Problem, run: Solution) -> Iterator[tuple[Role, Solution]]:
         tighter = sorted((w.tolerance for w in made.witnesses if w.role == "tighter"), reverse=True)
         runs = [primary(problem, rtol) for rtol in tighter]
-        yield from (("tighter", each) for each in runs)
+        for each in runs:
+            yield "tighter", each
         yield "neighbour", primary(problem, y0=neighbour(problem))
         yield (
             "short steps",
@@ -251,7 +257,13 @@ def _extended_runs(
     def rounded(problem: Problem, tolerance: float) -> Solution:
         # A run's tolerance is one unit of rounding.
         precision = 1 - round(math.log2(tolerance))
-        run = solve(problem, precision=precision, time_limit=time_limit, progress=progress)
+        run = solve(
+            problem,
+            precision=precision,
+            time_limit=time_limit,
+            stops=known.times,
+            progress=progress,
+        )
         return Solution(
             solver=known.certificate.solver,
             rtol=tolerance,
