@@ -118,7 +118,9 @@ def _fine_enough(known: Reference, primary: Primary) -> tuple[Dense, Problem, So
     most = max(_MOST_NODES, _MOST_NODES_PER_FRAME * len(samples))
     most = min(most, _MOST_BYTES // ((1 + _MOST_DERIVATIVES) * problem.y0.nbytes))
     jumps = tuple(jump for jump in problem.jump_times if jump < samples[-1])
-    parts = max(1, known.certificate.steps // (_STEPS_PER_PIECE * problem.frames))
+    parts = known.certificate.steps // (_STEPS_PER_PIECE * problem.frames)
+    # Short steps may be for stability, as in stiff problems, where few pieces may do.
+    parts = min(max(1, parts), _MOST_PARTS)
     nodes = np.union1d(_split(samples, np.full(len(samples) - 1, parts)), jumps)
     before = np.inf
     for _ in range(_MOST_PASSES):
