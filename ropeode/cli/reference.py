@@ -34,8 +34,9 @@ def reference() -> None:
 @reference.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options
+@click.option("--dense", is_flag=True, help="States between the samples as well.")
 @click.option("-o", "--out", metavar="FILE", required=True, help="A NetCDF file, *.nc.")
-def compute(spec: Path | None, out: str, **options: str | None) -> None:
+def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> None:
     """Compute a reference and write it to FILE.
 
     Takes the problem and what is asked of the reference from SPEC and the options as
@@ -43,15 +44,26 @@ def compute(spec: Path | None, out: str, **options: str | None) -> None:
     """
     path = check_writable("out", out)
     set_up_jax()
-    from ropeode.references.reference import reference_for
+    from ropeode.references.reference import TIME_LIMIT, Reference, reference_for
+    from ropeode.references.refine import with_dense_output
     from ropeode.references.stored.store import save_reference
     from ropeode.render.reference import summary
 
     job = job_from(spec, options)
+
     with show_progress() as progress:
-        known = interruptible(
-            lambda: reference_for(job.given, **job.asked, progress=lambda text: progress(text, 0.0))
-        )
+
+        def work() -> Reference:
+            def say(text: str) -> None:
+                progress(text, 0.0)
+
+            known = reference_for(job.given, **job.asked, progress=say)
+            if not (dense or job.spec.dense):
+                return known
+            limit = job.asked.get("time_limit", TIME_LIMIT)
+            return with_dense_output(known, time_limit=limit, progress=say)
+
+        known = interruptible(work)
     save_reference(known, path)
     click.echo(summary(known), nl=False)
     click.echo(f"wrote {path}")

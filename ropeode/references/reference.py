@@ -22,6 +22,7 @@ from ropeode.references.certificate import (
     trusted_samples,
     witness,
 )
+from ropeode.references.dense import Dense
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
@@ -58,11 +59,13 @@ class Reference:
         states: ``(times, *state)`` at the problem's sample times; only the first
             `certificate.trusted` of them are inside the trust horizon.
         certificate: how far it can be trusted, and why.
+        dense: the states at all times between; None where they were not asked for.
     """
 
     problem: Problem
     states: np.ndarray
     certificate: Certificate
+    dense: Dense | None = None
 
     @property
     def times(self) -> np.ndarray:
@@ -99,6 +102,36 @@ class Reference:
         quantity = (norm or norm_for(self.problem)).quantity
         return self.certificate.bounds[quantity][: self.trusted]
 
+    def at(self, times: Any) -> np.ndarray:
+        """States at any times, ``(times, *state)``; at samples the same as `states`.
+
+        Arguments:
+            times: one or several, in the problem's unit of time, in any order.
+
+        Raises:
+            InputError: the reference has no dense output, or it does not cover a time.
+        """
+        return self._dense().at(times)
+
+    def bound_at(self, times: Any, norm: Norm | None = None) -> np.ndarray:
+        """The estimated error bound of `at`, ``(times,)``.
+
+        Arguments:
+            times: as for `at`.
+            norm: as for `bound`.
+
+        Raises:
+            InputError: the reference has no dense output, or it does not cover a time.
+        """
+        return self._dense().bound_at(times, (norm or norm_for(self.problem)).quantity)
+
+    def _dense(self) -> Dense:
+        if self.dense is None:
+            allowed = "a reference with dense output"
+            fix = "make it with reference(problem, dense=True), or --dense on the command line"
+            raise InputError(complaint("dense", self.dense, allowed, fix))
+        return self.dense
+
 
 def reference(
     problem: Problem,
@@ -108,6 +141,7 @@ def reference(
     level: Level = "consensus",
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,
+    dense: bool = False,
     progress: Progress = lambda text: None,
 ) -> Reference:
     """Solve a problem so that the solution can be trusted, and say how far.
@@ -131,12 +165,28 @@ def reference(
         level: `consensus` of float64 solvers, or `extended` precision, which needs heyoka.
         digits: to which two runs in extended precision are to agree.
         time_limit: in seconds, for all runs in extended precision.
+        dense: whether the states between the samples are to be known as well; see
+            `ropeode.references.refine`.
         progress: called with a few words before each run.
 
     Raises:
         InputError: an argument cannot be used.
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
+    if dense:
+        # Not above: that module builds on this one.
+        from ropeode.references.refine import with_dense_output
+
+        known = reference(
+            problem,
+            accuracy,
+            rtol,
+            level=level,
+            digits=digits,
+            time_limit=time_limit,
+            progress=progress,
+        )
+        return with_dense_output(known, time_limit=time_limit, progress=progress)
     if level not in get_args(Level):
         raise InputError(unknown("level", level, get_args(Level)))
     if level == "extended":
@@ -262,7 +312,7 @@ def reference_for(
         accuracy: as for `reference`; not with a reference.
         rtol: as for `reference`; not with a reference.
         progress: as for `reference`.
-        more: `level`, `digits` and `time_limit` of `reference`.
+        more: `level`, `digits`, `time_limit` and `dense` of `reference`.
 
     Raises:
         InputError: an argument cannot be used.

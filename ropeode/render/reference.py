@@ -12,6 +12,7 @@ from tabulate import tabulate
 from ropeode.references.certificate import Certificate
 from ropeode.references.reference import Reference
 from ropeode.references.stored.catalogue import Entry
+from ropeode.references.stored.contents import dense_name
 from ropeode.references.stored.store import Facts
 from ropeode.references.stored.verify import Verification
 from ropeode.render.plain_text import wrapped
@@ -23,7 +24,9 @@ _BLOCKS = " ▁▂▃▄▅▆▇█"
 def summary(known: Reference) -> str:
     """One paragraph on a reference that has just been computed."""
     made, problem = known.certificate, known.problem
-    return _lines(wrapped(f"{problem.name}, {problem.frames} frames: {_claim(made)}"))
+    dense = known.dense
+    between = [] if dense is None else _dense_claim(dense.times, dense.order, dense.bounds)
+    return _lines(wrapped(f"{problem.name}, {problem.frames} frames: {_claim(made)}"), between)
 
 
 def as_text(facts: Facts) -> str:
@@ -45,6 +48,7 @@ def as_text(facts: Facts) -> str:
     return _lines(
         wrapped(f"{facts.problem['name']}" + (f" ({kind}): {told}" if kind else "")),
         wrapped(f"{len(times)} samples from t = {times[0]:g} to {times[-1]:g}. {_claim(made)}"),
+        _stored_dense_claim(facts),
         [""],
         witnesses.splitlines(),
         [""],
@@ -113,6 +117,23 @@ def _claim(made: Certificate) -> str:
         f"Level {made.level}: {made.solver} at rtol {made.rtol:.0e}. Estimated error bound at the "
         f"end: {bounds}{drift}; {horizon}."
     )
+
+
+def _dense_claim(times: np.ndarray, order: int, bounds: Mapping[str, np.ndarray]) -> list[str]:
+    told = ", ".join(f"{quantity} {series[-1]:.1e}" for quantity, series in bounds.items())
+    return wrapped(
+        f"Dense output to t = {times[-1]:g}: {len(times)} nodes, order {order}. Estimated error "
+        f"bound at any time: {told}."
+    )
+
+
+def _stored_dense_claim(facts: Facts) -> list[str]:
+    quantities = facts.problem["quantities"]
+    if "dense_time" not in facts.numbers:
+        return []
+    bounds = {q: facts.numbers[dense_name("bound", q)] for q in quantities}
+    count = facts.numbers[f"dense_{quantities[0]}"].shape[1]
+    return _dense_claim(facts.numbers["dense_time"], 2 * count, bounds)
 
 
 def _plot(times: np.ndarray, bound: np.ndarray) -> list[str]:

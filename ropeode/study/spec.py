@@ -97,6 +97,7 @@ class TableSpec(Input):
         level: as for `ropeode.reference`, like what follows.
         digits: of an extended reference; 18 where nothing is given.
         time_limit: of an extended reference, in seconds; 60 where nothing is given.
+        dense: whether a reference that is written is to have states between the samples.
 
     Raises:
         InputError: one line for each that cannot be used.
@@ -132,6 +133,7 @@ class TableSpec(Input):
     time_limit: Positive = field(
         None, allowed="a finite number > 0, with level 'extended'", example="60"
     )
+    dense: bool = field(False, allowed="true or false", example="true")
 
 
 def read_spec(path: Path) -> dict[str, Any]:
@@ -328,6 +330,9 @@ level = "consensus"
 # With level "extended": to how many digits two runs are to agree, and how many seconds they have.
 # digits = 18
 # time_limit = 60
+
+# Whether `ropeode reference` is to write states between the samples as well.
+dense = false
 
 [rope]
 start = [0.0, 200.0]       # 2 or 3 coordinates

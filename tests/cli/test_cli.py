@@ -287,6 +287,11 @@ def test_references_in_files(run, tmp_path):
     assert verified.returncode == 0
     assert verified.stdout.count("within the bounds") == 2
 
+    done = run("reference", "--reference", "rope.nc", "--dense", "-o", "dense.nc")
+    assert "Dense output to t = 3" in done.stdout
+    assert "Dense output to t = 3" in run("reference", "show", "dense.nc").stdout
+    assert run("reference", "verify", "dense.nc").returncode == 0
+
     direct = run("table", *rope, "--steppers", "rk4", "--steps", "8,12,18", "--format", "json")
     stored = run(
         "table", "--reference", "rope.nc", "--steppers", "rk4", "--steps", "8,12,18",

@@ -61,19 +61,24 @@ def solve(
     precision: int = QUADRUPLE,
     tolerance: float | None = None,
     time_limit: float = np.inf,
+    stops: np.ndarray | None = None,
     progress: Progress = lambda text: None,
 ) -> ExtendedRun:
     """Solve with Taylor series whose order follows from the tolerance.
 
-    Each sample time is the end of a step. At declared jump times the right-hand side is
-    translated anew and the series begin anew. Elsewhere it must be one smooth function: the
-    run ends at the last sample before a step after which it would choose another branch.
+    Each sample time is the end of a step, unless `stops` says otherwise. At declared jump
+    times the right-hand side is translated anew and the series begin anew. Elsewhere it must be
+    one smooth function: the run ends at the last sample before a step after which it would
+    choose another branch.
 
     Arguments:
         problem: what to solve.
         precision: of all numbers, in bits of the significand, 53 or more.
         tolerance: relative error of one step; by default one unit of rounding.
         time_limit: seconds after which the run ends where it is; looked at after each step.
+        stops: the sample times at which steps end; at the others the Taylor polynomial of the
+            step is evaluated, which is within the tolerance all along the step. The last sample
+            time is always a stop.
         progress: called with a few words at the start.
 
     Raises:
@@ -86,7 +91,7 @@ def solve(
         tolerance = 2.0 ** (1 - precision)
     tolerance = check_positive("tolerance", tolerance, example="1e-33")
     progress(f"reference: heyoka Taylor with {precision} bits")
-    run = _Run(problem, precision, tolerance, time.perf_counter() + time_limit)
+    run = _Run(problem, precision, tolerance, time.perf_counter() + time_limit, stops)
     run.to_the_end()
     states = np.stack(run.samples).reshape(-1, *problem.y0.shape)
     return ExtendedRun(
@@ -104,8 +109,16 @@ def solve(
 class _Run:
     """What grows in the course of a run."""
 
-    def __init__(self, problem: Problem, precision: int, tolerance: float, deadline: float):
+    def __init__(
+        self,
+        problem: Problem,
+        precision: int,
+        tolerance: float,
+        deadline: float,
+        stops: np.ndarray | None,
+    ):
         self.problem = problem
+        self.stops = problem.ts if stops is None else np.append(stops, problem.ts[-1])
         self.precision = precision
         self.tolerance = tolerance
         self.deadline = deadline
@@ -146,7 +159,7 @@ class _Run:
 
         began = time.perf_counter()
         ts, first = self.problem.ts, len(self.samples)
-        stops = sorted({end, *ts[(ts > start) & (ts < end)].tolist()})
+        stops = sorted({end, *self.stops[(self.stops > start) & (self.stops < end)].tolist()})
         steps: list[tuple[float, np.ndarray]] = []
         for stop in stops:
             target = library.real(stop, self.precision)
@@ -173,6 +186,7 @@ class _Run:
         given_up: list[str] = []
 
         def each_step(taylor: Any) -> bool:
+            self._read_off(taylor, target)
             steps.append((float(taylor.time), taylor.state.astype(np.float64)))
             if abs(float(taylor.last_h)) < shortest and taylor.time != target:
                 given_up.append("its steps become too short")
@@ -180,8 +194,15 @@ class _Run:
                 given_up.append("the time limit")
             return not given_up
 
-        taylor.propagate_until(target, callback=each_step)
+        taylor.propagate_until(target, callback=each_step, write_tc=True)
         return given_up[0] if given_up else None
+
+    def _read_off(self, taylor: Any, target: Any) -> None:
+        """Samples inside the step that has just been made."""
+        ts = self.problem.ts
+        while (t := ts[len(self.samples)]) < target and t <= taylor.time:
+            taylor.update_d_output(heyoka().real(float(t), self.precision))
+            self.samples.append(taylor.d_output.copy())
 
     def _look_at_guards(
         self,

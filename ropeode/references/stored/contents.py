@@ -12,6 +12,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate, Witness, padded
+from ropeode.references.dense import Dense
 from ropeode.references.reference import Reference
 
 SCHEMA = "ropeode.reference/1"
@@ -84,6 +85,8 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
         )
         pinned = (np.asarray(args.free) == 0).astype(np.int8)
         found["pinned"] = Array(("node",), pinned, "1 where a node does not move", "1")
+    if reference.dense is not None:
+        found |= _dense_arrays(problem, reference.dense, time, units)
     probes, rates = probed(problem)
     found["probe_state"] = Array(("probe", "entry"), probes, "states to try the equation on", "1")
     found["probe_rate"] = Array(("probe", "entry"), rates, "right-hand side at these states", "1")
@@ -148,14 +151,58 @@ def certificate_from(words: Mapping[str, Any], arrays: Mapping[str, np.ndarray])
 
 def states_from(problem: Problem, samples: int, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
     """The states that were stored, ``(samples, *y0.shape)``."""
+    return _joined(problem, {name: arrays[name][:samples] for name in problem.quantities})
+
+
+def dense_from(problem: Problem, arrays: Mapping[str, np.ndarray]) -> Dense | None:
+    """The dense output that was stored; None if there is none."""
+    if "dense_time" not in arrays:
+        return None
+    times = arrays["dense_time"]
+    values = {name: arrays[f"dense_{name}"] for name in problem.quantities}
+    count = next(iter(values.values())).shape[1]
+    rows = {name: each.reshape(-1, *each.shape[2:]) for name, each in values.items()}
+    derivatives = _joined(problem, rows).reshape(len(times), count, *problem.y0.shape)
+    bounds = {name: arrays[dense_name("bound", name)] for name in problem.quantities}
+    return Dense(times, derivatives, bounds)
+
+
+def _dense_arrays(
+    problem: Problem, dense: Dense, time: str, units: Mapping[str, str]
+) -> dict[str, Array]:
+    found = {"dense_time": Array(("dense_time",), dense.times, "times of the nodes", time)}
+    nodes, count = dense.derivatives.shape[:2]
+    rows = dense.derivatives.reshape(-1, *problem.y0.shape)
+    for quantity in problem.quantities:
+        if problem.mechanics is None:
+            dims, values = _state_dims(problem), rows
+        else:
+            dims, values = ("node", "component"), problem.quantity(quantity, rows)
+        found[f"dense_{quantity}"] = Array(
+            ("dense_time", "derivative", *dims),
+            values.reshape(nodes, count, *values.shape[1:]),
+            f"{quantity} and its derivatives by time",
+            units[quantity],
+        )
+        found[dense_name("bound", quantity)] = Array(
+            ("dense_time",),
+            dense.bounds[quantity],
+            "estimated error bound of the worst node at all times up to the node",
+            units[quantity],
+        )
+    return found
+
+
+def _joined(problem: Problem, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """States in the solver's layout, of quantities as they are stored."""
     if problem.mechanics is None:
-        return arrays["state"][:samples]
+        return values["state"]
     halves = []
     for quantity in problem.quantities:
-        values = arrays[quantity][:samples]
+        half = values[quantity]
         if problem.y0[0].ndim == 2:
-            values = np.moveaxis(values, 1, 1 + problem.mechanics.node_axis)
-        halves.append(values.reshape(samples, *problem.y0.shape[1:]))
+            half = np.moveaxis(half, 1, 1 + problem.mechanics.node_axis)
+        halves.append(half.reshape(len(half), *problem.y0.shape[1:]))
     return np.ascontiguousarray(np.stack(halves, axis=1))
 
 
@@ -179,6 +226,11 @@ def probed(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 def _name(what: str, quantity: str) -> str:
     """`bound` is that of positions (or of the state); that of velocities says so."""
     return f"velocity_{what}" if quantity == "velocity" else what
+
+
+def dense_name(what: str, quantity: str) -> str:
+    """The same of dense output."""
+    return f"dense_{_name(what, quantity)}"
 
 
 def _state_dims(problem: Problem) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from ropeode.references.stored.contents import (
     SCHEMA,
     arrays_of,
     certificate_from,
+    dense_from,
     probed,
     states_from,
     words_of,
@@ -85,6 +86,7 @@ def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
         problem=problem,
         states=states_from(problem, int(facts.problem["samples"]), facts.numbers),
         certificate=facts.certificate,
+        dense=dense_from(problem, facts.numbers),
     )
 
 

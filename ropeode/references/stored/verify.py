@@ -14,17 +14,22 @@ from ropeode.references.certificate import largest_norms
 from ropeode.references.reference import Reference, reference
 from ropeode.references.stored.store import reference_from, stored_facts
 
+# In so many pieces of a dense output a value is computed again.
+_PIECES = 256
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Verification:
     """How a stored reference stands against a new one.
+
+    With dense output the new one has samples between those of the file, too.
 
     Arguments:
         path: of the file, whose seal, structure and problem were found to be right.
         digest: sha256 of the file.
         stored: the reference in it.
         recomputed: the new one.
-        samples: that both trust, and that were compared.
+        samples: that both trust, and that were compared, those between included.
         distances: for each quantity the largest distance over them.
         outside: the first sample time, for each quantity that has one, at which the two are
             further apart than their bounds together.
@@ -64,15 +69,24 @@ def verify_reference(
     facts = stored_facts(path)
     stored = reference_from(facts, problem)
     made = stored.certificate
-    again = reference(stored.problem, made.accuracy, level=made.level, progress=progress)
-    samples = min(stored.trusted, again.trusted)
+    times = _times_to_compare(stored)
+    asked = dataclasses.replace(stored.problem, ts=times)
+    again = reference(asked, made.accuracy, level=made.level, progress=progress)
+    trusted = stored.times[: stored.trusted]
+    times = times[: again.trusted][times[: again.trusted] <= trusted[-1]]
+    samples = len(times)
+    states = _stored_states(stored, times)
     distances, outside = {}, {}
     for quantity, norm in largest_norms(stored.problem).items():
-        apart = distance(stored.problem, norm, stored.states[:samples], again.states[:samples])
-        allowed = stored.bound(norm)[:samples] + again.bound(norm)[:samples]
+        apart = distance(stored.problem, norm, states, again.states[:samples])
+        bound = stored.bound(norm)[np.searchsorted(trusted, times)]
+        if stored.dense is not None:
+            covered = times <= stored.dense.end
+            bound[covered] = stored.bound_at(times[covered], norm)
+        allowed = bound + again.bound(norm)[:samples]
         distances[quantity] = float(np.max(apart))
         if np.any(apart > allowed):
-            outside[quantity] = float(stored.times[int(np.argmax(apart > allowed))])
+            outside[quantity] = float(times[int(np.argmax(apart > allowed))])
     return Verification(
         path=facts.path,
         digest=facts.digest,
@@ -82,3 +96,24 @@ def verify_reference(
         distances=distances,
         outside=outside,
     )
+
+
+def _times_to_compare(stored: Reference) -> np.ndarray:
+    """The sample times, and with dense output one at random in each of some pieces."""
+    if stored.dense is None:
+        return stored.problem.ts
+    nodes, random = stored.dense.times, np.random.default_rng(5)
+    # Not between a jump time and the last number before it.
+    pieces = np.flatnonzero(np.diff(nodes) > 1e-9 * (nodes[-1] - nodes[0]))
+    pieces = random.permutation(pieces)[:_PIECES]
+    between = nodes[pieces] + random.uniform(0.1, 0.9, len(pieces)) * np.diff(nodes)[pieces]
+    return np.union1d(stored.problem.ts, between)
+
+
+def _stored_states(stored: Reference, times: np.ndarray) -> np.ndarray:
+    """What the file says at these times: its samples, and between them its dense output."""
+    states = stored.states[np.minimum(np.searchsorted(stored.times, times), len(stored.states) - 1)]
+    between = ~np.isin(times, stored.times)
+    if np.any(between):
+        states[between] = stored.at(times[between])
+    return states

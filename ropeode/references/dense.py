@@ -1,0 +1,182 @@
+"""A reference between its samples: piecewise polynomials with an error bound of their own."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.interpolate import BPoly
+
+from ropeode.errors import InputError
+from ropeode.precision import in_float64
+from ropeode.problems.checks import real_array
+from ropeode.problems.problem import Problem
+from ropeode.validation import complaint
+
+_BLOCK = 128
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Dense:
+    """States at any time from the first node to the last.
+
+    Between two nodes the solution is the polynomial that has the states and the derivatives
+    at both: two-point Hermite interpolation, of order ``2 * (1 + derivatives)``. Where the
+    right-hand side jumps there are two nodes, the jump time and the last number before it.
+
+    Arguments:
+        times: of the nodes, increasing, ``(nodes,)``. All samples up to the last are nodes.
+        derivatives: ``(nodes, 1 + derivatives, *state)``; the states come first, then their
+            derivatives by time.
+        bounds: for each quantity the estimated error bound, in the largest node's norm, from
+            the node before up to each node, ``(nodes,)``. It never falls in time.
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.6.
+    """
+
+    times: np.ndarray
+    derivatives: np.ndarray
+    bounds: Mapping[str, np.ndarray]
+
+    @property
+    def end(self) -> float:
+        """The last time that it covers."""
+        return float(self.times[-1])
+
+    @property
+    def order(self) -> int:
+        """Of the interpolation: its error falls by this power of the distance of the nodes."""
+        return 2 * self.derivatives.shape[1]
+
+    def at(self, times: Any) -> np.ndarray:
+        """States, ``(times, *state)``; at a node the node's own, to the last bit.
+
+        Arguments:
+            times: one or several, in the problem's unit of time, in any order.
+
+        Raises:
+            InputError: one of them is not finite or not covered.
+        """
+        return self._polynomial(self._checked(times))
+
+    def bound_at(self, times: Any, quantity: str) -> np.ndarray:
+        """The estimated error bound, ``(times,)``.
+
+        Arguments:
+            times: as for `at`.
+            quantity: position, velocity, or state.
+
+        Raises:
+            InputError: one of the times is not finite or not covered.
+        """
+        return self.bounds[quantity][np.searchsorted(self.times, self._checked(times))]
+
+    def until(self, end: float) -> Dense:
+        """The same up to a node.
+
+        Arguments:
+            end: the time of the node.
+        """
+        kept = int(np.searchsorted(self.times, end)) + 1
+        return Dense(
+            self.times[:kept],
+            self.derivatives[:kept],
+            {quantity: series[:kept] for quantity, series in self.bounds.items()},
+        )
+
+    def _checked(self, times: Any) -> np.ndarray:
+        found = np.atleast_1d(real_array("times", times))
+        start, end = self.times[0], self.times[-1]
+        outside = found[(found < start) | (found > end)]
+        if found.ndim != 1 or len(outside):
+            raise InputError(
+                complaint(
+                    "times",
+                    float(outside[0]) if len(outside) else found.shape,
+                    f"a number, or a list of numbers, from {start:g} to {end:g}, the span in "
+                    "which the reference is trusted at any time",
+                    "leave out the others, or make a reference that goes further",
+                )
+            )
+        return found
+
+    @functools.cached_property
+    def _polynomial(self) -> BPoly:
+        return hermite(self.times, self.derivatives)
+
+
+def hermite(times: np.ndarray, derivatives: np.ndarray) -> BPoly:
+    """The piecewise polynomial with given derivatives at its nodes.
+
+    The same as SciPy's `BPoly.from_derivatives`, which makes one piece after the other: here
+    it makes those of the unit interval, and all pieces are made of these at once.
+
+    Arguments:
+        times: of the nodes, increasing.
+        derivatives: ``(nodes, 1 + derivatives, *state)``.
+    """
+    count = derivatives.shape[1]
+    lengths = np.diff(times).reshape(-1, 1, *[1] * (derivatives.ndim - 2))
+    scales = lengths ** np.arange(count).reshape(-1, *[1] * (derivatives.ndim - 2))
+    ends = np.concatenate([derivatives[:-1] * scales, derivatives[1:] * scales], axis=1)
+    return BPoly(np.einsum("cd,pd...->cp...", _unit_pieces(count), ends), times)
+
+
+@functools.cache
+def _unit_pieces(count: int) -> np.ndarray:
+    """Bernstein coefficients of pieces from 0 to 1, each with one derivative 1, the others 0."""
+    one = np.eye(2 * count)
+    return BPoly.from_derivatives([0.0, 1.0], [one[:count], one[count:]]).c[:, 0]
+
+
+@in_float64
+def time_derivatives(
+    problem: Problem, times: np.ndarray, states: np.ndarray, count: int
+) -> np.ndarray:
+    """States and their derivatives along the solutions, ``(times, 1 + count, *state)``.
+
+    ``y' = f``, ``y'' = f_t + f_y f`` and so on: each is the derivative of the one before along
+    the direction ``(1, f)``. At a jump time they are those behind it.
+
+    Arguments:
+        problem: whose right-hand side is differentiated.
+        times: ``(times,)``.
+        states: ``(times, *state)``.
+        count: of derivatives, 1 or more.
+    """
+    behind = np.where(np.isin(times, problem.jump_times), np.nextafter(times, np.inf), times)
+    slopes = _slopes(problem.rhs, count)
+    found = []
+    for first in range(0, len(times), _BLOCK):
+        # Filled up with the last state, so that one compilation serves all.
+        rows = np.minimum(np.arange(first, first + _BLOCK), len(times) - 1)
+        block = np.asarray(slopes(behind[rows], states[rows], problem.args))
+        found.append(block[: len(times) - first])
+    return np.concatenate([states[:, None], np.concatenate(found)], axis=1)
+
+
+@functools.lru_cache(maxsize=16)
+def _slopes(rhs: Callable, count: int) -> Callable:
+    def slopes(t: Any, y: Any, args: Any) -> Any:
+        t = jnp.asarray(t)
+
+        def field(t: Any, y: Any) -> Any:
+            return rhs(t, y, args)
+
+        def along(function: Callable) -> Callable:
+            def slope(t: Any, y: Any) -> Any:
+                return jax.jvp(function, (t, y), (jnp.ones_like(t), field(t, y)))[1]
+
+            return slope
+
+        functions = [field]
+        for _ in range(count - 1):
+            functions.append(along(functions[-1]))
+        return jnp.stack([function(t, y) for function in functions])
+
+    return jax.jit(jax.vmap(slopes, in_axes=(0, 0, None)))

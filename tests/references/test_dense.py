@@ -1,0 +1,247 @@
+"""References between their samples: the true error, the order, and what would be caught."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import BPoly
+
+from ropeode.errors import InputError, ReferenceRefused
+from ropeode.norms import NORMS, distance
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references import refine
+from ropeode.references.certificate import largest_norms
+from ropeode.references.dense import Dense, hermite, time_derivatives
+from ropeode.references.reference import reference
+from ropeode.references.stored.store import load_reference, save_reference
+from ropeode.references.stored.verify import verify_reference
+from tests.verification.extrapolation import rope_solution
+
+RANDOM = np.random.default_rng(7)
+
+
+def random_times(known, count=400):
+    return np.sort(RANDOM.uniform(known.dense.times[0], known.dense.end, count))
+
+
+def errors_over_bounds(known, times, truth):
+    """The true errors of all quantities at these times, over their bounds."""
+    problem = dataclasses.replace(known.problem, ts=times, jump_times=())
+    values = known.at(times)
+    return {
+        quantity: distance(problem, norm, values, truth) / known.bound_at(times, norm)
+        for quantity, norm in largest_norms(problem).items()
+    }
+
+
+@pytest.fixture(scope="module")
+def kepler():
+    """Three frames, of which one holds most of the way around the sun in no time."""
+    return reference(PROBLEMS["kepler"](frames=3, eccentricity=0.9, periods=1.3), dense=True)
+
+
+@pytest.fixture(scope="module")
+def jumping():
+    """y' = y, and -y from t = 1.3 on: the solution has a corner, between two samples."""
+    return reference(
+        Problem(
+            lambda t, y, args: jnp.where(t <= 1.3, y, -y),
+            [1.0],
+            [0.0, 1.0, 2.0, 5.0],
+            jump_times=[1.3],
+        ),
+        dense=True,
+    )
+
+
+def test_bound_covers_the_true_error_of_an_exact_solution():
+    problem = PROBLEMS["forced"](frames=4)
+    known = reference(problem, dense=True)
+    times = random_times(known)
+    for quantity, over in errors_over_bounds(known, times, problem.exact(times)).items():
+        assert np.max(over) <= 1.0
+        # Nothing that is much worse than at the samples.
+        samples = known.certificate.bounds[quantity][-1]
+        assert samples <= known.dense.bounds[quantity][-1] <= 3.0 * samples
+        assert np.all(np.diff(known.dense.bounds[quantity]) >= 0)
+
+
+def test_bound_covers_the_pericentre(kepler):
+    times = random_times(kepler)
+    truth = kepler.problem.exact(times)
+    for over in errors_over_bounds(kepler, times, truth).values():
+        assert np.max(over) <= 1.0
+        assert np.max(over) >= 1e-4
+    # Nodes are where they are needed.
+    gaps = np.diff(kepler.dense.times)
+    assert np.max(gaps) > 10 * np.min(gaps)
+
+
+def test_bound_covers_the_true_error_of_a_rope():
+    """Held against extrapolation in extended precision, which shares nothing with this."""
+    rope = Rope(num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.1, initial_velocity=(0.3, 1))
+    known = reference(rope.problem(3), dense=True)
+    times = np.append(0.0, random_times(known, 40))
+    truth = rope_solution(dataclasses.replace(known.problem, ts=times)).astype(np.float64)
+    for over in errors_over_bounds(known, times, truth).values():
+        assert 1e-3 <= np.max(over) <= 1.0
+
+
+def test_both_sides_of_a_jump(jumping):
+    times = np.append(random_times(jumping), [np.nextafter(1.3, 0), 1.3, np.nextafter(1.3, 2)])
+    exact = np.where(times < 1.3, np.exp(times), np.exp(2.6 - times))[:, None]
+    assert np.max(errors_over_bounds(jumping, np.sort(times), np.sort(exact, 0))["state"]) >= 0
+    apart = np.abs(jumping.at(times) - exact)[:, 0]
+    assert np.all(apart <= jumping.bound_at(times))
+    assert {np.nextafter(1.3, 0), 1.3} <= set(jumping.dense.times.tolist())
+    slopes = jumping.dense.derivatives[np.searchsorted(jumping.dense.times, 1.3) - np.array([1, 0])]
+    np.testing.assert_allclose(slopes[:, 1, 0], [np.exp(1.3), -np.exp(1.3)], rtol=1e-12)
+
+
+def test_samples_are_the_samples_to_the_last_bit(kepler, jumping):
+    for known in (kepler, jumping):
+        np.testing.assert_array_equal(known.at(known.times), known.states)
+        shuffled = [2, 0, 3, 1]
+        np.testing.assert_array_equal(known.at(known.times[shuffled]), known.states[shuffled])
+        for norm in largest_norms(known.problem).values():
+            assert np.all(known.bound_at(known.times, norm) >= known.bound(norm))
+
+
+def test_extended_level_is_good_to_the_last_digits():
+    pytest.importorskip("heyoka", reason="heyoka is an extra")
+    problem = PROBLEMS["kepler"](frames=3, eccentricity=0.9)
+    known = reference(problem, level="extended", dense=True)
+    times = random_times(known)
+    for quantity, over in errors_over_bounds(known, times, problem.exact(times)).items():
+        assert np.max(over) <= 1.0
+        # A bound of some 4 units of rounding, and three times as much for the polynomials.
+        size = np.max(np.abs(problem.quantity(quantity, known.at(times))))
+        assert known.dense.bounds[quantity][-1] <= 20 * np.finfo(float).eps * size
+    np.testing.assert_array_equal(known.at(known.times), known.states)
+
+
+def test_derivatives_are_those_of_the_solution():
+    """y' = t y has y'' = (1 + t^2) y, y''' = (3 t + t^3) y, y'''' = (3 + 6 t^2 + t^4) y."""
+    problem = Problem(lambda t, y, args: t * y, [2.0], [0.0, 1.0])
+    t, y = np.linspace(0, 1, 300), np.linspace(1, 2, 300)[:, None]
+    found = time_derivatives(problem, t, y, 4)[..., 0]
+    factors = [1 + 0 * t, t, 1 + t**2, 3 * t + t**3, 3 + 6 * t**2 + t**4]
+    np.testing.assert_allclose(found, np.stack(factors, 1) * y, rtol=1e-14)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_order_of_the_polynomials(count):
+    """Halving the pieces makes the error 2^order times smaller."""
+    problem = PROBLEMS["oscillator"](frames=1)
+    times = np.linspace(0.0, 1.0, 1001)
+    problem = dataclasses.replace(problem, ts=[0.0, 1.0])
+    errors = []
+    for parts in (2, 4) if count < 4 else (1, 2):
+        nodes = np.linspace(0.0, 1.0, parts + 1)
+        values = time_derivatives(problem, nodes, problem.exact(nodes), count)
+        dense = Dense(nodes, values, {})
+        assert dense.order == 2 * (1 + count)
+        errors.append(np.max(np.abs(dense.at(times) - problem.exact(times))))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(dense.order, abs=0.3)
+
+
+def test_polynomials_are_those_of_scipy():
+    nodes = np.array([0.0, 0.5, 2.0, 2.25])
+    values = RANDOM.normal(size=(4, 5, 3))
+    times = np.linspace(0, 2.25, 50)
+    one, other = hermite(nodes, values), BPoly.from_derivatives(nodes, list(values))
+    np.testing.assert_allclose(one(times), other(times), rtol=1e-12, atol=1e-12)
+
+
+def test_too_few_nodes_are_told(monkeypatch):
+    """The bound says what was measured, whatever the nodes are good for."""
+    problem = PROBLEMS["oscillator"](frames=4)
+    known = reference(problem, accuracy=1e-2)
+    monkeypatch.setattr(refine, "_MOST_BYTES", 0)
+    coarse = refine.with_dense_output(known)
+    times = random_times(coarse)
+    over = errors_over_bounds(coarse, times, problem.exact(times))["position"]
+    assert np.max(over) <= 1.0
+    assert 1e-12 < coarse.dense.bounds["position"][-1] <= 1e-2
+    with pytest.raises(ReferenceRefused, match="no dense output for .* already the bound is"):
+        refine.with_dense_output(reference(problem, accuracy=1e-12))
+
+
+def test_it_comes_back_from_a_file_and_verifies(kepler, jumping, tmp_path):
+    for known in (kepler, jumping):
+        path = save_reference(known, tmp_path / "x.nc")
+        found = load_reference(path, known.problem)
+        np.testing.assert_array_equal(found.dense.times, known.dense.times)
+        np.testing.assert_array_equal(found.dense.derivatives, known.dense.derivatives)
+        for quantity, series in known.dense.bounds.items():
+            np.testing.assert_array_equal(found.dense.bounds[quantity], series)
+        times = random_times(known)
+        np.testing.assert_array_equal(found.at(times), known.at(times))
+    verified = verify_reference(path, jumping.problem)
+    assert verified.agrees
+    assert verified.samples > len(jumping.times)
+
+
+def test_wrong_derivatives_do_not_verify(jumping, tmp_path):
+    derivatives = jumping.dense.derivatives.copy()
+    derivatives[:, 3] *= 1 + 1e-6
+    wrong = dataclasses.replace(jumping.dense, derivatives=derivatives)
+    path = save_reference(dataclasses.replace(jumping, dense=wrong), tmp_path / "x.nc")
+    found = verify_reference(path, jumping.problem)
+    assert not found.agrees
+    assert found.outside["state"] not in jumping.times
+
+
+def test_wrong_polynomials_are_measured(monkeypatch):
+    """A derivative that is not the solution's makes the bound large, not the number wrong."""
+
+    def wrong(*given):
+        found = time_derivatives(*given)
+        found[:, 2:] *= 1 + 1e-3
+        return found
+
+    monkeypatch.setattr(refine, "time_derivatives", wrong)
+    monkeypatch.setattr(refine, "_MOST_PASSES", 2)
+    problem = PROBLEMS["forced"](frames=4)
+    known = reference(problem, dense=True, accuracy=1.0)
+    times = random_times(known)
+    assert np.max(errors_over_bounds(known, times, problem.exact(times))["state"]) <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        (5.1, "times: 5.1 given; allowed: a number, or a list of numbers, from 0 to 5"),
+        ([0.1, -1e-9], "times: -1e-09 given"),
+        ([np.nan], "times: "),
+        ([[0.1]], r"times: \(1, 1\) given"),
+        ("now", "times: "),
+    ],
+)
+def test_times_that_are_not_covered(jumping, times, words):
+    for ask in (jumping.at, jumping.bound_at):
+        with pytest.raises(InputError, match=words):
+            ask(times)
+
+
+def test_no_dense_output_unless_asked_for():
+    known = reference(PROBLEMS["forced"](frames=2))
+    assert known.dense is None
+    for ask in (known.at, known.bound_at):
+        with pytest.raises(InputError, match=r"dense: None given.*dense=True"):
+            ask(0.5)
+
+
+def test_it_ends_with_the_horizon():
+    problem = Rope(num_nodes=4, damping=0.0).problem(6)
+    known = reference(problem, rtol=1e-9, accuracy=9e-8, dense=True)
+    assert known.horizon is not None
+    assert known.dense.end <= known.times[known.trusted - 1]
+    assert known.bound_at(known.dense.end, NORMS["position-max"])[0] <= 9e-8
+    with pytest.raises(InputError, match="trusted at any time"):
+        known.at(known.horizon)
