@@ -79,6 +79,39 @@ class _StepLimit(diffrax.AbstractAdaptiveStepSizeController):
         return *choice, (count, inner), result
 
 
+class _LongestSteps(diffrax.AbstractAdaptiveStepSizeController):
+    """A controller that takes no step longer than the frame in which it starts allows.
+
+    `PIDController(dtmax=...)` knows one length for all frames.
+    """
+
+    controller: diffrax.AbstractAdaptiveStepSizeController
+    ts: Any
+    longest: Any
+
+    rtol = property(lambda self: self.controller.rtol)
+    atol = property(lambda self: self.controller.atol)
+    norm = property(lambda self: self.controller.norm)
+
+    def wrap(self, direction: Any) -> _LongestSteps:
+        """Pass the direction of time on."""
+        return _LongestSteps(self.controller.wrap(direction), self.ts, self.longest)
+
+    def init(self, *inputs: Any) -> tuple:
+        """Shorten the first step."""
+        t1, inner = self.controller.init(*inputs)
+        return self._shortened(inputs[1], t1), inner
+
+    def adapt_step_size(self, *inputs: Any) -> tuple:
+        """Let the inner controller choose, and shorten the step."""
+        keep, t0, t1, *more = self.controller.adapt_step_size(*inputs)
+        return keep, t0, self._shortened(t0, t1), *more
+
+    def _shortened(self, t0: Any, t1: Any) -> Any:
+        frame = jnp.searchsorted(self.ts, t0, side="right") - 1
+        return jnp.minimum(t1, t0 + self.longest[jnp.clip(frame, 0, len(self.longest) - 1)])
+
+
 @in_float64
 def solve(
     problem: Problem,
@@ -87,7 +120,7 @@ def solve(
     atol: float,
     *,
     max_steps: int,
-    longest_step: float = np.inf,
+    longest_steps: np.ndarray | None = None,
     y0: np.ndarray | None = None,
 ) -> Solution:
     """Solve with diffrax in float64.
@@ -102,10 +135,12 @@ def solve(
         rtol: relative tolerance.
         atol: absolute tolerance.
         max_steps: give up after so many steps.
-        longest_step: no step may be longer, in units of time.
+        longest_steps: no step that starts in a frame may be longer than its entry,
+            ``(frames,)``, in units of time.
         y0: initial state, where it is not the problem's.
     """
     start = problem.y0 if y0 is None else y0
+    longest = np.float64(np.inf) if longest_steps is None else _one_or_each(longest_steps)
     leaves, tree = jax.tree.flatten(problem.args)
     started = time.perf_counter()
     before = _program.cache_info().misses
@@ -117,6 +152,7 @@ def solve(
         tuple((leaf.shape, leaf.dtype) for leaf in leaves),
         len(problem.ts),
         len(problem.jump_times),
+        longest.ndim == 1,
     )
     compile_seconds = time.perf_counter() - started
     started = time.perf_counter()
@@ -129,7 +165,7 @@ def solve(
             np.float64(rtol),
             np.float64(atol),
             np.int64(max_steps),
-            np.float64(longest_step),
+            longest,
         )
     )
     seconds = time.perf_counter() - started
@@ -152,6 +188,11 @@ def solve(
     )
 
 
+def _one_or_each(longest: np.ndarray) -> Any:
+    """One length where all are the same but for rounding."""
+    return np.mean(longest) if np.ptp(longest) <= 1e-9 * np.max(longest) else longest
+
+
 def _reason(result: diffrax.RESULTS, max_steps: int) -> str:
     """Why a run ended early, in words that do not speak of diffrax's own arguments."""
     if result == diffrax.RESULTS.max_steps_reached:
@@ -170,6 +211,7 @@ def _program(
     args_leaves: tuple,
     times: int,
     jumps: int,
+    own_lengths: bool,
 ) -> Callable:
     """Compile; tolerances and all numbers of the problem are run-time values."""
 
@@ -177,10 +219,14 @@ def _program(
         return rhs(t, y.reshape(shape), args).reshape(-1)
 
     def run(
-        y0: Any, args: Any, ts: Any, jump_ts: Any, rtol: Any, atol: Any, limit: Any, dtmax: Any
+        y0: Any, args: Any, ts: Any, jump_ts: Any, rtol: Any, atol: Any, limit: Any, longest: Any
     ) -> Any:
+        if own_lengths:
+            inner = _LongestSteps(diffrax.PIDController(rtol=rtol, atol=atol), ts, longest)
+        else:
+            inner = diffrax.PIDController(rtol=rtol, atol=atol, dtmax=longest)
         controller = diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=rtol, atol=atol, dtmax=dtmax),
+            inner,
             step_ts=ts,
             jump_ts=jump_ts if jumps else None,
         )
@@ -215,7 +261,7 @@ def _program(
             abstract(()),
             abstract(()),
             abstract((), np.int64),
-            abstract(()),
+            abstract((times - 1,) if own_lengths else ()),
         )
         .compile()
     )

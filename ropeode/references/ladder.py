@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from ropeode.problems.problem import Problem
 from ropeode.references import diffrax_solver, scipy_solver
 from ropeode.references.solution import Solution
@@ -47,14 +49,24 @@ def step_budget(problem: Problem) -> int:
     return 100_000 + 4_000 * problem.frames
 
 
-def short_step(problem: Problem) -> float:
-    """The longest step of the run that must not step over anything that lasts longer.
+def short_steps(problem: Problem, ts: np.ndarray) -> np.ndarray:
+    """The longest steps of the run that must not step over anything that lasts longer.
 
     Error control looks at a right-hand side only where a step puts its stages, and all
-    solvers step over a narrow pulse alike where nothing announces it.
+    solvers step over a narrow pulse alike where nothing announces it. Each frame is cut for
+    itself: where frames are much shorter than others, all other runs may take one step for
+    each, the same one at every tolerance.
+
+    Arguments:
+        problem: whose frames are cut.
+        ts: of the run, ``(times,)``; each of its intervals lies in a frame.
+
+    Returns:
+        The longest step for each interval of `ts`, ``(times - 1,)``.
     """
-    span = problem.ts[-1] - problem.ts[0]
-    return float(span) / max(_SHORT_STEPS_PER_FRAME * problem.frames, _FEWEST_SHORT_STEPS)
+    parts = max(_SHORT_STEPS_PER_FRAME, _FEWEST_SHORT_STEPS / problem.frames)
+    frame = np.searchsorted(problem.ts, ts[:-1], side="right") - 1
+    return np.diff(problem.ts)[frame] / parts
 
 
 def solve_primary(

@@ -30,7 +30,7 @@ from ropeode.references.ladder import (
     Progress,
     climb,
     recall,
-    short_step,
+    short_steps,
     solve_independent,
     solve_primary,
     step_budget,
@@ -247,7 +247,7 @@ def reference(
             primary.rtol,
             progress,
             max_steps=2 * step_budget(problem),
-            longest_step=short_step(problem),
+            longest_steps=short_steps(problem, problem.ts),
         ),
         "short steps",
     )

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import get_args
 
 import numpy as np
 
@@ -28,16 +28,9 @@ from ropeode.references.certificate import (
     witness,
 )
 from ropeode.references.dense import Dense, time_derivatives
-from ropeode.references.ladder import (
-    EXPLICIT,
-    IMPLICIT,
-    Progress,
-    short_step,
-    solve_independent,
-    solve_primary,
-    step_budget,
-)
-from ropeode.references.reference import TIME_LIMIT, Reference, neighbour
+from ropeode.references.ladder import Progress, solve_primary
+from ropeode.references.reference import TIME_LIMIT, Reference
+from ropeode.references.rerun import method_of, witness_runs
 from ropeode.references.solution import Solution
 
 # Order 10. More cost more to compile than they save.
@@ -224,27 +217,14 @@ def _looked_at(nodes: np.ndarray) -> np.ndarray:
 
 def _float64_runs(known: Reference, progress: Progress) -> tuple[Primary, Witnesses]:
     """Those of level `consensus`, in their certificate's words."""
-    made = known.certificate
-    method = IMPLICIT if made.stiff else EXPLICIT
+    made, method = known.certificate, method_of(known)
+    roles = set(get_args(Role)) - {"looser"}
 
-    def primary(problem: Problem, rtol: float = made.rtol, **more: Any) -> Solution:
-        return solve_primary(problem, method, rtol, progress, **more)
+    def primary(problem: Problem) -> Solution:
+        return solve_primary(problem, method, made.rtol, progress)
 
     def witnesses(problem: Problem, run: Solution) -> Iterator[tuple[Role, Solution]]:
-        tighter = sorted((w.tolerance for w in made.witnesses if w.role == "tighter"), reverse=True)
-        runs = [primary(problem, rtol) for rtol in tighter]
-        for each in runs:
-            yield "tighter", each
-        yield "neighbour", primary(problem, y0=neighbour(problem))
-        yield (
-            "short steps",
-            primary(
-                problem,
-                max_steps=2 * step_budget(problem),
-                longest_step=short_step(known.problem),
-            ),
-        )
-        yield "independent", solve_independent(problem, method, runs[0], run, progress)
+        return witness_runs(known, progress, problem=problem, primary=run, roles=roles)
 
     return primary, witnesses
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from typing import get_args
 
+from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Role
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
+    Method,
     Progress,
-    short_step,
+    short_steps,
     solve_independent,
     solve_primary,
     step_budget,
@@ -19,8 +21,18 @@ from ropeode.references.reference import Reference, neighbour
 from ropeode.references.solution import Solution
 
 
+def method_of(known: Reference) -> Method:
+    """The solvers of a reference of level `consensus`."""
+    return IMPLICIT if known.certificate.stiff else EXPLICIT
+
+
 def witness_runs(
-    known: Reference, progress: Progress = lambda text: None
+    known: Reference,
+    progress: Progress = lambda text: None,
+    *,
+    problem: Problem | None = None,
+    primary: Solution | None = None,
+    roles: Collection[Role] = get_args(Role),
 ) -> Iterator[tuple[Role, Solution]]:
     """Each witness of a reference of level `consensus`, with its role and its states.
 
@@ -30,26 +42,32 @@ def witness_runs(
     Arguments:
         known: the reference.
         progress: called with a few words before each run.
+        problem: the same with other sample times, where those are wanted.
+        primary: the reference's solver on that problem.
+        roles: of the witnesses that are wanted; the tighter ones are always made.
     """
-    problem, made = known.problem, known.certificate
-    method = IMPLICIT if made.stiff else EXPLICIT
-    primary = Solution(made.solver, made.rtol, made.atol, known.states, made.steps, 0.0)
-    next_tighter = max(
-        (w for w in made.witnesses if w.role == "tighter"), key=lambda w: w.tolerance
+    made, method = known.certificate, method_of(known)
+    problem = problem or known.problem
+    primary = primary or Solution(
+        made.solver, made.rtol, made.atol, known.states, made.steps, seconds=0.0
     )
-    tighter = dataclasses.replace(primary, rtol=next_tighter.tolerance, steps=next_tighter.steps)
+    more = {
+        "neighbour": {"y0": neighbour(problem)},
+        "short steps": {
+            "max_steps": 2 * step_budget(problem),
+            "longest_steps": short_steps(known.problem, problem.ts),
+        },
+    }
+    next_tighter = primary
     for witness in made.witnesses:
-        if witness.role == "independent":
-            run = solve_independent(problem, method, tighter, primary, progress)
+        role = witness.role
+        if role not in roles and role != "tighter":
+            continue
+        if role == "independent":
+            run = solve_independent(problem, method, next_tighter, primary, progress)
         else:
-            more = {
-                "neighbour": {"y0": neighbour(problem)},
-                "short steps": {
-                    "max_steps": 2 * step_budget(problem),
-                    "longest_step": short_step(problem),
-                },
-            }
-            run = solve_primary(
-                problem, method, witness.tolerance, progress, **more.get(witness.role, {})
-            )
-        yield witness.role, run
+            run = solve_primary(problem, method, witness.tolerance, progress, **more.get(role, {}))
+        if role == "tighter" and next_tighter is primary:
+            next_tighter = run.without_states()
+        if role in roles:
+            yield role, run
