@@ -48,18 +48,18 @@ def main(names: list[str]) -> None:
     """Make the named references, or all."""
     set_up_jax()
     recipes = sorted(path.stem for path in HERE.glob("*.toml"))
-    manifest = HERE / MANIFEST
-    told = json.loads(manifest.read_text()) if manifest.exists() else {}
-    told = {name: told[name] for name in recipes if name in told}
     for name in names or recipes:
         began = time.perf_counter()
-        told[name] = make(name)._asdict()
-        # After each: what has been made is not lost when the next one is interrupted.
+        entry = make(name)
+        # After each, and read anew: nothing that has been made is lost when the next one is
+        # interrupted, or when another process makes others.
+        manifest = HERE / MANIFEST
+        told = json.loads(manifest.read_text()) if manifest.exists() else {}
+        told = {each: told[each] for each in recipes if each in told} | {name: entry._asdict()}
         write_whole(manifest, json.dumps(dict(sorted(told.items())), indent=1) + "\n")
-        entry = told[name]
         print(
-            f"{name}: {entry['level']}, bound {entry['bound']:.1e} at t = {entry['end']:g}, "
-            f"horizon {entry['horizon']}, {time.perf_counter() - began:.1f} s",
+            f"{name}: {entry.level}, bound {entry.bound:.1e} at t = {entry.end:g}, horizon "
+            f"{entry.horizon}, {time.perf_counter() - began:.1f} s",
             flush=True,
         )
 

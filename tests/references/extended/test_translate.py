@@ -44,8 +44,9 @@ def apart(problem, states, t=1.3, bits=53):
 def test_library_problems_are_what_jax_computes(name):
     problem = PROBLEMS[name]()
     draw = np.random.default_rng(3).normal(size=(5, *problem.y0.shape))
-    # Measured: 5.4e-16 at most.
-    assert apart(problem, problem.y0 + 0.1 * problem.scale * draw) < 2e-15
+    # Measured: 5.4e-16 at most; 3.4e-15 for the Oregonator, one of whose rates nearly cancels.
+    limit = 7e-15 if name == "oregonator" else 2e-15
+    assert apart(problem, problem.y0 + 0.1 * problem.scale * draw) < limit
 
 
 @pytest.mark.parametrize(
