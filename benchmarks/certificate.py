@@ -11,6 +11,12 @@ trial in which it exceeds the bound at any sample is a miss.
 
 Each outcome is a line of the file, written when it is known; the same command goes on where it
 was interrupted, and only prints the tables when all is done.
+
+    python benchmarks/certificate.py --trials 20000 --kind robertson --out robertson.jsonl
+    python benchmarks/certificate.py --trials 400 --warp 4 --out unequal.jsonl
+
+`--kind` leaves out all other trials. With `--warp P` the sample times are the P-th powers of equal
+ones, so that the first frames are much shorter than the last.
 """
 
 from __future__ import annotations
@@ -349,21 +355,25 @@ DRAWS = {
 }
 
 
-def run(seed: int, indices: list[int]) -> list[Outcome]:
+def run(seed: int, warp: float, indices: list[int]) -> list[Outcome]:
     """The outcomes of some trials, whatever happens in them: the others are not to be lost."""
-    return [outcome_of(seed, draw(seed, index)) for index in indices]
+    return [outcome_of(seed, warp, draw(seed, index)) for index in indices]
 
 
-def outcome_of(seed: int, trial: Trial) -> Outcome:
+def outcome_of(seed: int, warp: float, trial: Trial) -> Outcome:
     try:
-        return compare(seed, trial)
+        return compare(seed, warp, trial)
     except Exception as error:
         return Outcome(seed, trial.index, broken=f"{type(error).__name__}: {error}")
 
 
-def compare(seed: int, trial: Trial) -> Outcome:
+def compare(seed: int, warp: float, trial: Trial) -> Outcome:
     """Make the reference of a trial, and hold its bounds against its errors."""
     problem = trial.problem()
+    if warp != 1.0:
+        start, span = problem.ts[0], problem.ts[-1] - problem.ts[0]
+        ts = start + span * ((problem.ts - start) / span) ** warp
+        problem = dataclasses.replace(problem, ts=ts)
     began = time.perf_counter()
     try:
         found = reference(problem, rtol=trial.rtol)
@@ -435,7 +445,7 @@ def _over(error: np.ndarray, bound: np.ndarray) -> np.ndarray:
     return np.where(error == 0, 0, error / np.where(bound == 0, 1, bound))
 
 
-def outcomes(seed: int, trials: list[Trial], jobs: int) -> Iterator[Outcome]:
+def outcomes(seed: int, warp: float, trials: list[Trial], jobs: int) -> Iterator[Outcome]:
     """Run trials in new processes, those of one shape one after the other."""
     groups: list[list[int]] = []
     for _, of_shape in itertools.groupby(sorted(trials, key=Trial.shape), key=Trial.shape):
@@ -444,11 +454,11 @@ def outcomes(seed: int, trials: list[Trial], jobs: int) -> Iterator[Outcome]:
     # What JAX compiles stays in memory, some megabytes for each trial. (The executors of
     # concurrent.futures would hang here: on Python 3.11 they do not replace workers reliably.)
     with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=30) as pool:
-        for batch in pool.imap_unordered(functools.partial(run, seed), groups):
+        for batch in pool.imap_unordered(functools.partial(run, seed, warp), groups):
             yield from batch
 
 
-def already_known(out: Path, seed: int, trials: int) -> dict[int, Outcome]:
+def already_known(out: Path, seed: int, trials: list[Trial]) -> dict[int, Outcome]:
     """The outcomes in the file; a line that was cut off does not count."""
     known = {}
     for line in out.read_text().splitlines() if out.exists() else ():
@@ -459,7 +469,7 @@ def already_known(out: Path, seed: int, trials: int) -> dict[int, Outcome]:
         if outcome.seed != seed:
             raise SystemExit(f"{out} has trials of seed {outcome.seed}; give another --out")
         known[outcome.index] = outcome
-    return {index: known[index] for index in range(trials) if index in known}
+    return {trial.index: known[trial.index] for trial in trials if trial.index in known}
 
 
 def largest_miss_rate(missed: int, trials: int) -> float:
@@ -537,15 +547,18 @@ def main() -> None:
     parser.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)"
     )
+    parser.add_argument("--kind", choices=list(SHARES), help="of problem (default: all)")
+    parser.add_argument("--warp", type=float, default=1.0, help="of the sample times (default 1)")
     parser.add_argument("--out", type=Path, required=True, help="file of outcomes, *.jsonl")
     options = parser.parse_args()
-    trials = [draw(options.seed, index) for index in range(options.trials)]
-    known = already_known(options.out, options.seed, options.trials)
+    drawn = (draw(options.seed, index) for index in range(options.trials))
+    trials = [trial for trial in drawn if options.kind in (None, trial.kind)]
+    known = already_known(options.out, options.seed, trials)
     left = [trial for trial in trials if trial.index not in known]
     console = Console(stderr=True)
     with options.out.open("a") as file:
         for outcome in track(
-            outcomes(options.seed, left, options.jobs),
+            outcomes(options.seed, options.warp, left, options.jobs),
             description="references",
             total=len(left),
             console=console,
@@ -553,7 +566,7 @@ def main() -> None:
             known[outcome.index] = outcome
             file.write(json.dumps(dataclasses.asdict(outcome)) + "\n")
             file.flush()
-    print(f"trials {options.trials}, seed {options.seed}\n")
+    print(f"trials {len(trials)}, seed {options.seed}, warp {options.warp:g}\n")
     print(table(trials, known))
     for title, interesting in (
         ("Misses", lambda outcome: outcome.misses),

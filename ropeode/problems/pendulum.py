@@ -133,7 +133,12 @@ def solution(
         phi = elliptic.amplitude(k * rate * t + start, -complement / squared)
         moved = 2 * phi
         turning = 2 * rate * np.sqrt(-complement + np.cos(phi) ** 2)
-    return mirror * moved + 2 * pi * turns, mirror * turning
+    # At the start there is no rounding, and no velocity of 1e-19 where it is at rest.
+    begun = t == 0
+    return (
+        np.where(begun, angle, mirror * moved + 2 * pi * turns),
+        np.where(begun, velocity, mirror * turning),
+    )
 
 
 def _exact(args: PendulumArgs, angle: float, velocity: float, ts: np.ndarray) -> np.ndarray:

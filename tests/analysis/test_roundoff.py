@@ -18,6 +18,7 @@ from ropeode.references.reference import reference
 from ropeode.simulation import simulate
 from ropeode.steppers import stepper as stepper_named
 from ropeode.steppers.verlet import StormerVerlet, TwoPositions
+from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import EVERY_VARIANT
 
 LAGGED = "stormer-verlet:damping=lagged"
@@ -62,7 +63,7 @@ def test_links_in_other_units(name):
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_every_problem_can_be_put_in_other_units(name):
-    problem = PROBLEMS[name]()
+    problem = PROBLEMS[name](**SHORTER.get(name, {}))
     run = simulate(problem, "rk4", 20)
     found = round_off(run, in_other_units(problem), len(problem.ts), norm_for(problem))
     assert found < 1e-9 * problem.scale

@@ -19,6 +19,7 @@ from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.study.accuracy_table import accuracy_table, problem_class
+from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import EVERY_VARIANT
 
 VARIANTS = {each.label: each for each in EVERY_VARIANT}
@@ -91,18 +92,6 @@ def riccati() -> Problem:
         [0.5, 0.9, 1.7, 2.0],
     )
 
-
-# So short that the step sizes are in the asymptotic range, where the problem is stiff or wild.
-SHORTER = {
-    "arenstorf": {"periods": 0.003},
-    "henon-heiles": {"duration": 4},
-    "hires": {"duration": 1},
-    "lorenz": {"duration": 0.5},
-    "oregonator": {"duration": 0.05},
-    "pleiades": {"duration": 1.2},
-    "robertson": {"duration": 0.04},
-    "van-der-pol": {"duration": 1, "epsilon": 0.5},
-}
 
 # Its transient is over so soon that methods of high order are better than the reference knows.
 BETTER_THAN_THE_REFERENCE = {("library robertson", 4)}

@@ -123,11 +123,15 @@ def test_the_undamped_rope_is_right_to_the_last_bit_to_the_end():
 
 def test_the_rope_at_rest_obeys_statics():
     known = load("rope-at-rest")
-    args, gravity = known.problem.args, 1.0
-    mass, rest_length = np.asarray(args.mass), np.asarray(args.rest_length)
+    args = known.problem.args
+    mass, stiffness, rest_length = (
+        np.asarray(values, dtype=np.longdouble)
+        for values in (args.mass, args.stiffness, args.rest_length)
+    )
+    # Each spring carries the masses below it; gravity is 1.
     below = np.cumsum(mass[::-1])[::-1][1:]
-    depth = np.cumsum(rest_length + below * gravity / np.asarray(args.stiffness))
-    expected = np.stack([np.zeros(16), 200.0 - np.append(0.0, depth)], axis=1)
+    depth = np.append(np.longdouble(0), np.cumsum(rest_length + below / stiffness))
+    expected = np.stack([np.zeros(16), 200 - depth], axis=1)
     # Each mode is weakly damped and decays with half the damping.
     swing = 400.0 * np.exp(-0.5 * 0.1 * known.times[-1])
     assert np.max(np.abs(known.positions[-1] - expected)) <= swing + known.bound()[-1]

@@ -30,6 +30,7 @@ from ropeode.references.stored.netcdf import content_hash, write
 from ropeode.references.stored.seal import seal
 from ropeode.references.stored.store import load_reference, save_reference, stored_facts
 from ropeode.references.stored.verify import verify_reference
+from tests.problems.shorter import SHORTER
 
 
 def riccati(t, y, args):
@@ -79,7 +80,7 @@ def same(one, other) -> None:
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_every_problem_of_the_library_comes_back(name, tmp_path):
-    known = reference(PROBLEMS[name](frames=2))
+    known = reference(PROBLEMS[name](frames=2, **SHORTER.get(name, {})))
     found = load_reference(save_reference(known, tmp_path / "x.nc"))
     same(found, known)
     assert found.problem.parameters == known.problem.parameters
