@@ -92,7 +92,8 @@ def list_library() -> None:
 @reference.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--problem", metavar="FILE.py:NAME", help="Where it is not of the library.")
-def verify(file: Path, problem: str | None) -> None:
+@click.option("--time-limit", metavar="S", help="Seconds for an extended reference. [60]")
+def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
     """Check FILE, and compute its reference again with today's solvers.
 
     Exit code 1 if a stored value lies outside of the two bounds.
@@ -102,12 +103,17 @@ def verify(file: Path, problem: str | None) -> None:
     from ropeode.references.stored.catalogue import find
     from ropeode.references.stored.verify import verify_reference
     from ropeode.render.reference import verification_words
+    from ropeode.validation import check_positive
 
+    asked = {}
+    if time_limit is not None:
+        asked["time_limit"] = check_positive("time_limit", time_limit, example="600")
     with show_progress() as progress:
         found = interruptible(
             lambda: verify_reference(
                 find(file),
                 load_problem(problem) if problem else None,
+                **asked,
                 progress=lambda text: progress(text, 0.0),
             )
         )

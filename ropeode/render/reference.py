@@ -92,7 +92,8 @@ def verification_words(found: Verification) -> str:
     made = found.recomputed.certificate
     lines = [
         f"{found.path}: seal, structure and problem are right; sha256 {found.digest}",
-        f"Computed again: {made.solver} at rtol {made.rtol:.0e}, {found.samples} samples compared.",
+        f"Computed again: {made.solver} at rtol {made.rtol:.0e}, {found.samples} of {found.of} "
+        f"samples compared{_why_not_all(found)}.",
     ]
     for quantity, apart in found.distances.items():
         verdict = "within the bounds"
@@ -100,6 +101,13 @@ def verification_words(found: Verification) -> str:
             verdict = f"OUTSIDE the bounds from t = {found.outside[quantity]:g} on"
         lines.append(f"{quantity}: at most {apart:.1e} apart, {verdict}.")
     return _lines(*(wrapped(line) for line in lines))
+
+
+def _why_not_all(found: Verification) -> str:
+    made = found.recomputed.certificate
+    if found.samples == found.of:
+        return ""
+    return f": the new one is trusted before t = {made.horizon:g} only ({made.horizon_reason})"
 
 
 def _claim(made: Certificate) -> str:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from ropeode.references.stored.catalogue import entries
+
 RUN = [sys.executable, "-m", "ropeode"]
 QUICK = ["table", "--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "8,12,18"]
 
@@ -272,6 +274,20 @@ def test_an_interrupted_report_keeps_what_is_finished(environment, tmp_path):
     assert len(list(kept.glob("*/*.npz"))) == 1
 
 
+def test_the_stored_library(run):
+    listed = run("reference", "list")
+    assert listed.returncode == 0
+    assert all(len(line) <= 80 for line in listed.stdout.splitlines())
+    for name in entries():
+        assert f"\n{name} " in listed.stdout
+    assert "eccentricity 0.9" in " ".join(run("reference", "show", "kepler").stdout.split())
+    done = run("table", "--reference", "kepler", "--steppers", "rk4", "--steps", "200,300,450")
+    assert "Reference: heyoka Taylor" in done.stdout
+    wrong = run("reference", "show", "keplr")
+    assert wrong.returncode == 2
+    assert "did you mean 'kepler'?" in wrong.stderr
+
+
 def test_references_in_files(run, tmp_path):
     rope = ["--num-nodes", "3", "--frames", "3"]
     done = run("reference", *rope, "-o", "rope.nc")
@@ -286,6 +302,7 @@ def test_references_in_files(run, tmp_path):
     verified = run("reference", "verify", "rope.nc")
     assert verified.returncode == 0
     assert verified.stdout.count("within the bounds") == 2
+    assert "4 of 4 samples" in " ".join(verified.stdout.split())
 
     done = run("reference", "--reference", "rope.nc", "--dense", "-o", "dense.nc")
     assert "Dense output to t = 3" in done.stdout

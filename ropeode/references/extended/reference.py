@@ -57,7 +57,10 @@ def extended_reference(
     found = extended_solution(problem, digits=digits, time_limit=time_limit, progress=progress)
     if found.agreed < 2:
         why = found.failure or "two runs in extended precision do not agree"
-        raise ReferenceRefused(f"no extended reference for {problem.name!r}: {why}.")
+        raise ReferenceRefused(
+            f"no extended reference for {problem.name!r}: {why}. Ask for fewer frames or digits, "
+            "or allow more time (time_limit)."
+        )
     states = found.states[: found.agreed]
     if accuracy is None:
         farthest = float(motion(problem, states)[-1])

@@ -11,7 +11,7 @@ import numpy as np
 from ropeode.norms import distance
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import largest_norms
-from ropeode.references.reference import Reference, reference
+from ropeode.references.reference import TIME_LIMIT, Reference, reference
 from ropeode.references.stored.store import reference_from, stored_facts
 
 # In so many pieces of a dense output a value is computed again.
@@ -30,6 +30,7 @@ class Verification:
         stored: the reference in it.
         recomputed: the new one.
         samples: that both trust, and that were compared, those between included.
+        of: so many that the file trusts; more than `samples` where the new one ends before.
         distances: for each quantity the largest distance over them.
         outside: the first sample time, for each quantity that has one, at which the two are
             further apart than their bounds together.
@@ -40,6 +41,7 @@ class Verification:
     stored: Reference
     recomputed: Reference
     samples: int
+    of: int
     distances: dict[str, float]
     outside: dict[str, float]
 
@@ -53,6 +55,7 @@ def verify_reference(
     path: str | Path,
     problem: Problem | None = None,
     *,
+    time_limit: float = TIME_LIMIT,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Verification:
     """Check a file, and compute its reference again.
@@ -60,6 +63,8 @@ def verify_reference(
     Arguments:
         path: of the file.
         problem: as for `load_reference`.
+        time_limit: in seconds, for all runs in extended precision; what they do not reach is
+            not compared.
         progress: as for `reference`.
 
     Raises:
@@ -71,8 +76,11 @@ def verify_reference(
     made = stored.certificate
     times = _times_to_compare(stored)
     asked = dataclasses.replace(stored.problem, ts=times)
-    again = reference(asked, made.accuracy, level=made.level, progress=progress)
+    again = reference(
+        asked, made.accuracy, level=made.level, time_limit=time_limit, progress=progress
+    )
     trusted = stored.times[: stored.trusted]
+    wanted = int(np.sum(times <= trusted[-1]))
     times = times[: again.trusted][times[: again.trusted] <= trusted[-1]]
     samples = len(times)
     states = _stored_states(stored, times)
@@ -93,6 +101,7 @@ def verify_reference(
         stored=stored,
         recomputed=again,
         samples=samples,
+        of=wanted,
         distances=distances,
         outside=outside,
     )
