@@ -36,6 +36,20 @@ def test_bound_covers_the_true_error(name, rtol):
         assert bound[-1] < 1e6 * (rtol or 1e-13) * problem.scale
 
 
+@pytest.mark.parametrize("rtol", [4.53575088727013e-08, 6.480345532035862e-08])
+def test_frames_of_very_unequal_length_hide_nothing(rtol):
+    """The first frames are one step at each tolerance; only shorter steps show their error."""
+    taylor = pytest.importorskip("ropeode.references.extended.taylor")
+    pytest.importorskip("heyoka")
+    problem = PROBLEMS["robertson"](frames=5, duration=0.6282221521958087)
+    known = reference(problem, rtol=rtol)
+    truth = taylor.solve(problem, precision=80).rounded
+    true = np.max(np.abs(known.states - truth), axis=1)
+    assert np.all(true <= known.bound())
+    tighter = next(w for w in known.certificate.witnesses if w.role == "tighter")
+    assert tighter.differences["state"][1] < true[1] / 10
+
+
 def test_everything_is_recorded():
     problem = Rope(num_nodes=4).problem(frames=5)
     said = []
