@@ -1,7 +1,7 @@
 # make table   the accuracy table of the default rope
 # make test    the whole test suite
 # make check   lint and types
-# make references  the stored library again (half an hour or so)
+# make references  the stored library again (a quarter of an hour)
 # make docs    the computed parts of the documentation (ten minutes or so)
 # PYTHON=python3.13 uses another interpreter, in an environment of its own.
 

@@ -23,7 +23,7 @@ PUBLISHED = [name for name, (recipe, _) in RECIPES.items() if recipe.published]
 EXACT = [name for name, (recipe, _) in RECIPES.items() if recipe.build().exact is not None]
 EXTENDED = [name for name, (recipe, _) in RECIPES.items() if recipe.level == "extended"]
 # Those that a test makes again as far as this; the others as far as the default says. A sample
-# of times, since making all of them takes half an hour.
+# of times, since making all of them takes a quarter of an hour.
 FIRST_SAMPLES = {
     "lorenz": 40,
     "robertson": 2,
