@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ropeode.problems.problem import Problem
 from ropeode.study.accuracy_table import AccuracyTable
 
 SCHEMA = "ropeode.accuracy-table/1"
@@ -48,19 +49,24 @@ def as_csv(table: AccuracyTable) -> str:
     return text.getvalue()
 
 
+def problem_dict(problem: Problem) -> dict[str, Any]:
+    """What JSON says of a problem."""
+    return {
+        "name": problem.name,
+        "frames": problem.frames,
+        "t_start": float(problem.ts[0]),
+        "t_end": float(problem.ts[-1]),
+        "parameters": dict(problem.parameters),
+    }
+
+
 def as_dict(table: AccuracyTable) -> dict[str, Any]:
     """The table as nested plain values."""
     problem, reference = table.problem, table.reference
     made = reference.certificate
     return {
         "schema": SCHEMA,
-        "problem": {
-            "name": problem.name,
-            "frames": problem.frames,
-            "t_start": float(problem.ts[0]),
-            "t_end": float(problem.ts[-1]),
-            "parameters": dict(problem.parameters),
-        },
+        "problem": problem_dict(problem),
         "norm": table.norm.name,
         "reference": {
             "level": made.level,

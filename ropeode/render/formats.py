@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from ropeode.errors import InputError
 from ropeode.experiments.report import Report
@@ -51,9 +52,7 @@ def format_table(table: AccuracyTable, form: str = "text") -> str:
     Raises:
         InputError: there is no such format.
     """
-    if form not in FORMATS:
-        raise InputError(unknown("format", form, FORMATS))
-    return FORMATS[form](table)
+    return _formatted(table, form, FORMATS)
 
 
 def format_report(report: Report, form: str = "text") -> str:
@@ -66,9 +65,7 @@ def format_report(report: Report, form: str = "text") -> str:
     Raises:
         InputError: there is no such format.
     """
-    if form not in REPORT_FORMATS:
-        raise InputError(unknown("format", form, REPORT_FORMATS))
-    return REPORT_FORMATS[form](report)
+    return _formatted(report, form, REPORT_FORMATS)
 
 
 def format_horizon(study: Horizon, form: str = "text") -> str:
@@ -81,6 +78,10 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
     Raises:
         InputError: there is no such format.
     """
-    if form not in HORIZON_FORMATS:
-        raise InputError(unknown("format", form, HORIZON_FORMATS))
-    return HORIZON_FORMATS[form](study)
+    return _formatted(study, form, HORIZON_FORMATS)
+
+
+def _formatted(result: Any, form: str, formats: Mapping[str, Callable[[Any], str]]) -> str:
+    if form not in formats:
+        raise InputError(unknown("format", form, formats))
+    return formats[form](result)

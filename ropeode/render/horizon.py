@@ -14,6 +14,7 @@ from tabulate import tabulate
 from ropeode.norms import NORMS
 from ropeode.problems.library import ROPES
 from ropeode.render import cells, markup
+from ropeode.render.data import problem_dict
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.plain_text import wrapped
 from ropeode.study.horizon import Growth, Horizon, Run
@@ -210,13 +211,7 @@ def as_dict(study: Horizon) -> dict[str, Any]:
     problem, made, exponent = study.problem, study.reference.certificate, study.exponent
     return {
         "schema": SCHEMA,
-        "problem": {
-            "name": problem.name,
-            "frames": problem.frames,
-            "t_start": float(problem.ts[0]),
-            "t_end": float(problem.ts[-1]),
-            "parameters": dict(problem.parameters),
-        },
+        "problem": problem_dict(problem),
         "truth": {
             "bits": [study.truth.coarse.precision, study.truth.fine.precision],
             "digits": study.digits,

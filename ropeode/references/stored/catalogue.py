@@ -72,14 +72,7 @@ def find(name: str | Path) -> Path:
     path = Path(name)
     if path.exists() or path.suffix == ".nc":
         return path
-    known = entries()
-    if str(name) not in known:
-        raise InputError(unknown("reference", str(name), [*known, "FILE.nc"]))
-    stored = folder() / f"{name}.nc"
-    if check_seal(stored) != known[str(name)].sha256:
-        allowed = "the file that the library's manifest names (its sha256 is another one)"
-        raise InputError(complaint("reference", str(stored), allowed, "install ropeode again"))
-    return stored
+    return _stored_file("reference", str(name), "FILE.nc")
 
 
 def load(name: str) -> Reference:
@@ -91,6 +84,17 @@ def load(name: str) -> Reference:
     Raises:
         InputError: there is none of this name, or its file is not as it was written.
     """
-    if name not in (known := entries()):
-        raise InputError(unknown("name", name, known))
-    return load_reference(find(name))
+    # Not `find`: a file of the same name in the current folder is another matter.
+    return load_reference(_stored_file("name", name))
+
+
+def _stored_file(what: str, name: str, *others: str) -> Path:
+    """The file of an entry; `others` may be given as well, but not here."""
+    known = entries()
+    if name not in known:
+        raise InputError(unknown(what, name, [*known, *others]))
+    stored = folder() / f"{name}.nc"
+    if check_seal(stored) != known[name].sha256:
+        allowed = "the file that the library's manifest names (its sha256 is another one)"
+        raise InputError(complaint("reference", str(stored), allowed, "install ropeode again"))
+    return stored

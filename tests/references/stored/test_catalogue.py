@@ -150,6 +150,7 @@ def test_a_file_comes_before_a_name(tmp_path, monkeypatch):
     assert find("kepler") == folder() / "kepler.nc"
     shutil.copy(folder() / "lorenz.nc", tmp_path / "kepler")
     assert find("kepler").resolve() == tmp_path / "kepler"
+    assert load("kepler").problem.name == "Kepler"
     assert find("nothing-here.nc").name == "nothing-here.nc"
 
 
