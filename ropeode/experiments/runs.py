@@ -23,8 +23,9 @@ from ropeode.analysis.stability import Growth, growth_per_frame
 from ropeode.errors import InputError
 from ropeode.experiments.figures import ENDS, Figure, Meaning
 from ropeode.files import write_whole
+from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
-from ropeode.simulation import Trajectory, simulate_side_by_side
+from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import stepper as stepper_named
 
 FRAMES = 4000
@@ -170,8 +171,8 @@ def _made(
     missing = [run for run in runs if run not in found]
     if missing:
         trajectories = iter(
-            simulate_side_by_side(
-                [problem for run in missing for problem in problems[run]],
+            simulate(
+                Ensemble.of([problem for run in missing for problem in problems[run]]),
                 name,
                 steps,
                 progress=progress,

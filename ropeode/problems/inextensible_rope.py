@@ -124,6 +124,7 @@ class InextensibleRope(RopeInput):
             damping=linear_damping if self.num_nodes == 1 else None,
             links=links,
             node_axis=1,
+            in_turn=True,
             name="inextensible rope",
             energy=energy,
             constraints=constraints,

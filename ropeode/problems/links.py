@@ -104,6 +104,7 @@ def dot(a: Any, b: Any) -> Any:
 def impulses(d: Any, tension: Any, inverse_mass: Any) -> Any:
     """What pulls ``tension * d`` in each link do to the nodes' velocities, ``(dim, nodes)``."""
     apart = inverse_mass.shape[-1] - d.shape[-1]
+    # Padded once at both ends: XLA would compute `tension` again for a second padded copy of it.
     pull = jnp.pad(tension * d, ((0, 0), (apart, apart)))
     return inverse_mass * (pull[:, apart:] - pull[:, :-apart])
 

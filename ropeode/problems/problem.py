@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
@@ -33,12 +34,15 @@ class Mechanics:
             components.
         links: ``links(args)`` gives the `Links` between neighbours, for steppers that keep
             lengths; None where nodes do not stand in a row.
+        in_turn: whether all of these also take several ropes whose nodes stand in turn, as
+            `Links` explains; ensembles are faster that way.
     """
 
     acceleration: Acceleration
     damping: Callable[[Any], LinearDamping] | None
     node_axis: int = 0
     links: Callable[[Any], Links] | None = None
+    in_turn: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,6 +127,7 @@ class Problem:
         damping: Callable[[Any], LinearDamping] | None = None,
         links: Callable[[Any], Links] | None = None,
         node_axis: int = 0,
+        in_turn: bool = False,
         **more: Any,
     ) -> Problem:
         """A mechanical problem ``x'' = acceleration(t, x, v, args)``.
@@ -142,6 +147,7 @@ class Problem:
             links: ``links(args)`` gives the `Links` of nodes that stand in a row; for such,
                 positions are stored ``(dim, nodes)``.
             node_axis: 1 where positions are stored ``(dim, nodes)``.
+            in_turn: whether these functions take ropes whose nodes stand in turn (`Links`).
             more: `name`, `energy`, `exact`, `jump_times`, `constraints` and `parameters` of
                 `Problem`.
 
@@ -183,9 +189,25 @@ class Problem:
             y0=np.stack([x0, v0]),
             ts=ts,
             args=args,
-            mechanics=Mechanics(acceleration, damping, node_axis, links),
+            mechanics=Mechanics(acceleration, damping, node_axis, links, in_turn),
             **more,
         )
+
+    def with_numbers(self, y0: Any, args: Any, parameters: Mapping[str, Any]) -> Problem:
+        """The same functions with other numbers, on which they are not tried again.
+
+        Arguments:
+            y0: initial state, an array of the shape of this one's.
+            args: arguments, arrays of the shapes of this one's.
+            parameters: what the new problem was made from.
+        """
+        other = copy.copy(self)
+        other._set("y0", y0)
+        other._set("args", args)
+        other._set("parameters", parameters)
+        # It may know of these numbers.
+        other._set("exact", None)
+        return other
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -8,10 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems import rope_input
-from ropeode.problems.links import LinearDamping, Links, along
+from ropeode.problems.links import LinearDamping, Links, along, impulses
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope_input import Indices, Numbers, OneOrMany, RopeInput, Velocity
 from ropeode.validation import check_whole, field
+
+_SMALLEST = float(np.finfo(np.float64).tiny)
 
 
 class Rope(RopeInput):
@@ -73,6 +75,7 @@ class Rope(RopeInput):
             damping=linear_damping,
             links=links,
             node_axis=1,
+            in_turn=True,
             name="rope",
             energy=energy,
             parameters={"kind": "rope", "frames": frames, **self.model_dump(mode="json")},
@@ -101,33 +104,23 @@ def acceleration(t: Any, x: Any, v: Any, args: RopeArgs) -> Any:
         args: the rope's numbers.
     """
     del t
-    apart = _apart(args)
-    pull = _tension_per_length(x, args)[1] * along(x, apart)
-    # Padded once at both ends: XLA would compute `pull` again for a second padded copy of it.
-    pull = jnp.pad(pull, ((0, 0), (apart, apart)))
-    force = pull[:, apart:] - pull[:, :-apart]
-    return ((force - args.damping * v) / args.mass + args.gravity) * args.free
+    own = links(args)
+    d, length = _springs(x, args)
+    tension = args.stiffness * (1.0 - args.rest_length / length)
+    return own.acceleration - own.damping.rate * v + impulses(d, tension, own.inverse_mass)
 
 
-def _tension_per_length(x: Any, args: RopeArgs) -> tuple[Any, Any]:
-    """The length of each spring, and its tension over its length.
+def _springs(x: Any, args: RopeArgs) -> tuple[Any, Any]:
+    """The vector along each spring, and its length.
 
     A spring pulls node a towards node b with ``k (|b - a| - l) (b - a)/|b - a|``. At length
-    zero that has no direction, and the force is defined to be zero; the length is taken as
-    infinite there until it has been divided by, which keeps the derivatives finite as well.
+    zero that has no direction, and the force is defined to be zero. The smallest normal number
+    is added to the length's square, which leaves all lengths above 1e-146 as they are: what is
+    divided by is then never zero, and the derivatives stay finite as well.
     """
+    d = along(x, args.free.shape[-1] - args.rest_length.shape[-1])
     # Not `jnp.sum`: XLA stores what it sums over a leading axis, and reads it back.
-    squared = sum(component**2 for component in along(x, _apart(args)))
-    length = jnp.sqrt(jnp.where(squared > 0, squared, jnp.inf))
-    inverse = 1.0 / length
-    # Looking at `inverse` here, and not at `squared`, saves XLA from computing that again.
-    factor = jnp.where(inverse > 0, args.stiffness * (1.0 - args.rest_length * inverse), 0.0)
-    return jnp.where(squared > 0, length, 0.0), factor
-
-
-def _apart(args: RopeArgs) -> int:
-    """How many places neighbours stand apart, as `Links` explains; 1 for one rope."""
-    return args.free.shape[-1] - args.rest_length.shape[-1]
+    return d, jnp.sqrt(sum((component**2 for component in d), _SMALLEST))
 
 
 def linear_damping(args: RopeArgs) -> LinearDamping:
@@ -158,7 +151,7 @@ def energy(t: Any, y: Any, args: RopeArgs) -> Any:
     """
     del t
     x, v = y
-    length, _ = _tension_per_length(x, args)
+    _, length = _springs(x, args)
     kinetic = 0.5 * jnp.sum(args.mass * jnp.sum(v * v, axis=0))
     springs = 0.5 * jnp.sum(args.stiffness * (length - args.rest_length) ** 2)
     return kinetic + springs - jnp.sum(args.mass * args.gravity * x)

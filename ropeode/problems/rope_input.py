@@ -17,6 +17,10 @@ from ropeode.validation import (
     whole_number,
 )
 
+if TYPE_CHECKING:
+    from ropeode.problems.ensemble import Ensemble
+    from ropeode.problems.problem import Problem
+
 
 def _one_or_many(value: Any) -> float | tuple[float, ...]:
     value = plain(value)
@@ -171,6 +175,29 @@ class RopeInput(Input):
             if any(velocity[node]):
                 raise ValueError(f"node {node} is pinned but has velocity {velocity[node]}")
         return velocity
+
+    def ensemble(self, frames: int = 20, **arrays: Any) -> Ensemble:
+        """Ropes like this one that differ in some of their numbers.
+
+        Arguments:
+            frames: as for `problem`.
+            arrays: for `node_mass`, `stiffness`, `damping`, `gravity` or `initial_velocity`,
+                the values of all ropes: what this rope takes, with one more axis in front,
+                as in ``damping=np.linspace(0.0, 0.1, 1000)``.
+
+        Raises:
+            InputError: one line for each array that cannot be used.
+        """
+        # Not above: that module builds on this one.
+        from ropeode.problems.rope_ensemble import rope_ensemble
+
+        return rope_ensemble(self, frames, arrays)
+
+    if TYPE_CHECKING:
+
+        def problem(self, frames: int = 20) -> Problem:
+            """Each rope has one."""
+            ...
 
     def nodes(self) -> Nodes:
         """The nodes as arrays."""

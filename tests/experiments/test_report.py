@@ -99,7 +99,7 @@ def test_an_interrupted_report_goes_on(tmp_path, monkeypatch):
     def must_not_run(*inputs, **named):
         raise AssertionError("it was to be read")
 
-    monkeypatch.setattr(runs, "simulate_side_by_side", must_not_run)
+    monkeypatch.setattr(runs, "simulate", must_not_run)
     done = rope_report([4, 26], 10, folder=tmp_path)
     assert [each.figure.figure for each in done.figures] == [4, 26]
     # Done is done: the next report computes everything again.

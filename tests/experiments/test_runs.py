@@ -82,7 +82,7 @@ def test_runs_are_kept_and_found_again(tmp_path, wanted, finished, monkeypatch):
     def must_not_run(*inputs, **named):
         raise AssertionError("it was to be read")
 
-    monkeypatch.setattr(module, "simulate_side_by_side", must_not_run)
+    monkeypatch.setattr(module, "simulate", must_not_run)
     again = run_all(wanted, tmp_path, lambda text, fraction: None)
     assert all(same(again[run], finished[run]) for run in wanted)
 

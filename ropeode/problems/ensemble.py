@@ -1,0 +1,227 @@
+"""Many problems that differ in their numbers only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, overload
+
+import jax
+import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.problems import checks
+from ropeode.problems.problem import Problem
+from ropeode.validation import complaint
+
+
+class Numbers(NamedTuple):
+    """The numbers of some members; the last axis of each array counts them.
+
+    Fields:
+        y0: initial states, ``(*state, members)``.
+        args: arguments of the right-hand side; each leaf ``(..., members)``.
+    """
+
+    y0: np.ndarray
+    args: Any
+
+
+class Ensemble(Sequence[Problem]):
+    """Problems that share functions, shapes and sample times; each is a member.
+
+    Made by `Ensemble.of` from problems, or, which is much faster, by `Rope.ensemble` from arrays
+    of parameters or by `Ensemble.varying` from arrays of initial states or arguments. A member
+    is a `Problem` like any other: ``ensemble[3]``.
+
+    Arguments:
+        first: the first member.
+        size: the number of members.
+        numbers: ``numbers(start, stop)`` gives the `Numbers` of these members. Called for some
+            at a time, so that an ensemble takes no more memory than what it is made from.
+        member: gives a member by its index.
+        built_apart: those members that may differ in what makes a stepper refuse them; the
+            others are like the first.
+    """
+
+    def __init__(
+        self,
+        first: Problem,
+        size: int,
+        numbers: Callable[[int, int], Numbers],
+        member: Callable[[int], Problem],
+        built_apart: Sequence[Problem] = (),
+    ):
+        self.first = first
+        self.built_apart = built_apart
+        self._size, self._numbers, self._member = size, numbers, member
+
+    @classmethod
+    def of(cls, problems: Sequence[Problem]) -> Ensemble:
+        """An ensemble of problems that exist already.
+
+        Raises:
+            InputError: there is none, or they differ in more than their numbers.
+        """
+        members = list(problems)
+        if not members:
+            raise InputError(complaint("problems", members, "at least one problem", "give one"))
+        first = members[0]
+        for index, each in enumerate(members):
+            if difference := _difference(each, first):
+                raise InputError(
+                    complaint(
+                        "problems",
+                        f"{first.name!r} and, at index {index}, {each.name!r}",
+                        f"problems of one family (these differ in their {difference})",
+                        "run them one by one, or in an ensemble for each family",
+                    )
+                )
+
+        def numbers(start: int, stop: int) -> Numbers:
+            some = members[start:stop]
+            return Numbers(
+                np.stack([each.y0 for each in some], axis=-1),
+                jax.tree.map(
+                    lambda *leaves: np.stack(leaves, axis=-1), *(each.args for each in some)
+                ),
+            )
+
+        return cls(first, len(members), numbers, members.__getitem__, members)
+
+    @classmethod
+    def varying(
+        cls,
+        problem: Problem,
+        *,
+        y0: Any = None,
+        args: Any = None,
+        parameters: Callable[[int], Mapping[str, Any]] = lambda index: {},
+    ) -> Ensemble:
+        """An ensemble of a problem with other numbers.
+
+        The right-hand side is tried on the first member only.
+
+        Arguments:
+            problem: whose functions and sample times all members have.
+            y0: initial states, ``(members, *state)``; by default that of `problem`.
+            args: arguments with one more axis in front of each array, ``(members, ...)``; by
+                default those of `problem`.
+            parameters: gives what a member was made from, by its index.
+
+        Raises:
+            InputError: an array has another shape or numbers that are not finite, or their
+                lengths differ, or there is none.
+        """
+        given: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        if y0 is not None:
+            given["y0"] = [(np.asarray(y0), problem.y0)]
+        if args is not None:
+            arrays, structure = jax.tree.flatten(args)
+            own, needed = jax.tree.flatten(problem.args)
+            if structure != needed:
+                raise InputError(
+                    complaint("args", structure, f"arguments like {needed}", "name them alike")
+                )
+            given["args"] = [(np.asarray(new), old) for new, old in zip(arrays, own, strict=True)]
+        size = _check_arrays(given)
+        states = (
+            given["y0"][0][0].astype(np.float64, copy=False) if y0 is not None else problem.y0[None]
+        )
+        leaves = [new.astype(old.dtype, copy=False) for new, old in given.get("args", [])]
+        values = jax.tree.unflatten(jax.tree.structure(problem.args), leaves) if leaves else None
+
+        def numbers(start: int, stop: int) -> Numbers:
+            def last(array: np.ndarray) -> np.ndarray:
+                return np.moveaxis(array[start:stop], 0, -1)
+
+            def same(array: np.ndarray) -> np.ndarray:
+                return np.repeat(np.asarray(array)[..., None], stop - start, axis=-1)
+
+            return Numbers(
+                same(problem.y0) if y0 is None else last(states),
+                jax.tree.map(same, problem.args) if args is None else jax.tree.map(last, values),
+            )
+
+        def member(index: int) -> Problem:
+            return problem.with_numbers(
+                states[index % len(states)],
+                problem.args if args is None else jax.tree.map(lambda leaf: leaf[index], values),
+                parameters(index),
+            )
+
+        start = member(0)
+        checks.right_hand_side(start.rhs, float(start.ts[0]), start.y0, start.args)
+        return cls(start, size, numbers, member)
+
+    def numbers(self, start: int, stop: int) -> Numbers:
+        """The numbers of the members from `start` up to, and without, `stop`."""
+        return self._numbers(start, stop)
+
+    def __len__(self) -> int:
+        return self._size
+
+    @overload
+    def __getitem__(self, index: int) -> Problem: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Problem]: ...
+    def __getitem__(self, index: int | slice) -> Problem | Sequence[Problem]:
+        """A member, or a list of them."""
+        if isinstance(index, slice):
+            return [self._member(each) for each in range(*index.indices(self._size))]
+        if not -self._size <= index < self._size:
+            raise IndexError(f"member {index} of an ensemble of {self._size}")
+        return self._member(index % self._size)
+
+    def __iter__(self) -> Iterator[Problem]:
+        return map(self._member, range(self._size))
+
+
+def _difference(problem: Problem, first: Problem) -> str | None:
+    """In what, besides numbers, a problem differs from the first; None if in nothing."""
+    if problem.rhs != first.rhs or problem.mechanics != first.mechanics:
+        return "right-hand sides"
+    if _shapes((problem.y0, problem.args)) != _shapes((first.y0, first.args)):
+        return "shapes"
+    if not np.array_equal(problem.ts, first.ts):
+        return "sample times"
+    return None
+
+
+def _check_arrays(given: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> int:
+    """The number of members.
+
+    Arguments:
+        given: for each name, arrays and what one member of each is like.
+
+    Raises:
+        InputError: as `Ensemble.varying` does.
+    """
+    lengths = {len(new) if new.ndim else 0 for pairs in given.values() for new, _ in pairs}
+    for name, pairs in given.items():
+        for new, old in pairs:
+            shape = np.shape(old)
+            if new.ndim != len(shape) + 1 or new.shape[1:] != shape or new.dtype.kind not in "iufb":
+                needed = ", ".join(("members", *map(str, shape)))
+                raise InputError(
+                    complaint(name, f"shape {new.shape}", f"numbers ({needed})", "reshape it")
+                )
+            if not np.all(np.isfinite(new)):
+                index = int(np.argwhere(~np.isfinite(new))[0][0])
+                raise InputError(
+                    complaint(name, new[index], "finite numbers", f"mend member {index}")
+                )
+    if len(lengths) != 1 or not min(lengths):
+        raise InputError(
+            complaint(
+                " and ".join(given) or "y0",
+                f"{sorted(lengths)} members",
+                "the same number of members in each, at least one",
+                "give arrays of one length",
+            )
+        )
+    return lengths.pop()
+
+
+def _shapes(tree: Any) -> Any:
+    leaves, structure = jax.tree.flatten(tree)
+    return structure, [(np.shape(leaf), np.asarray(leaf).dtype) for leaf in leaves]

@@ -1,0 +1,90 @@
+"""Loops that XLA compiles into one function for the processor.
+
+XLA runs a loop on the processor as a list of small functions, which it calls one after the
+other in each iteration. For a rope of 16 nodes these calls take longer than the arithmetic.
+XLA also knows how to make one function of a whole loop, and does so with loops that touch less
+than a kibibyte (from jaxlib 0.12 on: 128 KiB). The marks that it then puts on a loop can be put
+there from outside as well.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.experimental.xla_metadata import set_xla_metadata
+from jax.extend.core import ClosedJaxpr, Jaxpr, jaxpr_as_fun
+
+# What XLA's emitter for one function makes code for by itself. Others call into libraries, or
+# run on several cores, and have to stay outside.
+# fmt: off
+_PRIMITIVES = frozenset((
+    "abs", "add", "add_any", "and", "atan", "atan2", "broadcast_in_dim", "cbrt", "ceil",
+    "clamp", "concatenate", "convert_element_type", "copy", "cos", "cosh", "div",
+    "dynamic_slice", "dynamic_update_slice", "eq", "exp", "exp2", "expm1", "floor", "ge",
+    "gt", "integer_pow", "iota", "is_finite", "le", "log", "log1p", "logistic", "lt", "max",
+    "min", "mul", "ne", "neg", "not", "optimization_barrier", "or", "pad", "pow",
+    "reduce_and", "reduce_max", "reduce_min", "reduce_or", "reduce_sum", "rem", "reshape",
+    "rev", "round", "rsqrt", "select_n", "sign", "sin", "sinh", "slice", "sqrt", "square",
+    "squeeze", "stop_gradient", "sub", "tan", "tanh", "transpose", "xor",
+))
+# fmt: on
+# These hold others, which are looked at in their turn.
+_CONTAINERS = frozenset(
+    ("cond", "custom_jvp_call", "custom_vjp_call", "jit", "pjit", "scan", "while")
+)
+# Above this many bytes the arithmetic outweighs the calls, and several cores may share it.
+_LARGEST = 1024 * 1024
+
+
+def in_one_kernel(loop: Callable, *inputs: Any) -> Any:
+    """``loop(*inputs)``, compiled into one function where that is possible and pays.
+
+    Arguments:
+        loop: written in JAX, with a loop inside; called while something is traced.
+        inputs: pytrees of arrays and numbers; whole ones below 2^53.
+    """
+    leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(inputs)]
+    traced, shape = jax.make_jaxpr(loop, return_shape=True)(*inputs)
+    if jax.default_backend() != "cpu" or not _pays(leaves) or not _can_be_one(traced):
+        return loop(*inputs)
+
+    # In one array: XLA ends the process where the function has a parameter that nothing reads.
+    def unpacked(packed: Any) -> list[Any]:
+        ends = itertools.accumulate(leaf.size for leaf in leaves)
+        parts = [
+            packed[end - leaf.size : end].reshape(leaf.shape).astype(leaf.dtype)
+            for leaf, end in zip(leaves, ends, strict=True)
+        ]
+        return jaxpr_as_fun(traced)(*parts)
+
+    packed = jnp.concatenate([leaf.reshape(-1).astype(jnp.float64) for leaf in leaves])
+    results: Any = set_xla_metadata(
+        jax.jit(unpacked)(packed), xla_cpu_small_call="true", inlineable="false"
+    )
+    return jax.tree.unflatten(jax.tree.structure(shape), results)
+
+
+def _pays(leaves: list[Any]) -> bool:
+    return sum(leaf.size * leaf.dtype.itemsize for leaf in leaves) <= _LARGEST
+
+
+def _can_be_one(traced: ClosedJaxpr | Jaxpr) -> bool:
+    """Whether all that is computed is on the list."""
+    inner = traced.jaxpr if isinstance(traced, ClosedJaxpr) else traced
+    for equation in inner.eqns:
+        name = equation.primitive.name
+        held = [
+            each
+            for value in equation.params.values()
+            for each in (value if isinstance(value, (tuple, list)) else (value,))
+            if isinstance(each, (ClosedJaxpr, Jaxpr))
+        ]
+        if name not in _PRIMITIVES and not (name in _CONTAINERS and held):
+            return False
+        if not all(map(_can_be_one, held)):
+            return False
+    return True

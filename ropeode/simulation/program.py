@@ -1,0 +1,280 @@
+"""The compiled driver: blocks of runs, each a loop over frames around a loop over steps."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems.problem import Mechanics
+from ropeode.simulation.one_kernel import in_one_kernel
+from ropeode.simulation.system import stored, system
+from ropeode.steppers.base import Stepper
+from ropeode.steppers.phase import Phase
+
+
+class Abstract(NamedTuple):
+    """Shape and dtype of an array; hashable."""
+
+    shape: tuple[int, ...]
+    dtype: Any
+
+
+class Family(NamedTuple):
+    """What runs have in common that one program can make; hashable.
+
+    Fields:
+        stepper: with its options.
+        rhs: of the problem.
+        mechanics: of the problem.
+        y0: the initial state of a block.
+        args_tree: structure of the problem's arguments.
+        args_leaves: of a block.
+        lanes: how many runs a block holds.
+        in_turn: whether the nodes of these stand in turn; else the last axis counts the runs,
+            where there are several.
+    """
+
+    stepper: Stepper
+    rhs: Callable
+    mechanics: Mechanics | None
+    y0: Abstract
+    args_tree: Any
+    args_leaves: tuple[Abstract, ...]
+    lanes: int = 1
+    in_turn: bool = False
+
+
+class Segment(NamedTuple):
+    """Frames that were run in one go.
+
+    Fields:
+        frames: how many, for each block; fewer than asked for where no run of it is finite.
+        states: at their ends, ``(blocks, capacity, *state)``.
+        carried: what the next segment goes on from.
+    """
+
+    frames: np.ndarray
+    states: np.ndarray
+    carried: Any
+
+
+class Program:
+    """A compiled loop for one family of runs.
+
+    Arguments:
+        compiled: the loop.
+        capacity: the most frames of a segment.
+        blocks: the most blocks.
+        nothing_carried: stands for what is carried where there is nothing yet.
+        calls: of the right-hand side, to start, in a step, and for a sample.
+        compile_seconds: that compiling took.
+    """
+
+    def __init__(
+        self,
+        compiled: Callable,
+        capacity: int,
+        blocks: int,
+        nothing_carried: Any,
+        calls: tuple[int, int, int],
+        compile_seconds: float,
+    ):
+        self._compiled = compiled
+        self.capacity, self.blocks = capacity, blocks
+        self._nothing_carried = nothing_carried
+        self._to_start, self._per_step, self._per_sample = calls
+        self._compile_seconds = compile_seconds
+
+    def run(
+        self,
+        y0: np.ndarray,
+        args: Any,
+        ts: np.ndarray,
+        lengths: np.ndarray,
+        steps: int,
+        carried: Any = None,
+        count: int = 1,
+    ) -> Segment:
+        """Run the frames between sample times.
+
+        Arguments:
+            y0: initial states, ``(blocks, *state)``.
+            args: of the problem; each leaf has the blocks first.
+            ts: sample times, at most one more than the capacity.
+            lengths: of the frames.
+            steps: in each frame.
+            carried: what an earlier segment carried; None at the start.
+            count: how many of the blocks are to be run.
+        """
+        spare = self.capacity - len(lengths)
+        frames, states, carried = jax.block_until_ready(
+            self._compiled(
+                y0,
+                args,
+                np.pad(ts, (0, spare)),
+                np.pad(lengths, (0, spare), constant_values=1.0),
+                np.int64(len(lengths)),
+                np.int64(steps),
+                np.int64(count),
+                np.bool_(carried is None),
+                self._nothing_carried if carried is None else carried,
+            )
+        )
+        return Segment(np.asarray(frames), np.asarray(states), carried)
+
+    def calls(self, steps: int, frames: np.ndarray) -> np.ndarray:
+        """How often runs of so many frames each evaluate the right-hand side."""
+        return self._to_start + (self._per_step * steps + self._per_sample) * frames
+
+    def take_compile_seconds(self) -> float:
+        """The seconds that compiling took; 0 for every later use of the program."""
+        seconds, self._compile_seconds = self._compile_seconds, 0.0
+        return seconds
+
+
+@functools.lru_cache(maxsize=256)
+def program(family: Family, capacity: int, blocks: int) -> Program:
+    """Compile; the numbers of steps, frames and blocks that are run are run-time values."""
+    started = time.perf_counter()
+    methods = _Methods(family)
+
+    def run(
+        y0: Any,
+        args: Any,
+        ts: Any,
+        lengths: Any,
+        frames: Any,
+        steps: Any,
+        count: Any,
+        fresh: Any,
+        carried: Any,
+    ) -> Any:
+        def one_block(block: Any, everything: tuple) -> tuple:
+            done, states, carried = everything
+            own = jax.tree.map(lambda leaf: leaf[block], args)
+            frame, own_states, own_carried = frames_of(
+                y0[block], own, jax.tree.map(lambda leaf: leaf[block], carried)
+            )
+            return (
+                done.at[block].set(frame),
+                states.at[block].set(own_states),
+                jax.tree.map(lambda all, new: all.at[block].set(new), carried, own_carried),
+            )
+
+        def frames_of(y0: Any, args: Any, carried: Any) -> tuple:
+            def steps_of(carried: Any, args: Any, start: Any, dt: Any, steps: Any) -> Any:
+                def one_step(i: Any, carried: Any) -> Any:
+                    return methods.step(args, start + i * dt, carried, dt)
+
+                return jax.lax.fori_loop(0, steps, one_step, carried)
+
+            def one_frame(loop: tuple) -> tuple:
+                frame, carried, states, _ = loop
+                dt = lengths[frame] / steps
+                carried = in_one_kernel(steps_of, carried, args, ts[frame], dt, steps)
+                y = methods.state(args, ts[frame + 1], carried, dt)
+                y = jnp.stack(y) if isinstance(y, Phase) else y
+                states = jax.lax.dynamic_update_index_in_dim(states, y, frame, 0)
+                return frame + 1, carried, states, going_on(y)
+
+            def more(loop: tuple) -> Any:
+                frame, _, _, finite = loop
+                return (frame < frames) & finite
+
+            start = Phase(y0[0], y0[1]) if family.mechanics else y0
+            begun = methods.init(args, ts[0], start, lengths[0] / steps)
+            carried = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), begun, carried)
+            states = jnp.zeros((capacity, *y0.shape), y0.dtype)
+            frame, carried, states, _ = jax.lax.while_loop(
+                more, one_frame, (0, carried, states, jnp.asarray(True))
+            )
+            return frame, states, carried
+
+        def going_on(y: Any) -> Any:
+            """Whether a run of the block is still finite."""
+            return jnp.any(jnp.all(jnp.isfinite(y).reshape(-1, family.lanes), axis=0))
+
+        nothing = jnp.zeros(blocks, jnp.int64), jnp.zeros((blocks, capacity, *y0.shape[1:]))
+        return jax.lax.fori_loop(0, count, one_block, (*nothing, carried))
+
+    calls, carried = methods.calls()
+    carried = jax.tree.map(lambda leaf: _shape((blocks, *leaf.shape), leaf.dtype), carried)
+    whole, truth = _shape((), np.int64), _shape((), np.bool_)
+    compiled = (
+        jax.jit(run)
+        .lower(
+            _shape((blocks, *family.y0.shape), family.y0.dtype),
+            jax.tree.map(lambda leaf: _shape((blocks, *leaf.shape), leaf.dtype), methods.args),
+            _shape((capacity + 1,)),
+            _shape((capacity,)),
+            *(whole, whole, whole, truth),
+            carried,
+        )
+        .compile()
+    )
+    nothing = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), carried)
+    return Program(compiled, capacity, blocks, nothing, calls, time.perf_counter() - started)
+
+
+def _shape(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
+    return jax.ShapeDtypeStruct(shape, dtype)
+
+
+class _Methods:
+    """`init`, `step` and `state` of a stepper, on blocks of a family: ``(args, t, y, dt)``."""
+
+    def __init__(self, family: Family):
+        self._family = family
+        self._calls = 0
+        leaves = [_shape(*leaf) for leaf in family.args_leaves]
+        self.args = jax.tree.unflatten(family.args_tree, leaves)
+        stepper = family.stepper
+        self.init = self._on_blocks(stepper.init)
+        self.step = self._on_blocks(stepper.step)
+        self.state = self._on_blocks(stepper.state)
+
+    def calls(self) -> tuple[tuple[int, int, int], Any]:
+        """How often each calls the right-hand side, and the shapes of what is carried."""
+        shape, dtype = self._family.y0
+        y0: Any = _shape(shape, dtype)
+        if self._family.mechanics:
+            y0 = Phase(_shape(shape[1:], dtype), _shape(shape[1:], dtype))
+        found = []
+
+        def shapes_of(method: Callable, y: Any) -> Any:
+            result = jax.eval_shape(method, self.args, _shape(()), y, _shape(()))
+            found.append(self._calls)
+            return result
+
+        carried = shapes_of(self.init, y0)
+        shapes_of(self.step, carried)
+        shapes_of(self.state, carried)
+        to_start, per_step, per_sample = found
+        return (to_start, per_step, per_sample), carried
+
+    def _on_blocks(self, method: Callable) -> Callable:
+        family = self._family
+
+        def on_one(args: Any, t: Any, y: Any, dt: Any) -> Any:
+            self._calls = 0
+
+            def counted(function: Callable) -> Callable:
+                def call(t: Any, state: Any, *velocity: Any) -> Any:
+                    self._calls += 1
+                    # What the first stage reads is stored anyway, as the step's input.
+                    state = stored(state, dt > 0) if self._calls > 1 else state
+                    return function(t, state, *velocity)
+
+                return call
+
+            return method(system(family.rhs, family.mechanics, args, counted), t, y, dt)
+
+        if family.lanes == 1 or family.in_turn:
+            return on_one
+        return jax.vmap(on_one, in_axes=(-1, None, -1, None), out_axes=-1)

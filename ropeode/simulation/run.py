@@ -1,0 +1,289 @@
+"""Runs of steppers: over one problem, or over the members of an ensemble on all cores."""
+
+from __future__ import annotations
+
+import collections
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, NamedTuple, overload
+
+import jax
+import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.precision import in_float64
+from ropeode.problems.ensemble import Ensemble, Numbers
+from ropeode.problems.problem import Problem
+from ropeode.simulation.layout import Layout
+from ropeode.simulation.program import Abstract, Family, Program, program
+from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
+from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers.base import Stepper
+from ropeode.validation import check_whole, complaint
+
+Progress = Callable[[float], None]
+
+# States that one call of a program writes, and that a chunk of an ensemble holds, in bytes.
+_SEGMENT = 2**23
+_CHUNK = 2**24
+_MOST_FRAMES, _MOST_BLOCKS = 128, 64
+
+
+@overload
+def simulate(
+    given: Problem, stepper: str | Stepper, steps_per_frame: int, *, progress: Progress = ...
+) -> Trajectory: ...
+@overload
+def simulate(
+    given: Ensemble, stepper: str | Stepper, steps_per_frame: int, *, progress: Progress = ...
+) -> Trajectories: ...
+def simulate(
+    given: Problem | Ensemble,
+    stepper: str | Stepper,
+    steps_per_frame: int,
+    *,
+    progress: Progress = lambda fraction: None,
+) -> Trajectory | Trajectories:
+    """Run a stepper over all frames of a problem, or of each member of an ensemble.
+
+    A run that leaves the finite numbers is not computed much past the frame where it does, and
+    does not hold up the others of its ensemble. Those are run side by side, on all cores; what
+    becomes of a member does not depend on the others.
+
+    Arguments:
+        given: what to solve.
+        stepper: a stepper or its name with options.
+        steps_per_frame: equal steps in each interval between sample times.
+        progress: called with the fraction that is done.
+
+    Raises:
+        InputError: the stepper does not exist or cannot run on a problem, `steps_per_frame` is
+            not a whole number >= 1, or the states of an ensemble do not fit into memory.
+    """
+    stepper = stepper_named(stepper)
+    if isinstance(given, Ensemble):
+        _check_memory(given)
+        return _joined(list(simulate_chunks(given, stepper, steps_per_frame, progress=progress)))
+    steps = _check(given, stepper, steps_per_frame)
+    own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))
+    job = _Job(Ensemble.of([given]), stepper, steps, Layout(1, None), 1)
+    return job.trajectories(0, own, progress)[0]
+
+
+def simulate_chunks(
+    ensemble: Ensemble,
+    stepper: str | Stepper,
+    steps_per_frame: int,
+    *,
+    progress: Progress = lambda fraction: None,
+) -> Iterator[Trajectories]:
+    """Run a stepper over an ensemble of any size, some members at a time.
+
+    No more than a few chunks exist at once, so that memory stays bounded.
+
+    Arguments:
+        ensemble: what to solve.
+        stepper: a stepper or its name with options.
+        steps_per_frame: equal steps in each interval between sample times.
+        progress: called with the fraction that is done.
+
+    Returns:
+        Trajectories of the first members, of the next ones, and so on.
+
+    Raises:
+        InputError: as for `simulate`.
+    """
+    stepper = stepper_named(stepper)
+    first = ensemble.first
+    for each in ensemble.built_apart or [first]:
+        steps = _check(each, stepper, steps_per_frame)
+    layout, cores = Layout.of(first), os.cpu_count() or 1
+    needed = layout.blocks(len(ensemble))
+    block = (first.frames + 1) * first.y0.nbytes * layout.lanes
+    # As many as fill a chunk, unless that would leave a core idle.
+    blocks = min(max(_CHUNK // block, 1), _MOST_BLOCKS, -(-needed // cores))
+    job = _Job(ensemble, stepper, steps, layout, blocks)
+    return job.in_chunks(cores, progress)
+
+
+def _check(problem: Problem, stepper: Stepper, steps_per_frame: int) -> int:
+    steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
+    if refusal := stepper.refusal(problem):
+        raise InputError(refusal)
+    return steps
+
+
+def _check_memory(ensemble: Ensemble) -> None:
+    """Raises:
+    InputError: the states of all members need more memory than there is.
+    """
+    first = ensemble.first
+    needed = len(ensemble) * (first.frames + 1) * first.y0.nbytes
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    # Twice: in chunks, and joined.
+    if 2 * needed > there:
+        raise InputError(
+            complaint(
+                "ensemble",
+                f"{len(ensemble)} members, whose states take {needed / 2**30:.1f} GiB",
+                f"half of this machine's memory, {there / 2**31:.1f} GiB",
+                "take them in turn with simulate_chunks, or sample fewer frames",
+            )
+        )
+
+
+def _joined(chunks: list[Trajectories]) -> Trajectories:
+    """All chunks of an ensemble in one."""
+    if len(chunks) == 1:
+        return chunks[0]
+    first = chunks[0]
+    return Trajectories(
+        ensemble=first.ensemble,
+        start=first.start,
+        stepper=first.stepper,
+        steps_per_frame=first.steps_per_frame,
+        states=np.concatenate([each.states for each in chunks], axis=-1),
+        frames=np.concatenate([each.frames for each in chunks]),
+        finite=np.concatenate([each.finite for each in chunks]),
+        rhs_evaluations=np.concatenate([each.rhs_evaluations for each in chunks]),
+        seconds=sum(each.seconds for each in chunks),
+        compile_seconds=sum(each.compile_seconds for each in chunks),
+    )
+
+
+class _Job(NamedTuple):
+    """Members of an ensemble that are to be run, and how.
+
+    Fields:
+        ensemble: what is solved.
+        stepper: with what.
+        steps: in each frame.
+        layout: of the blocks.
+        blocks: of a chunk.
+    """
+
+    ensemble: Ensemble
+    stepper: Stepper
+    steps: int
+    layout: Layout
+    blocks: int
+
+    def in_chunks(self, cores: int, progress: Progress) -> Iterator[Trajectories]:
+        """Trajectories of one chunk after the other, on so many cores."""
+        members, size = self.layout.lanes * self.blocks, len(self.ensemble)
+        shares = collections.Counter[int]()
+        lock = threading.Lock()
+
+        def chunk(start: int) -> Trajectories:
+            numbers = self.ensemble.numbers(start, min(start + members, size))
+
+            def seen(fraction: float) -> None:
+                with lock:
+                    shares[start] = fraction * numbers.y0.shape[-1]
+                    progress(sum(shares.values()) / size)
+
+            return self.trajectories(start, numbers, seen)
+
+        starts = iter(range(0, size, members))
+        waiting: collections.deque[Future[Trajectories]] = collections.deque()
+        pool = ThreadPoolExecutor(cores)
+        try:
+            while True:
+                # One more than there are cores, so that none waits for what is read here.
+                while len(waiting) <= cores and (start := next(starts, None)) is not None:
+                    waiting.append(pool.submit(chunk, start))
+                if not waiting:
+                    return
+                yield waiting.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    @in_float64
+    def trajectories(self, start: int, numbers: Numbers, progress: Progress) -> Trajectories:
+        """Run the members from `start` on whose numbers these are."""
+        first, members = self.ensemble.first, numbers.y0.shape[-1]
+        y0, args = self.layout.fold(numbers, self.blocks)
+        made = self._program(y0, args)
+        started = time.perf_counter()
+        states, reached = self._segments(made, y0, args, self.layout.blocks(members), progress)
+        seconds = time.perf_counter() - started
+        states = self.layout.unfold(states, first.y0.shape, members)
+        reached = np.repeat(reached, self.layout.lanes)[:members]
+        frames, finite = _ends(states, reached)
+        return Trajectories(
+            ensemble=self.ensemble,
+            start=start,
+            stepper=self.stepper,
+            steps_per_frame=self.steps,
+            states=states,
+            frames=frames,
+            finite=finite,
+            rhs_evaluations=made.calls(self.steps, frames),
+            seconds=seconds,
+            compile_seconds=made.take_compile_seconds(),
+        )
+
+    def _program(self, y0: np.ndarray, args: Any) -> Program:
+        first = self.ensemble.first
+        leaves, tree = jax.tree.flatten(args)
+        family = Family(
+            stepper=self.stepper,
+            rhs=first.rhs,
+            mechanics=first.mechanics,
+            y0=Abstract(y0.shape[1:], y0.dtype),
+            args_tree=tree,
+            args_leaves=tuple(Abstract(leaf.shape[1:], leaf.dtype) for leaf in leaves),
+            lanes=self.layout.lanes,
+            in_turn=self.layout.nodes is not None,
+        )
+        # Powers of two, so that few programs serve all lengths.
+        frames = min(max(_SEGMENT // y0.nbytes, 1), _MOST_FRAMES)
+        frames = 1 << (frames.bit_length() - 1)
+        return program(family, min(frames, 1 << (first.frames - 1).bit_length()), self.blocks)
+
+    def _segments(
+        self, made: Program, y0: np.ndarray, args: Any, count: int, progress: Progress
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """States of the blocks, and the last frame that each was taken to."""
+        first = self.ensemble.first
+        ts, lengths = first.ts, frame_lengths(first)
+        states = np.full((count, first.frames + 1, *y0.shape[1:]), np.nan)
+        states[:, 0] = y0[:count]
+        reached = np.zeros(count, dtype=np.int64)
+        done, carried = 0, None
+        while done < first.frames and np.any(reached == done):
+            frames = min(made.capacity, first.frames - done)
+            segment = made.run(
+                y0,
+                args,
+                ts[done : done + frames + 1],
+                lengths[done : done + frames],
+                self.steps,
+                carried,
+                count,
+            )
+            going_on = np.flatnonzero(reached == done)
+            states[going_on, done + 1 : done + 1 + frames] = segment.states[going_on, :frames]
+            reached[going_on] += segment.frames[going_on]
+            carried, done = segment.carried, done + frames
+            progress(done / first.frames)
+        return states, reached
+
+
+def _ends(states: np.ndarray, reached: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The last frame that counts of each member, and whether its state there is finite.
+
+    Arguments:
+        states: ``(times, *state, members)``; made not-a-number behind what is not finite.
+        reached: the last frame that was run, ``(members,)``.
+    """
+    flat = states.reshape(len(states), -1, states.shape[-1])
+    every = np.all(np.isfinite(flat), axis=1)
+    finite: np.ndarray = np.all(every, axis=0)
+    frames = np.where(finite, reached, np.argmin(every, axis=0))
+    for member in np.flatnonzero(~finite):
+        states[frames[member] :, ..., member] = np.nan
+    return frames, finite

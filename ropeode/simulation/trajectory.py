@@ -1,0 +1,129 @@
+"""What a stepper made of a problem, or of many."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+
+from ropeode.problems.ensemble import Ensemble
+from ropeode.problems.problem import Problem
+from ropeode.steppers.base import Stepper
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trajectory:
+    """What a stepper made of a problem.
+
+    Arguments:
+        problem: what was solved.
+        stepper: with what.
+        steps_per_frame: steps between two sample times; ``dt = frame/steps_per_frame``.
+        times: the sample times up to the last one with a finite state, ``(times,)``.
+        states: the states there, ``(times, *state)``; the first is the initial state.
+        status: `ok`, or `diverged` if a state was not finite.
+        diverged_at: the frame (index of the sample time) of the first state that was not.
+        rhs_evaluations: of the right-hand side (or acceleration), for the steps made.
+        seconds: to run, without compiling.
+        compile_seconds: to trace and compile; 0 if that had been done before.
+    """
+
+    problem: Problem
+    stepper: Stepper
+    steps_per_frame: int
+    times: np.ndarray
+    states: np.ndarray
+    status: Literal["ok", "diverged"]
+    diverged_at: int | None
+    rhs_evaluations: int
+    seconds: float
+    compile_seconds: float
+
+    @property
+    def dt(self) -> float:
+        """The step size; the largest where frames differ in length."""
+        return step_size(self.problem, self.steps_per_frame)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Positions, ``(times, nodes, dim)``."""
+        return self.problem.positions(self.states)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Velocities, ``(times, nodes, dim)``."""
+        return self.problem.velocities(self.states)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trajectories:
+    """What a stepper made of members of an ensemble.
+
+    ``trajectories[i]`` is a `Trajectory`.
+
+    Arguments:
+        ensemble: what was solved.
+        start: the index of the first member that is in here.
+        stepper: with what.
+        steps_per_frame: steps between two sample times.
+        states: ``(times, *state, members)``; not a number from the frame on where a member's
+            state was not finite.
+        frames: the index of the last sample time that was looked at for each member,
+            ``(members,)``.
+        finite: whether its state there was finite, ``(members,)``.
+        rhs_evaluations: of the right-hand side, for each member, ``(members,)``.
+        seconds: to run all these members, without compiling.
+        compile_seconds: to trace and compile; 0 if that had been done before.
+    """
+
+    ensemble: Ensemble
+    start: int
+    stepper: Stepper
+    steps_per_frame: int
+    states: np.ndarray
+    frames: np.ndarray
+    finite: np.ndarray
+    rhs_evaluations: np.ndarray
+    seconds: float
+    compile_seconds: float
+
+    def __len__(self) -> int:
+        return self.states.shape[-1]
+
+    def __iter__(self) -> Iterator[Trajectory]:
+        return map(self.__getitem__, range(len(self)))
+
+    def __getitem__(self, index: int) -> Trajectory:
+        """The trajectory of one of these members."""
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"trajectory {index} of {len(self)}")
+        index %= len(self)
+        problem = self.ensemble[self.start + index]
+        frame, finite = int(self.frames[index]), bool(self.finite[index])
+        kept = frame + finite
+        return Trajectory(
+            problem=problem,
+            stepper=self.stepper,
+            steps_per_frame=self.steps_per_frame,
+            times=problem.ts[:kept],
+            states=np.ascontiguousarray(self.states[:kept, ..., index]),
+            status="ok" if finite else "diverged",
+            diverged_at=None if finite else frame,
+            rhs_evaluations=int(self.rhs_evaluations[index]),
+            seconds=self.seconds / len(self),
+            compile_seconds=self.compile_seconds if index == 0 else 0.0,
+        )
+
+
+def step_size(problem: Problem, steps_per_frame: int) -> float:
+    """The (largest) step size of a number of steps per frame."""
+    return float(np.max(frame_lengths(problem))) / steps_per_frame
+
+
+def frame_lengths(problem: Problem) -> np.ndarray:
+    """The length of each frame; all the same number where they are equal but for rounding."""
+    if problem.equal_frames:
+        return np.full(problem.frames, (problem.ts[-1] - problem.ts[0]) / problem.frames)
+    return np.diff(problem.ts)

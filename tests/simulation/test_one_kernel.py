@@ -1,0 +1,98 @@
+"""Loops in one function compute what they compute without."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.simulation import one_kernel, simulate
+from ropeode.simulation.one_kernel import in_one_kernel
+from ropeode.simulation.program import program
+from tests.steppers.every_variant import EVERY_VARIANT
+
+
+@pytest.fixture(autouse=True)
+def compiled_anew():
+    program.cache_clear()
+    with jax.enable_x64(True):
+        yield
+    program.cache_clear()
+
+
+def compiled(loop, *inputs):
+    return jax.jit(lambda *inputs: in_one_kernel(loop, *inputs)).lower(*inputs).compile()
+
+
+def counting(function):
+    return lambda y, n: jax.lax.fori_loop(0, n, lambda i, y: function(y), y)
+
+
+def test_small_loops_are_marked_and_large_ones_are_not():
+    loop = counting(lambda y: y + 0.5 * jnp.sin(y))
+    for size, marked in ((100, True), (one_kernel._LARGEST // 8, False)):
+        program = compiled(loop, np.ones(size), np.int64(3))
+        assert ("xla_cpu_small_call" in program.as_text()) == marked
+        expected = np.ones(size)
+        for _ in range(3):
+            expected = expected + 0.5 * np.sin(expected)
+        np.testing.assert_allclose(program(np.ones(size), np.int64(3)), expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda y: y @ np.ones((100, 100)) / 100,
+        lambda y: jnp.sort(y) * 1.5,
+        lambda y: jnp.cumsum(y) / 100,
+        lambda y: jnp.fft.ifft(jnp.fft.fft(y)).real,
+        lambda y: jax.lax.linalg.cholesky(jnp.diag(y))[0],
+        lambda y: jax.pure_callback(lambda y: np.asarray(y), y, y),
+    ],
+    ids=["product", "sort", "sum", "transform", "factors", "callback"],
+)
+def test_what_calls_into_libraries_stays_outside(function):
+    program = compiled(counting(function), np.linspace(1, 2, 100), np.int64(1))
+    assert "xla_cpu_small_call" not in program.as_text()
+    assert np.all(np.isfinite(program(np.linspace(1, 2, 100), np.int64(1))))
+
+
+def test_inputs_that_nothing_reads():
+    """XLA ends the process on a parameter of the function that nothing reads."""
+    program = compiled(
+        lambda y, unused, n: counting(lambda y: y * 1.5)(y, n),
+        np.ones(3),
+        {"a": np.ones((2, 2)), "b": np.int64(4), "c": True},
+        np.int64(2),
+    )
+    assert "xla_cpu_small_call" in program.as_text()
+    with jax.enable_x64(True):
+        found = program(
+            np.ones(3), {"a": np.ones((2, 2)), "b": np.int64(4), "c": True}, np.int64(2)
+        )
+    np.testing.assert_array_equal(found, np.full(3, 2.25))
+
+
+def test_a_state_that_stands_still():
+    problem = Problem(lambda t, y, args: jnp.zeros(3), [1.0, 2.0, 3.0], [0.0, 1.0, 2.0])
+    for stepper in ("explicit-euler", "rk4"):
+        np.testing.assert_array_equal(simulate(problem, stepper, 3).states, [[1.0, 2.0, 3.0]] * 3)
+
+
+@pytest.mark.parametrize("stepper", EVERY_VARIANT, ids=lambda each: each.label)
+def test_the_same_with_and_without(stepper, monkeypatch):
+    rope = Rope(
+        num_nodes=6, node_mass=2.0, damping=0.3, pinned=(2,), initial_velocity=(1.0, 2.0)
+    ).problem(frames=3)
+    with_it = simulate(rope, stepper, 12)
+    program.cache_clear()
+    monkeypatch.setattr(one_kernel, "_LARGEST", -1)
+    without = simulate(rope, stepper, 12)
+    assert with_it.status == without.status == "ok"
+    # The same operations, but a product and a sum may be rounded together in one and not in
+    # the other.
+    allowed = 200 * np.finfo(float).eps * np.max(np.abs(without.states))
+    assert np.max(np.abs(with_it.states - without.states)) <= allowed
