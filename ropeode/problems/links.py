@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jax.lax.linalg import tridiagonal_solve
+
+from ropeode.problems import tridiagonal
 
 # What rounding may leave of the difference between a rope's reach and a distance.
 _ROUNDING = 1e-12
@@ -130,8 +131,6 @@ def tensions(d: Any, pulled: Any, needed: Any, inverse_mass: Any) -> Any:
     before = jnp.pad(-between * dot(d[:, apart:], pulled[:, :-apart]), (apart, 0))
     after = jnp.pad(-between * dot(d[:, :-apart], pulled[:, apart:]), (0, apart))
     needed = jnp.where(either > 0, needed, 0.0)
-    # One system for each rope: the ropes first, then the links.
-    lower, middle, upper, right = (
-        row.reshape(-1, apart).T for row in (before, diagonal, after, needed)
-    )
-    return tridiagonal_solve(lower, middle, upper, right[..., None])[..., 0].T.reshape(-1)
+    # One system for each rope.
+    rows = (row.reshape(-1, apart) for row in (before, diagonal, after, needed))
+    return tridiagonal.solve(*rows).reshape(-1)

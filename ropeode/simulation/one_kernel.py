@@ -28,8 +28,9 @@ _PRIMITIVES = frozenset((
     "gt", "integer_pow", "iota", "is_finite", "le", "log", "log1p", "logistic", "lt", "max",
     "min", "mul", "ne", "neg", "not", "optimization_barrier", "or", "pad", "pow",
     "reduce_and", "reduce_max", "reduce_min", "reduce_or", "reduce_sum", "rem", "reshape",
-    "rev", "round", "rsqrt", "select_n", "sign", "sin", "sinh", "slice", "sqrt", "square",
-    "squeeze", "stop_gradient", "sub", "tan", "tanh", "transpose", "xor",
+    "rev", "round", "rsqrt", "select_n", "sign", "sin", "sinh", "slice", "split", "sqrt",
+    "square", "squeeze", "stack", "stop_gradient", "sub", "tan", "tanh", "tile", "transpose",
+    "unstack", "xor",
 ))
 # fmt: on
 # These hold others, which are looked at in their turn.

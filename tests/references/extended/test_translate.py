@@ -255,12 +255,12 @@ def test_other_primitives_are_named(name, rhs):
 
 
 def test_choices_are_remembered():
-    rope = PROBLEMS["rope"]()
-    guards = translate(rope, BITS).guards
+    problem = problem_of(lambda t, y, a: jnp.where(y > 0, -y, 1.0))
+    guards = translate(problem, BITS).guards
     assert set(guards.names) == {"gt"}
-    assert guards.first_break(rope.ts, np.stack([rope.y0] * len(rope.ts))) is None
-    collapsed = np.stack([rope.y0, np.zeros_like(rope.y0), rope.y0])
-    assert guards.first_break([0.0, 1.0, 2.0], collapsed) == (1, "gt")
+    assert guards.first_break(problem.ts, np.stack([problem.y0] * len(problem.ts))) is None
+    fallen = np.stack([problem.y0, -problem.y0, problem.y0])
+    assert guards.first_break([0.0, 1.0, 2.0], fallen) == (1, "gt")
 
 
 def test_more_states_than_a_block():
