@@ -1,20 +1,24 @@
 """Nanoseconds per step of a rope: every stepper, a student's C++ loop, and plain NumPy.
 
-    python benchmarks/stepping.py [--repeats R] [--nodes 16,64,256,4096] [--one-kernel]
+    python benchmarks/stepping.py [--repeats R] [--nodes 16,64,256,4096] [--markdown]
 
 The C++ is `rope_loop.cpp`, compiled with `g++ -O3 -march=native`. Before anything is timed, all
 three have to arrive at the same positions. Medians of interleaved runs; compiling is not
 included. Ratios are to C++; a stepper that the assignment does not have is held against its
 semi-implicit Euler step, and marked with an asterisk.
 
-`--one-kernel` lets XLA put a loop whose body touches up to 128 KiB into one kernel, which JAX 0.12
-does by itself; JAX 0.10 and 0.11 stop at 1 KiB.
+The limit is what this processor needs for one square root and one division per spring and
+evaluation of the forces, many at a time (`throughput.cpp`); for constraint-verlet, which has to
+finish one link before it begins the next, it is what a link waits for, without what is faster in
+another order. Ensembles are 512 ropes side by side, on all cores; their nanoseconds are those of
+one rope's step on one core.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import platform
 import shutil
 import statistics
 import subprocess
@@ -27,11 +31,12 @@ import jax
 import numpy as np
 from tabulate import tabulate
 
-from ropeode import InputError, Problem, Rope, simulate
+from ropeode import Problem, Rope, simulate
 from ropeode.steppers import STEPPERS
 
-ONE_KERNEL = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=131072"
 SOURCE = Path(__file__).with_name("rope_loop.cpp")
+THROUGHPUT = Path(__file__).with_name("throughput.cpp")
+MEMBERS = 512
 
 # The assignment's methods, and the stepper that does the same arithmetic.
 CPP_METHODS = {
@@ -140,14 +145,49 @@ def check(nodes: int, program: str | None) -> None:
             np.testing.assert_allclose(numbers[0], np.sum(x), rtol=0, atol=1e-9 * nodes)
 
 
-def compiled(folder: str) -> str | None:
-    """The C++ program, if there is a compiler."""
+def compiled(folder: str, source: Path, *flags: str) -> str | None:
+    """A C++ program, if there is a compiler."""
     compiler = shutil.which("g++")
     if compiler is None:
         return None
-    program = str(Path(folder) / "rope_loop")
-    subprocess.run([compiler, "-O3", "-march=native", "-o", program, SOURCE], check=True)
+    program = str(Path(folder) / source.stem)
+    subprocess.run([compiler, "-O3", "-march=native", *flags, "-o", program, source], check=True)
     return program
+
+
+class Limits:
+    """What this processor takes, in nanoseconds."""
+
+    def __init__(self, folder: str):
+        # Without the flag a square root stops for the sign of its operand.
+        program = compiled(folder, THROUGHPUT, "-fno-math-errno")
+        words = subprocess.check_output([program], text=True).split() if program else []
+        self._times = dict(zip(words[::2], map(float, words[1::2]), strict=True))
+
+    def of(self, stepper: str, nodes: int) -> str:
+        """Of a step, as text; nothing where it is not known."""
+        if not self._times or stepper == "rattle":
+            return ""
+        if stepper == "constraint-verlet":
+            return f"{(nodes - 1) * self._times['chain']:.0f}"
+        evaluations = 4 if stepper == "rk4" else 1
+        each = self._times["sqrt"] + self._times["div"]
+        return f"{evaluations * (nodes - 1) * each:.0f}"
+
+
+def by_ensemble(nodes: int, stepper: str, cores: int) -> Callable[[], tuple[list[float], None]]:
+    """Measures nanoseconds per step of a rope among many, times the cores."""
+    ensemble = Rope(num_nodes=nodes).ensemble(FRAMES, damping=np.linspace(0.0, 0.1, MEMBERS))
+    steps = max(NODE_STEPS // nodes // FRAMES // 8, 64)
+
+    def run() -> tuple[list[float], None]:
+        started = time.perf_counter()
+        simulate(ensemble, stepper, steps)
+        seconds = time.perf_counter() - started
+        return [seconds * cores / steps / FRAMES / MEMBERS * 1e9], None
+
+    run()
+    return run
 
 
 def measured(nodes: int, repeats: int, program: str | None) -> dict[tuple[str, str], list[float]]:
@@ -160,12 +200,11 @@ def measured(nodes: int, repeats: int, program: str | None) -> dict[tuple[str, s
     for method in CPP_METHODS if program else ():
         runs["C++", method] = lambda method=method: by_cpp(program, nodes, method, steps, dt)
     for name in STEPPERS:
-        try:
-            simulate(problem, name, 1)  # compiles
-        except InputError as refusal:
-            print(f"left out: {refusal}")
-            continue
+        if name == "rattle":
+            continue  # not on a rope with springs
+        simulate(problem, name, 1)  # compiles
         runs["ropeode", name] = lambda name=name: by_ropeode(problem, name, steps)
+        runs["ensemble", name] = by_ensemble(nodes, name, len(os.sched_getaffinity(0)))
         if name in NUMPY_STEPS:
             runs["NumPy", name] = lambda name=name: by_numpy(problem, name, few, dt)
 
@@ -176,7 +215,7 @@ def measured(nodes: int, repeats: int, program: str | None) -> dict[tuple[str, s
     return times
 
 
-def rows(nodes: int, times: dict[tuple[str, str], list[float]]) -> list[tuple]:
+def rows(nodes: int, times: dict[tuple[str, str], list[float]], limits: Limits) -> list[tuple]:
     """Of one table: a line for each stepper and implementation."""
     lines = []
     for name in (stepper for by, stepper in times if by == "ropeode"):
@@ -184,6 +223,7 @@ def rows(nodes: int, times: dict[tuple[str, str], list[float]]) -> list[tuple]:
         cpp = times.get(("C++", method))
         sources = {
             "ropeode": times["ropeode", name],
+            "ensemble": times["ensemble", name],
             "C++": cpp,
             "NumPy": times.get(("NumPy", name)),
         }
@@ -199,6 +239,7 @@ def rows(nodes: int, times: dict[tuple[str, str], list[float]]) -> list[tuple]:
                     f"{middle:.0f}",
                     f"{min(found):.0f}-{max(found):.0f}",
                     f"{middle / statistics.median(cpp):.2f}" if cpp else "",
+                    limits.of(name, nodes) if by == "ropeode" else "",
                 )
             )
     return lines
@@ -208,26 +249,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--nodes", default="16,64,256,4096")
-    parser.add_argument("--one-kernel", action="store_true")
+    parser.add_argument("--markdown", action="store_true")
     given = parser.parse_args()
-    if given.one_kernel:
-        # XLA reads this when JAX computes for the first time, which is later than its import.
-        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {ONE_KERNEL}"
 
     lines = []
     with tempfile.TemporaryDirectory() as folder:
-        program = compiled(folder)
+        program, limits = compiled(folder, SOURCE), Limits(folder)
         if program is None:
             print("No C++: there is no compiler (g++) on the search path.")
         for nodes in map(int, given.nodes.split(",")):
             check(nodes, program)
-            lines += rows(nodes, measured(nodes, given.repeats, program))
-    print(f"JAX {jax.__version__}, XLA_FLAGS={os.environ.get('XLA_FLAGS', '').strip()!r}")
-    headers = ("nodes", "stepper", "by", "ns/step", "min-max", "/ C++")
-    align = ("right", "left", "left", "right", "right", "right")
-    print(tabulate(lines, headers=headers, colalign=align, disable_numparse=True))
+            lines += rows(nodes, measured(nodes, given.repeats, program), limits)
+    cores = len(os.sched_getaffinity(0))
+    print(f"JAX {jax.__version__}, Python {platform.python_version()}, {cores} cores\n")
+    headers = ("nodes", "stepper", "by", "ns/step", "min-max", "/ C++", "limit")
+    align = ("right", "left", "left", "right", "right", "right", "right")
+    style = "github" if given.markdown else "simple"
+    print(tabulate(lines, headers, tablefmt=style, colalign=align, disable_numparse=True))
     if program:
-        print("* not in the assignment; this is the C++ semi-implicit Euler step")
+        print("\n\\* not in the assignment; this is the C++ semi-implicit Euler step")
 
 
 if __name__ == "__main__":

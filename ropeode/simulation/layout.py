@@ -17,8 +17,8 @@ import numpy as np
 from ropeode.problems.ensemble import Numbers
 from ropeode.problems.problem import Problem
 
-# Numbers in the state of a block: 8 ropes of 16 nodes.
-_BLOCK = 512
+# Numbers in the state of a block: 4 ropes of 16 nodes.
+_BLOCK = 256
 _MOST_LANES = 64
 # A graphics processor runs all members of a chunk at once.
 _LANES_OF_A_GPU = 16384

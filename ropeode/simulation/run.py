@@ -100,7 +100,7 @@ def simulate_chunks(
     first = ensemble.first
     for each in ensemble.built_apart or [first]:
         steps = _check(each, stepper, steps_per_frame)
-    layout, cores = Layout.of(first), os.cpu_count() or 1
+    layout, cores = Layout.of(first), _cores()
     needed = layout.blocks(len(ensemble))
     block = (first.frames + 1) * first.y0.nbytes * layout.lanes
     # As many as fill a chunk, unless that would leave a core idle.
@@ -114,6 +114,13 @@ def _check(problem: Problem, stepper: Stepper, steps_per_frame: int) -> int:
     if refusal := stepper.refusal(problem):
         raise InputError(refusal)
     return steps
+
+
+def _cores() -> int:
+    """The cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _check_memory(ensemble: Ensemble) -> None:
@@ -250,7 +257,7 @@ class _Job(NamedTuple):
         """States of the blocks, and the last frame that each was taken to."""
         first = self.ensemble.first
         ts, lengths = first.ts, frame_lengths(first)
-        states = np.full((count, first.frames + 1, *y0.shape[1:]), np.nan)
+        states = np.empty((count, first.frames + 1, *y0.shape[1:]))
         states[:, 0] = y0[:count]
         reached = np.zeros(count, dtype=np.int64)
         done, carried = 0, None
@@ -265,11 +272,12 @@ class _Job(NamedTuple):
                 carried,
                 count,
             )
-            going_on = np.flatnonzero(reached == done)
-            states[going_on, done + 1 : done + 1 + frames] = segment.states[going_on, :frames]
-            reached[going_on] += segment.frames[going_on]
+            states[:, done + 1 : done + 1 + frames] = segment.states[:count, :frames]
+            reached[reached == done] += segment.frames[:count][reached == done]
             carried, done = segment.carried, done + frames
             progress(done / first.frames)
+        for block in np.flatnonzero(reached < first.frames):
+            states[block, reached[block] + 1 :] = np.nan
         return states, reached
 
 
