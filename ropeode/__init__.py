@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ropeode.analysis.stability import growth_per_frame, stability_limit
     from ropeode.errors import InputError, ReferenceRefused, RopeodeError, UserCodeError
     from ropeode.experiments.report import Report, rope_report
+    from ropeode.problems.ensemble import Ensemble
     from ropeode.problems.inextensible_rope import InextensibleRope
     from ropeode.problems.links import LinearDamping, Links
     from ropeode.problems.problem import Problem
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from ropeode.render.plots.energy import plot_energies
     from ropeode.render.plots.error import plot_errors
     from ropeode.render.plots.horizon import plot_horizon
-    from ropeode.simulation import Trajectory, simulate
+    from ropeode.simulation import Trajectories, Trajectory, simulate, simulate_chunks
     from ropeode.steppers.base import ProblemClass, Stepper, System
     from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
     from ropeode.study.curves import energy_curves, error_curves
@@ -48,6 +49,7 @@ _MODULES = {
     "analysis.stability": ("growth_per_frame", "stability_limit"),
     "experiments.report": ("Report", "rope_report"),
     "errors": ("InputError", "ReferenceRefused", "RopeodeError", "UserCodeError"),
+    "problems.ensemble": ("Ensemble",),
     "problems.inextensible_rope": ("InextensibleRope",),
     "problems.links": ("LinearDamping", "Links"),
     "problems.problem": ("Problem",),
@@ -62,7 +64,7 @@ _MODULES = {
     "render.plots.energy": ("plot_energies",),
     "render.plots.error": ("plot_errors",),
     "render.plots.horizon": ("plot_horizon",),
-    "simulation": ("Trajectory", "simulate"),
+    "simulation": ("Trajectories", "Trajectory", "simulate", "simulate_chunks"),
     "steppers.base": ("ProblemClass", "Stepper", "System"),
     "study.accuracy_table": ("AccuracyTable", "accuracy_table"),
     "study.curves": ("energy_curves", "error_curves"),
@@ -73,6 +75,7 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "AccuracyTable",
+    "Ensemble",
     "ErrorSeries",
     "Horizon",
     "InextensibleRope",
@@ -92,6 +95,7 @@ __all__ = [
     "Stepper",
     "System",
     "Thresholds",
+    "Trajectories",
     "Trajectory",
     "UserCodeError",
     "Verification",
@@ -120,6 +124,7 @@ __all__ = [
     "rope_report",
     "save_reference",
     "simulate",
+    "simulate_chunks",
     "stability_limit",
     "verify_reference",
 ]

@@ -12,7 +12,7 @@ from ropeode.problems.rope import Rope
 from ropeode.simulation import one_kernel, simulate
 from ropeode.simulation.one_kernel import in_one_kernel
 from ropeode.simulation.program import program
-from tests.steppers.every_variant import EVERY_VARIANT
+from ropeode.steppers import STEPPERS
 
 
 @pytest.fixture(autouse=True)
@@ -82,7 +82,7 @@ def test_a_state_that_stands_still():
         np.testing.assert_array_equal(simulate(problem, stepper, 3).states, [[1.0, 2.0, 3.0]] * 3)
 
 
-@pytest.mark.parametrize("stepper", EVERY_VARIANT, ids=lambda each: each.label)
+@pytest.mark.parametrize("stepper", STEPPERS)
 def test_the_same_with_and_without(stepper, monkeypatch):
     rope = Rope(
         num_nodes=6, node_mass=2.0, damping=0.3, pinned=(2,), initial_velocity=(1.0, 2.0)
