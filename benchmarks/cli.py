@@ -1,4 +1,4 @@
-"""The command line as whole processes: time and memory.
+"""The command line as whole processes: time and memory, and where the time of a table goes.
 
     python benchmarks/cli.py [--repeats R] [--memory]
 
@@ -9,12 +9,14 @@ minutes.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 from tabulate import tabulate
 
@@ -27,8 +29,11 @@ SIMULATE = (
 )
 
 
-def timed(command: list[str], cache: str) -> tuple[float, float]:
-    """Seconds and peak memory in MiB of a whole process."""
+SPLIT = [sys.executable, str(Path(__file__).parent / "split.py")]
+
+
+def timed(command: list[str], cache: str) -> tuple[float, float, float]:
+    """Seconds by the clock and of processors, and peak memory in MiB of a whole process."""
     started = time.perf_counter()
     process = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, env={**os.environ, "XDG_CACHE_HOME": cache}
@@ -36,7 +41,27 @@ def timed(command: list[str], cache: str) -> tuple[float, float]:
     _, status, usage = os.wait4(process.pid, 0)
     seconds = time.perf_counter() - started
     assert os.waitstatus_to_exitcode(status) == 0, command
-    return seconds, usage.ru_maxrss / 1024
+    return seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+
+
+def splits(repeats: int) -> None:
+    """Print where the time of a table goes, as medians, cold and warm."""
+    found: dict[str, list[dict[str, float]]] = {"cold": [], "warm": []}
+    for _ in range(repeats):
+        with tempfile.TemporaryDirectory() as cache:
+            for state in found:
+                done = subprocess.run(
+                    SPLIT,
+                    check=True,
+                    capture_output=True,
+                    env={**os.environ, "XDG_CACHE_HOME": cache},
+                )
+                found[state].append(json.loads(done.stdout))
+    rows = [
+        (name, *(f"{statistics.median(run[name] for run in runs):.2f}" for runs in found.values()))
+        for name in found["cold"][0]
+    ]
+    print(tabulate(rows, headers=("part of a table", "cold, s", "warm, s"), disable_numparse=True))
 
 
 def main() -> None:
@@ -55,10 +80,10 @@ def main() -> None:
             for _ in range(repeats):
                 with tempfile.TemporaryDirectory() as empty:
                     found.append(timed(command, empty if cold else warm))
-        seconds = sorted(s for s, _ in found)
+        seconds = sorted(s for s, _, _ in found)
         rows.append(
             (name, f"{statistics.median(seconds):.2f}", f"{seconds[0]:.2f}-{seconds[-1]:.2f}",
-             f"{max(m for _, m in found):.0f}")
+             f"{statistics.median(p for _, p, _ in found):.2f}", f"{max(m for *_, m in found):.0f}")
         )  # fmt: skip
 
     measure("python -c pass", [sys.executable, "-c", "pass"], repeats=given.repeats)
@@ -71,9 +96,10 @@ def main() -> None:
         measure("simulate 4096 x 1000", [sys.executable, "-c", SIMULATE], cold=True, repeats=1)
         large = [*RUN, "table", *LARGE, "--steppers", "semi-implicit-euler", "--steps", "16,24,36"]
         measure("table 4096 x 1000", large, cold=True, repeats=1)
-    print(
-        tabulate(rows, headers=("command", "seconds", "min-max", "peak MiB"), disable_numparse=True)
-    )
+    headers = ("command", "seconds", "min-max", "of processors", "peak MiB")
+    print(tabulate(rows, headers=headers, disable_numparse=True))
+    print()
+    splits(given.repeats)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Time to a reference of a given accuracy: ropeode's primary solver against SciPy's DOP853.
 
-    python benchmarks/reference.py [--repeats R] [--frames N]
+    python benchmarks/reference.py [--repeats R] [--frames N] [--members M]
 
 For each accuracy (1e-9 and 1e-12 of the rope's coordinates, and 1e-11) both solvers get the
 loosest tolerance, in steps of a factor of 2, at which their *true* error over all samples of
@@ -8,6 +8,9 @@ the default rope is within it; the truth is ropeode's reference at its tightest.
 right-hand side in vectorised NumPy, and is timed both as users call it (`solve_ivp` with
 `t_eval`, which interpolates) and stepped to each sample. Medians of interleaved runs;
 compiling is reported apart.
+
+Then whole certified references of ropes that differ in damping and stiffness: one by one, and as
+an ensemble.
 """
 
 from __future__ import annotations
@@ -16,14 +19,17 @@ import argparse
 import statistics
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from tabulate import tabulate
 
-from ropeode import Problem, Rope, reference
+from ropeode import Problem, Rope, each_reference, reference
 from ropeode.norms import distance, norm_for
-from ropeode.references import diffrax_solver
+from ropeode.problems.ensemble import Ensemble
+from ropeode.references import diffrax_solver, tracing
+from ropeode.threads import cores
 
 
 def numpy_rhs(problem: Problem) -> Callable:
@@ -99,13 +105,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--frames", type=int, default=20)
+    parser.add_argument("--members", type=int, default=256)
     given = parser.parse_args()
 
     problem = Rope().problem(frames=given.frames)
     known = reference(problem)
     first = diffrax_solver.solve(problem, "Kvaerno5", 1e-6, 1e-4, max_steps=10)
     del first
-    diffrax_solver._program.cache_clear()
+    tracing._compiled.cache_clear()
     compiled = diffrax_solver.solve(problem, "Dopri8", 1e-6, 1e-4, max_steps=10**6)
     print(f"Default rope, {given.frames} frames; truth: bound {known.bound()[-1]:.1e}.")
     print(f"ropeode compiles for {compiled.compile_seconds:.2f} s, once.")
@@ -138,10 +145,54 @@ def main() -> None:
     headers = ("accuracy", "solver", "true error", "ms", "min-max", "ratio")
     print(tabulate(rows, headers=headers, disable_numparse=True))
 
-    started = time.perf_counter()
-    reference(problem)
-    seconds = time.perf_counter() - started
-    print(f"The whole certified reference (all witnesses) takes {seconds:.2f} s.")
+    of_an_ensemble(given.frames, given.members)
+
+
+def of_an_ensemble(frames: int, members: int) -> None:
+    """Print how many references a second gives, and how far those of an ensemble differ."""
+    draw = np.random.default_rng(1)
+    ropes = Rope().ensemble(
+        frames,
+        damping=draw.uniform(0.01, 0.2, members),
+        stiffness=draw.uniform(50.0, 200.0, members),
+    )
+    few = [ropes[index] for index in range(min(members, 16))]
+    reference(few[0])
+    list(each_reference(Ensemble.of(few[:1])))
+
+    def timed(solve: Callable[[], Any], count: int) -> tuple[Any, tuple[str, ...]]:
+        clock, processors = time.perf_counter(), time.process_time()
+        found = solve()
+        clock, processors = time.perf_counter() - clock, time.process_time() - processors
+        return found, (
+            str(count),
+            f"{1e3 * clock / count:.0f}",
+            f"{1e3 * processors / count:.0f}",
+            f"{count / clock:.1f}",
+        )
+
+    alone, one_by_one = timed(lambda: [reference(each) for each in few], len(few))
+    single, one_thread = timed(lambda: list(each_reference(ropes, workers=1)), members)
+    together, all_threads = timed(lambda: reference(ropes), members)
+    headers = ("references", "members", "ms each", "ms of processors", "references/s")
+    rows = [
+        ("one by one", *one_by_one),
+        ("ensemble, one thread", *one_thread),
+        (f"ensemble, {cores()} threads", *all_threads),
+    ]
+    print(tabulate(rows, headers=headers, disable_numparse=True))
+
+    assert all(
+        a.states.tobytes() == b.states.tobytes() for a, b in zip(single, together, strict=True)
+    )
+    assert all(
+        a.states.tobytes() == b.states.tobytes() for a, b in zip(alone, together, strict=False)
+    )
+    ratios = [b.bound()[-1] / a.bound()[-1] for a, b in zip(alone, together, strict=False)]
+    print(
+        "States are the same to the last bit; the ensemble's bounds are "
+        f"{min(ratios):.2f} to {max(ratios):.2f} times those alone."
+    )
 
 
 if __name__ == "__main__":

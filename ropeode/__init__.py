@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ropeode.problems.links import LinearDamping, Links
     from ropeode.problems.problem import Problem
     from ropeode.problems.rope import Rope
+    from ropeode.references.ensemble import each_reference
     from ropeode.references.reference import Reference, reference
     from ropeode.references.stored.catalogue import load
     from ropeode.references.stored.store import load_reference, save_reference
@@ -54,6 +55,7 @@ _MODULES = {
     "problems.links": ("LinearDamping", "Links"),
     "problems.problem": ("Problem",),
     "problems.rope": ("Rope",),
+    "references.ensemble": ("each_reference",),
     "references.reference": ("Reference", "reference"),
     "references.stored.catalogue": ("load",),
     "references.stored.store": ("load_reference", "save_reference"),
@@ -102,6 +104,7 @@ __all__ = [
     "accuracy_table",
     "animate",
     "classify_motion",
+    "each_reference",
     "energy_curves",
     "error_curves",
     "error_series",

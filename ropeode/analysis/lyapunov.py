@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from scipy import stats
+from scipy import special
 
 from ropeode.analysis.equilibrium import free_coordinates
 from ropeode.errors import InputError
@@ -234,7 +234,7 @@ def mean_slope(x: np.ndarray, series: np.ndarray) -> tuple[float, float]:
     batches = min(_BATCHES, len(x) - 1)
     ends = np.round(np.linspace(0, len(x) - 1, batches + 1)).astype(int)
     slopes = np.diff(series[ends]) / np.diff(x[ends])
-    quantile = stats.t.ppf(0.5 + _CONFIDENCE / 2, batches - 1)
+    quantile = special.stdtrit(batches - 1, 0.5 + _CONFIDENCE / 2)
     scatter = float(quantile) * float(np.std(slopes, ddof=1)) / math.sqrt(batches)
     first, middle, last = 0, len(x) // 2, len(x) - 1
     halves = [

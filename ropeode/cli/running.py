@@ -45,14 +45,21 @@ def not_interrupted() -> Iterator[None]:
 
 
 def set_up_jax() -> None:
-    """64-bit types, and a compilation cache in the user's cache folder."""
+    """64-bit types, and what is traced and compiled kept in the user's cache folder."""
+    # Equinox's checks at run time call back into Python, and a program that does so cannot be
+    # kept. Of diffrax's there are two, that sample times increase and lie in the span; both
+    # are checked where a problem is made.
+    os.environ.setdefault("EQX_ON_ERROR", "off")
+
     import jax
     import platformdirs
 
+    from ropeode.references.tracing import keep_traces_in
+
+    cache = platformdirs.user_cache_path("ropeode")
+    keep_traces_in(cache / "traced")
     jax.config.update("jax_enable_x64", True)
-    jax.config.update(
-        "jax_compilation_cache_dir", str(platformdirs.user_cache_path("ropeode") / "compiled")
-    )
+    jax.config.update("jax_compilation_cache_dir", str(cache / "compiled"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 

@@ -174,7 +174,7 @@ def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tup
                 "take out casts and 32-bit constants; compute with the dtype that comes in",
             )
         )
-    value = np.asarray(function(*inputs))
+    value = np.asarray(jax.jit(function)(*inputs))
     if not np.all(np.isfinite(value)):
         raise InputError(
             complaint(

@@ -342,9 +342,10 @@ def _velocities_to_try(v0: np.ndarray) -> list[np.ndarray]:
 def _depends_on_velocity(
     acceleration: Acceleration, ts: np.ndarray, x0: np.ndarray, v0: np.ndarray, args: Any
 ) -> bool:
-    still = np.asarray(acceleration(ts[0], x0, jnp.zeros(x0.shape), args))
+    compiled = jax.jit(acceleration)
+    still = compiled(ts[0], x0, np.zeros(x0.shape), args)
     return any(
-        not np.array_equal(still, acceleration(ts[0], x0, v, args), equal_nan=True)
+        not np.array_equal(still, compiled(ts[0], x0, v, args), equal_nan=True)
         for v in _velocities_to_try(v0)
     )
 
@@ -358,10 +359,11 @@ def _is_the_damping(
     v0: np.ndarray,
     args: Any,
 ) -> bool:
+    compiled = jax.jit(acceleration)
     rate = np.asarray(damping(args).rate)
-    still = np.asarray(acceleration(ts[0], x0, jnp.zeros(x0.shape), args))
+    still = np.asarray(compiled(ts[0], x0, np.zeros(x0.shape), args))
     for v in _velocities_to_try(v0):
-        moving = np.asarray(acceleration(ts[0], x0, v, args))
+        moving = np.asarray(compiled(ts[0], x0, v, args))
         size = np.max(np.abs(still)) + np.max(np.abs(moving))
         # What is smaller than any normal number counts as zero to XLA, but not to NumPy.
         rounding = np.finfo(np.float64).tiny * (1.0 + np.max(np.abs(v)))

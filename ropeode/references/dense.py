@@ -5,18 +5,20 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.interpolate import BPoly
 
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.checks import real_array
 from ropeode.problems.problem import Problem
 from ropeode.validation import complaint
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BPoly
 
 _BLOCK = 128
 
@@ -124,14 +126,21 @@ def hermite(times: np.ndarray, derivatives: np.ndarray) -> BPoly:
     lengths = np.diff(times).reshape(-1, 1, *[1] * (derivatives.ndim - 2))
     scales = lengths ** np.arange(count).reshape(-1, *[1] * (derivatives.ndim - 2))
     ends = np.concatenate([derivatives[:-1] * scales, derivatives[1:] * scales], axis=1)
-    return BPoly(np.einsum("cd,pd...->cp...", _unit_pieces(count), ends), times)
+    return _bernstein()(np.einsum("cd,pd...->cp...", _unit_pieces(count), ends), times)
+
+
+def _bernstein() -> type[BPoly]:
+    """Imported here, because few references are dense and it takes long."""
+    from scipy.interpolate import BPoly
+
+    return BPoly
 
 
 @functools.cache
 def _unit_pieces(count: int) -> np.ndarray:
     """Bernstein coefficients of pieces from 0 to 1, each with one derivative 1, the others 0."""
     one = np.eye(2 * count)
-    return BPoly.from_derivatives([0.0, 1.0], [one[:count], one[count:]]).c[:, 0]
+    return _bernstein().from_derivatives([0.0, 1.0], [one[:count], one[count:]]).c[:, 0]
 
 
 @in_float64

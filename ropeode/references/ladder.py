@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.problems.problem import Problem
-from ropeode.references import diffrax_solver, scipy_solver
+from ropeode.references import diffrax_solver
 from ropeode.references.solution import Solution
 
 # A solver of order p needs 10^(1/p) times the steps for one more digit: 1.33 for Dopri8 and
@@ -42,6 +42,10 @@ class Method:
 
 EXPLICIT = Method("Dopri8", "DOP853", (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14))
 IMPLICIT = Method("Kvaerno5", "Radau", (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
+
+
+# The independent solver of many problems; see `ropeode.references.dop853`.
+SIDE_BY_SIDE = "ropeode DOP853"
 
 
 def step_budget(problem: Problem) -> int:
@@ -132,10 +136,23 @@ def recall(problem: Problem, method: Method, rung: Solution, progress: Progress)
     return solve_primary(problem, method, rung.rtol, progress)
 
 
+def independent_budget(problem: Problem, like: Solution) -> int:
+    """The steps after which an independent solver counts as stuck.
+
+    Arguments:
+        problem: what to solve.
+        like: the primary solver's run at the same tolerance.
+    """
+    return min(10 * like.steps + 1000, step_budget(problem))
+
+
 def solve_independent(
     problem: Problem, method: Method, tightest: Solution, looser: Solution, progress: Progress
 ) -> Solution:
     """The SciPy solver at the tolerance of `tightest`; at that of `looser` if it gets stuck."""
+    # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
+    from ropeode.references import scipy_solver
+
     for like in (tightest, looser):
         progress(f"reference: SciPy {method.independent} at {like.rtol:.0e}")
         run = scipy_solver.solve(
@@ -143,7 +160,7 @@ def solve_independent(
             method.independent,
             like.rtol,
             like.rtol * problem.scale,
-            max_steps=min(10 * like.steps + 1000, step_budget(problem)),
+            max_steps=independent_budget(problem, like),
         )
         if run.failure is None:
             break

@@ -3,42 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import platform
-from importlib import metadata
-from typing import Any, get_args
+from typing import Any, get_args, overload
 
 import numpy as np
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import Norm, distance, norm_for
+from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
-from ropeode.references.certificate import (
-    Certificate,
-    Level,
-    Role,
-    Witness,
-    bounds,
-    from_tightest,
-    trusted_samples,
-    witness,
-)
+from ropeode.references.certificate import Certificate, Level
 from ropeode.references.dense import Dense
-from ropeode.references.ladder import (
-    EXPLICIT,
-    IMPLICIT,
-    Method,
-    Progress,
-    climb,
-    recall,
-    short_steps,
-    solve_independent,
-    solve_primary,
-    step_budget,
-)
-from ropeode.references.solution import Solution
+from ropeode.references.ladder import Progress
 from ropeode.validation import check_positive, complaint, unknown
 
-TIGHTEST_RTOL = 1e-14
 SMALLEST_RTOL = 1e-13
 LARGEST_RTOL = 1e-3
 RELATIVE_ACCURACY = 1e-8
@@ -47,7 +24,6 @@ DIGITS = 18
 TIME_LIMIT = 60.0
 # Of the initial state's scale; what hardly moves cannot be known to 1e-8 of its motion.
 FINEST_ACCURACY = 1e-12
-_PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -133,6 +109,7 @@ class Reference:
         return self.dense
 
 
+@overload
 def reference(
     problem: Problem,
     accuracy: float | None = None,
@@ -143,7 +120,30 @@ def reference(
     time_limit: float = TIME_LIMIT,
     dense: bool = False,
     progress: Progress = lambda text: None,
-) -> Reference:
+) -> Reference: ...
+@overload
+def reference(
+    problem: Ensemble,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    *,
+    level: Level = "consensus",
+    digits: int = DIGITS,
+    time_limit: float = TIME_LIMIT,
+    dense: bool = False,
+    progress: Progress = lambda text: None,
+) -> list[Reference | ReferenceRefused]: ...
+def reference(
+    problem: Problem | Ensemble,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    *,
+    level: Level = "consensus",
+    digits: int = DIGITS,
+    time_limit: float = TIME_LIMIT,
+    dense: bool = False,
+    progress: Progress = lambda text: None,
+) -> Reference | list[Reference | ReferenceRefused]:
     """Solve a problem so that the solution can be trusted, and say how far.
 
     The primary solver is diffrax Dopri8. It is run on a ladder of tolerances as far as
@@ -155,8 +155,11 @@ def reference(
     At the level `extended` it is solved by Taylor series (heyoka) in as many digits as it
     takes, twice; see `ropeode.references.extended.solution`.
 
+    Of an ensemble each member has its own reference; see
+    `ropeode.references.ensemble.each_reference`, which gives one after the other.
+
     Arguments:
-        problem: what to solve.
+        problem: what to solve, or an ensemble of problems.
         accuracy: the largest error bound that is still trusted, in the units of the positions
             (of the state, for a problem that is not mechanical); by default 1e-8 (or 1e4 times
             `rtol`, if that is given and more) of how far a node (or component) moves.
@@ -169,10 +172,30 @@ def reference(
             `ropeode.references.refine`.
         progress: called with a few words before each run.
 
+    Returns:
+        The reference; of an ensemble a list with, for each member, its reference or the
+        `ReferenceRefused` that says why it has none.
+
     Raises:
         InputError: an argument cannot be used.
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
+    if isinstance(problem, Ensemble):
+        # Not above: that module builds on this one.
+        from ropeode.references.ensemble import each_reference
+
+        return list(
+            each_reference(
+                problem,
+                accuracy,
+                rtol,
+                level=level,
+                digits=digits,
+                time_limit=time_limit,
+                dense=dense,
+                progress=progress,
+            )
+        )
     if dense:
         # Not above: that module builds on this one.
         from ropeode.references.refine import with_dense_output
@@ -196,6 +219,18 @@ def reference(
         return extended_reference(
             problem, accuracy, rtol, digits=digits, time_limit=time_limit, progress=progress
         )
+    # Not above: that module builds on this one.
+    from ropeode.references.consensus import consensus_reference
+
+    return consensus_reference(problem, *checked(accuracy, rtol), progress=progress)
+
+
+def checked(accuracy: float | None, rtol: float | None) -> tuple[float | None, float | None]:
+    """The arguments of `reference` as numbers, where they are given.
+
+    Raises:
+        InputError: one of them cannot be used.
+    """
     if accuracy is not None:
         accuracy = check_positive("accuracy", accuracy, example="1e-6")
     if rtol is not None:
@@ -209,92 +244,7 @@ def reference(
                     f"for example rtol={SMALLEST_RTOL:g}",
                 )
             )
-
-    method, rungs = _ladder(problem, rtol, progress)
-    primary_index = len(rungs) - 2 if rtol is None else 2
-    if not 0 < primary_index < len(rungs) - 1 or len(rungs[-1].states) < 2:
-        last = rungs[-1]
-        why = last.failure or "is the tightest run that gains anything; three rungs are needed"
-        raise ReferenceRefused(
-            f"no reference for {problem.name!r}: {last.solver} at rtol {last.rtol:.0e} "
-            f"{why}. Start where the right-hand side is smooth, declare its jump times, sample "
-            "earlier, or ask for a looser rtol."
-        )
-    primary, tightest = recall(problem, method, rungs[primary_index], progress), rungs[-1]
-    witnesses, away = [], []
-    for index, rung in enumerate(rungs):
-        run = primary if index == primary_index else recall(problem, method, rung, progress)
-        away.append(from_tightest(problem, run, tightest))
-        if index != primary_index:
-            role = "looser" if index < primary_index else "tighter"
-            witnesses.append(witness(problem, primary, run, role))
-        del run
-    every = [rung.without_states() for rung in rungs]
-    next_tighter = every[primary_index + 1]
-    del rungs, tightest
-
-    def hold_against(run: Solution, role: Role) -> None:
-        witnesses.append(witness(problem, primary, run, role))
-        every.append(run.without_states())
-
-    hold_against(
-        solve_primary(problem, method, primary.rtol, progress, y0=neighbour(problem)), "neighbour"
-    )
-    hold_against(
-        solve_primary(
-            problem,
-            method,
-            primary.rtol,
-            progress,
-            max_steps=2 * step_budget(problem),
-            longest_steps=short_steps(problem, problem.ts),
-        ),
-        "short steps",
-    )
-    hold_against(solve_independent(problem, method, next_tighter, primary, progress), "independent")
-
-    drift = problem.drift(primary.states)
-    estimated = bounds(problem, primary, witnesses, drift)
-    bound = estimated[problem.quantities[0]]
-    if accuracy is None:
-        relative = max(RELATIVE_ACCURACY, 1e4 * rtol if rtol else 0.0)
-        accuracy = max(
-            relative * _motion_while_known(problem, primary.states, bound),
-            FINEST_ACCURACY * problem.scale,
-        )
-    trusted, reason = trusted_samples(problem, every[: len(away)], away, bound, witnesses, accuracy)
-    if trusted < 2:
-        failures = "; ".join(f"{run.solver} {run.failure}" for run in every if run.failure)
-        raise ReferenceRefused(
-            f"no reference for {problem.name!r}: at t = {problem.ts[1]:g} already {reason} (bound "
-            f"{bound[1]:.1e}, accuracy {accuracy:.1e}"
-            + (f"; {failures}" if failures else "")
-            + "). Ask for less accuracy, declare jump times if the right-hand side has jumps, "
-            "or see whether it is smooth and in float64."
-        )
-    return Reference(
-        problem=problem,
-        states=primary.states,
-        certificate=Certificate(
-            level="consensus",
-            solver=primary.solver,
-            rtol=primary.rtol,
-            atol=primary.atol,
-            steps=primary.steps,
-            accuracy=accuracy,
-            bounds=estimated,
-            drift=drift,
-            trusted=trusted,
-            horizon=float(problem.ts[trusted]) if trusted < len(problem.ts) else None,
-            horizon_reason=reason,
-            witnesses=tuple(_inside(w, problem, trusted) for w in witnesses),
-            stiff=method is IMPLICIT,
-            seconds=sum(run.seconds for run in every),
-            compile_seconds=sum(run.compile_seconds for run in every),
-            versions={name: metadata.version(name) for name in _PACKAGES}
-            | {"python": platform.python_version()},
-        ),
-    )
+    return accuracy, rtol
 
 
 def reference_for(
@@ -350,51 +300,3 @@ def motion(problem: Problem, states: np.ndarray, norm: Norm | None = None) -> np
     apart = distance(problem, norm or norm_for(problem), states, start)
     farthest = np.maximum.accumulate(apart)
     return np.maximum(farthest, 1e-8 * problem.scale)
-
-
-def _motion_while_known(problem: Problem, states: np.ndarray, bound: np.ndarray) -> float:
-    """The motion over the samples where it is known to three digits; past a pole it is not."""
-    farthest = motion(problem, states)
-    known = bound[: len(farthest)] <= 1e-3 * farthest
-    return float(farthest[max(int(np.argmin(known)) - 1, 0)] if not all(known) else farthest[-1])
-
-
-def _ladder(
-    problem: Problem, rtol: float | None, progress: Progress
-) -> tuple[Method, list[Solution]]:
-    """The ladder of the method that fits the problem: explicit if it gets anywhere."""
-
-    def tolerances(method: Method) -> list[float]:
-        if rtol is None:
-            return list(method.tolerances)
-        asked = [100 * rtol, 10 * rtol, rtol, rtol / 10, rtol / 100]
-        return [tolerance for tolerance in asked if tolerance > 0.99 * TIGHTEST_RTOL]
-
-    method = EXPLICIT
-    first = solve_primary(problem, method, tolerances(method)[0], progress)
-    if first.failure and first.steps >= step_budget(problem):
-        other = solve_primary(problem, IMPLICIT, tolerances(IMPLICIT)[0], progress)
-        if len(other.states) > len(first.states):
-            method, first = IMPLICIT, other
-    return method, climb(problem, method, first, tolerances(method)[1:], progress)
-
-
-def neighbour(problem: Problem) -> np.ndarray:
-    """The initial state with each component moved by one unit of rounding, up or down.
-
-    Zeros are moved up, by a unit of rounding of the largest component: a solution that is
-    not unique must not be held against itself. But in a mechanical problem they stay, since
-    a node that is pinned or at rest would begin to drift, unless all are zero.
-    """
-    y0 = problem.y0
-    up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
-    moved = np.nextafter(y0, np.where(up, np.inf, -np.inf))
-    stays = problem.mechanics is not None and np.any(y0)
-    from_zero = 0.0 if stays else np.finfo(np.float64).eps * problem.scale
-    return np.where(y0 == 0.0, from_zero, moved)
-
-
-def _inside(w: Witness, problem: Problem, trusted: int) -> Witness:
-    """A witness with its largest difference inside the horizon filled in."""
-    differences = w.differences[problem.quantities[0]][:trusted]
-    return dataclasses.replace(w, difference=float(np.max(differences)))

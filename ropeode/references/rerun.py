@@ -7,17 +7,20 @@ from typing import get_args
 
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Role
+from ropeode.references.consensus import neighbour
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
+    SIDE_BY_SIDE,
     Method,
     Progress,
+    independent_budget,
     short_steps,
     solve_independent,
     solve_primary,
     step_budget,
 )
-from ropeode.references.reference import Reference, neighbour
+from ropeode.references.reference import Reference
 from ropeode.references.solution import Solution
 
 
@@ -63,7 +66,13 @@ def witness_runs(
         role = witness.role
         if role not in roles and role != "tighter":
             continue
-        if role == "independent":
+        if witness.solver == SIDE_BY_SIDE:
+            # Not above: it imports SciPy's solvers, which takes long.
+            from ropeode.references import dop853
+
+            budget = independent_budget(problem, next_tighter)
+            (run,) = dop853.solve([problem], [next_tighter.rtol], max_steps=[budget])
+        elif role == "independent":
             run = solve_independent(problem, method, next_tighter, primary, progress)
         else:
             run = solve_primary(problem, method, witness.tolerance, progress, **more.get(role, {}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from concurrent.futures import as_completed
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ from ropeode.references.reference import Reference, motion, problem_of, referenc
 from ropeode.simulation import simulate
 from ropeode.steppers import stepper as stepper_named
 from ropeode.steppers.base import ProblemClass, Stepper
+from ropeode.threads import cores, threads
 from ropeode.validation import complaint, whole_number
 
 DEFAULT_STEPPERS = (
@@ -30,6 +32,9 @@ DEFAULT_STEPPERS = (
     "rattle",
 )
 DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
+
+# Of the states of runs that are made side by side.
+_MOST_BYTES = 2**28
 
 Progress = Callable[[str, float], None]
 
@@ -52,7 +57,7 @@ class Row:
         resolution: ten times the reference's estimated bound.
         round_off: estimated from the same run in other units; None if diverged.
         rhs_evaluations: of the right-hand side.
-        seconds: to run, without compiling.
+        seconds: to run, without compiling, beside another run on each other processor.
     """
 
     stepper: str
@@ -121,6 +126,9 @@ def accuracy_table(
 ) -> AccuracyTable:
     """Run steppers at several step sizes and hold them against a reference.
 
+    The steppers are compiled while the reference is made, and then run side by side, one on
+    each processor.
+
     Arguments:
         problem: what to solve, or a reference of it that exists already.
         steppers: steppers, or their names with options; by default those of
@@ -139,20 +147,33 @@ def accuracy_table(
     given, problem = problem, problem_of(problem)
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
-    reference = reference_for(
-        given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
-    )
-    size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
-
     # Each run is made twice; the second time in other units, to find its round-off.
     rescaled = in_other_units(problem)
-    total, done = 2 * len(chosen) * sum(ladder), 0
-    rows: list[Row] = []
-    for stepper in chosen:
-        for steps in ladder:
-            progress(f"{stepper.label}: {steps} steps per frame", done / total)
-            rows.append(_row(problem, rescaled, stepper, steps, reference, measure))
-            done += 2 * steps
+    with threads(_side_by_side(problem)) as pool:
+        compiled = [
+            pool.submit(simulate, each, stepper, 1)
+            for stepper in chosen
+            for each in (problem, rescaled)
+        ]
+        reference = reference_for(
+            given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
+        )
+        for each in compiled:
+            each.result()
+        # Those that take longest first, so that no processor is left without work at the end.
+        running = {
+            pool.submit(_row, problem, rescaled, stepper, steps, reference, measure): steps
+            for steps in sorted(ladder, reverse=True)
+            for stepper in chosen
+        }
+        found, done = {}, 0
+        for each in as_completed(running):
+            row, done = each.result(), done + running[each]
+            found[row.stepper, row.steps_per_frame] = row
+            text = f"{row.stepper}: {row.steps_per_frame} steps per frame"
+            progress(text, done / (len(chosen) * sum(ladder)))
+    rows = [found[stepper.label, steps] for stepper in chosen for steps in ladder]
+    size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
     progress("done", 1.0)
     return AccuracyTable(
         problem=problem,
@@ -164,6 +185,12 @@ def accuracy_table(
             for stepper in chosen
         ),
     )
+
+
+def _side_by_side(problem: Problem) -> int:
+    """How many runs are made at a time; each keeps its states and those of its double."""
+    of_a_run = 2 * len(problem.ts) * problem.y0.nbytes
+    return max(1, min(cores(), _MOST_BYTES // of_a_run))
 
 
 def default_steppers(problem: Problem) -> list[str]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from ropeode.analysis.lyapunov import LyapunovExponent, lyapunov_exponent, mean_slope
 from ropeode.errors import InputError, ReferenceRefused
@@ -390,7 +390,7 @@ def _prediction(values: np.ndarray) -> float:
     count = len(values)
     if count < 2:
         return 0.0
-    quantile = float(stats.t.ppf(0.975, count - 1))
+    quantile = float(special.stdtrit(count - 1, 0.975))
     return quantile * float(np.std(values, ddof=1)) * math.sqrt(1 + 1 / count)
 
 

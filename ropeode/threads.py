@@ -1,0 +1,36 @@
+"""Threads for compiled programs, which run beside each other as they do not hold Python's lock."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import jax
+
+
+def cores() -> int:
+    """The number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def threads(count: int) -> Iterator[ThreadPoolExecutor]:
+    """So many threads, on the JAX device of the caller.
+
+    If the block raises, what has not been started is not run.
+
+    Arguments:
+        count: 1 or more.
+    """
+    own = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+    device = jax.default_device(own)
+    # The device is set for a thread, and the thread ends with the pool.
+    pool = ThreadPoolExecutor(count, "ropeode", initializer=device.__enter__)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)

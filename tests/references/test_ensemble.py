@@ -1,0 +1,172 @@
+"""References of many problems at a time: what each gets alone, whoever stands beside it."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import ropeode
+from ropeode import InputError, Problem, ReferenceRefused, each_reference, reference
+from ropeode.problems.ensemble import Ensemble
+from ropeode.references import dop853, ensemble, scipy_solver
+from ropeode.references.rerun import witness_runs
+
+
+def square(t, y, args):
+    """``y' = a y^2``, with ``y = y0/(1 - a y0 t)``, which has a pole."""
+    return args * y * y
+
+
+def grows(rate, ts=(0.0, 1.0, 2.0), y0=1.0, **more):
+    return Problem(square, [y0], np.array(ts), args=rate, **more)
+
+
+def exact(problem):
+    y0 = problem.y0[0]
+    return y0 / (1 - problem.args * y0 * problem.ts)
+
+
+RATES = (0.3, 0.7, -1.0, 0.1, 2.0)
+REFUSED = 4
+
+
+@pytest.fixture(scope="module")
+def many():
+    return Ensemble.of([grows(rate) for rate in RATES])
+
+
+@pytest.fixture(scope="module")
+def together(many):
+    return reference(many)
+
+
+def series(known, quantity="state"):
+    return {
+        (w.role, w.tolerance): w.differences[quantity].tobytes()
+        for w in known.certificate.witnesses
+    }
+
+
+def test_each_member_has_the_states_that_it_has_alone(many, together):
+    assert len(together) == len(many)
+    refused = together[REFUSED]
+    assert isinstance(refused, ReferenceRefused)
+    with pytest.raises(ReferenceRefused) as alone:
+        reference(many[REFUSED])
+    assert str(refused) == str(alone.value)
+    for problem, member in zip(list(many)[:REFUSED], together[:REFUSED], strict=True):
+        alone = reference(problem)
+        assert member.problem is problem
+        assert member.states.tobytes() == alone.states.tobytes()
+        differing = {
+            role for role, _ in dict(set(series(member).items()) ^ set(series(alone).items()))
+        }
+        assert differing <= {"independent"}
+        inside = slice(1, min(member.trusted, alone.trusted))
+        error = np.abs(member.states[inside, 0] - exact(problem)[inside])
+        assert np.all(error <= member.bound()[inside])
+
+
+def test_a_member_does_not_depend_on_the_others(many, together, monkeypatch):
+    monkeypatch.setattr(ensemble, "_MOST_AT_ONCE", 2)
+    found = list(each_reference(Ensemble.of(list(many)[2::-1]), workers=2))[::-1]
+    for once, again in zip(together, found, strict=False):
+        assert once.states.tobytes() == again.states.tobytes()
+        assert series(once) == series(again)
+        assert once.bound().tobytes() == again.bound().tobytes()
+
+
+def test_witnesses_can_be_made_again(together):
+    known = together[0]
+    (witness,) = [w for w in known.certificate.witnesses if w.role == "independent"]
+    ((_, run),) = witness_runs(known, roles=["independent"])
+    assert (run.solver, run.steps) == (witness.solver, witness.steps)
+    again = np.abs(run.states - known.states)[:, 0]
+    assert again.tobytes() == witness.differences["state"].tobytes()
+
+
+def test_members_come_one_after_the_other(many):
+    taken = each_reference(many, workers=1)
+    assert isinstance(next(taken), ropeode.Reference)
+    taken.close()
+
+
+def test_a_jump_is_left_to_the_solver_that_stops_there():
+    def kinked(t, y, args):
+        return args * jnp.where(t < 0.5, 1.0, -1.0) * jnp.ones_like(y)
+
+    jumps = [Problem(kinked, [0.0], [0.0, 1.0], args=a, jump_times=[0.5]) for a in (1.0, 2.0)]
+    for member in reference(Ensemble.of(jumps)):
+        assert {w.solver for w in member.certificate.witnesses if w.role == "independent"} == {
+            "SciPy DOP853"
+        }
+        assert abs(member.states[-1, 0]) <= member.bound()[-1]
+
+
+@pytest.mark.parametrize("wrong", [{"rtol": -1.0}, {"accuracy": 0.0}, {"workers": 0}])
+def test_wrong_arguments_are_refused_before_anything_is_solved(many, wrong):
+    (name,) = wrong
+    with pytest.raises(InputError, match=name):
+        each_reference(many, **wrong)
+
+
+# The solver of many problems.
+
+
+def swing(t, y, args):
+    return jnp.stack([y[1], -args * jnp.sin(y[0])])
+
+
+def pendulums(count):
+    return [
+        Problem(swing, [0.1 + 2.0 * k / count, 0.0], np.linspace(0.0, 5.0, 6), args=1.0 + k)
+        for k in range(count)
+    ]
+
+
+def test_it_is_scipys_method_but_for_rounding():
+    problems = pendulums(7)
+    found = dop853.solve(problems, [1e-10] * 7, max_steps=[1000] * 7)
+    for problem, run in zip(problems, found, strict=True):
+        scipys = scipy_solver.solve(problem, "DOP853", 1e-10, 1e-10 * problem.scale, max_steps=1000)
+        assert run.failure is None
+        assert run.steps == scipys.steps
+        # Rounding of each step, grown by no more than a few.
+        np.testing.assert_allclose(run.states, scipys.states, rtol=0, atol=1e-13 * problem.scale)
+
+
+def test_its_error_is_of_the_size_of_the_tolerance():
+    problems = [grows(rate) for rate in (0.3, -1.0, 0.1)]
+    for rtol in (1e-6, 1e-12):
+        runs = dop853.solve(problems, [rtol] * 3, max_steps=[1000] * 3)
+        for problem, run in zip(problems, runs, strict=True):
+            largest = np.max(np.abs(exact(problem)))
+            assert np.max(np.abs(run.states[:, 0] - exact(problem))) < 30 * rtol * largest
+
+
+def test_lanes_do_not_feel_each_other(monkeypatch):
+    problems = pendulums(9)
+    rtols = np.logspace(-12, -4, 9)
+    monkeypatch.setattr(dop853, "_MOST_LANES", 4)
+
+    def states(order):
+        runs = dop853.solve(
+            [problems[k] for k in order], [rtols[k] for k in order], max_steps=[500] * len(order)
+        )
+        return {k: (run.states.tobytes(), run.steps) for k, run in zip(order, runs, strict=True)}
+
+    whole = states(range(9))
+    assert states([8, 3, 0, 5, 1, 7, 2, 6, 4]) == whole
+    for k in (0, 4, 8):
+        assert states([k]) == {k: whole[k]}
+
+
+def test_what_fails_says_where_and_holds_up_nobody():
+    problems = [grows(0.3), grows(0.75), grows(-1.0)]
+    fine, pole, short = dop853.solve(problems, [1e-10] * 3, max_steps=[1000, 10**5, 3])
+    assert fine.failure is None
+    assert "t = 1.33" in str(pole.failure)
+    assert len(pole.states) == 2
+    assert "3 steps did not suffice" in str(short.failure)
+    assert short.steps == 3

@@ -1,0 +1,109 @@
+"""Traces in files: the same program, found again where it is the same and nowhere else."""
+
+from __future__ import annotations
+
+import equinox.internal
+import jax
+import numpy as np
+import pytest
+
+from ropeode.problems.problem import Problem
+from ropeode.references import diffrax_solver, tracing
+
+
+@pytest.fixture
+def kept(tmp_path, monkeypatch):
+    """A folder for traces, without Equinox's checks, as the command line has it."""
+    # It says so before Equinox is imported, and here that has happened.
+    monkeypatch.setattr(equinox.internal, "error_if", lambda x, *_: x)
+    monkeypatch.setattr(tracing, "_folder", tmp_path / "traced")
+    yield tmp_path / "traced"
+    tracing._compiled.cache_clear()
+
+
+def logistic():
+    return Problem(lambda t, y, args: args * y * (1 - y), [0.1], [0.0, 1.0, 4.0], args=1.0)
+
+
+def solve(problem):
+    tracing._compiled.cache_clear()
+    return diffrax_solver.solve(problem, "Dopri8", 1e-9, 1e-9, max_steps=1000)
+
+
+def test_a_kept_trace_is_the_same_program(kept, monkeypatch):
+    traced = solve(logistic())
+    (path,) = kept.iterdir()
+    # Without the folder the program is compiled as it is traced, and what is read is not traced.
+    with monkeypatch.context() as patch:
+        patch.setattr(tracing, "_folder", None)
+        plain = solve(logistic())
+    with monkeypatch.context() as patch:
+        patch.setattr(tracing, "_traced", None)
+        read = solve(logistic())
+    assert plain.states.tobytes() == traced.states.tobytes() == read.states.tobytes()
+    assert plain.steps == traced.steps == read.steps
+    # A file that is not what was written is written anew.
+    whole = path.read_bytes()
+    for damage in (b"", b"no line", whole.replace(b"\n", b"0\n", 1), whole[:-1]):
+        path.write_bytes(damage)
+        assert tracing._read(path) is None
+    assert solve(logistic()).states.tobytes() == read.states.tobytes()
+    assert tracing._read(path) is not None
+
+
+def key_of(rhs, y0=(1.0,), ts=(0.0, 1.0), args=1.0, solver="Dopri8", jumps=0):
+    leaves, tree = jax.tree.flatten(np.asarray(args))
+    abstract = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+    with jax.enable_x64(True):
+        return tracing._key(
+            tracing.Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps, False)
+        )
+
+
+def test_what_differs_in_numbers_only_has_one_trace():
+    assert key_of(lambda t, y, args: args * y) == key_of(lambda s, z, a: a * z, [2.0], [3, 5], 4.0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"rhs": lambda t, y, args: args + y},
+        {"rhs": lambda t, y, args: args * y + 1e-300},
+        {"y0": [1.0, 2.0]},
+        {"ts": [0.0, 1.0, 2.0]},
+        {"args": [1.0]},
+        {"solver": "Kvaerno5"},
+        {"jumps": 1},
+    ],
+)
+def test_what_differs_in_anything_else_has_another(other):
+    assert key_of(lambda t, y, args: args * y) != key_of(
+        **{"rhs": lambda t, y, args: args * y} | other
+    )
+
+
+def test_an_implicit_solver_sees_the_derivative():
+    def with_slope(factor):
+        square = jax.custom_jvp(lambda y: y * y)
+        square.defjvp(lambda primals, tangents: (square(*primals), factor * tangents[0]))
+        return lambda t, y, args: square(y)
+
+    two, three = with_slope(2.0), with_slope(3.0)
+    assert key_of(two) == key_of(three)
+    assert key_of(two, solver="Kvaerno5") != key_of(three, solver="Kvaerno5")
+
+
+def test_what_cannot_be_kept_is_solved_all_the_same(kept):
+    def rhs(t, y, args):
+        jax.debug.callback(lambda: None)
+        return 0.5 * y
+
+    run = solve(Problem(rhs, [1.0], [0.0, 1.0]))
+    assert abs(run.states[-1, 0] - np.exp(0.5)) < 1e-8
+    assert not kept.exists()
+
+
+def test_a_folder_that_cannot_be_written_to_is_no_fault(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    tracing._write(tmp_path / "file" / "a.traced", b"a trace")
+    assert (tmp_path / "file").read_text() == "no folder"
