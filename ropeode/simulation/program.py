@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import threading
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -138,8 +139,37 @@ class Program:
         return seconds
 
 
+class Slot:
+    """Where a program is kept; of several threads that ask for it one compiles it."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.program: Program | None = None
+
+
 @functools.lru_cache(maxsize=256)
+def slot(family: Family, capacity: int, blocks: int) -> Slot:
+    """The slot of a program; those used last are kept."""
+    del family, capacity, blocks
+    return Slot()
+
+
 def program(family: Family, capacity: int, blocks: int) -> Program:
+    """The program for a family of runs, compiled where that has not been done.
+
+    Arguments:
+        family: of runs.
+        capacity: the most frames of a segment.
+        blocks: the most blocks.
+    """
+    own = slot(family, capacity, blocks)
+    with own.lock:
+        if own.program is None:
+            own.program = _compiled(family, capacity, blocks)
+        return own.program
+
+
+def _compiled(family: Family, capacity: int, blocks: int) -> Program:
     """Compile; the numbers of steps, frames and blocks that are run are run-time values."""
     started = time.perf_counter()
     methods = _Methods(family)

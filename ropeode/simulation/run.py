@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Any, NamedTuple, overload
 
 import jax
@@ -22,6 +22,7 @@ from ropeode.simulation.program import Abstract, Family, Program, program
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
 from ropeode.steppers import stepper as stepper_named
 from ropeode.steppers.base import Stepper
+from ropeode.threads import cores, threads
 from ropeode.validation import check_whole, complaint
 
 Progress = Callable[[float], None]
@@ -100,13 +101,13 @@ def simulate_chunks(
     first = ensemble.first
     for each in ensemble.built_apart or [first]:
         steps = _check(each, stepper, steps_per_frame)
-    layout, cores = Layout.of(first), _cores()
+    layout, count = Layout.of(first), cores()
     needed = layout.blocks(len(ensemble))
     block = (first.frames + 1) * first.y0.nbytes * layout.lanes
     # As many as fill a chunk, unless that would leave a core idle.
-    blocks = min(max(_CHUNK // block, 1), _MOST_BLOCKS, -(-needed // cores))
+    blocks = min(max(_CHUNK // block, 1), _MOST_BLOCKS, -(-needed // count))
     job = _Job(ensemble, stepper, steps, layout, blocks)
-    return job.in_chunks(cores, progress)
+    return job.in_chunks(count, progress)
 
 
 def _check(problem: Problem, stepper: Stepper, steps_per_frame: int) -> int:
@@ -114,13 +115,6 @@ def _check(problem: Problem, stepper: Stepper, steps_per_frame: int) -> int:
     if refusal := stepper.refusal(problem):
         raise InputError(refusal)
     return steps
-
-
-def _cores() -> int:
-    """The cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _check_memory(ensemble: Ensemble) -> None:
@@ -178,8 +172,8 @@ class _Job(NamedTuple):
     layout: Layout
     blocks: int
 
-    def in_chunks(self, cores: int, progress: Progress) -> Iterator[Trajectories]:
-        """Trajectories of one chunk after the other, on so many cores."""
+    def in_chunks(self, count: int, progress: Progress) -> Iterator[Trajectories]:
+        """Trajectories of one chunk after the other, on so many threads."""
         members, size = self.layout.lanes * self.blocks, len(self.ensemble)
         shares = collections.Counter[int]()
         lock = threading.Lock()
@@ -196,17 +190,14 @@ class _Job(NamedTuple):
 
         starts = iter(range(0, size, members))
         waiting: collections.deque[Future[Trajectories]] = collections.deque()
-        pool = ThreadPoolExecutor(cores)
-        try:
+        with threads(count) as pool:
             while True:
-                # One more than there are cores, so that none waits for what is read here.
-                while len(waiting) <= cores and (start := next(starts, None)) is not None:
+                # One more than there are threads, so that none waits for what is read here.
+                while len(waiting) <= count and (start := next(starts, None)) is not None:
                     waiting.append(pool.submit(chunk, start))
                 if not waiting:
                     return
                 yield waiting.popleft().result()
-        finally:
-            pool.shutdown(cancel_futures=True)
 
     @in_float64
     def trajectories(self, start: int, numbers: Numbers, progress: Progress) -> Trajectories:

@@ -11,16 +11,16 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.simulation import one_kernel, simulate
 from ropeode.simulation.one_kernel import in_one_kernel
-from ropeode.simulation.program import program
+from ropeode.simulation.program import slot
 from ropeode.steppers import STEPPERS
 
 
 @pytest.fixture(autouse=True)
 def compiled_anew():
-    program.cache_clear()
+    slot.cache_clear()
     with jax.enable_x64(True):
         yield
-    program.cache_clear()
+    slot.cache_clear()
 
 
 def compiled(loop, *inputs):
@@ -88,7 +88,7 @@ def test_the_same_with_and_without(stepper, monkeypatch):
         num_nodes=6, node_mass=2.0, damping=0.3, pinned=(2,), initial_velocity=(1.0, 2.0)
     ).problem(frames=3)
     with_it = simulate(rope, stepper, 12)
-    program.cache_clear()
+    slot.cache_clear()
     monkeypatch.setattr(one_kernel, "_LARGEST", -1)
     without = simulate(rope, stepper, 12)
     assert with_it.status == without.status == "ok"

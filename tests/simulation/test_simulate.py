@@ -11,7 +11,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.render.stepper_list import variants
 from ropeode.simulation import simulate
-from ropeode.simulation.program import program
+from ropeode.simulation.program import slot
 from ropeode.steppers import STEPPERS
 
 VARIANTS = [each for cls in STEPPERS.values() for each in variants(cls)]
@@ -52,12 +52,12 @@ def test_time_comes_from_the_index():
 
 
 def test_one_compilation_serves_all_step_counts_and_parameters():
-    program.cache_clear()
+    slot.cache_clear()
     for damping in (0.01, 0.3):
         problem = Rope(num_nodes=3, damping=damping).problem(frames=2)
         for steps in (4, 7, 100):
             simulate(problem, "rk4", steps)
-    assert program.cache_info().misses == 1
+    assert slot.cache_info().misses == 1
 
 
 @pytest.mark.parametrize(
