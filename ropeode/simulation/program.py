@@ -230,6 +230,10 @@ def _compiled(family: Family, capacity: int, blocks: int) -> Program:
             """Whether a run of the block is still finite."""
             return jnp.any(jnp.all(jnp.isfinite(y).reshape(-1, family.lanes), axis=0))
 
+        if blocks == 1:
+            # Quicker to compile.
+            alone = frames_of(*jax.tree.map(lambda leaf: leaf[0], (y0, args, carried)))
+            return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
         nothing = jnp.zeros(blocks, jnp.int64), jnp.zeros((blocks, capacity, *y0.shape[1:]))
         return jax.lax.fori_loop(0, count, one_block, (*nothing, carried))
 
