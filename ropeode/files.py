@@ -103,3 +103,16 @@ def read_text(name: str, path: str | Path) -> str:
         raise InputError(
             complaint(name, str(path), f"a text file that can be read ({why})", "check the path")
         ) from error
+
+
+def read_bytes(name: str, path: str | Path) -> bytes:
+    """What is in a file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        allowed = f"a file that can be read ({error.strerror})"
+        raise InputError(complaint(name, str(path), allowed, "check the path")) from error

@@ -46,7 +46,7 @@ def plot(spec: Path | None, name: str, out: str | None, **options: str | None) -
                 job.spec.steppers,
                 job.spec.steps_per_frame,
                 norm=job.spec.norm,
-                **job.asked,
+                **job.spec.asked,
                 progress=progress,
             )
             return figure_bytes(PLOTS[name].draw(result), path.suffix)
@@ -85,7 +85,7 @@ def animate(spec: Path | None, fps: str, out: str | None, **options: str | None)
                 job.spec.steppers or DEFAULT_STEPPERS,
                 job.spec.steps_per_frame[0] if steps_given else DEFAULT_STEPS_PER_FRAME,
                 norm=job.spec.norm,
-                **job.asked,
+                **job.spec.asked,
                 progress=progress,
             )
             return film_bytes(paths, path.suffix, speed, progress)

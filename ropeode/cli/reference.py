@@ -57,10 +57,10 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
             def say(text: str) -> None:
                 progress(text, 0.0)
 
-            known = reference_for(job.given, **job.asked, progress=say)
+            known = reference_for(job.given, **job.spec.asked, progress=say)
             if not (dense or job.spec.dense):
                 return known
-            limit = job.asked.get("time_limit", TIME_LIMIT)
+            limit = job.spec.asked.get("time_limit", TIME_LIMIT)
             return with_dense_output(known, time_limit=limit, progress=say)
 
         known = interruptible(work)

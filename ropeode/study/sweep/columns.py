@@ -36,7 +36,7 @@ INPUTS: Mapping[str, Column] = {
     "draw": Column("int64", "which draw of the seed, from 0 on"),
     "stepper": Column("string", "its name with options"),
     "steps_per_frame": Column("int64", "steps between two samples"),
-    "norm": Column("string", "how errors are measured; missing where the problem has to say it"),
+    "norm": Column("string", "how errors are measured"),
     "parameters": Column("string", "all parameters of the problem, as JSON"),
 }
 
@@ -52,7 +52,7 @@ RESULTS: Mapping[str, Column] = {
     "resolved": Column("bool", "whether the reference can tell error_max"),
     "resolution": Column("double", "ten times the reference's bound; no error below it is told"),
     "round_off": Column("double", "estimated, from the same run in other units"),
-    "motion": Column("double", "how far the solution moves inside the horizon, in the norm"),
+    "motion_size": Column("double", "how far the solution moves inside the horizon, in the norm"),
     "reference": Column("string", "key of the reference, which names its file"),
     "trusted": Column("int64", "number of leading samples inside the trust horizon"),
     "horizon": Column("double", "first sample time outside it; missing if there is none"),
@@ -65,7 +65,7 @@ RESULTS: Mapping[str, Column] = {
     "order_left_out": Column("string", "those that it does not, with reasons"),
     "order_why": Column("string", "what is missing where the order is undetermined"),
     "expected_order": Column("int64", "what the stepper declares; 0: it solves another problem"),
-    "verdict": Column("string", "of a rope's motion: diverges, settles, never_settles, ..."),
+    "motion": Column("string", "of a rope: diverges, settles, never_settles, ..."),
     "swings": Column("int64", "how often a rope swung from one side to the other"),
     "settled_at": Column("int64", "frame from which on a rope was at rest"),
     "stability_limit": Column("int64", "fewest steps per frame that are stable, if asked for"),

@@ -1,0 +1,99 @@
+"""Cases put together into tasks: problems of one shape, with all their steppers and steps."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Container, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from ropeode.study.sweep.cases import Case, Design, Point
+from ropeode.study.sweep.key import digest
+
+# Of one task. More would lose more work where a process is killed, and gain little.
+MOST_PROBLEMS = 64
+# Of the states of one run of all problems of a task.
+MOST_BYTES = 2**26
+# Parameters that say how large arrays are. Others may as well, in a user's problem; then what
+# a task holds is run in parts.
+SHAPES = ("frames", "num_nodes", "num_masses", "start")
+# Problems among which those of one shape are looked for, where shapes alternate.
+_LOOK_AT = 1024
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """Cases that are run together, in any process.
+
+    Arguments:
+        folder: that the file of the problem is in, if it is from a file.
+        surroundings: in which the keys were made.
+        digest: sha256 of that file; None for a problem of the library.
+        cases: of problems of one shape.
+    """
+
+    folder: Path
+    surroundings: Mapping[str, str]
+    digest: str | None
+    cases: tuple[Case, ...]
+
+    @property
+    def key(self) -> str:
+        """The hash of the keys of its cases."""
+        return digest([case.key for case in self.cases])
+
+    def without(self, known: Container[str]) -> Task | None:
+        """The task without the cases whose keys are known; None if nothing is left."""
+        left = tuple(case for case in self.cases if case.key not in known)
+        return dataclasses.replace(self, cases=left) if left else None
+
+
+def batched(design: Design) -> Iterator[tuple[Case, ...]]:
+    """The cases of a design, those of problems of one shape together.
+
+    Problems of one shape are looked for among some thousand at a time, so that memory is
+    bounded whatever the design's size.
+    """
+    points = (design.point(index) for index in range(design.problems))
+    while ahead := list(itertools.islice(points, _LOOK_AT)):
+        shapes: dict[Shape, list[Point]] = {}
+        for point in ahead:
+            shapes.setdefault(_shape(design, point), []).append(point)
+        for shape, alike in shapes.items():
+            most = max(1, min(MOST_PROBLEMS, MOST_BYTES // shape.bytes))
+            for first in range(0, len(alike), most):
+                together = alike[first : first + most]
+                yield tuple(case for point in together for case in design.cases_of(point))
+
+
+class Shape(NamedTuple):
+    """What says how large a run is.
+
+    Fields:
+        dim: components of a position; 1 where it is not known.
+        nodes: or masses; 1 where it is not known.
+        frames: 1 where it is not known.
+    """
+
+    dim: int
+    nodes: int
+    frames: int
+
+    @property
+    def bytes(self) -> int:
+        """Of the positions and velocities at all samples."""
+        return 16 * self.dim * self.nodes * (self.frames + 1)
+
+
+def _shape(design: Design, point: Point) -> Shape:
+    given = {**design.maker.defaults, **point.parameters}
+
+    def whole(name: str) -> int:
+        # What is wrong is told when the problem is built.
+        value = given.get(name)
+        return int(value) if isinstance(value, (int, float)) and value >= 1 else 1
+
+    start = given.get("start")
+    dim = len(start) if isinstance(start, (list, tuple)) else 1
+    return Shape(dim, max(whole("num_nodes"), whole("num_masses")), whole("frames"))
