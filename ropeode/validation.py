@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ropeode.errors import InputError
+from ropeode.errors import InputError, RopeodeError
 
 _LONGEST_VALUE_SHOWN = 60
 _LONGEST_TEXT_SHOWN = 200
@@ -108,6 +108,12 @@ def shown(value: Any) -> str:
     text = " ".join(repr(value).split())
     longest = _LONGEST_TEXT_SHOWN if isinstance(value, str) else _LONGEST_VALUE_SHOWN
     return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def in_one_line(error: Exception) -> str:
+    """What an exception says, in one line; of what is not ropeode's own, its type as well."""
+    text = " ".join(str(error).split()) or "without a word"
+    return text if isinstance(error, RopeodeError) else f"{type(error).__name__}: {text}"
 
 
 def unknown(kind: str, name: str, allowed: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.norms import Norm, distance
 from ropeode.problems.links import LinearDamping, Links
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import FirstOrderForm, Problem
 from ropeode.simulation import Trajectory, simulate
 
 # The ratio of the units. Any number does whose binary digits have no pattern; near 1, so that
@@ -24,22 +24,28 @@ def in_other_units(problem: Problem) -> Problem:
     In exact arithmetic every stepper makes the same trajectory of it, times the ratio; in
     floating point every single rounding differs.
     """
-    args = (_RATIO, problem.args)
-    more: dict[str, Any] = {"name": problem.name, "jump_times": problem.jump_times}
     mechanics = problem.mechanics
     if mechanics is None:
-        return Problem(_ScaledRhs(problem.rhs), problem.y0 * _RATIO, problem.ts, args, **more)
-    x0, v0 = problem.y0 * _RATIO
-    return Problem.second_order(
-        _ScaledAcceleration(mechanics.acceleration),
-        x0,
-        v0,
-        problem.ts,
-        args,
-        damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,
-        links=_ScaledLinks(mechanics.links) if mechanics.links else None,
-        node_axis=mechanics.node_axis,
-        **more,
+        rhs: Any = _ScaledRhs(problem.rhs)
+    else:
+        acceleration = _ScaledAcceleration(mechanics.acceleration)
+        rhs = FirstOrderForm(acceleration)
+        mechanics = dataclasses.replace(
+            mechanics,
+            acceleration=acceleration,
+            damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,
+            links=_ScaledLinks(mechanics.links) if mechanics.links else None,
+        )
+    return problem.changed(
+        rhs=rhs,
+        y0=problem.y0 * _RATIO,
+        args=(np.asarray(_RATIO), problem.args),
+        mechanics=mechanics,
+        # What is said of the problem in its own units.
+        energy=None,
+        exact=None,
+        constraints=None,
+        parameters={},
     )
 
 

@@ -115,6 +115,20 @@ class Problem:
             value.flags.writeable = False
         object.__setattr__(self, name, value)
 
+    def changed(self, **fields: Any) -> Problem:
+        """A copy with other fields, which are not checked.
+
+        For what follows from a problem that has been checked: its equations in other units, or
+        with other numbers of the same shapes.
+
+        Arguments:
+            fields: by name; arrays in float64.
+        """
+        other = copy.copy(self)
+        for name, value in fields.items():
+            other._set(name, value)
+        return other
+
     @classmethod
     def second_order(
         cls,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Container, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -49,22 +48,29 @@ class Task:
         return dataclasses.replace(self, cases=left) if left else None
 
 
-def batched(design: Design) -> Iterator[tuple[Case, ...]]:
+def batched(design: Design, first: int = 0) -> Iterator[tuple[Case, ...]]:
     """The cases of a design, those of problems of one shape together.
 
     Problems of one shape are looked for among some thousand at a time, so that memory is
     bounded whatever the design's size.
+
+    Arguments:
+        design: whose cases.
+        first: so many of the batches are left out, without their cases being made.
     """
-    points = (design.point(index) for index in range(design.problems))
-    while ahead := list(itertools.islice(points, _LOOK_AT)):
-        shapes: dict[Shape, list[Point]] = {}
-        for point in ahead:
-            shapes.setdefault(_shape(design, point), []).append(point)
+    look_up = design.point if any(name in design.drawn for name in SHAPES) else design.place
+    number = 0
+    for start in range(0, design.problems, _LOOK_AT):
+        shapes: dict[Shape, list[int]] = {}
+        for index in range(start, min(start + _LOOK_AT, design.problems)):
+            shapes.setdefault(_shape(design, look_up(index)), []).append(index)
         for shape, alike in shapes.items():
             most = max(1, min(MOST_PROBLEMS, MOST_BYTES // shape.bytes))
-            for first in range(0, len(alike), most):
-                together = alike[first : first + most]
-                yield tuple(case for point in together for case in design.cases_of(point))
+            for at in range(0, len(alike), most):
+                if number >= first:
+                    points = map(design.point, alike[at : at + most])
+                    yield tuple(case for point in points for case in design.cases_of(point))
+                number += 1
 
 
 class Shape(NamedTuple):

@@ -39,6 +39,7 @@ class Case:
     """A row to be computed: one problem, one stepper, one number of steps.
 
     Arguments:
+        number: where it stands in the sweep, from 0 on; no part of the key.
         key: sha256 of everything that determines the row.
         problem: its name, as the spec says it.
         problem_key: sha256 of everything that determines the problem's reference.
@@ -51,6 +52,7 @@ class Case:
         in_columns: the parameters as they stand in columns of their own.
     """
 
+    number: int
     key: str
     problem: str
     problem_key: str
@@ -81,6 +83,7 @@ class Point(NamedTuple):
     """Where in a design a problem stands.
 
     Fields:
+        index: of the problem.
         parameters: that are given, not yet in their normal form.
         seed: of the random design; None without one.
         draw: likewise.
@@ -88,6 +91,7 @@ class Point(NamedTuple):
         steps_per_frame: to run them with.
     """
 
+    index: int
     parameters: dict[str, Any]
     seed: int | None
     draw: int | None
@@ -140,14 +144,8 @@ class Design:
 
     def point(self, index: int) -> Point:
         """Where a problem stands, by its number."""
-        given, seed, draw = {**self.fixed}, None, None
-        if self.seeds:
-            index, draw = divmod(index, self.draws)
-            index, at = divmod(index, len(self.seeds))
-            seed = self.seeds[at]
-        for name, values in reversed(self.grid.items()):
-            index, at = divmod(index, len(values))
-            given[name] = values[at]
+        point = self.place(index)
+        given, seed, draw = point.parameters, point.seed, point.draw
         steppers, steps = self.steppers, self.steps_per_frame
         if seed is not None and draw is not None:
             for name, distribution in self.drawn.items():
@@ -158,7 +156,19 @@ class Design:
                     steps = (value,)
                 else:
                     given[name] = value
-        return Point(self.held(given), seed, draw, steppers, steps)
+        return Point(index, self.held(given), seed, draw, steppers, steps)
+
+    def place(self, index: int) -> Point:
+        """The same before anything is drawn."""
+        rest, given, seed, draw = index, {**self.fixed}, None, None
+        if self.seeds:
+            rest, draw = divmod(rest, self.draws)
+            rest, at = divmod(rest, len(self.seeds))
+            seed = self.seeds[at]
+        for name, values in reversed(self.grid.items()):
+            rest, at = divmod(rest, len(values))
+            given[name] = values[at]
+        return Point(index, given, seed, draw, self.steppers, self.steps_per_frame)
 
     def entries(self, distribution: Distribution, given: Mapping[str, Any]) -> int | None:
         """How many entries a list has that is drawn; None for what is no list."""
@@ -170,7 +180,7 @@ class Design:
     def held(self, given: dict[str, Any]) -> dict[str, Any]:
         """Parameters with no velocity drawn for a node that is pinned."""
         drawn = self.drawn.get("initial_velocity")
-        if drawn is not None and drawn.for_each == "node":
+        if drawn is not None and drawn.for_each == "node" and "initial_velocity" in given:
             velocity = given["initial_velocity"]
             for node in given.get("pinned", self.maker.defaults.get("pinned", ())):
                 if 0 <= node < len(velocity):
@@ -186,9 +196,11 @@ class Design:
             parameters = self.maker.as_given(point.parameters)
         in_columns = column_values(self.columns, parameters)
         key = problem_key(self.maker.identity, parameters, self.settings)
+        number = point.index * self.per_problem
         for stepper in point.steppers:
             for steps in point.steps_per_frame:
                 yield Case(
+                    number=number,
                     key=case_key(key, stepper, steps, point.seed, point.draw, self.settings),
                     problem=self.maker.name,
                     problem_key=key,
@@ -200,6 +212,7 @@ class Design:
                     settings=self.settings,
                     in_columns=in_columns,
                 )
+                number += 1
 
 
 def problem_key(

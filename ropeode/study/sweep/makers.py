@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ropeode.errors import InputError
 from ropeode.files import read_bytes
 from ropeode.problems.files import as_problem, file_and_name, named_in_file
@@ -22,6 +24,8 @@ from ropeode.study.spec import rope_of
 from ropeode.study.sweep.columns import COLUMNS, Column
 from ropeode.validation import check_whole, complaint, unknown
 
+# Four numbers of this size make a product that float64 holds.
+_MODERATE = 1e60
 # A parameter that has no default.
 _NEEDED = inspect.Parameter.empty
 _TYPES: Mapping[type, Any] = {bool: "bool", int: "int64", float: "double", str: "string"}
@@ -136,7 +140,30 @@ class RopeMaker(Maker):
         """See `Maker`."""
         rest = {**parameters}
         frames = rest.pop("frames", 20)
-        return rope_of(self.name, rest).problem(frames)
+        rope = rope_of(self.name, rest)
+        nodes = rope.nodes()
+        y0, args = np.stack([nodes.x0, nodes.v0]), rope.args(nodes)
+        if rope.num_nodes < 2 or not _moderate(y0, *args):
+            return rope.problem(frames)
+        # The equations of all ropes of a shape are the same, and trying them takes milliseconds.
+        return _shaped(self.name, *nodes.x0.shape, frames).changed(
+            y0=y0,
+            args=type(args)(*(np.array(each, dtype=np.float64) for each in args)),
+            parameters={"kind": self.name, "frames": frames, **rope.model_dump(mode="json")},
+        )
+
+
+@functools.lru_cache(maxsize=64)
+def _shaped(kind: str, dim: int, num_nodes: int, frames: int) -> Problem:
+    """A rope of a shape, whatever its numbers are."""
+    ends = {"start": (0.0,) * dim, "end": (1.0,) * dim}
+    return ROPES[kind](num_nodes=num_nodes, **ends).problem(frames)
+
+
+def _moderate(*numbers: np.ndarray) -> bool:
+    """Whether no product of a few of the numbers or their inverses overflows."""
+    sizes = np.abs(np.concatenate([np.ravel(each) for each in numbers]))
+    return bool(np.all((sizes == 0) | ((sizes > 1 / _MODERATE) & (sizes < _MODERATE))))
 
 
 class LibraryMaker(Maker):

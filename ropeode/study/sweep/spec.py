@@ -150,18 +150,20 @@ class SweepSpec:
         stop = self.count if stop is None else min(stop, self.count)
         each = self._design.per_problem
         for index in range(start // each, math.ceil(stop / each)):
-            for number, case in enumerate(
-                self._design.cases_of(self._design.point(index)), index * each
-            ):
-                if start <= number < stop:
+            for case in self._design.cases_of(self._design.point(index)):
+                if start <= case.number < stop:
                     yield case
 
-    def tasks(self) -> Iterator[Task]:
-        """All cases in tasks, made one after the other."""
+    def tasks(self, first: int = 0) -> Iterator[Task]:
+        """All cases in tasks, made one after the other.
+
+        Arguments:
+            first: the task to begin with; the cases of those before are not made.
+        """
         settings = self._design.settings
         around = surroundings(str(settings.asked["level"]))
         digest = self._maker.digest if isinstance(self._maker, FileMaker) else None
-        for cases in batched(self._design):
+        for cases in batched(self._design, first):
             yield Task(self._folder, around, digest, cases)
 
     def _designed(self, tables: _Tables) -> Design:

@@ -1,0 +1,116 @@
+"""The runs of a sweep: one stepper with one number of steps on many problems."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from ropeode.analysis.errors import RESOLUTION_FACTOR, ErrorSeries
+from ropeode.analysis.motion import Words, motion_words
+from ropeode.analysis.roundoff import in_other_units, round_off
+from ropeode.errors import InputError
+from ropeode.norms import Norm, distance
+from ropeode.problems.problem import Problem
+from ropeode.references.reference import motion
+from ropeode.simulation import Trajectory, simulate
+from ropeode.steppers.base import Stepper
+from ropeode.study.sweep.references import Known
+
+
+class Subject(NamedTuple):
+    """A problem and what is known of its solution.
+
+    Fields:
+        problem: that is solved.
+        rescaled: the same in other units.
+        norm: in which errors are measured.
+        known: its reference; None if there is none.
+        size: how far it moves inside the horizon; infinite without a reference.
+    """
+
+    problem: Problem
+    rescaled: Problem
+    norm: Norm
+    known: Known | None
+    size: float
+
+    @property
+    def resolution(self) -> np.ndarray:
+        """Ten times the reference's bound at the trusted samples but the first."""
+        assert self.known is not None
+        return RESOLUTION_FACTOR * self.known.bounds[self.norm.quantity][1:]
+
+
+def subject(problem: Problem, norm: Norm, known: Known | None) -> Subject:
+    """A problem, ready to be run."""
+    size = np.inf if known is None else float(motion(problem, known.states, norm)[-1])
+    return Subject(problem, in_other_units(problem), norm, known, size)
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """What a run comes to; the fields mean the same in `ropeode.study.accuracy_table.Row`.
+
+    Arguments:
+        dt: step size.
+        status: of the run.
+        diverged_at: frame of the first state that is not finite.
+        rhs_evaluations: of the right-hand side.
+        words: of a rope's motion; None where they were not asked for or it cannot hang.
+        error_final: None if unresolved or unknown, as the others.
+        error_max: likewise.
+        error_rms: likewise.
+        round_off: None where there is no reference, or the run diverged.
+    """
+
+    dt: float
+    status: Literal["ok", "diverged"]
+    diverged_at: int | None
+    rhs_evaluations: int
+    words: Words | None
+    error_final: float | None = None
+    error_max: float | None = None
+    error_rms: float | None = None
+    round_off: float | None = None
+
+
+def run(subject: Subject, stepper: Stepper, steps_per_frame: int, motion_too: bool) -> Run:
+    """Run a stepper on a problem, and again in other units if there is a reference.
+
+    Arguments:
+        subject: the problem.
+        stepper: that is run.
+        steps_per_frame: equal steps in each frame.
+        motion_too: whether the motion of a rope is to be told.
+    """
+    trajectory = simulate(subject.problem, stepper, steps_per_frame)
+    found = Run(
+        dt=trajectory.dt,
+        status=trajectory.status,
+        diverged_at=trajectory.diverged_at,
+        rhs_evaluations=trajectory.rhs_evaluations,
+        words=_words(trajectory) if motion_too else None,
+    )
+    if subject.known is None or trajectory.status != "ok":
+        return found
+    known, norm = subject.known, subject.norm
+    trusted = len(known.states)
+    apart = distance(subject.problem, norm, trajectory.states[:trusted], known.states)
+    series = ErrorSeries(norm, trajectory.times[1:trusted], apart[1:], subject.resolution)
+    return dataclasses.replace(
+        found,
+        error_final=series.final,
+        error_max=series.max,
+        error_rms=series.rms,
+        round_off=round_off(trajectory, subject.rescaled, trusted, norm),
+    )
+
+
+def _words(trajectory: Trajectory) -> Words | None:
+    try:
+        return motion_words(trajectory)
+    except InputError:
+        # No rope, or one that cannot hang.
+        return None
