@@ -75,7 +75,7 @@ def _lines(model: type[Input], error: ValidationError) -> list[str]:
     lines: dict[str, str] = {}
     for fault in error.errors():
         context = fault.get("ctx", {})
-        name = str(context.get("name", fault["loc"][0]))
+        name = str(context["name"] if "name" in context else fault["loc"][0])
         cause = context.get("error")
         if isinstance(cause, InputError):
             lines.update({line: line for line in cause.problems})

@@ -165,7 +165,7 @@ class Design:
             rest, draw = divmod(rest, self.draws)
             rest, at = divmod(rest, len(self.seeds))
             seed = self.seeds[at]
-        for name, values in reversed(self.grid.items()):
+        for name, values in reversed([*self.grid.items()]):
             rest, at = divmod(rest, len(values))
             given[name] = values[at]
         return Point(index, given, seed, draw, self.steppers, self.steps_per_frame)

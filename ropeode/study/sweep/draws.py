@@ -136,13 +136,13 @@ class Distribution(Input):
             low, high = self.integers
             return low + _below(bits[0], high - low + 1)
         if self.log_uniform is not None:
-            return _between_logarithms(*self.log_uniform, _fraction(bits[0]))
+            low, high = self.log_uniform
+            return _between_logarithms(low, high, _fraction(bits[0]))
         low, high = self.uniform
         if not isinstance(low, tuple):
             return _between(low, high, _fraction(bits[0]))
-        return [
-            _between(*ends, _fraction(each)) for *ends, each in zip(low, high, bits, strict=True)
-        ]
+        each = zip(low, high, bits, strict=True)
+        return [_between(start, end, _fraction(one)) for start, end, one in each]
 
 
 def _bits(seed: int, draw: int, name: str, count: int) -> list[int]:

@@ -41,6 +41,7 @@ SOURCES = (
     "study/sweep/batches.py",
     "study/sweep/cases.py",
     "study/sweep/columns.py",
+    "study/sweep/draws.py",
     "study/sweep/evaluate.py",
     "study/sweep/key.py",
     "study/sweep/makers.py",

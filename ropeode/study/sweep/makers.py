@@ -156,8 +156,8 @@ class RopeMaker(Maker):
 @functools.lru_cache(maxsize=64)
 def _shaped(kind: str, dim: int, num_nodes: int, frames: int) -> Problem:
     """A rope of a shape, whatever its numbers are."""
-    ends = {"start": (0.0,) * dim, "end": (1.0,) * dim}
-    return ROPES[kind](num_nodes=num_nodes, **ends).problem(frames)
+    rope = ROPES[kind](start=(0.0,) * dim, end=(1.0,) * dim, num_nodes=num_nodes)
+    return rope.problem(frames)
 
 
 def _moderate(*numbers: np.ndarray) -> bool:

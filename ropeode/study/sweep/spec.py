@@ -101,6 +101,9 @@ class SweepSpec:
         run_checks(check_fields, check_tables)
         self.fields: SweepFields = found["fields"]
         name = self.fields.kind if self.fields.problem == "rope" else self.fields.problem
+        if self.fields.problem != "rope" and self.fields.kind != "rope":
+            allowed = "none with another problem than 'rope'"
+            raise InputError(complaint("kind", self.fields.kind, allowed, "leave it out"))
         self._maker = maker_for(name, self._folder)
         self._design = self._designed(found["tables"])
 
@@ -132,10 +135,7 @@ class SweepSpec:
                     "grid": design.grid,
                     "seeds": design.seeds,
                     "count": design.draws,
-                    "random": {
-                        name: each.model_dump(exclude_none=True)
-                        for name, each in design.drawn.items()
-                    },
+                    "random": {name: _said(each) for name, each in design.drawn.items()},
                 }
             )
         )
@@ -354,14 +354,16 @@ class _Tables:
         if (drawn := self.drawn.get("stepper")) is not None:
             if drawn.choice is None or drawn.for_each is not None:
                 fix = 'for example stepper = { choice = ["rk4"] }'
-                raise InputError(complaint("random.stepper", drawn, "a choice of names", fix))
+                raise InputError(
+                    complaint("random.stepper", _said(drawn), "a choice of names", fix)
+                )
             labels = tuple(each.label for each in check_steppers(drawn.choice))
             self.drawn["stepper"] = Distribution(choice=labels)
         if (drawn := self.drawn.get("steps_per_frame")) is not None:
             if not (drawn.choice or drawn.integers) or drawn.for_each is not None:
                 fix = "for example steps_per_frame = { integers = [16, 64] }"
                 allowed = "whole numbers"
-                raise InputError(complaint("random.steps_per_frame", drawn, allowed, fix))
+                raise InputError(complaint("random.steps_per_frame", _said(drawn), allowed, fix))
             ends = check_steps(list(dict.fromkeys(drawn.extremes)))
             if drawn.choice:
                 self.drawn["steps_per_frame"] = Distribution(choice=tuple(ends))
@@ -389,6 +391,8 @@ def _checked(design: Design) -> Design:
     refusals = [refusal for p in built for each in every if (refusal := each.refusal(p))]
     if refusals:
         raise InputError(list(dict.fromkeys(refusals)))
+    if design.settings.largest_stable_dt:
+        built[0].require_mechanics("largest_stable_dt")
     norm = norm_for(built[0], design.settings.norm)
     return dataclasses.replace(
         design,
@@ -453,6 +457,11 @@ def _check_plain(table: str, values: Mapping[str, Any]) -> None:
         if not plain(value)
     ]:
         raise InputError(faults)
+
+
+def _said(drawn: Distribution) -> dict[str, Any]:
+    """A distribution as it is written."""
+    return drawn.model_dump(exclude_none=True)
 
 
 def _twice(name: str) -> str:
