@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.norms import Norm, distance
 from ropeode.problems.links import LinearDamping, Links
-from ropeode.problems.problem import FirstOrderForm, Problem
+from ropeode.problems.problem import FirstOrderForm, Mechanics, Problem
 from ropeode.simulation import Trajectory, simulate
 
 # The ratio of the units. Any number does whose binary digits have no pattern; near 1, so that
@@ -30,10 +30,10 @@ def in_other_units(problem: Problem) -> Problem:
     else:
         acceleration = _ScaledAcceleration(mechanics.acceleration)
         rhs = FirstOrderForm(acceleration)
-        mechanics = dataclasses.replace(
-            mechanics,
-            acceleration=acceleration,
+        mechanics = Mechanics(
+            acceleration,
             damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,
+            node_axis=mechanics.node_axis,
             links=_ScaledLinks(mechanics.links) if mechanics.links else None,
         )
     return problem.changed(
@@ -65,14 +65,22 @@ def round_off(trajectory: Trajectory, rescaled: Problem, samples: int, norm: Nor
         norm: how distances are measured.
     """
     double = simulate(rescaled, trajectory.stepper, trajectory.steps_per_frame)
+    return from_double(trajectory, double, samples, norm)
+
+
+def from_double(trajectory: Trajectory, double: Trajectory, samples: int, norm: Norm) -> float:
+    """The same, with the double run already.
+
+    Arguments:
+        trajectory: as for `round_off`.
+        double: the run of the problem `in_other_units`.
+        samples: as for `round_off`.
+        norm: as for `round_off`.
+    """
     if double.status != "ok":
         return np.inf
-    apart = distance(
-        trajectory.problem,
-        norm,
-        double.states[:samples] / _RATIO,
-        trajectory.states[:samples],
-    )
+    states = double.states[:samples] / _RATIO
+    apart = distance(trajectory.problem, norm, states, trajectory.states[:samples])
     return float(np.max(apart))
 
 

@@ -12,6 +12,9 @@ from ropeode.study.sweep.key import digest
 
 # Of one task. More would lose more work where a process is killed, and gain little.
 MOST_PROBLEMS = 64
+# Of problems in a sweep whose references are kept, each in a file: more files than that are a
+# burden to most file systems.
+MOST_KEPT = 100_000
 # Of the states of one run of all problems of a task.
 MOST_BYTES = 2**26
 # Parameters that say how large arrays are. Others may as well, in a user's problem; then what
@@ -29,12 +32,16 @@ class Task:
         folder: that the file of the problem is in, if it is from a file.
         surroundings: in which the keys were made.
         digest: sha256 of that file; None for a problem of the library.
+        keep: whether references are kept in the sweep's folder. All cases of a problem are in
+            one task, so that they are needed again only where a sweep is extended or a task
+            was interrupted.
         cases: of problems of one shape.
     """
 
     folder: Path
     surroundings: Mapping[str, str]
     digest: str | None
+    keep: bool
     cases: tuple[Case, ...]
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from ropeode.study.sweep.columns import RESULTS, failed_row
 from ropeode.study.sweep.key import surroundings
 from ropeode.study.sweep.makers import FileMaker, Maker, maker_for
 from ropeode.study.sweep.references import Known, Refused, known_reference
-from ropeode.study.sweep.runs import Run, Subject, run, subject
+from ropeode.study.sweep.runs import Run, Subject, run_all, subject
 from ropeode.validation import in_one_line
 
 Row = dict[str, Any]
@@ -36,28 +36,45 @@ def evaluate(task: Task, folder: Path) -> list[Row]:
         folder: of the sweep, where references are kept.
 
     Raises:
-        InputError: a reference cannot be written.
+        InputError: a reference cannot be written; or this process has other software than the
+            keys were made with, or another file of the problem, so that its rows would not be
+            those that the keys name.
     """
-    try:
-        maker = _maker(task)
-    except InputError as error:
-        return [failed_row(case.values(), "failed", in_one_line(error)) for case in task.cases]
-    problems: dict[str, list[Case]] = {}
-    for case in task.cases:
-        problems.setdefault(case.problem_key, []).append(case)
+    maker = _maker(task)
     rows: dict[str, Row] = {}
-    for cases in problems.values():
-        rows |= _rows(maker, cases, folder)
+    subjects: dict[str, Subject] = {}
+    references: dict[str, Known | Refused] = {}
+    for key, cases in _grouped(task.cases, lambda case: case.problem_key).items():
+        first = cases[0]
+        try:
+            problem = maker.build(first.parameters)
+            norm = norm_for(problem, first.settings.norm)
+        except Exception as error:
+            rows |= _failed(cases, error)
+            continue
+        known = known_reference(folder, key, problem, first.settings.asked, keep=task.keep)
+        subjects[key] = subject(problem, norm, known if isinstance(known, Known) else None)
+        references[key] = known
+    left = [case for case in task.cases if case.problem_key in subjects]
+    for label, cases in _grouped(left, lambda case: case.stepper).items():
+        rows |= _of_stepper(stepper_named(label), cases, subjects)
+    for case in left:
+        row = rows[case.key]
+        if row["status"] != "failed":
+            key = case.problem_key
+            _tell_reference(row, subjects[key], references[key], key)
     return [rows[case.key] for case in task.cases]
 
 
-def _maker(task: Task) -> Maker:
-    """What makes the problems of a task.
+def _grouped(cases: Iterable[Case], by: Callable[[Case], str]) -> dict[str, list[Case]]:
+    found: dict[str, list[Case]] = {}
+    for case in cases:
+        found.setdefault(by(case), []).append(case)
+    return found
 
-    Raises:
-        InputError: this process has other software than the keys were made with, or another
-            file of the problem, so that the rows would not be those that the keys name.
-    """
+
+def _maker(task: Task) -> Maker:
+    """What makes the problems of a task; raises as `evaluate` does."""
     first = task.cases[0]
     here = surroundings(str(first.settings.asked.get("level", "consensus")))
     if different := [name for name in here if here[name] != task.surroundings.get(name)]:
@@ -75,54 +92,93 @@ def _maker(task: Task) -> Maker:
     return maker
 
 
-def _rows(maker: Maker, cases: Sequence[Case], folder: Path) -> dict[str, Row]:
-    """The rows of the cases of one problem, by key."""
-    first = cases[0]
-    try:
-        problem = maker.build(first.parameters)
-        norm = norm_for(problem, first.settings.norm)
-    except Exception as error:
-        return _failed(cases, error)
-    known = known_reference(folder, first.problem_key, problem, first.settings.asked)
-    of = subject(problem, norm, known if isinstance(known, Known) else None)
-    rows: dict[str, Row] = {}
-    for label in dict.fromkeys(case.stepper for case in cases):
-        own = [case for case in cases if case.stepper == label]
-        try:
-            rows |= _of_stepper(of, stepper_named(label), own)
-        except Exception as error:
-            rows |= _failed(own, error)
-    for row in rows.values():
-        if row["status"] != "failed":
-            _tell_reference(row, of, known, first.problem_key)
-    return rows
-
-
 def _failed(cases: Sequence[Case], error: Exception) -> dict[str, Row]:
     why = in_one_line(error)
     return {case.key: failed_row(case.values(), "failed", why) for case in cases}
 
 
-def _of_stepper(of: Subject, stepper: Stepper, cases: Sequence[Case]) -> dict[str, Row]:
-    """The rows of the cases of one problem with one stepper, by key."""
-    settings = cases[0].settings
-    factors = settings.order_factors if of.known is not None else ()
-    asked = {case.steps_per_frame for case in cases}
-    needed = sorted({n * factor for n in asked for factor in (1, *factors)})
-    # What several cases need is run once.
-    runs = {n: run(of, stepper, n, motion_too=n in asked) for n in needed}
-    stability = _stability(of, stepper) if settings.largest_stable_dt else {}
-    rows = {}
+def _of_stepper(
+    stepper: Stepper, cases: Sequence[Case], subjects: Mapping[str, Subject]
+) -> dict[str, Row]:
+    """The rows of the cases that have one stepper, by key."""
+    runs = _runs(stepper, cases, subjects)
+    rows: dict[str, Row] = {}
+    stability: dict[str, Row] = {}
     for case in cases:
-        found = runs[case.steps_per_frame]
-        row = {**case.values(), **dict.fromkeys(RESULTS), **_of_run(found), **stability}
-        if found.status == "diverged":
-            _add_reason(row, f"no longer finite at frame {found.diverged_at}")
-        if factors:
-            ladder = {case.steps_per_frame * f: runs[case.steps_per_frame * f] for f in factors}
-            row |= _order(of, stepper, ladder)
-        rows[case.key] = row
+        key, of = case.problem_key, subjects[case.problem_key]
+        try:
+            if case.settings.largest_stable_dt and key not in stability:
+                stability[key] = _stability(of, stepper)
+            ladder = {n: runs[key, n] for n in _ladder(case, of)}
+            rows[case.key] = _row(of, stepper, case, ladder, stability.get(key, {}))
+        except Exception as error:
+            rows |= _failed([case], error)
     return rows
+
+
+def _ladder(case: Case, of: Subject) -> list[int]:
+    """The numbers of steps that a case needs, its own first."""
+    factors = case.settings.order_factors if of.known is not None else ()
+    return [case.steps_per_frame * factor for factor in (factors or (1,))]
+
+
+def _runs(
+    stepper: Stepper, cases: Sequence[Case], subjects: Mapping[str, Subject]
+) -> dict[tuple[str, int], Run | Exception]:
+    """All the runs that cases need, each made once, by problem and number of steps."""
+    asked = {(case.problem_key, case.steps_per_frame) for case in cases}
+    needed: dict[int, dict[str, Subject]] = {}
+    for case in cases:
+        of = subjects[case.problem_key]
+        for n in _ladder(case, of):
+            needed.setdefault(n, {})[case.problem_key] = of
+    runs: dict[tuple[str, int], Run | Exception] = {}
+    for n, together in needed.items():
+        keys = list(together)
+        words = [(key, n) in asked for key in keys]
+        try:
+            found = run_all(list(together.values()), stepper, n, words)
+        except Exception:
+            # One of them it is; the others are not to suffer for it.
+            found = [
+                _alone(of, stepper, n, word)
+                for of, word in zip(together.values(), words, strict=True)
+            ]
+        runs |= {(key, n): run for key, run in zip(keys, found, strict=True)}
+    return runs
+
+
+def _alone(of: Subject, stepper: Stepper, steps_per_frame: int, words: bool) -> Run | Exception:
+    try:
+        return run_all([of], stepper, steps_per_frame, [words])[0]
+    except Exception as error:
+        return error
+
+
+def _row(
+    of: Subject,
+    stepper: Stepper,
+    case: Case,
+    ladder: Mapping[int, Run | Exception],
+    stability: Row,
+) -> Row:
+    """A row without what it says of the reference.
+
+    Raises:
+        Exception: that one of its runs ended with.
+    """
+    runs = {}
+    for n, run in ladder.items():
+        if isinstance(run, Exception):
+            raise run
+        runs[n] = run
+    own = runs[case.steps_per_frame]
+    row = {**case.values(), **dict.fromkeys(RESULTS), **_of_run(own), **stability}
+    if own.status == "diverged":
+        _add_reason(row, f"no longer finite at frame {own.diverged_at}")
+    if of.known is not None and case.settings.order_factors:
+        row |= _order(of, stepper, runs)
+    return row
 
 
 def _of_run(found: Run) -> Row:

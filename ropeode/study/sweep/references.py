@@ -45,7 +45,7 @@ class Refused(NamedTuple):
 
 
 def known_reference(
-    folder: Path, key: str, problem: Problem, asked: Mapping[str, Any]
+    folder: Path, key: str, problem: Problem, asked: Mapping[str, Any], *, keep: bool
 ) -> Known | Refused:
     """The reference of a problem, from the folder, or else made and kept there.
 
@@ -56,6 +56,7 @@ def known_reference(
         key: of the problem.
         problem: what to solve.
         asked: of the reference, as `ropeode.reference` takes it.
+        keep: whether one that is made is to be kept.
 
     Raises:
         InputError: the file cannot be written.
@@ -72,8 +73,9 @@ def known_reference(
         return Refused(in_one_line(error))
     else:
         found, told = _inside(made), _told(made)
-    make_folder(path.parent)
-    write_whole(path, _packed(key, found, told))
+    if keep:
+        make_folder(path.parent)
+        write_whole(path, _packed(key, found, told))
     return found
 
 

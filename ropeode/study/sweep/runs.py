@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from ropeode.analysis.errors import RESOLUTION_FACTOR, ErrorSeries
 from ropeode.analysis.motion import Words, motion_words
-from ropeode.analysis.roundoff import in_other_units, round_off
+from ropeode.analysis.roundoff import from_double, in_other_units
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance
 from ropeode.problems.problem import Problem
@@ -76,35 +77,65 @@ class Run:
     round_off: float | None = None
 
 
-def run(subject: Subject, stepper: Stepper, steps_per_frame: int, motion_too: bool) -> Run:
-    """Run a stepper on a problem, and again in other units if there is a reference.
+def run_all(
+    subjects: Sequence[Subject], stepper: Stepper, steps_per_frame: int, motion_too: Sequence[bool]
+) -> list[Run]:
+    """Run a stepper on many problems, and again in other units where there is a reference.
 
     Arguments:
-        subject: the problem.
+        subjects: the problems.
         stepper: that is run.
         steps_per_frame: equal steps in each frame.
-        motion_too: whether the motion of a rope is to be told.
+        motion_too: for each problem, whether the motion of a rope is to be told.
     """
-    trajectory = simulate(subject.problem, stepper, steps_per_frame)
+    runs = _simulated([each.problem for each in subjects], stepper, steps_per_frame)
+    known = [
+        each.known is not None and run.status == "ok"
+        for each, run in zip(subjects, runs, strict=True)
+    ]
+    doubles = iter(
+        _simulated(
+            [each.rescaled for each, yes in zip(subjects, known, strict=True) if yes],
+            stepper,
+            steps_per_frame,
+        )
+    )
+    return [
+        _run(each, run, next(doubles) if yes else None, _words(run) if words else None)
+        for each, run, yes, words in zip(subjects, runs, known, motion_too, strict=True)
+    ]
+
+
+def _simulated(
+    problems: Sequence[Problem], stepper: Stepper, steps_per_frame: int
+) -> list[Trajectory]:
+    """The runs of all problems."""
+    return [simulate(problem, stepper, steps_per_frame) for problem in problems]
+
+
+def _run(
+    subject: Subject, trajectory: Trajectory, double: Trajectory | None, words: Words | None
+) -> Run:
     found = Run(
         dt=trajectory.dt,
         status=trajectory.status,
         diverged_at=trajectory.diverged_at,
         rhs_evaluations=trajectory.rhs_evaluations,
-        words=_words(trajectory) if motion_too else None,
+        words=words,
     )
-    if subject.known is None or trajectory.status != "ok":
+    if double is None:
         return found
-    known, norm = subject.known, subject.norm
-    trusted = len(known.states)
-    apart = distance(subject.problem, norm, trajectory.states[:trusted], known.states)
+    assert subject.known is not None
+    norm, states = subject.norm, subject.known.states
+    trusted = len(states)
+    apart = distance(subject.problem, norm, trajectory.states[:trusted], states)
     series = ErrorSeries(norm, trajectory.times[1:trusted], apart[1:], subject.resolution)
     return dataclasses.replace(
         found,
         error_final=series.final,
         error_max=series.max,
         error_rms=series.rms,
-        round_off=round_off(trajectory, subject.rescaled, trusted, norm),
+        round_off=from_double(trajectory, double, trusted, norm),
     )
 
 

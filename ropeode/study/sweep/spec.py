@@ -18,7 +18,7 @@ from ropeode.problems.problem import Problem
 from ropeode.steppers import stepper as stepper_named
 from ropeode.study.accuracy_table import check_steppers, check_steps, default_steppers
 from ropeode.study.spec import StudySpec, kind_apart, read_spec
-from ropeode.study.sweep.batches import SHAPES, Task, batched
+from ropeode.study.sweep.batches import MOST_KEPT, SHAPES, Task, batched
 from ropeode.study.sweep.cases import Case, Design, Settings
 from ropeode.study.sweep.columns import COLUMNS, Column
 from ropeode.study.sweep.draws import Distribution, check_count, check_seeds
@@ -163,8 +163,9 @@ class SweepSpec:
         settings = self._design.settings
         around = surroundings(str(settings.asked["level"]))
         digest = self._maker.digest if isinstance(self._maker, FileMaker) else None
+        keep = self._design.problems <= MOST_KEPT
         for cases in batched(self._design, first):
-            yield Task(self._folder, around, digest, cases)
+            yield Task(self._folder, around, digest, keep, cases)
 
     def _designed(self, tables: _Tables) -> Design:
         fields, maker = self.fields, self._maker
