@@ -215,13 +215,8 @@ class Problem:
             args: arguments, arrays of the shapes of this one's.
             parameters: what the new problem was made from.
         """
-        other = copy.copy(self)
-        other._set("y0", y0)
-        other._set("args", args)
-        other._set("parameters", parameters)
-        # It may know of these numbers.
-        other._set("exact", None)
-        return other
+        # What is exact may know of the old numbers.
+        return self.changed(y0=y0, args=args, parameters=parameters, exact=None)
 
     @property
     def quantities(self) -> tuple[str, ...]:

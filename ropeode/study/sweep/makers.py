@@ -146,10 +146,10 @@ class RopeMaker(Maker):
         if rope.num_nodes < 2 or not _moderate(y0, *args):
             return rope.problem(frames)
         # The equations of all ropes of a shape are the same, and trying them takes milliseconds.
-        return _shaped(self.name, *nodes.x0.shape, frames).changed(
-            y0=y0,
-            args=type(args)(*(np.array(each, dtype=np.float64) for each in args)),
-            parameters={"kind": self.name, "frames": frames, **rope.model_dump(mode="json")},
+        return _shaped(self.name, *nodes.x0.shape, frames).with_numbers(
+            y0,
+            type(args)(*(np.array(each, dtype=np.float64) for each in args)),
+            {"kind": self.name, "frames": frames, **rope.model_dump(mode="json")},
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ropeode.analysis.motion import Words, motion_words
 from ropeode.analysis.roundoff import from_double, in_other_units
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance
+from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import motion
 from ropeode.simulation import Trajectory, simulate
@@ -109,8 +110,19 @@ def run_all(
 def _simulated(
     problems: Sequence[Problem], stepper: Stepper, steps_per_frame: int
 ) -> list[Trajectory]:
-    """The runs of all problems."""
-    return [simulate(problem, stepper, steps_per_frame) for problem in problems]
+    """The runs of all problems, those of one family side by side."""
+    families: dict[Any, list[int]] = {}
+    for index, problem in enumerate(problems):
+        families.setdefault(family(problem), []).append(index)
+    runs: dict[int, Trajectory] = {}
+    for indices in families.values():
+        # Programs are compiled for a number of members; so for few numbers.
+        full = 1 << (len(indices) - 1).bit_length()
+        padded = indices + indices[-1:] * (full - len(indices))
+        together = Ensemble.of([problems[index] for index in padded])
+        found = simulate(together, stepper, steps_per_frame)
+        runs |= {index: found[at] for at, index in enumerate(indices)}
+    return [runs[index] for index in range(len(problems))]
 
 
 def _run(
