@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from ropeode.simulation import Trajectory, simulate
 
 # The ratio of the units. Any number does whose binary digits have no pattern; near 1, so that
 # the last place of most numbers stays worth about the same.
-_RATIO = 1.0 / 0.8414709848078965
+_INVERSE = 0.8414709848078965
+_RATIO = 1.0 / _INVERSE
 
 
 def in_other_units(problem: Problem) -> Problem:
@@ -25,6 +26,7 @@ def in_other_units(problem: Problem) -> Problem:
     floating point every single rounding differs.
     """
     mechanics = problem.mechanics
+    in_turn = mechanics is not None and mechanics.in_turn
     if mechanics is None:
         rhs: Any = _ScaledRhs(problem.rhs)
     else:
@@ -35,11 +37,12 @@ def in_other_units(problem: Problem) -> Problem:
             damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,
             node_axis=mechanics.node_axis,
             links=_ScaledLinks(mechanics.links) if mechanics.links else None,
+            in_turn=mechanics.in_turn,
         )
     return problem.changed(
         rhs=rhs,
         y0=problem.y0 * _RATIO,
-        args=(np.asarray(_RATIO), problem.args),
+        args=(_units(in_turn), problem.args),
         mechanics=mechanics,
         # What is said of the problem in its own units.
         energy=None,
@@ -65,23 +68,33 @@ def round_off(trajectory: Trajectory, rescaled: Problem, samples: int, norm: Nor
         norm: how distances are measured.
     """
     double = simulate(rescaled, trajectory.stepper, trajectory.steps_per_frame)
-    return from_double(trajectory, double, samples, norm)
-
-
-def from_double(trajectory: Trajectory, double: Trajectory, samples: int, norm: Norm) -> float:
-    """The same, with the double run already.
-
-    Arguments:
-        trajectory: as for `round_off`.
-        double: the run of the problem `in_other_units`.
-        samples: as for `round_off`.
-        norm: as for `round_off`.
-    """
     if double.status != "ok":
         return np.inf
-    states = double.states[:samples] / _RATIO
+    states = in_own_units(double.states[:samples])
     apart = distance(trajectory.problem, norm, states, trajectory.states[:samples])
     return float(np.max(apart))
+
+
+def in_own_units(states: np.ndarray) -> np.ndarray:
+    """States of a problem `in_other_units`, measured as in the problem itself."""
+    return states / _RATIO
+
+
+class _Units(NamedTuple):
+    """The ratio of two units, and its inverse.
+
+    Not one of them to divide by: XLA multiplies by the inverse of a single number, but divides
+    by many, so that an ensemble would be rounded in another way than its members alone.
+    """
+
+    ratio: Any
+    inverse: Any
+
+
+def _units(in_turn: bool) -> _Units:
+    """For ropes that may stand in turn: like vectors that are the same for all nodes."""
+    shape = (1, 1) if in_turn else ()
+    return _Units(np.full(shape, _RATIO), np.full(shape, _INVERSE))
 
 
 # Classes and not closures: equal ones hash equally, so that compiled programs are found again.
@@ -92,8 +105,8 @@ class _ScaledRhs:
     rhs: Callable
 
     def __call__(self, t: Any, y: Any, args: Any) -> Any:
-        ratio, args = args
-        return ratio * self.rhs(t, y / ratio, args)
+        units, args = args
+        return units.ratio * self.rhs(t, units.inverse * y, args)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,8 +114,9 @@ class _ScaledAcceleration:
     acceleration: Callable
 
     def __call__(self, t: Any, x: Any, v: Any, args: Any) -> Any:
-        ratio, args = args
-        return ratio * self.acceleration(t, x / ratio, v / ratio, args)
+        units, args = args
+        x, v = units.inverse * x, units.inverse * v
+        return units.ratio * self.acceleration(t, x, v, args)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,6 +132,10 @@ class _ScaledLinks:
     links: Callable
 
     def __call__(self, args: Any) -> Links:
-        ratio, args = args
+        units, args = args
         links = self.links(args)
-        return links._replace(length=ratio * links.length, acceleration=ratio * links.acceleration)
+        # Of nodes in turn there are more than of links; it is the same for all of them.
+        of_links = units.ratio.reshape(-1)[: links.length.shape[-1]]
+        return links._replace(
+            length=of_links * links.length, acceleration=units.ratio * links.acceleration
+        )

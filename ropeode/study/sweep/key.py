@@ -34,7 +34,7 @@ SOURCES = (
     "precision.py",
     "problems",
     "references",
-    "simulation.py",
+    "simulation",
     "steppers",
     "study/accuracy_table.py",
     "study/spec.py",

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+import functools
+from collections.abc import Hashable, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from ropeode.analysis.errors import RESOLUTION_FACTOR, ErrorSeries
 from ropeode.analysis.motion import Words, motion_words
-from ropeode.analysis.roundoff import from_double, in_other_units
+from ropeode.analysis.roundoff import in_other_units, in_own_units
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance
 from ropeode.problems.ensemble import Ensemble, family
@@ -30,6 +31,7 @@ class Subject(NamedTuple):
         norm: in which errors are measured.
         known: its reference; None if there is none.
         size: how far it moves inside the horizon; infinite without a reference.
+        family: equal for problems that can be run side by side, in other units too.
     """
 
     problem: Problem
@@ -37,6 +39,18 @@ class Subject(NamedTuple):
     norm: Norm
     known: Known | None
     size: float
+    family: Hashable
+
+    @property
+    def states(self) -> np.ndarray:
+        """The reference at the trusted samples."""
+        assert self.known is not None
+        return self.known.states
+
+    @property
+    def trusted(self) -> int:
+        """The number of these samples."""
+        return len(self.states)
 
     @property
     def resolution(self) -> np.ndarray:
@@ -48,7 +62,7 @@ class Subject(NamedTuple):
 def subject(problem: Problem, norm: Norm, known: Known | None) -> Subject:
     """A problem, ready to be run."""
     size = np.inf if known is None else float(motion(problem, known.states, norm)[-1])
-    return Subject(problem, in_other_units(problem), norm, known, size)
+    return Subject(problem, in_other_units(problem), norm, known, size, family(problem))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,72 +97,110 @@ def run_all(
 ) -> list[Run]:
     """Run a stepper on many problems, and again in other units where there is a reference.
 
+    What becomes of each does not depend on the others.
+
     Arguments:
         subjects: the problems.
         stepper: that is run.
         steps_per_frame: equal steps in each frame.
         motion_too: for each problem, whether the motion of a rope is to be told.
     """
-    runs = _simulated([each.problem for each in subjects], stepper, steps_per_frame)
-    known = [
-        each.known is not None and run.status == "ok"
-        for each, run in zip(subjects, runs, strict=True)
-    ]
-    doubles = iter(
-        _simulated(
-            [each.rescaled for each, yes in zip(subjects, known, strict=True) if yes],
-            stepper,
-            steps_per_frame,
+    families: dict[Hashable, list[int]] = {}
+    for index, each in enumerate(subjects):
+        families.setdefault(each.family, []).append(index)
+    runs: dict[int, Run] = {}
+    for indices in families.values():
+        alike = [subjects[index] for index in indices]
+        words = [motion_too[index] for index in indices]
+        found = _run_family(alike, stepper, steps_per_frame, words)
+        runs |= zip(indices, found, strict=True)
+    return [runs[index] for index in range(len(subjects))]
+
+
+def _run_family(
+    subjects: Sequence[Subject], stepper: Stepper, steps_per_frame: int, motion_too: Sequence[bool]
+) -> list[Run]:
+    trajectories = _simulated([each.problem for each in subjects], stepper, steps_per_frame)
+    runs = [
+        Run(
+            dt=each.dt,
+            status=each.status,
+            diverged_at=each.diverged_at,
+            rhs_evaluations=each.rhs_evaluations,
+            words=_words(each) if words else None,
         )
-    )
-    return [
-        _run(each, run, next(doubles) if yes else None, _words(run) if words else None)
-        for each, run, yes, words in zip(subjects, runs, known, motion_too, strict=True)
+        for each, words in zip(trajectories, motion_too, strict=True)
     ]
+    held = [
+        index
+        for index, (each, run) in enumerate(zip(subjects, runs, strict=True))
+        if each.known is not None and run.status == "ok"
+    ]
+    if not held:
+        return runs
+    known = [subjects[index] for index in held]
+    doubles = _simulated([each.rescaled for each in known], stepper, steps_per_frame)
+    inside = [
+        trajectories[index].states[: each.trusted] for index, each in zip(held, known, strict=True)
+    ]
+    errors = _apart(known, inside, [each.states for each in known])
+    noise = _apart(
+        known,
+        inside,
+        [in_own_units(run.states[: of.trusted]) for run, of in zip(doubles, known, strict=True)],
+    )
+    for place, index in enumerate(held):
+        times = trajectories[index].times[1 : known[place].trusted]
+        resolution = known[place].resolution
+        series = ErrorSeries(known[place].norm, times, errors[place][1:], resolution)
+        whole = doubles[place].status == "ok"
+        runs[index] = dataclasses.replace(
+            runs[index],
+            error_final=series.final,
+            error_max=series.max,
+            error_rms=series.rms,
+            round_off=float(np.max(noise[place])) if whole else np.inf,
+        )
+    return runs
 
 
 def _simulated(
     problems: Sequence[Problem], stepper: Stepper, steps_per_frame: int
 ) -> list[Trajectory]:
-    """The runs of all problems, those of one family side by side."""
-    families: dict[Any, list[int]] = {}
-    for index, problem in enumerate(problems):
-        families.setdefault(family(problem), []).append(index)
-    runs: dict[int, Trajectory] = {}
-    for indices in families.values():
-        # Programs are compiled for a number of members; so for few numbers.
-        full = 1 << (len(indices) - 1).bit_length()
-        padded = indices + indices[-1:] * (full - len(indices))
-        together = Ensemble.of([problems[index] for index in padded])
-        found = simulate(together, stepper, steps_per_frame)
-        runs |= {index: found[at] for at, index in enumerate(indices)}
-    return [runs[index] for index in range(len(problems))]
+    """The runs of problems of one family."""
+    if stepper.iterates:
+        return [simulate(problem, stepper, steps_per_frame) for problem in problems]
+    # Programs are compiled for a number of members; so for few numbers.
+    full = 1 << (len(problems) - 1).bit_length()
+    spare = full - len(problems)
+    together = _ensemble((*problems, *(problems[-1] for _ in range(spare))))
+    found = simulate(together, stepper, steps_per_frame)
+    return [found[index] for index in range(len(problems))]
 
 
-def _run(
-    subject: Subject, trajectory: Trajectory, double: Trajectory | None, words: Words | None
-) -> Run:
-    found = Run(
-        dt=trajectory.dt,
-        status=trajectory.status,
-        diverged_at=trajectory.diverged_at,
-        rhs_evaluations=trajectory.rhs_evaluations,
-        words=words,
-    )
-    if double is None:
-        return found
-    assert subject.known is not None
-    norm, states = subject.norm, subject.known.states
-    trusted = len(states)
-    apart = distance(subject.problem, norm, trajectory.states[:trusted], states)
-    series = ErrorSeries(norm, trajectory.times[1:trusted], apart[1:], subject.resolution)
-    return dataclasses.replace(
-        found,
-        error_final=series.final,
-        error_max=series.max,
-        error_rms=series.rms,
-        round_off=from_double(trajectory, double, trusted, norm),
-    )
+@functools.lru_cache(maxsize=4)
+def _ensemble(problems: tuple[Problem, ...]) -> Ensemble:
+    """The same problems are run with many numbers of steps."""
+    return Ensemble.of(problems)
+
+
+def _apart(
+    subjects: Sequence[Subject], some: Sequence[np.ndarray], others: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """The distances of pairs of trajectories, all in one go.
+
+    Arguments:
+        subjects: whose they are, of one family and with one norm.
+        some: states of each, ``(times, *state)``.
+        others: the same; where one has fewer times, the others do not count.
+    """
+    counts = [min(len(a), len(b)) for a, b in zip(some, others, strict=True)]
+    pairs = [
+        np.concatenate([each[:count] for each, count in zip(series, counts, strict=True)])
+        for series in (some, others)
+    ]
+    first = subjects[0]
+    return np.split(distance(first.problem, first.norm, *pairs), np.cumsum(counts)[:-1])
 
 
 def _words(trajectory: Trajectory) -> Words | None:

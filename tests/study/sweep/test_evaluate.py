@@ -6,12 +6,18 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from ropeode.analysis.motion import classify_motion
 from ropeode.analysis.stability import stability_limit
 from ropeode.errors import InputError
+from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
 from ropeode.references.reference import motion, reference
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
@@ -19,6 +25,7 @@ from ropeode.study.sweep import references
 from ropeode.study.sweep.columns import STATUSES
 from ropeode.study.sweep.evaluate import evaluate
 from ropeode.study.sweep.references import reference_path
+from ropeode.study.sweep.runs import _apart, subject
 from ropeode.study.sweep.spec import SweepSpec, read_sweep
 
 evaluation = importlib.import_module("ropeode.study.sweep.evaluate")
@@ -255,3 +262,20 @@ def test_other_software_than_the_keys_were_made_with(small, folder):
     elsewhere = dataclasses.replace(task, surroundings={**task.surroundings, "jax": "0.0.1"})
     with pytest.raises(InputError, match=r"worker: it has jax .* and not 0.0.1; allowed: "):
         evaluate(elsewhere, folder)
+
+
+@given(st.sampled_from(sorted(NORMS)), st.integers(1, 9), st.integers(0, 10**6))
+@settings(max_examples=30, deadline=None)
+def test_distances_all_in_one_go_are_those_one_by_one(name, nodes, seed):
+    rng = np.random.default_rng(seed)
+    if NORMS[name].quantity == "state":
+        problem = Problem(lambda t, y, args: -y, np.ones(nodes), [0.0, 1.0])
+    else:
+        problem = Rope(num_nodes=nodes).problem(1)
+    lengths = rng.integers(1, 6, size=(3, 2))
+    some, others = (
+        [rng.normal(size=(times, *problem.y0.shape)) for times in column] for column in lengths.T
+    )
+    of = subject(problem, NORMS[name], None)
+    for found, a, b in zip(_apart([of] * 3, some, others), some, others, strict=True):
+        assert np.array_equal(found, distance(problem, NORMS[name], a, b))
