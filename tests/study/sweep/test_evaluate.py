@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from ropeode.analysis.motion import classify_motion
 from ropeode.analysis.stability import stability_limit
-from ropeode.errors import InputError
+from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
@@ -175,21 +175,20 @@ def test_a_reference_that_is_not_as_it_was_written_is_made_again(small, folder, 
     assert path.read_bytes() == whole
 
 
-def test_a_run_that_diverges_is_a_row(folder):
-    values = {
-        "problem": "lorenz",
-        "steppers": ["explicit-euler"],
-        "steps_per_frame": [2],
-        "parameters": {"duration": 6.0, "frames": 12},
-    }
-    (row,) = rows_of(SweepSpec(values), folder)
-    assert row["status"] == "diverged"
-    assert row["reason"] == f"no longer finite at frame {row['diverged_at']}"
-    assert row["error_max"] is None
-    assert row["resolved"] is False
-    assert row["order_left_out"].startswith("unstable: 2")
-    assert row["motion"] is None
-    assert row["norm"] == "state-max"
+def test_a_run_that_diverges_is_a_row(tmp_path, monkeypatch):
+    def refusing(problem, **asked):
+        raise ReferenceRefused("it is too stiff")
+
+    # Explicit Euler multiplies velocities by 1 - damping dt.
+    monkeypatch.setattr(references, "reference", refusing)
+    values = {**VALUES, "steppers": ["explicit-euler"], "grid": {"damping": [1.0, 1e150]}}
+    rows = rows_of(SweepSpec({**values, "largest_stable_dt": False}), tmp_path)
+    assert [row["status"] for row in rows] == ["no-reference"] * 3 + ["diverged"] * 3
+    for row in rows[3:]:
+        told = f"no longer finite at frame {row['diverged_at']}; it is too stiff"
+        assert row["reason"] == told
+        assert row["motion"] == "diverges"
+        assert row["error_max"] is row["resolved"] is row["order_verdict"] is None
 
 
 def test_no_reference_is_a_row(folder):
@@ -264,18 +263,25 @@ def test_other_software_than_the_keys_were_made_with(small, folder):
         evaluate(elsewhere, folder)
 
 
-@given(st.sampled_from(sorted(NORMS)), st.integers(1, 9), st.integers(0, 10**6))
+@pytest.fixture(scope="module")
+def shapes():
+    """Problems with one, few and many nodes, mechanical and not."""
+    sizes = (1, 2, 9)
+    return {
+        "state": [Problem(lambda t, y, args: -y, np.ones(size), [0.0, 1.0]) for size in sizes],
+        "other": [Rope(num_nodes=size).problem(1) for size in sizes],
+    }
+
+
+@given(st.sampled_from(sorted(NORMS)), st.integers(0, 2), st.integers(0, 10**6))
 @settings(max_examples=30, deadline=None)
-def test_distances_all_in_one_go_are_those_one_by_one(name, nodes, seed):
-    rng = np.random.default_rng(seed)
-    if NORMS[name].quantity == "state":
-        problem = Problem(lambda t, y, args: -y, np.ones(nodes), [0.0, 1.0])
-    else:
-        problem = Rope(num_nodes=nodes).problem(1)
+def test_distances_all_in_one_go_are_those_one_by_one(shapes, name, size, seed):
+    rng, norm = np.random.default_rng(seed), NORMS[name]
+    problem = shapes.get(norm.quantity, shapes["other"])[size]
     lengths = rng.integers(1, 6, size=(3, 2))
     some, others = (
         [rng.normal(size=(times, *problem.y0.shape)) for times in column] for column in lengths.T
     )
-    of = subject(problem, NORMS[name], None)
+    of = subject(problem, norm, None)
     for found, a, b in zip(_apart([of] * 3, some, others), some, others, strict=True):
-        assert np.array_equal(found, distance(problem, NORMS[name], a, b))
+        assert np.array_equal(found, distance(problem, norm, a, b))

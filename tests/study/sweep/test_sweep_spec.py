@@ -80,7 +80,7 @@ def small():
 
 def test_tasks_hold_every_case_once_and_one_shape_each():
     text = SMALL.replace("num_nodes = 3\n", "").replace(
-        "[random]", "frames = [2, 3]\n[random]\nnum_nodes = { integers = [2, 4] }"
+        "[random]", "frames = [2, 3]\n[random]\nnum_nodes = { integers = [2, 3] }"
     )
     spec = sweep(text.replace("frames = 3\n", ""))
     tasks = list(spec.tasks())
