@@ -11,6 +11,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import jax
+
 import ropeode
 
 # What takes part in computing a row; diffrax's solvers come from the last three.
@@ -82,6 +84,7 @@ def _surroundings() -> Mapping[str, str]:
         **{name: metadata.version(name) for name in PACKAGES},
         "python": platform.python_version(),
         "machine": platform.machine(),
+        "backend": jax.default_backend(),
         "source": _source_digest(),
     }
 

@@ -69,7 +69,7 @@ def test_what_is_written_as_the_default_is_no_change(found):
     assert only_case({**VALUES, "steppers": ["rk4:"]}).key == found["plain"].key
 
 
-@pytest.mark.parametrize("name", ["jax", "numpy", "python", "machine", "source"])
+@pytest.mark.parametrize("name", ["jax", "numpy", "python", "machine", "backend", "source"])
 def test_every_version_counts(found, monkeypatch, name):
     other = {**surroundings(), name: "another"}
     cases._surroundings_digest.cache_clear()
