@@ -1,4 +1,4 @@
-"""float64 for the length of a call, whatever the caller's JAX configuration is."""
+"""float64: for the length of a call, or in a process that is all ours."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
 import jax
+import platformdirs
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -26,3 +27,13 @@ def in_float64(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
 
     return wrapper
+
+
+def set_up_jax() -> None:
+    """Use 64-bit types, and a compilation cache in the user's cache folder, in all of a process."""
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update(
+        "jax_compilation_cache_dir", str(platformdirs.user_cache_path("ropeode") / "compiled")
+    )
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

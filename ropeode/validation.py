@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import importlib
 import math
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
@@ -244,4 +245,24 @@ def check_positive(name: str, value: Any, *, example: str) -> float:
                 f"a finite number > 0 ({error})",
                 f"for example {name}={example}",
             )
+        ) from None
+
+
+def require(package: str, extra: str, purpose: str) -> None:
+    """See whether a package that not every user needs can be imported.
+
+    Arguments:
+        package: its name in `import`.
+        extra: of ropeode, that installs it.
+        purpose: what it is needed for, as a plural noun.
+
+    Raises:
+        InputError: it cannot.
+    """
+    try:
+        importlib.import_module(package)
+    except ImportError as error:
+        raise InputError(
+            f"{package}: it cannot be imported ({error}); allowed: {purpose} with the extra "
+            f"{extra!r} only. Fix: pip install 'ropeode[{extra}]'"
         ) from None

@@ -46,15 +46,9 @@ def not_interrupted() -> Iterator[None]:
 
 def set_up_jax() -> None:
     """64-bit types, and a compilation cache in the user's cache folder."""
-    import jax
-    import platformdirs
+    from ropeode.precision import set_up_jax as set_up
 
-    jax.config.update("jax_enable_x64", True)
-    jax.config.update(
-        "jax_compilation_cache_dir", str(platformdirs.user_cache_path("ropeode") / "compiled")
-    )
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    set_up()
 
 
 @contextlib.contextmanager
@@ -76,6 +70,43 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
 
         def update(text: str, fraction: float) -> None:
             bar.update(task, description=text, completed=fraction)
+
+        yield update
+
+
+@contextlib.contextmanager
+def show_cases() -> Iterator[Callable[[int, int], None]]:
+    """A bar on standard error, if that is a terminal, with cases, their rate and the time left."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Cases per second, of late."""
+
+        def render(self, task: Task) -> Text:
+            return Text("" if task.speed is None else f"{task.speed:.3g} cases/s")
+
+    with Progress(
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    ) as bar:
+        task = bar.add_task("cases", total=None)
+
+        def update(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
 
         yield update
 

@@ -226,6 +226,12 @@ class FileMaker(Maker):
         return as_problem(self._found, self.name, rest.pop("frames", None), **rest)
 
 
+@functools.lru_cache(maxsize=4)
+def _file_maker(name: str, folder: Path, digest: str) -> FileMaker:
+    """That of a file as it is now; kept, so that what its functions compile to is kept too."""
+    return FileMaker(name, folder, digest)
+
+
 def maker_for(name: str, folder: Path) -> Maker:
     """The maker of a problem by its name.
 
@@ -238,7 +244,7 @@ def maker_for(name: str, folder: Path) -> Maker:
         UserCodeError: the user's file raised.
     """
     if ":" in name or name.endswith(".py"):
-        maker: Maker = FileMaker(name, folder, digest_of(name, folder))
+        maker: Maker = _file_maker(name, folder, digest_of(name, folder))
     elif name in ROPES:
         maker = RopeMaker(name)
     elif name in PROBLEMS:
