@@ -34,12 +34,17 @@ if TYPE_CHECKING:
     from ropeode.render.plots.energy import plot_energies
     from ropeode.render.plots.error import plot_errors
     from ropeode.render.plots.horizon import plot_horizon
+    from ropeode.render.plots.sweep_map import plot_sweep
     from ropeode.simulation import Trajectories, Trajectory, simulate, simulate_chunks
     from ropeode.steppers.base import ProblemClass, Stepper, System
     from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
     from ropeode.study.curves import energy_curves, error_curves
     from ropeode.study.horizon import Horizon, horizon
     from ropeode.study.node_paths import node_paths
+    from ropeode.study.sweep.load import load_sweep
+    from ropeode.study.sweep.run import run_sweep
+    from ropeode.study.sweep.spec import SweepSpec, read_sweep
+    from ropeode.study.sweep.summary import SweepSummary
 
 _MODULES = {
     "analysis.equilibrium": ("hanging_equilibrium",),
@@ -66,12 +71,17 @@ _MODULES = {
     "render.plots.energy": ("plot_energies",),
     "render.plots.error": ("plot_errors",),
     "render.plots.horizon": ("plot_horizon",),
+    "render.plots.sweep_map": ("plot_sweep",),
     "simulation": ("Trajectories", "Trajectory", "simulate", "simulate_chunks"),
     "steppers.base": ("ProblemClass", "Stepper", "System"),
     "study.accuracy_table": ("AccuracyTable", "accuracy_table"),
     "study.curves": ("energy_curves", "error_curves"),
     "study.horizon": ("Horizon", "horizon"),
     "study.node_paths": ("node_paths",),
+    "study.sweep.load": ("load_sweep",),
+    "study.sweep.run": ("run_sweep",),
+    "study.sweep.spec": ("SweepSpec", "read_sweep"),
+    "study.sweep.summary": ("SweepSummary",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -95,6 +105,8 @@ __all__ = [
     "Rope",
     "RopeodeError",
     "Stepper",
+    "SweepSpec",
+    "SweepSummary",
     "System",
     "Thresholds",
     "Trajectories",
@@ -116,6 +128,7 @@ __all__ = [
     "horizon",
     "load",
     "load_reference",
+    "load_sweep",
     "lyapunov_exponent",
     "node_paths",
     "observed_order",
@@ -123,8 +136,11 @@ __all__ = [
     "plot_energies",
     "plot_errors",
     "plot_horizon",
+    "plot_sweep",
+    "read_sweep",
     "reference",
     "rope_report",
+    "run_sweep",
     "save_reference",
     "simulate",
     "simulate_chunks",

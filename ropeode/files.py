@@ -51,6 +51,19 @@ def write_whole(path: Path, contents: str | bytes) -> None:
         part.write_bytes(contents.encode() if isinstance(contents, str) else contents)
 
 
+def make_folder(path: Path) -> None:
+    """A folder, with those that it is in, if it does not exist.
+
+    Raises:
+        InputError: the operating system refuses.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        allowed = f"a folder that can be made ({error.strerror})"
+        raise InputError(complaint("out", str(path), allowed, "choose another")) from error
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A new empty file beside `path`, to be written; at the end it takes the place of `path`.
@@ -103,3 +116,16 @@ def read_text(name: str, path: str | Path) -> str:
         raise InputError(
             complaint(name, str(path), f"a text file that can be read ({why})", "check the path")
         ) from error
+
+
+def read_bytes(name: str, path: str | Path) -> bytes:
+    """What is in a file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        allowed = f"a file that can be read ({error.strerror})"
+        raise InputError(complaint(name, str(path), allowed, "check the path")) from error

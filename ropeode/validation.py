@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import importlib
 import math
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
@@ -19,7 +20,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ropeode.errors import InputError
+from ropeode.errors import InputError, RopeodeError
 
 _LONGEST_VALUE_SHOWN = 60
 _LONGEST_TEXT_SHOWN = 200
@@ -75,7 +76,7 @@ def _lines(model: type[Input], error: ValidationError) -> list[str]:
     lines: dict[str, str] = {}
     for fault in error.errors():
         context = fault.get("ctx", {})
-        name = str(context.get("name", fault["loc"][0]))
+        name = str(context["name"] if "name" in context else fault["loc"][0])
         cause = context.get("error")
         if isinstance(cause, InputError):
             lines.update({line: line for line in cause.problems})
@@ -108,6 +109,12 @@ def shown(value: Any) -> str:
     text = " ".join(repr(value).split())
     longest = _LONGEST_TEXT_SHOWN if isinstance(value, str) else _LONGEST_VALUE_SHOWN
     return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def in_one_line(error: Exception) -> str:
+    """What an exception says, in one line; of what is not ropeode's own, its type as well."""
+    text = " ".join(str(error).split()) or "without a word"
+    return text if isinstance(error, RopeodeError) else f"{type(error).__name__}: {text}"
 
 
 def unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
@@ -238,4 +245,24 @@ def check_positive(name: str, value: Any, *, example: str) -> float:
                 f"a finite number > 0 ({error})",
                 f"for example {name}={example}",
             )
+        ) from None
+
+
+def require(package: str, extra: str, purpose: str) -> None:
+    """See whether a package that not every user needs can be imported.
+
+    Arguments:
+        package: its name in `import`.
+        extra: of ropeode, that installs it.
+        purpose: what it is needed for, as a plural noun.
+
+    Raises:
+        InputError: it cannot.
+    """
+    try:
+        importlib.import_module(package)
+    except ImportError as error:
+        raise InputError(
+            f"{package}: it cannot be imported ({error}); allowed: {purpose} with the extra "
+            f"{extra!r} only. Fix: pip install 'ropeode[{extra}]'"
         ) from None

@@ -191,6 +191,19 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -
     )
 
 
+def motion_words(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -> Words:
+    """The part of `classify_motion` that takes no energies, and so little time.
+
+    Arguments:
+        trajectory: as for `classify_motion`.
+        thresholds: where the words end.
+
+    Raises:
+        InputError: as `classify_motion`.
+    """
+    return _words(measured(trajectory), thresholds)
+
+
 def sensitivity(
     trajectory: Trajectory, thresholds: Thresholds = DEFAULTS
 ) -> tuple[Sensitivity, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Literal
 
@@ -160,21 +161,39 @@ def _asymptotic_range(log_dt: np.ndarray, log_error: np.ndarray) -> int:
     """How many of the points, which come from fine to coarse, lie on one power law."""
     used = 0
     for points in range(FEWEST_POINTS, len(log_dt) + 1):
-        line = np.polynomial.Polynomial.fit(log_dt[:points], log_error[:points], 1)
-        residuals = log_error[:points] - line(log_dt[:points])
+        _, residuals = _line(log_dt[:points], log_error[:points])
         if np.max(np.abs(residuals)) > _LARGEST_RESIDUAL:
             break
         used = points
     return used
 
 
+def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
+    """The slope of the line of least squares, and what it leaves over.
+
+    By its formula, which takes a fiftieth of the time that general fits take: sweeps have
+    millions of them.
+    """
+    aside = x - np.sum(x) / len(x)
+    up = y - np.sum(y) / len(y)
+    slope = float(np.dot(aside, up) / np.dot(aside, aside))
+    return slope, up - slope * aside
+
+
+@functools.lru_cache(maxsize=128)
+def _student(degrees: int) -> float:
+    """Student's t, so that 95% lie between its two signs."""
+    # `scipy.stats` has it too, but takes long to import.
+    return float(special.stdtrit(degrees, 0.975))
+
+
 def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
     """The fitted slope and its interval; points from fine to coarse."""
     log_dt, log_error = np.log(dt), np.log(error)
-    (slope, _), covariance = np.polyfit(log_dt, log_error, 1, cov=True)
-    # Student's t; `scipy.stats`, which has it too, takes long to import.
-    half = special.stdtrit(len(dt) - 2, 0.975) * np.sqrt(covariance[0, 0])
-    half = max(half, _LEAST_HALF_WIDTH)
+    slope, residuals = _line(log_dt, log_error)
+    degrees, spread = len(dt) - 2, log_dt - np.sum(log_dt) / len(log_dt)
+    stderr = np.sqrt(np.dot(residuals, residuals) / degrees / np.dot(spread, spread))
+    half = max(_student(degrees) * stderr, _LEAST_HALF_WIDTH)
     local = np.diff(log_error) / np.diff(log_dt)
     # Where local slopes approach the order like dt, what is still missing at the finest one
     # is its last change times 1/(ratio - 1).
@@ -183,7 +202,7 @@ def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
         np.abs(local[1:3] - local[0]) / (1.0, 2.0)[: len(local) - 1]
     )
     return (
-        float(slope),
+        slope,
         float(min(slope - half, local[0] - 2.0 * missing)),
         float(max(slope + half, local[0] + 2.0 * missing)),
     )

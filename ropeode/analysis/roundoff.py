@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ropeode.norms import Norm, distance
 from ropeode.problems.links import LinearDamping, Links
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import FirstOrderForm, Mechanics, Problem
 from ropeode.simulation import Trajectory, simulate
 
 # The ratio of the units. Any number does whose binary digits have no pattern; near 1, so that
 # the last place of most numbers stays worth about the same.
-_RATIO = 1.0 / 0.8414709848078965
+_INVERSE = 0.8414709848078965
+_RATIO = 1.0 / _INVERSE
 
 
 def in_other_units(problem: Problem) -> Problem:
@@ -24,22 +25,30 @@ def in_other_units(problem: Problem) -> Problem:
     In exact arithmetic every stepper makes the same trajectory of it, times the ratio; in
     floating point every single rounding differs.
     """
-    args = (_RATIO, problem.args)
-    more: dict[str, Any] = {"name": problem.name, "jump_times": problem.jump_times}
     mechanics = problem.mechanics
+    in_turn = mechanics is not None and mechanics.in_turn
     if mechanics is None:
-        return Problem(_ScaledRhs(problem.rhs), problem.y0 * _RATIO, problem.ts, args, **more)
-    x0, v0 = problem.y0 * _RATIO
-    return Problem.second_order(
-        _ScaledAcceleration(mechanics.acceleration),
-        x0,
-        v0,
-        problem.ts,
-        args,
-        damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,
-        links=_ScaledLinks(mechanics.links) if mechanics.links else None,
-        node_axis=mechanics.node_axis,
-        **more,
+        rhs: Any = _ScaledRhs(problem.rhs)
+    else:
+        acceleration = _ScaledAcceleration(mechanics.acceleration)
+        rhs = FirstOrderForm(acceleration)
+        mechanics = Mechanics(
+            acceleration,
+            damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,
+            node_axis=mechanics.node_axis,
+            links=_ScaledLinks(mechanics.links) if mechanics.links else None,
+            in_turn=mechanics.in_turn,
+        )
+    return problem.changed(
+        rhs=rhs,
+        y0=problem.y0 * _RATIO,
+        args=(_units(in_turn), problem.args),
+        mechanics=mechanics,
+        # What is said of the problem in its own units.
+        energy=None,
+        exact=None,
+        constraints=None,
+        parameters={},
     )
 
 
@@ -61,13 +70,31 @@ def round_off(trajectory: Trajectory, rescaled: Problem, samples: int, norm: Nor
     double = simulate(rescaled, trajectory.stepper, trajectory.steps_per_frame)
     if double.status != "ok":
         return np.inf
-    apart = distance(
-        trajectory.problem,
-        norm,
-        double.states[:samples] / _RATIO,
-        trajectory.states[:samples],
-    )
+    states = in_own_units(double.states[:samples])
+    apart = distance(trajectory.problem, norm, states, trajectory.states[:samples])
     return float(np.max(apart))
+
+
+def in_own_units(states: np.ndarray) -> np.ndarray:
+    """States of a problem `in_other_units`, measured as in the problem itself."""
+    return states / _RATIO
+
+
+class _Units(NamedTuple):
+    """The ratio of two units, and its inverse.
+
+    Not one of them to divide by: XLA multiplies by the inverse of a single number, but divides
+    by many, so that an ensemble would be rounded in another way than its members alone.
+    """
+
+    ratio: Any
+    inverse: Any
+
+
+def _units(in_turn: bool) -> _Units:
+    """For ropes that may stand in turn: like vectors that are the same for all nodes."""
+    shape = (1, 1) if in_turn else ()
+    return _Units(np.full(shape, _RATIO), np.full(shape, _INVERSE))
 
 
 # Classes and not closures: equal ones hash equally, so that compiled programs are found again.
@@ -78,8 +105,8 @@ class _ScaledRhs:
     rhs: Callable
 
     def __call__(self, t: Any, y: Any, args: Any) -> Any:
-        ratio, args = args
-        return ratio * self.rhs(t, y / ratio, args)
+        units, args = args
+        return units.ratio * self.rhs(t, units.inverse * y, args)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,8 +114,9 @@ class _ScaledAcceleration:
     acceleration: Callable
 
     def __call__(self, t: Any, x: Any, v: Any, args: Any) -> Any:
-        ratio, args = args
-        return ratio * self.acceleration(t, x / ratio, v / ratio, args)
+        units, args = args
+        x, v = units.inverse * x, units.inverse * v
+        return units.ratio * self.acceleration(t, x, v, args)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,6 +132,10 @@ class _ScaledLinks:
     links: Callable
 
     def __call__(self, args: Any) -> Links:
-        ratio, args = args
+        units, args = args
         links = self.links(args)
-        return links._replace(length=ratio * links.length, acceleration=ratio * links.acceleration)
+        # Of nodes in turn there are more than of links; it is the same for all of them.
+        of_links = units.ratio.reshape(-1)[: links.length.shape[-1]]
+        return links._replace(
+            length=of_links * links.length, acceleration=units.ratio * links.acceleration
+        )

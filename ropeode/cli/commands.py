@@ -39,16 +39,20 @@ def table(spec: Path | None, form: str | None, out: str | None, **options: str |
 
 
 @click.command()
+@click.argument("command", type=click.Choice(["table", "sweep"]), default="table")
 @click.option("--out", metavar="FILE", help="Write to FILE instead of printing.")
-def spec(out: str | None) -> None:
-    """Print a commented spec file for `ropeode table`, with all defaults."""
+def spec(command: str, out: str | None) -> None:
+    """Print a commented spec file for `ropeode table`, or for `ropeode sweep`."""
     path = check_writable("out", out) if out else None
-    from ropeode.study.spec import COMMENTED_SPEC
+    if command == "sweep":
+        from ropeode.study.sweep.spec import COMMENTED_SWEEP as text
+    else:
+        from ropeode.study.spec import COMMENTED_SPEC as text
 
     if path:
-        write_whole(path, COMMENTED_SPEC)
+        write_whole(path, text)
     else:
-        click.echo(COMMENTED_SPEC, nl=False)
+        click.echo(text, nl=False)
 
 
 @click.command()

@@ -60,7 +60,7 @@ def horizon(
             )
         )
     job = job_from(spec, {**options, "level": "extended"})
-    asked = {name: value for name, value in job.asked.items() if name != "level"}
+    asked = {name: value for name, value in job.spec.asked.items() if name != "level"}
     wished = SPANS if spans is None else [part for part in spans.split(",") if part.strip()]
 
     with show_progress() as progress:

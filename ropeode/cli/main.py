@@ -15,6 +15,7 @@ from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
 from ropeode.cli.report import report
 from ropeode.cli.running import end_on_ctrl_c
+from ropeode.cli.sweep import sweep
 from ropeode.errors import InputError, RopeodeError, UserCodeError
 
 BAD_INPUT, FAILED = 2, 1
@@ -30,7 +31,7 @@ def cli(debug: bool) -> None:
     """
 
 
-for command in (table, reference, horizon, plot, animate, report, spec, steppers):
+for command in (table, reference, horizon, sweep, plot, animate, report, spec, steppers):
     cli.add_command(command)
 
 

@@ -6,23 +6,14 @@ from pathlib import Path
 
 import click
 
+from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
 from ropeode.cli.running import interruptible, set_up_jax, show_progress
 from ropeode.files import check_writable
 
 
-class _ComputesByDefault(click.Group):
-    """A group whose command `compute` need not be named."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put `compute` in front of what is no name of a command."""
-        if args and args[0] not in self.commands and args[0] not in ("-h", "--help"):
-            args = ["compute", *args]
-        return super().parse_args(ctx, args)
-
-
-@click.group(cls=_ComputesByDefault)
+@click.group(cls=DefaultGroup, default="compute")
 def reference() -> None:
     """Compute a reference and write it to a file; show and verify such files.
 
@@ -57,10 +48,10 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
             def say(text: str) -> None:
                 progress(text, 0.0)
 
-            known = reference_for(job.given, **job.asked, progress=say)
+            known = reference_for(job.given, **job.spec.asked, progress=say)
             if not (dense or job.spec.dense):
                 return known
-            limit = job.asked.get("time_limit", TIME_LIMIT)
+            limit = job.spec.asked.get("time_limit", TIME_LIMIT)
             return with_dense_output(known, time_limit=limit, progress=say)
 
         known = interruptible(work)

@@ -46,22 +46,9 @@ def not_interrupted() -> Iterator[None]:
 
 def set_up_jax() -> None:
     """64-bit types, and what is traced and compiled kept in the user's cache folder."""
-    # Equinox's checks at run time call back into Python, and a program that does so cannot be
-    # kept. Of diffrax's there are two, that sample times increase and lie in the span; both
-    # are checked where a problem is made.
-    os.environ.setdefault("EQX_ON_ERROR", "off")
+    from ropeode.references.process import set_up_jax as set_up
 
-    import jax
-    import platformdirs
-
-    from ropeode.references.tracing import keep_traces_in
-
-    cache = platformdirs.user_cache_path("ropeode")
-    keep_traces_in(cache / "traced")
-    jax.config.update("jax_enable_x64", True)
-    jax.config.update("jax_compilation_cache_dir", str(cache / "compiled"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    set_up()
 
 
 @contextlib.contextmanager
@@ -83,6 +70,43 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
 
         def update(text: str, fraction: float) -> None:
             bar.update(task, description=text, completed=fraction)
+
+        yield update
+
+
+@contextlib.contextmanager
+def show_cases() -> Iterator[Callable[[int, int], None]]:
+    """A bar on standard error, if that is a terminal, with cases, their rate and the time left."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Cases per second, of late."""
+
+        def render(self, task: Task) -> Text:
+            return Text("" if task.speed is None else f"{task.speed:.3g} cases/s")
+
+    with Progress(
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    ) as bar:
+        task = bar.add_task("cases", total=None)
+
+        def update(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
 
         yield update
 

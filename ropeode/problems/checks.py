@@ -17,7 +17,7 @@ def run(*each: Callable[[], Any]) -> None:
     """Run every check and raise what they found together.
 
     Raises:
-        InputError: with the lines of all the checks that failed.
+        InputError: with the lines of all the checks that failed, each line once.
     """
     found: list[str] = []
     for check in each:
@@ -26,7 +26,7 @@ def run(*each: Callable[[], Any]) -> None:
         except InputError as error:
             found.extend(error.problems)
     if found:
-        raise InputError(found)
+        raise InputError(dict.fromkeys(found))
 
 
 def real_array(name: str, value: Any) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, overload
 
 import jax
@@ -176,6 +176,12 @@ class Ensemble(Sequence[Problem]):
         return map(self._member, range(self._size))
 
 
+def family(problem: Problem) -> Hashable:
+    """What the members of an ensemble share: equal where `Ensemble.of` takes two together."""
+    shapes = _shapes((problem.y0, problem.args))
+    return problem.rhs, problem.mechanics, shapes, problem.ts.tobytes()
+
+
 def _difference(problem: Problem, first: Problem) -> str | None:
     """In what, besides numbers, a problem differs from the first; None if in nothing."""
     if problem.rhs != first.rhs or problem.mechanics != first.mechanics:
@@ -222,6 +228,6 @@ def _check_arrays(given: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> i
     return lengths.pop()
 
 
-def _shapes(tree: Any) -> Any:
+def _shapes(tree: Any) -> Hashable:
     leaves, structure = jax.tree.flatten(tree)
-    return structure, [(np.shape(leaf), np.asarray(leaf).dtype) for leaf in leaves]
+    return structure, tuple((np.shape(leaf), np.asarray(leaf).dtype) for leaf in leaves)

@@ -38,16 +38,44 @@ def load_problem(where: str, *, folder: Path | None = None, frames: int | None =
             raise InputError(unknown("problem", where, [*PROBLEMS, "FILE.py:NAME"]))
         return PROBLEMS[where](**({} if frames is None else {"frames": frames}))
 
+    return as_problem(named_in_file(where, folder), where, frames)
+
+
+def named_in_file(where: str, folder: Path | None = None) -> Any:
+    """What a name in a Python file stands for, as ``FILE.py:NAME``.
+
+    Arguments:
+        where: file and name.
+        folder: that a relative file name starts from; the current one by default.
+
+    Raises:
+        InputError: there is no such file or name.
+        UserCodeError: the file raised.
+    """
+    path, name = file_and_name(where, folder)
+    found = _names_of(path)
+    if name not in found:
+        public = [key for key in found if not key.startswith("_")]
+        raise InputError(unknown(f"name in {path}", name, public))
+    return found[name]
+
+
+def file_and_name(where: str, folder: Path | None = None) -> tuple[Path, str]:
+    """The two parts of ``FILE.py:NAME``.
+
+    Arguments:
+        where: both.
+        folder: that a relative file name starts from; the current one by default.
+
+    Raises:
+        InputError: one is missing.
+    """
     file, _, name = where.rpartition(":")
     if not file or not name.isidentifier():
         raise InputError(
             complaint("problem", where, "FILE.py:NAME", "add the name, as in pendulum.py:problem")
         )
-    found = _names_of((folder or Path()) / file)
-    if name not in found:
-        public = [key for key in found if not key.startswith("_")]
-        raise InputError(unknown(f"name in {file}", name, public))
-    return _as_problem(found[name], where, frames)
+    return (folder or Path()) / file, name
 
 
 def _names_of(path: Path) -> dict[str, Any]:
@@ -62,11 +90,24 @@ def _names_of(path: Path) -> dict[str, Any]:
     return vars(module)
 
 
-def _as_problem(found: Any, where: str, frames: int | None) -> Problem:
+def as_problem(found: Any, where: str, frames: int | None, **parameters: Any) -> Problem:
+    """The problem that a name in a file stands for.
+
+    Arguments:
+        found: a `Problem`, a `Rope`, or a function that returns one of them.
+        where: what it is called.
+        frames: how many frames to solve; None leaves it to the problem.
+        parameters: others of the function.
+
+    Raises:
+        InputError: it is something else; or `frames` is given to a problem whose sample times
+            are fixed.
+        UserCodeError: the function raised.
+    """
     if callable(found) and not isinstance(found, (Problem, Rope)):
         takes_frames = "frames" in inspect.signature(found).parameters
         given = {"frames": frames} if takes_frames and frames is not None else {}
-        found = _user_code(f"problem: {where} raised", found, **given)
+        found = _user_code(f"problem: {where} raised", found, **given, **parameters)
         frames = None if takes_frames else frames
     if isinstance(found, Rope):
         return found.problem(**({} if frames is None else {"frames": frames}))

@@ -106,20 +106,13 @@ class InextensibleRope(RopeInput):
             InputError: `frames` is not a whole number >= 1.
         """
         frames = check_whole("frames", frames, at_least=1, example="20")
-        nodes: Nodes = self.nodes()
-        args = InextensibleRopeArgs(
-            mass=nodes.mass,
-            rest_length=nodes.length,
-            free=nodes.free,
-            gravity=nodes.gravity,
-            damping=nodes.damping,
-        )
+        nodes = self.nodes()
         return Problem.second_order(
             acceleration,
             nodes.x0,
             nodes.v0,
             np.arange(frames + 1.0),
-            args,
+            self.args(nodes),
             # The tensions depend on the velocities too, and a single node has none.
             damping=linear_damping if self.num_nodes == 1 else None,
             links=links,
@@ -133,6 +126,20 @@ class InextensibleRope(RopeInput):
                 "frames": frames,
                 **self.model_dump(mode="json"),
             },
+        )
+
+    def args(self, nodes: Nodes) -> InextensibleRopeArgs:
+        """The numbers in its equations.
+
+        Arguments:
+            nodes: its own.
+        """
+        return InextensibleRopeArgs(
+            mass=nodes.mass,
+            rest_length=nodes.length,
+            free=nodes.free,
+            gravity=nodes.gravity,
+            damping=nodes.damping,
         )
 
 

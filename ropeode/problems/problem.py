@@ -115,6 +115,20 @@ class Problem:
             value.flags.writeable = False
         object.__setattr__(self, name, value)
 
+    def changed(self, **fields: Any) -> Problem:
+        """A copy with other fields, which are not checked.
+
+        For what follows from a problem that has been checked: its equations in other units, or
+        with other numbers of the same shapes.
+
+        Arguments:
+            fields: by name; arrays in float64.
+        """
+        other = copy.copy(self)
+        for name, value in fields.items():
+            other._set(name, value)
+        return other
+
     @classmethod
     def second_order(
         cls,
@@ -201,13 +215,8 @@ class Problem:
             args: arguments, arrays of the shapes of this one's.
             parameters: what the new problem was made from.
         """
-        other = copy.copy(self)
-        other._set("y0", y0)
-        other._set("args", args)
-        other._set("parameters", parameters)
-        # It may know of these numbers.
-        other._set("exact", None)
-        return other
+        # What is exact may know of the old numbers.
+        return self.changed(y0=y0, args=args, parameters=parameters, exact=None)
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from ropeode.problems import rope_input
 from ropeode.problems.links import LinearDamping, Links, along, impulses
 from ropeode.problems.problem import Problem
-from ropeode.problems.rope_input import Indices, Numbers, OneOrMany, RopeInput, Velocity
+from ropeode.problems.rope_input import Indices, Nodes, Numbers, OneOrMany, RopeInput, Velocity
 from ropeode.validation import check_whole, field
 
 _SMALLEST = float(np.finfo(np.float64).tiny)
@@ -58,20 +58,12 @@ class Rope(RopeInput):
         """
         frames = check_whole("frames", frames, at_least=1, example="20")
         nodes = self.nodes()
-        args = RopeArgs(
-            mass=nodes.mass,
-            stiffness=np.broadcast_to(self.stiffness, (self.num_nodes - 1,)),
-            rest_length=nodes.length,
-            free=nodes.free,
-            gravity=nodes.gravity,
-            damping=nodes.damping,
-        )
         return Problem.second_order(
             acceleration,
             nodes.x0,
             nodes.v0,
             np.arange(frames + 1.0),
-            args,
+            self.args(nodes),
             damping=linear_damping,
             links=links,
             node_axis=1,
@@ -79,6 +71,21 @@ class Rope(RopeInput):
             name="rope",
             energy=energy,
             parameters={"kind": "rope", "frames": frames, **self.model_dump(mode="json")},
+        )
+
+    def args(self, nodes: Nodes) -> RopeArgs:
+        """The numbers in its equations.
+
+        Arguments:
+            nodes: its own.
+        """
+        return RopeArgs(
+            mass=nodes.mass,
+            stiffness=np.broadcast_to(self.stiffness, (self.num_nodes - 1,)),
+            rest_length=nodes.length,
+            free=nodes.free,
+            gravity=nodes.gravity,
+            damping=nodes.damping,
         )
 
 

@@ -64,6 +64,8 @@ class Stepper(abc.ABC):
         symplectic: whether it is, on problems without damping.
         source: the paper or book that it is from.
         equal_frames: whether all sample times must be equally far apart (two-step methods).
+        iterates: whether a step iterates until it has converged; side by side all ropes make as
+            many iterations as the slowest needs, which shows in their last digits.
     """
 
     name: ClassVar[str]
@@ -73,6 +75,7 @@ class Stepper(abc.ABC):
     symplectic: ClassVar[bool]
     source: ClassVar[str]
     equal_frames: ClassVar[bool] = False
+    iterates: ClassVar[bool] = False
 
     @abc.abstractmethod
     def order(self, problem_class: ProblemClass) -> int:

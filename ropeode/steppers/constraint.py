@@ -146,6 +146,7 @@ class Rattle(Stepper):
     needs = "nodes in a row"
     symplectic = True
     source = "Andersen, J. Comput. Phys. 52 (1983)"
+    iterates = True
 
     def order(self, problem_class: ProblemClass) -> int:
         """Order 2 on inextensible ropes; else another solution."""

@@ -181,7 +181,13 @@ def accuracy_table(
         norm=measure,
         rows=tuple(rows),
         orders=tuple(
-            _order(problem, stepper, [r for r in rows if r.stepper == stepper.label], size)
+            order_of(
+                problem,
+                stepper,
+                [row for row in rows if row.stepper == stepper.label],
+                float(RESOLUTION_FACTOR * reference.bound(measure)[-1]),
+                size,
+            )
             for stepper in chosen
         ),
     )
@@ -295,24 +301,38 @@ def _row(
     )
 
 
-def _order(problem: Problem, stepper: Stepper, rows: Sequence[Row], size: float) -> StepperOrder:
-    def error_of(row: Row) -> float:
-        if row.status != "ok":
+def order_of(
+    problem: Problem, stepper: Stepper, runs: Sequence[Any], resolution: float, size: float
+) -> StepperOrder:
+    """The order of a stepper, from its runs with several step sizes.
+
+    Arguments:
+        problem: what was solved.
+        stepper: with what.
+        runs: one for each step size, with the fields `dt`, `status`, `error_max` and
+            `round_off` of a `Row`.
+        resolution: below which an error is unresolved.
+        size: how far the solution moves.
+    """
+
+    def error_of(run: Any) -> float:
+        if run.status != "ok":
             return np.inf
         # Unresolved: any number below the resolution is left out for that.
-        return row.error_max if row.error_max is not None else 0.0
+        return run.error_max if run.error_max is not None else 0.0
 
+    of_class = problem_class(problem)
     return StepperOrder(
         stepper=stepper.label,
-        expected=None if problem.jump_times else stepper.order(problem_class(problem)),
+        expected=None if problem.jump_times else stepper.order(of_class),
         order=observed_order(
-            [row.dt for row in rows],
-            [error_of(row) for row in rows],
-            resolution=[row.resolution for row in rows],
-            rounding=[row.round_off or 0.0 for row in rows],
+            [run.dt for run in runs],
+            [error_of(run) for run in runs],
+            resolution=resolution,
+            rounding=[run.round_off or 0.0 for run in runs],
             motion=size,
         ),
-        solves=stepper.solves(problem_class(problem)),
+        solves=stepper.solves(of_class),
     )
 
 

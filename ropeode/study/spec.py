@@ -79,14 +79,12 @@ def _positive(value: Any) -> float | None:
 Positive = Annotated[float | None, BeforeValidator(_positive)]
 
 
-class TableSpec(Input):
-    """Everything in a spec file except the rope's own table.
+class StudySpec(Input):
+    """What spec files of all kinds say.
 
     Arguments:
         problem: `rope`, another problem of the library, or FILE.py:NAME.
         kind: of the rope: `rope` or `inextensible-rope`.
-        reference: a file with a reference, or a name of the stored library; either says the
-            problem as well.
         frames: how many frames are solved; where nothing is given, 20 for the rope.
         steppers: names with options; where none are given, those of `DEFAULT_STEPPERS` that
             can run on the problem.
@@ -97,7 +95,6 @@ class TableSpec(Input):
         level: as for `ropeode.reference`, like what follows.
         digits: of an extended reference; 18 where nothing is given.
         time_limit: of an extended reference, in seconds; 60 where nothing is given.
-        dense: whether a reference that is written is to have states between the samples.
 
     Raises:
         InputError: one line for each that cannot be used.
@@ -106,9 +103,6 @@ class TableSpec(Input):
     problem: str = field("rope", allowed="a problem's name, or FILE.py:NAME", example='"rope"')
     kind: Annotated[str, AfterValidator(_kind)] = field(
         "rope", allowed="the kind of a rope", example='"inextensible-rope"'
-    )
-    reference: str | None = field(
-        None, allowed="a file with a reference, or a name of the library", example='"rope.nc"'
     )
     frames: Annotated[int | None, BeforeValidator(_frames)] = field(
         None, allowed="a whole number >= 1", example="20"
@@ -133,6 +127,46 @@ class TableSpec(Input):
     time_limit: Positive = field(
         None, allowed="a finite number > 0, with level 'extended'", example="60"
     )
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What is asked of the reference, as `ropeode.reference` takes it."""
+        names = ("accuracy", "rtol", "level", "digits", "time_limit")
+        given = {name: getattr(self, name) for name in names}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def check_level(self) -> None:
+        """See that nothing is given that only another level has.
+
+        Raises:
+            InputError: something is.
+        """
+        if self.level == "extended":
+            return
+        faults = [
+            complaint(name, value, "none with level 'consensus'", "add level = extended")
+            for name in ("digits", "time_limit")
+            if (value := getattr(self, name)) is not None
+        ]
+        if faults:
+            raise InputError(faults)
+
+
+class TableSpec(StudySpec):
+    """Everything in a table's spec file except the rope's own table.
+
+    Arguments:
+        reference: a file with a reference, or a name of the stored library; either says the
+            problem as well.
+        dense: whether a reference that is written is to have states between the samples.
+
+    Raises:
+        InputError: one line for each that cannot be used.
+    """
+
+    reference: str | None = field(
+        None, allowed="a file with a reference, or a name of the library", example='"rope.nc"'
+    )
     dense: bool = field(False, allowed="true or false", example="true")
 
 
@@ -150,6 +184,44 @@ def read_spec(path: Path) -> dict[str, Any]:
         ) from error
 
 
+def kind_apart(values: Mapping[str, Any]) -> dict[str, Any]:
+    """A spec's values where the name of a rope, which says its kind as well, is its kind.
+
+    Raises:
+        InputError: another kind is given beside it.
+    """
+    rest = dict(values)
+    if rest.get("problem") in ROPES:
+        kind = rest.pop("problem")
+        if kind != "rope" and rest.setdefault("kind", kind) != kind:
+            allowed = f"no other kind with problem {kind!r}"
+            raise InputError(complaint("kind", rest["kind"], allowed, "leave out one of them"))
+    return rest
+
+
+def rope_of(kind: str, parameters: Any) -> Rope | InextensibleRope:
+    """The rope that a spec's parameters describe; of a wrong kind, the usual one.
+
+    Raises:
+        InputError: one line for each parameter that cannot be used.
+    """
+    if not isinstance(parameters, Mapping):
+        raise InputError(
+            complaint("rope", parameters, "a table of parameters", "write [rope] above them")
+        )
+    made = ROPES.get(kind, Rope)
+    if made is InextensibleRope and "stiffness" in parameters:
+        raise InputError(
+            complaint(
+                "stiffness",
+                parameters["stiffness"],
+                "none with kind 'inextensible-rope', whose links do not stretch",
+                "leave it out, or choose kind 'rope'",
+            )
+        )
+    return made(**parameters)
+
+
 class TableJob:
     """A spec, checked as a whole and ready to run.
 
@@ -163,41 +235,19 @@ class TableJob:
     """
 
     def __init__(self, values: Mapping[str, Any], folder: Path | None = None):
-        rest = dict(values)
+        rest = kind_apart(values)
         rope_values = rest.pop("rope", {})
-        # The name of a rope says its kind as well.
-        if rest.get("problem") in ROPES:
-            kind = rest.pop("problem")
-            if kind != "rope" and rest.setdefault("kind", kind) != kind:
-                allowed = f"no other kind with problem {kind!r}"
-                raise InputError(complaint("kind", rest["kind"], allowed, "leave out one of them"))
         found: dict[str, Any] = {}
 
         def check_spec() -> None:
             found["spec"] = TableSpec(**rest)
 
         def check_rope() -> None:
-            if not isinstance(rope_values, Mapping):
-                raise InputError(
-                    complaint(
-                        "rope", rope_values, "a table of parameters", "write [rope] above them"
-                    )
-                )
-            kind = ROPES.get(str(rest.get("kind")), Rope)
-            if kind is InextensibleRope and "stiffness" in rope_values:
-                raise InputError(
-                    complaint(
-                        "stiffness",
-                        rope_values["stiffness"],
-                        "none with kind 'inextensible-rope', whose links do not stretch",
-                        "leave it out, or choose kind 'rope'",
-                    )
-                )
-            found["rope"] = kind(**rope_values)
+            found["rope"] = rope_of(str(rest.get("kind")), rope_values)
 
         run_checks(check_spec, check_rope)
         self.spec: TableSpec = found["spec"]
-        self._check_level()
+        self.spec.check_level()
         self.given: Problem | Reference
         if self.spec.reference is None:
             self.given = self._problem(found["rope"], bool(rope_values), folder, self.spec.frames)
@@ -225,20 +275,6 @@ class TableJob:
             )
         return load_problem(spec.problem, folder=folder, frames=frames)
 
-    def _check_level(self) -> None:
-        """Raises:
-        InputError: something is given that only another level has.
-        """
-        if self.spec.level == "extended":
-            return
-        faults = [
-            complaint(name, value, "none with level 'consensus'", "add level = extended")
-            for name in ("digits", "time_limit")
-            if (value := getattr(self.spec, name)) is not None
-        ]
-        if faults:
-            raise InputError(faults)
-
     def _stored(
         self, rope: Rope | InextensibleRope, rope_given: bool, named: set[str], folder: Path | None
     ) -> Reference:
@@ -262,13 +298,6 @@ class TableJob:
         """What is solved."""
         return problem_of(self.given)
 
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What is asked of the reference, as `ropeode.reference` takes it."""
-        names = ("accuracy", "rtol", "level", "digits", "time_limit")
-        given = {name: getattr(self.spec, name) for name in names}
-        return {name: value for name, value in given.items() if value is not None}
-
     def run(self, progress: Progress) -> AccuracyTable:
         """Make the table; raises as `accuracy_table` does."""
         spec = self.spec
@@ -278,7 +307,7 @@ class TableJob:
             spec.steps_per_frame,
             norm=spec.norm,
             progress=progress,
-            **self.asked,
+            **spec.asked,
         )
 
 

@@ -1,5 +1,5 @@
 """Results as pictures: matplotlib figures and films. Needs the extra `plots`."""
 
-from ropeode.render.extras import require
+from ropeode.validation import require
 
-require("matplotlib", extra="plots")
+require("matplotlib", "plots", "pictures")

@@ -11,13 +11,12 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
 from ropeode.errors import InputError
 from ropeode.files import write_whole
-from ropeode.render.extras import require
 from ropeode.render.plots.files import check_picture
 from ropeode.render.plots.film import DPI, film
 from ropeode.render.plots.style import STYLE
 from ropeode.study.accuracy_table import Progress
 from ropeode.study.node_paths import NodePaths
-from ropeode.validation import complaint, finite_number
+from ropeode.validation import complaint, finite_number, require
 
 FILMS = (".gif", ".mp4")
 DEFAULT_FPS = 20.0
@@ -59,7 +58,7 @@ def check_film(out: str | Path) -> Path:
     """
     path = check_picture(out, FILMS)
     if path.suffix.lower() == ".mp4":
-        require("imageio_ffmpeg", extra="video")
+        require("imageio_ffmpeg", "video", "films in MP4")
     return path
 
 

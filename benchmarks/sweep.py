@@ -1,0 +1,232 @@
+"""What a sweep costs beside its runs, and how it grows with workers and with cases.
+
+    python benchmarks/sweep.py [--cases N] [--tasks T] [--repeats R] [--dask]
+
+Three parts. What each case costs the process that hands it out and keeps its row, by step, on a
+grid of a hundred million cases of which the first N are taken, with work that costs nothing;
+memory and files after tenths of it. A real sweep of T tasks: cases per second in this process,
+in one and in two others, and with `--dask` on a cluster of one and of two, medians of
+interleaved runs, without the first quarter, which compiles. Bytes of a row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import functools
+import itertools
+import os
+import pickle
+import resource
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tabulate import tabulate
+
+from ropeode import SweepSpec, read_sweep
+from ropeode.references.process import set_up_jax
+from ropeode.study.sweep.batches import MOST_PROBLEMS, Task
+from ropeode.study.sweep.book import work_through
+from ropeode.study.sweep.columns import RESULTS
+from ropeode.study.sweep.dask_cluster import DaskCluster
+from ropeode.study.sweep.engines import InProcess, LocalProcesses, Row
+from ropeode.study.sweep.evaluate import evaluate
+from ropeode.study.sweep.store import Store
+
+# Of a hundred million cases, nearly: 10000 dampings, 2500 stiffnesses, 2 steppers, 2 steps.
+HUGE = {
+    "steppers": ["semi-implicit-euler", "rk4"],
+    "steps_per_frame": [16, 32],
+    "rope": {"num_nodes": 4},
+    "grid": {
+        "damping": [0.001 * i for i in range(1, 10_001)],
+        "stiffness": [float(i) for i in range(1, 2501)],
+        "frames": [2],
+    },
+}
+REAL = """
+steppers = ["semi-implicit-euler", "stormer-verlet", "rk4"]
+steps_per_frame = [16, 32, 64]
+[rope]
+num_nodes = 8
+[grid]
+frames = [4]
+damping = [{dampings}]
+stiffness = [50.0, 100.0, 150.0, 200.0]
+"""
+
+
+class Part:
+    """The first tasks of a sweep."""
+
+    def __init__(self, spec: SweepSpec, cases: int):
+        self._spec, self._cases = spec, cases
+
+    @property
+    def count(self) -> int:
+        """How many cases."""
+        return self._cases
+
+    def tasks(self, first: int = 0):
+        """Its tasks, from a number on."""
+        tasks = self._spec.tasks(first)
+        each = next(self._spec.tasks()).cases
+        return itertools.islice(tasks, max(0, self._cases // len(each) - first))
+
+
+def nothing(task: Task) -> list[Row]:
+    """Rows as they might be, at no cost; numbers that no compression helps."""
+    numbers = dict.fromkeys(RESULTS)
+    return [
+        {
+            **case.values(),
+            **numbers,
+            "status": "ok",
+            "reference": case.problem_key,
+            "order_verdict": "converges",
+            "order_used": "16, 32, 64, 128",
+            **{
+                name: int(case.key[8 * i : 8 * i + 13], 16) / 2**52
+                for i, name in enumerate(("error_max", "error_rms", "error_final", "round_off"))
+            },
+        }
+        for case in task.cases
+    ]
+
+
+def memory() -> float:
+    """Megabytes that this process has now."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 2**20
+
+
+def each_step(spec: SweepSpec, cases: int, folder: Path) -> None:
+    """Time of each step by itself, in CPU seconds of this process."""
+    tasks = list(Part(spec, cases).tasks())
+    store = Store(folder / "steps", spec.columns)
+    rows = [nothing(task) for task in tasks]
+    steps: dict[str, Callable[[], object]] = {
+        "cases made and hashed": lambda: list(Part(spec, cases).tasks()),
+        "tasks pickled and read": lambda: [pickle.loads(pickle.dumps(task)) for task in tasks],
+        "rows pickled and read": lambda: [pickle.loads(pickle.dumps(each)) for each in rows],
+        "files of tasks written": lambda: [
+            store.add(n // 256, store.table(task.cases, each))
+            for n, (task, each) in enumerate(zip(tasks, rows, strict=True))
+        ],
+        "files merged": lambda: [store.seal(n) for n in range(len(tasks) // 256 + 1)],
+        "tasks skipped on going on": lambda: next(spec.tasks(len(tasks)), None),
+    }
+    table = []
+    for name, step in steps.items():
+        began, cpu = time.perf_counter(), time.process_time()
+        step()
+        spent = time.perf_counter() - began, time.process_time() - cpu
+        table.append([name, *(f"{1e6 * each / cases:.1f}" for each in spent)])
+    print(f"\n{cases} cases in {len(tasks)} tasks; microseconds per case\n")
+    print(tabulate(table, ["step", "elapsed", "CPU"], colalign=("left", "right", "right")))
+
+
+def growth(spec: SweepSpec, cases: int, folder: Path) -> None:
+    """Memory and files as the sweep goes on."""
+    store, table, began = Store(folder / "growth", spec.columns), [], time.perf_counter()
+
+    def look(done: int, total: int) -> None:
+        if done >= total * (len(table) + 1) / 10 or done == 0 == len(table):
+            files = list(store.folder.rglob("*.parquet"))
+            size = sum(path.stat().st_size for path in files)
+            table.append(
+                [
+                    done,
+                    f"{time.perf_counter() - began:.1f}",
+                    f"{memory():.0f}",
+                    len(files),
+                    f"{size / max(done, 1):.0f}",
+                ]
+            )
+
+    work_through(Part(spec, cases), store, InProcess(nothing), look)
+    print(f"\nthe first {cases} cases of {spec.count}, with work that costs nothing\n")
+    print(tabulate(table, ["cases", "seconds", "MB of memory", "files", "bytes per case"]))
+
+
+@contextlib.contextmanager
+def engine(kind: str, folder: Path):
+    work = functools.partial(evaluate, folder=folder)
+    if kind == "this process":
+        yield InProcess(work)
+    elif kind.startswith("dask"):
+        import distributed
+
+        with distributed.LocalCluster(
+            n_workers=int(kind[-1]), threads_per_worker=1, dashboard_address=":0"
+        ) as cluster:
+            yield DaskCluster(work, cluster.scheduler_address)
+    else:
+        with contextlib.closing(LocalProcesses(work, int(kind[0]))) as made:
+            yield made
+
+
+def rate(spec: SweepSpec, kind: str, folder: Path) -> tuple[float, float, float]:
+    """Cases per second once all workers have compiled, the whole in seconds, bytes per case."""
+    seen: list[tuple[float, int]] = []
+    began = time.perf_counter()
+    with engine(kind, folder) as made:
+        store = Store(folder / "rows", spec.columns)
+        work_through(
+            spec, store, made, lambda done, total: seen.append((time.perf_counter(), done))
+        )
+    whole = time.perf_counter() - began
+    # The first quarter of the tasks pays for starting and compiling.
+    (start, before), (end, after) = seen[max(1, len(seen) // 4)], seen[-1]
+    size = sum(path.stat().st_size for path in store.folder.rglob("*.parquet"))
+    return (after - before) / (end - start), whole, size / after
+
+
+def real(tasks: int, repeats: int, kinds: list[str], folder: Path) -> None:
+    dampings = ", ".join(f"{0.001 * i:.3f}" for i in range(1, tasks * MOST_PROBLEMS // 4 + 1))
+    path = folder / "real.toml"
+    path.write_text(REAL.format(dampings=dampings))
+    spec = read_sweep(path)
+    found: dict[str, list[tuple[float, float, float]]] = {kind: [] for kind in kinds}
+    for repeat in range(repeats):
+        for kind in kinds:
+            own = folder / f"{kind} {repeat}"
+            own.mkdir()
+            found[kind].append(rate(spec, kind, own))
+    table = []
+    for kind, each in found.items():
+        rates, wholes, sizes = zip(*each, strict=True)
+        table.append(
+            [
+                kind,
+                f"{statistics.median(rates):.0f}",
+                f"{min(rates):.0f} to {max(rates):.0f}",
+                f"{statistics.median(wholes):.1f}",
+                f"{sizes[0]:.0f}",
+            ]
+        )
+    print(f"\na real sweep of {spec.count} cases; load {os.getloadavg()[0]:.1f}\n")
+    print(tabulate(table, ["where", "cases/s", "spread", "seconds in all", "bytes per case"]))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=200_000)
+    parser.add_argument("--tasks", type=int, default=16)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--dask", action="store_true")
+    chosen = parser.parse_args()
+    set_up_jax()
+    kinds = ["this process", "1 worker", "2 workers", *(["dask 1", "dask 2"] * chosen.dask)]
+    spec = SweepSpec(HUGE)
+    with tempfile.TemporaryDirectory() as name:
+        each_step(spec, min(chosen.cases, 50_000), Path(name))
+        growth(spec, chosen.cases, Path(name))
+        real(chosen.tasks, chosen.repeats, kinds, Path(name))
+
+
+if __name__ == "__main__":
+    main()

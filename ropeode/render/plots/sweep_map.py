@@ -1,0 +1,361 @@
+"""One column of a sweep over two of its inputs, as a map of coloured cells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from ropeode.errors import InputError
+from ropeode.render.plots.style import STYLE, WIDTH, new_figure, wrapped
+from ropeode.study.sweep.columns import COLUMNS, INPUTS
+from ropeode.study.sweep.load import load_sweep
+from ropeode.validation import complaint, unknown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# A DataFrame or one of its columns; what pandas says of its own types is of no use to a checker.
+Frame = Any
+
+_COLOURS = "viridis"
+_PANEL_HEIGHT = 2.3
+_ALONE_HEIGHT = 3.6
+_LEGEND_HEIGHT = 0.9
+_MOST_TICKS = 9
+# Values that span more than this are told apart by their logarithms.
+_LOG_FROM = 100.0
+# Steps between values that differ by more than this are not equal.
+_EQUAL_WITHIN = 4.0
+# Of all cells that a map would have; with fewer rows the rows are points.
+_LEAST_FILLED = 0.25
+NOT_COMPUTED = "not computed yet"
+# What has no number, in an order that all maps share, and how it is drawn.
+_HATCHES = ("////", "....", "\\\\\\\\", "xxxx", "----", "oo", "++", "||||")
+_MARKERS = ("x", "+", "1", "2", "3", "4", "|", "_")
+
+
+class Axis(NamedTuple):
+    """Where the values of an input stand.
+
+    Fields:
+        values: sorted.
+        scale: `log` or `linear`, or `words` for places one beside the other.
+        edges: of the cells, one more than there are values.
+    """
+
+    values: list[Any]
+    scale: str
+    edges: np.ndarray
+
+    def place(self, value: Any) -> int:
+        """The index of a value."""
+        return self.values.index(value)
+
+
+@matplotlib.rc_context(STYLE)
+def plot_sweep(
+    sweep: str | Path | pd.DataFrame,
+    x: str,
+    y: str,
+    value: str,
+    where: Mapping[str, Any] | None = None,
+) -> Figure:
+    """A column of a sweep over two of its inputs, with a panel for each stepper.
+
+    A cell without a number is grey and hatched, and the legend says why there is none. Inputs
+    of a random design that hardly ever meet twice are points in place of cells.
+
+    Arguments:
+        sweep: its folder, or what `ropeode.load_sweep` made of it.
+        x: an input, along the horizontal axis.
+        y: another one, along the vertical axis.
+        value: a column of numbers, as colour.
+        where: values of inputs, that the rows must have.
+
+    Returns:
+        A matplotlib figure, 6.5 inches wide.
+
+    Raises:
+        InputError: there is no such column, or no row with these values, or one cell would
+            have to show several rows.
+    """
+    frame: Frame = load_sweep(sweep) if isinstance(sweep, (str, Path)) else sweep
+    frame = _chosen(frame, x, y, value, dict(where or {}))
+    steppers = ["stepper"] if "stepper" not in (x, y) else []
+    names = sorted(set(frame["stepper"])) if steppers else [""]
+    panels = [frame[frame["stepper"] == name] if name else frame for name in names]
+    axes = {name: _axis(frame[name]) for name in (x, y)}
+    filled = max(len(panel) for panel in panels) / math.prod(len(a.values) for a in axes.values())
+    cells = filled >= _LEAST_FILLED
+    if cells:
+        _check_single(frame, [x, y, *steppers])
+    reasons = {name: _reasons(panel, value) for name, panel in zip(names, panels, strict=True)}
+    holes = cells and any(
+        len(panel) < len(axes[x].values) * len(axes[y].values) for panel in panels
+    )
+    kinds = sorted({r for each in reasons.values() for r in each if r})
+    kinds += [NOT_COMPUTED] if holes else []
+    norm = _norm([number for panel in panels for number in _numbers(panel, value)])
+
+    columns = 1 if len(panels) == 1 else 2 if len(panels) <= 4 else 3
+    rows = math.ceil(len(panels) / columns)
+    height = _ALONE_HEIGHT if rows == 1 else _PANEL_HEIGHT * rows
+    figure = new_figure(_title(frame, value), _words(where), height + _LEGEND_HEIGHT)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for at, (name, panel) in enumerate(zip(names, panels, strict=True)):
+        own = grid.flat[at]
+        draw = _draw_cells if cells else _draw_points
+        draw(own, panel, axes[x], axes[y], (x, y, value), reasons[name], kinds, norm)
+        own.grid(False)
+        own.set_title(wrapped(name, width=0.85 * WIDTH / columns), parse_math=False)
+        scales = {name: axes[name].scale for name in (x, y)}
+        own.set_xscale("linear" if scales[x] == "words" else scales[x])
+        own.set_yscale("linear" if scales[y] == "words" else scales[y])
+        _ticks(own.xaxis, axes[x], cells)
+        _ticks(own.yaxis, axes[y], cells)
+    for own in grid.flat[len(panels) :]:
+        own.set_visible(False)
+    for own in grid.flat[max(0, len(panels) - columns) : len(panels)]:
+        own.set_xlabel(_name(x))
+        own.tick_params(labelbottom=True)
+    for own in grid[:, 0]:
+        own.set_ylabel(_name(y))
+    if norm is not None:
+        mapped = ScalarMappable(norm, matplotlib.colormaps[_COLOURS])
+        figure.colorbar(mapped, ax=grid, label=_name(value), fraction=0.05)
+    if kinds:
+        handles = [
+            Patch(facecolor="0.88", edgecolor="0.45", hatch=_HATCHES[i % len(_HATCHES)], lw=0.4)
+            if cells
+            else _marker(i)
+            for i in range(len(kinds))
+        ]
+        figure.legend(handles, kinds, loc="outside lower center", ncols=3, title="no number")
+    return figure
+
+
+def _chosen(frame: Frame, x: str, y: str, value: str, where: dict[str, Any]) -> Frame:
+    """The rows that are to be drawn, after what is given has been checked."""
+    inputs = [name for name in frame.columns if name in INPUTS or name not in COLUMNS]
+    for what, name in {"x": x, "y": y, **{f"where {name}": name for name in where}}.items():
+        if name not in inputs:
+            raise InputError(unknown(what, name, inputs))
+    kinds = {name: column.type for name, column in COLUMNS.items()}
+    numbers = [n for n in frame.columns if kinds.get(n) in ("double", "int64") and n not in INPUTS]
+    if value not in numbers:
+        raise InputError(unknown("value", value, numbers))
+    if x == y:
+        raise InputError(complaint("y", y, "another input than x", "choose another"))
+    for name, wanted in where.items():
+        allowed = list(frame[name].dropna().unique())
+        same = [each for each in allowed if str(each) == str(wanted) or _equal(each, wanted)]
+        if not same:
+            shown = ", ".join(str(each) for each in sorted(allowed)[:20])
+            raise InputError(
+                complaint(f"where {name}", wanted, shown or "no value", "choose one of these")
+            )
+        frame = frame[frame[name] == same[0]]
+    if frame.empty:
+        raise InputError(complaint("where", where, "values with rows", "choose others"))
+    return frame
+
+
+def _equal(value: Any, wanted: Any) -> bool:
+    """Whether a number is what somebody has typed."""
+    try:
+        return float(value) == float(wanted)
+    except (TypeError, ValueError):
+        return False
+
+
+def _check_single(frame: Frame, cell: list[str]) -> None:
+    """Raises:
+    InputError: several rows belong into one cell.
+    """
+    groups = frame.groupby(cell, dropna=False)
+    if groups.size().max() <= 1:
+        return
+    inputs = [n for n in frame.columns if n in INPUTS or n not in COLUMNS]
+    more = [
+        name
+        for name in inputs
+        if name not in (*cell, "key", "parameters") and groups[name].nunique(dropna=False).max() > 1
+    ]
+    name = more[0]
+    raise InputError(
+        complaint(
+            "where",
+            f"rows that differ in {', '.join(more)}, of which {groups.size().max()} would share a "
+            "cell",
+            "one row for each cell",
+            f"for example where {name}={frame[name].iloc[0]}",
+        )
+    )
+
+
+def _axis(column: Frame) -> Axis:
+    values = sorted(column.dropna().unique())
+    scale = _scale(values)
+    places = np.arange(len(values), dtype=float) if scale == "words" else np.array(values, float)
+    if scale == "log":
+        places = np.log(places)
+    middles = (places[1:] + places[:-1]) / 2
+    first, last = (middles[0], middles[-1]) if len(middles) else (places[0] - 0.5, places[0] + 0.5)
+    edges = np.array([2 * places[0] - first, *middles, 2 * places[-1] - last])
+    return Axis(values, scale, np.exp(edges) if scale == "log" else edges)
+
+
+def _scale(values: Sequence[Any]) -> str:
+    """The scale in which the steps between values are more alike, if they are in any."""
+    if len(values) < 2 or not all(isinstance(v, (int, float, np.number)) for v in values):
+        return "words"
+    numbers = np.array(values, float)
+
+    def unlike(places: np.ndarray) -> float:
+        steps = np.diff(places)
+        return float(steps.max() / steps.min())
+
+    plain = unlike(numbers)
+    geometric = unlike(np.log(numbers)) if numbers[0] > 0 else np.inf
+    if min(plain, geometric) > _EQUAL_WITHIN and len(values) <= _MOST_TICKS:
+        return "words"
+    far = numbers[0] > 0 and numbers[-1] / numbers[0] >= _EQUAL_WITHIN
+    return "log" if geometric < plain or (geometric == plain and far) else "linear"
+
+
+def _reasons(panel: Frame, value: str) -> list[str]:
+    """For each row why it has no number; empty where it has one."""
+
+    def reason(row: Any) -> str:
+        if row[value] is not None and not math.isnan(row[value]):
+            return ""
+        if row["status"] != "ok":
+            return str(row["status"])
+        if value.startswith("error_") and row["resolved"] is False:
+            return "below what the reference can tell"
+        if value in ("observed_order", "order_low", "order_high"):
+            return f"order {row['order_verdict'] or 'not asked for'}"
+        return "none found"
+
+    names = [value, "status", "resolved", "order_verdict"]
+    plain = panel[names].astype(object)
+    plain = plain.where(plain.notna(), None)
+    return [reason(row) for row in plain.to_dict("records")]
+
+
+def _numbers(panel: Frame, value: str) -> list[float]:
+    return [float(number) for number in panel[value].dropna()]
+
+
+def _norm(numbers: Sequence[float]) -> Normalize | None:
+    """How numbers become colours; None where there are none."""
+    if not numbers:
+        return None
+    low, high = min(numbers), max(numbers)
+    if low > 0 and high / low > _LOG_FROM:
+        return LogNorm(low, high)
+    return Normalize(low, high) if low < high else Normalize(low - 0.5, high + 0.5)
+
+
+def _draw_cells(
+    axes: Axes,
+    panel: Frame,
+    across: Axis,
+    up: Axis,
+    names: tuple[str, str, str],
+    reasons: list[str],
+    kinds: list[str],
+    norm: Normalize | None,
+) -> None:
+    x, y, value = names
+    numbers = np.full((len(up.values), len(across.values)), np.nan)
+    left: dict[tuple[int, int], str] = {
+        (row, column): NOT_COMPUTED
+        for row in range(len(up.values))
+        for column in range(len(across.values))
+    }
+    for at_x, at_y, number, reason in zip(panel[x], panel[y], panel[value], reasons, strict=True):
+        cell = up.place(at_y), across.place(at_x)
+        left[cell] = reason
+        if not reason:
+            numbers[cell] = float(number)
+    if norm is not None:
+        axes.pcolormesh(across.edges, up.edges, numbers, norm=norm, cmap=_COLOURS)
+    for (row, column), reason in left.items():
+        if reason:
+            corner = across.edges[column], up.edges[row]
+            size = np.diff(across.edges)[column], np.diff(up.edges)[row]
+            hatch = _HATCHES[kinds.index(reason) % len(_HATCHES)]
+            look = {"facecolor": "0.88", "edgecolor": "0.45", "hatch": hatch, "lw": 0.0}
+            axes.add_patch(Rectangle(corner, *size, **look))
+
+
+def _draw_points(
+    axes: Axes,
+    panel: Frame,
+    across: Axis,
+    up: Axis,
+    names: tuple[str, str, str],
+    reasons: list[str],
+    kinds: list[str],
+    norm: Normalize | None,
+) -> None:
+    x, y, value = names
+
+    def places(axis: Axis, column: Frame) -> np.ndarray:
+        if axis.scale == "words":
+            return np.array([axis.place(each) for each in column], float)
+        return column.to_numpy(float)
+
+    at_x, at_y = places(across, panel[x]), places(up, panel[y])
+    why = np.array(reasons)
+    told = why == ""
+    if told.any():
+        colour = panel[value].to_numpy(float, na_value=np.nan)[told]
+        axes.scatter(at_x[told], at_y[told], 12, colour, norm=norm, cmap=_COLOURS)
+    for i, kind in enumerate(kinds):
+        chosen = why == kind
+        marker = _MARKERS[i % len(_MARKERS)]
+        axes.scatter(at_x[chosen], at_y[chosen], 16, "0.45", marker=marker, lw=0.8)
+
+
+def _marker(index: int) -> Line2D:
+    return Line2D([], [], ls="", color="0.45", marker=_MARKERS[index % len(_MARKERS)])
+
+
+def _ticks(axis: Any, of: Axis, cells: bool) -> None:
+    if of.scale == "words":
+        every = math.ceil(len(of.values) / _MOST_TICKS)
+        axis.set_ticks(range(0, len(of.values), every), [_short(v) for v in of.values[::every]])
+        return
+    if cells and len(of.values) <= _MOST_TICKS:
+        axis.set_ticks(of.values, [_short(value) for value in of.values])
+        axis.set_ticks([], minor=True)
+
+
+def _short(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, (float, np.floating)) else str(value)
+
+
+def _name(column: str) -> str:
+    return column.replace("_", " ")
+
+
+def _title(frame: Frame, value: str) -> str:
+    problems = ", ".join(sorted(set(frame["problem"])))
+    return f"{_name(value).capitalize()} of a sweep: {problems}"
+
+
+def _words(where: Mapping[str, Any] | None) -> str:
+    return ", ".join(f"{_name(name)} {value}" for name, value in (where or {}).items())

@@ -1,0 +1,89 @@
+"""A sweep for a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+from ropeode.render.plain_text import WIDTH, wrapped
+from ropeode.study.sweep.columns import STATUSES
+from ropeode.study.sweep.summary import StepperSummary, SweepSummary
+from ropeode.validation import shown
+
+_REASONS = 5
+_LONGEST_REASON = 200
+
+
+def as_text(summary: SweepSummary) -> str:
+    """What was asked, how much of it is there, and what each stepper makes of it."""
+    lines = [
+        *wrapped(f"Sweep in {summary.folder}: {summary.done} of {summary.total} cases"),
+        *_asked(summary.spec),
+        "",
+        *(
+            line
+            for status, meaning in STATUSES.items()
+            if (number := summary.statuses[status])
+            for line in _hanging(f"{status:12} {number:>10}  ", meaning)
+        ),
+    ]
+    for name, stepper in summary.steppers.items():
+        lines += ["", name, *(line for text in _findings(stepper) for line in wrapped(text, 4))]
+    if summary.reasons:
+        lines += ["", "Most frequent reasons"]
+        for (status, reason), number in [*summary.reasons.items()][:_REASONS]:
+            cut = reason if len(reason) <= _LONGEST_REASON else f"{reason[:_LONGEST_REASON]}..."
+            lines += wrapped(f"{number} {status}: {cut}", 4)
+        if (more := len(summary.reasons) - _REASONS) > 0:
+            lines += wrapped(f"and {more} others", 4)
+    return "\n".join([*lines, ""])
+
+
+def _hanging(head: str, text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
+
+
+def _asked(spec: Mapping[str, Any]) -> list[str]:
+    """The problem and the axes of the design."""
+    axes = {
+        **spec.get("grid", {}),
+        **{name: spec[name] for name in ("steppers", "steps_per_frame") if spec.get(name)},
+    }
+    words = [f"{len(values)} {name}" for name, values in axes.items()]
+    if spec.get("random"):
+        drawn = ", ".join(spec["random"])
+        words.append(f"{spec['count']} draws of {drawn} for each of {len(spec['seeds'])} seeds")
+    fixed = [f"{name} {shown(value)}" for name, value in spec.get("fixed", {}).items()]
+    lines = wrapped(f"Problem: {', '.join([spec.get('problem', spec.get('kind', '?')), *fixed])}")
+    return [*lines, *wrapped(f"Design: {' x '.join(words)}")]
+
+
+def _findings(stepper: StepperSummary) -> list[str]:
+    """One sentence on the runs, one on errors, one on orders, one on stability."""
+    counts, ranges = stepper.counts, stepper.ranges
+    found = [", ".join(f"{n} {status}" for status, n in counts["status"].most_common())]
+    if unresolved := counts["resolved"][False]:
+        unresolved_words = f"{unresolved} below what the reference can tell"
+    else:
+        unresolved_words = ""
+    if "error_max" in ranges:
+        low, high = ranges["error_max"]
+        found.append(f"max error {low:.3e} to {high:.3e}")
+        found[-1] += f"; {unresolved_words}" if unresolved_words else ""
+    elif unresolved_words:
+        found.append(f"max error: {unresolved_words}")
+    verdicts = {name: n for name, n in counts["order_verdict"].most_common() if name}
+    if verdicts:
+        words = ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())
+        if "observed_order" in ranges:
+            low, high = ranges["observed_order"]
+            words += f"; observed {low:.3f} to {high:.3f}"
+        expected = [str(order or "none") for order in counts["expected_order"] if order is not None]
+        if expected:
+            words += f"; expected {' or '.join(sorted(expected))}"
+        found.append(f"order: {words}")
+    if "largest_stable_dt" in ranges:
+        low, high = ranges["largest_stable_dt"]
+        found.append(f"largest stable dt {low:.4g} to {high:.4g}")
+    return found

@@ -1,0 +1,1 @@
+"""Sweeps: a grid or a random design of problems, steppers and step sizes, case by case."""

@@ -1,0 +1,202 @@
+"""Parameters that are drawn: the same to the last bit on every machine, draw by draw."""
+
+from __future__ import annotations
+
+import decimal
+import hashlib
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, ConfigDict, model_validator
+
+from ropeode.validation import Input, fault_of, field, finite_number, plain, shown, whole_number
+
+ForEach = Literal["node", "spring"]
+
+_MOST_DRAWS = 2**32
+_MOST_SEEDS = 2**63
+# More than float64 has, so that what is rounded to it in the end is the same everywhere.
+_DIGITS = 34
+
+
+def _ends(value: Any) -> tuple[Any, Any]:
+    """Two numbers, or two lists of as many numbers."""
+    low, high = _pair(value)
+    if isinstance(low, list) != isinstance(high, list):
+        raise ValueError("both ends are numbers, or both are lists")
+    if not isinstance(low, list):
+        low, high = finite_number(low), finite_number(high)
+        if low > high:
+            raise ValueError(f"{low} is above {high}")
+        return low, high
+    if not low or len(low) != len(high):
+        raise ValueError(f"{len(low)} and {len(high)} numbers")
+    ends = [_ends(pair) for pair in zip(low, high, strict=True)]
+    return tuple(low for low, _ in ends), tuple(high for _, high in ends)
+
+
+def _positive_ends(value: Any) -> tuple[float, float]:
+    low, high = (finite_number(end) for end in _pair(value))
+    if not 0 < low <= high:
+        raise ValueError(f"{low} and {high} are not above zero, in this order")
+    return low, high
+
+
+def _whole_ends(value: Any) -> tuple[int, int]:
+    low, high = (whole_number(end, at_least=-_MOST_SEEDS) for end in _pair(value))
+    if low > high:
+        raise ValueError(f"{low} is above {high}")
+    return low, high
+
+
+def _pair(value: Any) -> list[Any]:
+    value = [*value] if isinstance(value, (list, tuple)) else []
+    if len(value) != 2:
+        raise ValueError("two ends are needed")
+    return [list(end) if isinstance(end, tuple) else end for end in value]
+
+
+def _choices(value: Any) -> tuple[Any, ...]:
+    if not isinstance(value, (list, tuple)) or not value:
+        raise ValueError(f"{shown(plain(value))} is no list of values")
+    return tuple(value)
+
+
+class Distribution(Input):
+    """What a parameter is drawn from: one of the four.
+
+    Arguments:
+        uniform: the two ends; where they are lists, each component is drawn between its own.
+        log_uniform: the two ends, above zero; the logarithm is uniform between theirs.
+        integers: the smallest and the largest whole number.
+        choice: values, each as likely.
+        for_each: `node` or `spring`: a list is drawn, with one entry for each of them.
+
+    Raises:
+        InputError: one line for each that cannot be used.
+    """
+
+    uniform: Annotated[Any, BeforeValidator(_ends)] = field(
+        None, allowed="two ends, the smaller one first", example="[0.0, 0.1]"
+    )
+    log_uniform: Annotated[Any, BeforeValidator(_positive_ends)] = field(
+        None, allowed="two ends above zero, the smaller one first", example="[10.0, 1000.0]"
+    )
+    integers: Annotated[Any, BeforeValidator(_whole_ends)] = field(
+        None, allowed="two whole numbers, the smaller one first", example="[4, 32]"
+    )
+    choice: Annotated[Any, BeforeValidator(_choices)] = field(
+        None, allowed="a list of values", example="[8, 16]"
+    )
+    for_each: ForEach | None = field(None, allowed='"node" or "spring"', example='"node"')
+
+    model_config = ConfigDict(validate_default=False)
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Distribution:
+        if len(self._given()) != 1:
+            why = "one of uniform, log_uniform, integers and choice is needed"
+            raise fault_of("uniform", self._given(), why)
+        return self
+
+    def _given(self) -> list[str]:
+        kinds = ("uniform", "log_uniform", "integers", "choice")
+        return [kind for kind in kinds if getattr(self, kind) is not None]
+
+    @property
+    def extremes(self) -> list[Any]:
+        """The values at its ends, or all of a choice; of one entry where lists are drawn."""
+        kind = self._given()[0]
+        return list(getattr(self, kind))
+
+    def value(self, seed: int, draw: int, name: str, entries: int | None) -> Any:
+        """What is drawn.
+
+        It depends on nothing but the arguments: other draws, seeds and parameters may come
+        and go. The random bits are those of NumPy's `SeedSequence`, which are the same in
+        every version, and logarithms are computed in decimal numbers, which are the same on
+        every machine.
+
+        Arguments:
+            seed: of the design.
+            draw: which draw of it, from 0 on.
+            name: of the parameter.
+            entries: how many a list is to have; None for a value that is no list.
+        """
+        size = len(self.uniform[0]) if self.uniform and isinstance(self.uniform[0], tuple) else 1
+        bits = _bits(seed, draw, name, size * (entries or 1))
+        found = [self._one(bits[i : i + size]) for i in range(0, len(bits), size)]
+        return found[0] if entries is None else found
+
+    def _one(self, bits: Sequence[int]) -> Any:
+        if self.choice is not None:
+            return self.choice[_below(bits[0], len(self.choice))]
+        if self.integers is not None:
+            low, high = self.integers
+            return low + _below(bits[0], high - low + 1)
+        if self.log_uniform is not None:
+            low, high = self.log_uniform
+            return _between_logarithms(low, high, _fraction(bits[0]))
+        low, high = self.uniform
+        if not isinstance(low, tuple):
+            return _between(low, high, _fraction(bits[0]))
+        each = zip(low, high, bits, strict=True)
+        return [_between(start, end, _fraction(one)) for start, end, one in each]
+
+
+def _bits(seed: int, draw: int, name: str, count: int) -> list[int]:
+    """So many numbers of 64 random bits; the first ones are the same however many there are."""
+    digest = hashlib.sha256(name.encode()).digest()
+    words = np.frombuffer(digest, dtype="<u4").tolist()
+    sequence = np.random.SeedSequence(entropy=seed, spawn_key=(draw, *words))
+    return sequence.generate_state(count, np.uint64).tolist()
+
+
+def _fraction(bits: int) -> float:
+    """From 0 up to, and without, 1."""
+    return (bits >> 11) * 2.0**-53
+
+
+def _below(bits: int, count: int) -> int:
+    """A whole number from 0 to ``count - 1``; each as likely, to 2^-64 of their number."""
+    return bits * count >> 64
+
+
+def _between(low: float, high: float, fraction: float) -> float:
+    return min(low + (high - low) * fraction, high)
+
+
+def _between_logarithms(low: float, high: float, fraction: float) -> float:
+    with decimal.localcontext(decimal.Context(prec=_DIGITS)):
+        ratio = decimal.Decimal(high) / decimal.Decimal(low)
+        drawn = float(decimal.Decimal(low) * (ratio.ln() * decimal.Decimal(fraction)).exp())
+    return min(max(drawn, low), high)
+
+
+def check_seeds(value: Any) -> tuple[int, ...]:
+    """Seeds, each once.
+
+    Raises:
+        ValueError: one is no whole number from 0 on, or is repeated.
+    """
+    if not isinstance(value, (list, tuple)) or not value:
+        raise ValueError("at least one is needed, in a list")
+    seeds = tuple(whole_number(each, at_least=0) for each in value)
+    if max(seeds) >= _MOST_SEEDS:
+        raise ValueError(f"{max(seeds)} is above 2^63 - 1")
+    if len(set(seeds)) < len(seeds):
+        raise ValueError("one is repeated")
+    return seeds
+
+
+def check_count(value: Any) -> int:
+    """How many draws each seed has.
+
+    Raises:
+        ValueError: it is no whole number from 1 to 2^32.
+    """
+    count = whole_number(value, at_least=1)
+    if count > _MOST_DRAWS:
+        raise ValueError(f"{count} is above 2^32")
+    return count

@@ -1,0 +1,127 @@
+"""Maps of sweeps: what is a number is coloured, what is none is hatched and says why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.collections import PathCollection, QuadMesh
+from matplotlib.colors import LogNorm
+from matplotlib.patches import Rectangle
+
+from ropeode.errors import InputError
+from ropeode.render.plots.sweep_map import NOT_COMPUTED, plot_sweep
+from ropeode.study.sweep.columns import COLUMNS
+
+DAMPINGS, STEPS = (0.01, 0.1, 1.0), (16, 32, 64, 128)
+
+
+def frame_of(rows):
+    return pd.DataFrame([{**dict.fromkeys(COLUMNS), "problem": "rope", **row} for row in rows])
+
+
+@pytest.fixture
+def frame():
+    """Two steppers; one case of the first diverged, one has no order, one is not there."""
+    rows = [
+        {
+            "stepper": stepper,
+            "damping": damping,
+            "steps_per_frame": steps,
+            "status": "ok",
+            "resolved": True,
+            "order_verdict": "converges",
+            "observed_order": order + damping / 100,
+            "error_max": damping / steps**order,
+        }
+        for stepper, order in (("rk4", 4), ("explicit-euler", 1))
+        for damping in DAMPINGS
+        for steps in STEPS
+    ]
+    bad = frame_of(rows)
+    euler = bad.index[bad["stepper"] == "explicit-euler"]
+    bad.loc[euler[0], ["status", "observed_order"]] = ["diverged", None]
+    bad.loc[euler[1], ["order_verdict", "observed_order"]] = ["undetermined", None]
+    return bad.drop(euler[2])
+
+
+def test_cells_without_a_number_say_why(frame):
+    figure = plot_sweep(frame, "damping", "steps_per_frame", "observed_order")
+    euler, rk4 = [axes for axes in figure.axes if axes.get_title()]
+    assert (euler.get_title(), rk4.get_title()) == ("explicit-euler", "rk4")
+    assert not [p for p in rk4.patches if isinstance(p, Rectangle)]
+    hatched = {(p.get_x(), p.get_y()): p.get_hatch() for p in euler.patches}
+    assert len(hatched) == len(set(hatched.values())) == 3
+    [legend] = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "diverged",
+        "order undetermined",
+        NOT_COMPUTED,
+    ]
+    assert {h.get_hatch() for h in legend.legend_handles} == set(hatched.values())
+    [mesh] = [each for each in rk4.collections if isinstance(each, QuadMesh)]
+    expected = [[4 + damping / 100 for damping in DAMPINGS]] * len(STEPS)
+    np.testing.assert_allclose(np.ma.getdata(mesh.get_array()), expected)
+    [mesh] = [each for each in euler.collections if isinstance(each, QuadMesh)]
+    assert np.ma.getmaskarray(mesh.get_array()).sum() == 3
+
+
+def test_both_axes_are_logarithmic_where_the_values_are(frame):
+    figure = plot_sweep(frame, "damping", "steps_per_frame", "error_max", {"stepper": "rk4"})
+    axes = figure.axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.01", "0.1", "1"]
+    [mesh] = [each for each in axes.collections if isinstance(each, QuadMesh)]
+    assert isinstance(mesh.norm, LogNorm)
+    # Cells meet halfway between the values, as the axis shows them.
+    np.testing.assert_allclose(
+        mesh.get_coordinates()[0, :, 0], 0.01 * 10 ** np.array([-0.5, 0.5, 1.5, 2.5])
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "scale", "labels"),
+    [
+        ([0.0, 0.5, 1.0], "linear", ["0", "0.5", "1"]),
+        ([0.0, 0.001, 0.01, 0.1], "linear", ["0", "0.001", "0.01", "0.1"]),
+        ([10.0], "linear", ["10"]),
+    ],
+)
+def test_axes_of_other_values(values, scale, labels):
+    rows = [
+        {"stepper": "rk4", "damping": d, "steps_per_frame": 4, "status": "ok", "error_max": 1.0 + d}
+        for d in values
+    ]
+    axes = plot_sweep(frame_of(rows), "damping", "steps_per_frame", "error_max").axes[0]
+    assert axes.get_xscale() == scale
+    assert [text.get_text() for text in axes.get_xticklabels()] == labels
+
+
+def test_draws_that_never_meet_are_points():
+    draws = np.random.default_rng(0)
+    rows = [
+        {
+            "stepper": "rk4",
+            "damping": draws.uniform(),
+            "stiffness": draws.uniform(),
+            "status": "ok" if i % 5 else "diverged",
+            "error_max": draws.uniform() if i % 5 else None,
+        }
+        for i in range(40)
+    ]
+    figure = plot_sweep(frame_of(rows), "damping", "stiffness", "error_max")
+    coloured, crossed = [c for c in figure.axes[0].collections if isinstance(c, PathCollection)]
+    assert len(np.ma.getdata(coloured.get_offsets())) == 32
+    assert len(np.ma.getdata(crossed.get_offsets())) == 8
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["diverged"]
+
+
+def test_a_map_of_no_numbers_at_all(frame):
+    frame["observed_order"], frame["order_verdict"] = None, "undetermined"
+    figure = plot_sweep(frame, "damping", "steps_per_frame", "observed_order", {"stepper": "rk4"})
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["order undetermined"]
+
+
+def test_rows_that_would_share_a_cell_are_refused(frame):
+    with pytest.raises(InputError, match="differ in damping, of which 3 .* where damping="):
+        plot_sweep(frame, "stepper", "steps_per_frame", "error_max")
