@@ -88,9 +88,8 @@ def _surroundings() -> Mapping[str, str]:
     }
 
 
-def _source_digest() -> str:
+def _source_digest(package: Path = Path(__file__).parents[2]) -> str:
     """The sha256 of the files that take part, for whoever changes them between releases."""
-    package = Path(__file__).parents[2]
     found = hashlib.sha256()
     for part in SOURCES:
         path = package / part
