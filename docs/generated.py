@@ -9,6 +9,8 @@ from __future__ import annotations
 import functools
 import io
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -282,6 +284,15 @@ def growth_by_window() -> str:
         + f"\n\nOver the frames 1000 to 2000 the exponent is {found.value:.3f} [{low:.3f}, "
         f"{high:.3f}] per frame."
     )
+
+
+def peers(name: str) -> str:
+    """A table of what `benchmarks/peers.py` measured last; nothing is measured here."""
+    here = Path(__file__).parent
+    show = [here.parent / "benchmarks/peers.py", "--show", here / "peers.json", name]
+    return subprocess.run(
+        [sys.executable, *show], check=True, capture_output=True, text=True
+    ).stdout.rstrip()
 
 
 def judged_inside() -> str:

@@ -1,0 +1,117 @@
+"""The benchmark against other packages: it refuses to compare what is not the same."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import jax
+import pytest
+
+from ropeode import Rope
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def against(monkeypatch):
+    """The benchmark's modules, and nobody there but what ropeode itself needs."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    from against import many, reasons, references, stepping, tables, timing
+
+    class Nobody(timing.Peers):
+        def get(self, module, package):
+            self.leave_out(package, "not asked")
+
+    return SimpleNamespace(
+        many=many,
+        reasons=reasons,
+        references=references,
+        stepping=stepping,
+        tables=tables,
+        timing=timing,
+        nobody=Nobody(),
+    )
+
+
+def test_constant_steps_without_other_packages(against):
+    methods = (("semi-implicit-euler", 0.0),)
+    small = against.stepping.Size((3,), methods, node_steps=48, slow_node_steps=24, rounds=3)
+    with jax.enable_x64(True):
+        (case,) = against.stepping.same_steps(small, against.nobody, None)
+    assert [row["by"] for row in case["rows"]] == ["ropeode", "lax.scan", "diffrax", "NumPy"]
+    for row in case["rows"]:
+        assert len(row["values"]) == 3
+        assert min(row["values"]) > 0
+
+
+def test_what_ends_elsewhere_is_not_timed(against):
+    problem = Rope(num_nodes=3).problem(1)
+    step = against.stepping
+    known, *_ = step.works(problem, "semi-implicit-euler", against.nobody, None)
+    wrong = step.Work("liar", "a step too few", lambda steps: known.run(steps - 1))
+    with pytest.raises(SystemExit, match="a rope: liar .* away from ropeode"):
+        step.check("a rope", [known, known, wrong], 32)
+
+
+def test_many_ropes_without_other_packages(against):
+    small = against.many.Size((2,), 32, 16, ("semi-implicit-euler",), rounds=1)
+    (case,) = against.many.run(small, against.nobody, None)
+    assert [row["by"] for row in case["rows"]] == ["ropeode", "lax.scan", "NumPy"]
+
+
+def test_references_reach_the_true_error(against):
+    """At the loosest tolerance: the next looser one of the ladder does not reach it."""
+    module = against.references
+    kepler = module.Case("kepler", 30, "Kepler")
+    known = module.truth(kepler)
+    with jax.enable_x64(True):
+        cases = module.solved(
+            kepler, module.Size((kepler,), (1e-5,), (1e-5,), rounds=1), against.nobody
+        )
+        (primary,) = module.families(known.problem, stiff=False, peers=against.nobody)[0]
+        solver = primary(None)
+    rows = cases[0]["rows"]
+    assert {"primary: diffrax Dopri8", module.CERTIFIED, "DOP853"} <= {row["how"] for row in rows}
+    for row in rows:
+        assert row["true_error"] <= 1e-5
+        assert row.get("evaluations", 1) > 0
+    looser = module.TOLERANCES[module.TOLERANCES.index(rows[0]["tolerance"]) - 1]
+    assert known.error(solver.solve(looser)) > 1e-5
+    certified = next(row for row in rows if row["how"] == module.CERTIFIED)
+    assert certified["true_error"] <= certified["bound"]
+
+
+def results(ours, theirs):
+    rows = [
+        {"by": "ropeode", "how": "a", "values": ours},
+        {"by": "them", "how": "b", "values": theirs},
+    ]
+    case = {"part": "stepping", "case": "a rope", "unit": "ns", "rows": rows}
+    return {"made": {}, "left_out": [], "cases": [case]}
+
+
+def test_ratios_are_those_of_the_same_round(against):
+    """The second round was slow for both."""
+    table = against.tables.stepping(results([1.0, 10.0, 1.0], [2.0, 20.0, 2.0]))
+    assert "2.00 |" in table.splitlines()[-1]
+    base, other = results([1.0, 10.0, 1.0], [2.0, 20.0, 2.0])["cases"][0]["rows"]
+    assert against.tables.ratio(other, base) == (2.0, 2.0, 2.0)
+
+
+def test_a_loss_needs_its_reason(against, monkeypatch):
+    lost = results([2.0, 2.0], [1.0, 1.0])
+    with pytest.raises(SystemExit, match="does not say why"):
+        against.tables.losses(lost)
+    monkeypatch.setitem(against.reasons.REASONS, ("stepping", "them"), "They run downhill.")
+    assert "a rope (0.500" in against.tables.losses(lost)
+    assert "They run downhill." in against.tables.losses(lost)
+    assert "Nowhere" in against.tables.losses(results([1.0, 1.0], [2.0, 2.0]))
+
+
+def test_the_page_shows_the_stored_results(against):
+    page = (ROOT / "docs/peers.md").read_text()
+    stored = json.loads((ROOT / "docs/peers.json").read_text())
+    for name, table in against.tables.TABLES.items():
+        assert table(stored) in page, name
