@@ -171,8 +171,7 @@ def _asymptotic_range(log_dt: np.ndarray, log_error: np.ndarray) -> int:
 def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
     """The slope of the line of least squares, and what it leaves over.
 
-    By its formula, which takes a fiftieth of the time that general fits take: sweeps have
-    millions of them.
+    By its formula: general fits take many times as long, and sweeps make millions of them.
     """
     aside = x - np.sum(x) / len(x)
     up = y - np.sum(y) / len(y)

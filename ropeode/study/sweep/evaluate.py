@@ -8,7 +8,8 @@ from typing import Any
 
 from ropeode.analysis.stability import MOST_STEPS, stability_limit
 from ropeode.errors import InputError
-from ropeode.norms import norm_for
+from ropeode.norms import Norm, norm_for
+from ropeode.problems.problem import Problem
 from ropeode.simulation import step_size
 from ropeode.steppers import stepper as stepper_named
 from ropeode.steppers.base import Stepper
@@ -18,7 +19,7 @@ from ropeode.study.sweep.cases import Case
 from ropeode.study.sweep.columns import RESULTS, failed_row
 from ropeode.study.sweep.key import surroundings
 from ropeode.study.sweep.makers import FileMaker, Maker, maker_for
-from ropeode.study.sweep.references import Known, Refused, known_reference
+from ropeode.study.sweep.references import Known, Refused, known_references
 from ropeode.study.sweep.runs import Run, Subject, run_all, subject
 from ropeode.validation import in_one_line
 
@@ -42,19 +43,24 @@ def evaluate(task: Task, folder: Path) -> list[Row]:
     """
     maker = _maker(task)
     rows: dict[str, Row] = {}
-    subjects: dict[str, Subject] = {}
-    references: dict[str, Known | Refused] = {}
+    built: dict[str, tuple[Problem, Norm]] = {}
     for key, cases in _grouped(task.cases, lambda case: case.problem_key).items():
-        first = cases[0]
         try:
-            problem = maker.build(first.parameters)
-            norm = norm_for(problem, first.settings.norm)
+            problem = maker.build(cases[0].parameters)
+            built[key] = problem, norm_for(problem, cases[0].settings.norm)
         except Exception as error:
             rows |= _failed(cases, error)
-            continue
-        known = known_reference(folder, key, problem, first.settings.asked, keep=task.keep)
-        subjects[key] = subject(problem, norm, known if isinstance(known, Known) else None)
-        references[key] = known
+    references = known_references(
+        folder,
+        {key: problem for key, (problem, _) in built.items()},
+        task.cases[0].settings.asked,
+        keep=task.keep,
+    )
+    subjects = {
+        key: subject(problem, norm, known if isinstance(known, Known) else None)
+        for key, (problem, norm) in built.items()
+        for known in [references[key]]
+    }
     left = [case for case in task.cases if case.problem_key in subjects]
     for label, cases in _grouped(left, lambda case: case.stepper).items():
         rows |= _of_stepper(stepper_named(label), cases, subjects)

@@ -84,12 +84,16 @@ def _surroundings() -> Mapping[str, str]:
         "python": platform.python_version(),
         "machine": platform.machine(),
         "backend": jax.default_backend(),
-        "source": _source_digest(),
+        "source": source_digest(Path(__file__).parents[2]),
     }
 
 
-def _source_digest(package: Path = Path(__file__).parents[2]) -> str:
-    """The sha256 of the files that take part, for whoever changes them between releases."""
+def source_digest(package: Path) -> str:
+    """The sha256 of the files that take part, for whoever changes them between releases.
+
+    Arguments:
+        package: the folder that they are in.
+    """
     found = hashlib.sha256()
     for part in SOURCES:
         path = package / part

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,8 +13,10 @@ import numpy as np
 
 from ropeode.errors import ReferenceRefused
 from ropeode.files import make_folder, write_whole
+from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, reference
+from ropeode.references.ensemble import each_reference
+from ropeode.references.reference import Reference
 from ropeode.validation import in_one_line
 
 FOLDER = "references"
@@ -44,39 +46,64 @@ class Refused(NamedTuple):
     reason: str
 
 
-def known_reference(
-    folder: Path, key: str, problem: Problem, asked: Mapping[str, Any], *, keep: bool
-) -> Known | Refused:
-    """The reference of a problem, from the folder, or else made and kept there.
+def known_references(
+    folder: Path, problems: Mapping[str, Problem], asked: Mapping[str, Any], *, keep: bool
+) -> dict[str, Known | Refused]:
+    """The references of problems, from the folder, or else made side by side and kept there.
 
-    Processes that make the same one at the same time write the same file, each of them whole.
+    What becomes of each does not depend on the others. Processes that make the same one at the
+    same time write the same file, each of them whole.
 
     Arguments:
         folder: of the sweep.
-        key: of the problem.
-        problem: what to solve.
-        asked: of the reference, as `ropeode.reference` takes it.
-        keep: whether one that is made is to be kept.
+        problems: what to solve, by their keys.
+        asked: of the references, as `ropeode.reference` takes it.
+        keep: whether those that are made are to be kept, each as soon as it is there.
+
+    Returns:
+        By key.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: a file cannot be written.
     """
-    path = reference_path(folder, key)
-    if (found := _read(path, key)) is not None:
-        return found
-    try:
-        made = reference(problem, **asked)
-    except ReferenceRefused as refusal:
-        found, told = Refused(str(refusal)), {}
-    except Exception as error:
-        # Not kept: what a solver stumbled over may be gone with the next try.
-        return Refused(in_one_line(error))
-    else:
-        found, told = _inside(made), _told(made)
-    if keep:
-        make_folder(path.parent)
-        write_whole(path, _packed(key, found, told))
+    found: dict[str, Known | Refused] = {}
+    families: dict[Hashable, list[str]] = {}
+    for key, problem in problems.items():
+        if (known := _read(reference_path(folder, key), key)) is not None:
+            found[key] = known
+        else:
+            families.setdefault(family(problem), []).append(key)
+    for keys in families.values():
+        made = _made([problems[key] for key in keys], asked)
+        for key, outcome in zip(keys, made, strict=True):
+            found[key] = _inside(outcome) if isinstance(outcome, Reference) else _refused(outcome)
+            # What a solver stumbled over may be gone with the next try.
+            if keep and isinstance(outcome, (Reference, ReferenceRefused)):
+                path = reference_path(folder, key)
+                make_folder(path.parent)
+                told = _told(outcome) if isinstance(outcome, Reference) else {}
+                write_whole(path, _packed(key, found[key], told))
     return found
+
+
+def _made(problems: Sequence[Problem], asked: Mapping[str, Any]) -> Iterator[Reference | Exception]:
+    """The reference of each problem of a family, or why there is none."""
+    done = 0
+    try:
+        for outcome in each_reference(Ensemble.of(problems), **asked):
+            yield outcome
+            done += 1
+    except Exception as error:
+        if len(problems) == 1:
+            yield error
+            return
+        # One of them it is; the others are not to suffer for it.
+        for problem in problems[done:]:
+            yield from _made([problem], asked)
+
+
+def _refused(error: Exception) -> Refused:
+    return Refused(in_one_line(error))
 
 
 def reference_path(folder: Path, key: str) -> Path:

@@ -15,10 +15,12 @@ from ropeode.analysis.motion import classify_motion
 from ropeode.analysis.stability import stability_limit
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import NORMS, distance
+from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import motion, reference
+from ropeode.references.ensemble import each_reference
+from ropeode.references.reference import motion
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.sweep import references
@@ -58,11 +60,11 @@ def small(folder):
 
 @pytest.fixture(scope="module")
 def known(small):
-    """References of the problems, made apart from the sweep, by their parameters."""
+    """References of the problems, each made alone and apart from the sweep."""
     spec, _ = small
-    return {
-        case.problem_key: reference(PROBLEMS["rope"](**case.parameters)) for case in spec.cases()
-    }
+    problems = {case.problem_key: PROBLEMS["rope"](**case.parameters) for case in spec.cases()}
+    alone = {key: Ensemble.of([problem]) for key, problem in problems.items()}
+    return {key: next(each_reference(ensemble)) for key, ensemble in alone.items()}
 
 
 def test_each_row_has_its_columns(small):
@@ -141,7 +143,7 @@ def test_rows_do_not_depend_on_what_they_are_computed_with(small, folder, tmp_pa
 
 def test_a_reference_is_made_once(small, folder, monkeypatch):
     spec, rows = small
-    monkeypatch.setattr(references, "reference", None)
+    monkeypatch.setattr(references, "each_reference", None)
     assert rows_of(spec, folder) == rows
     files = [path for path in (folder / references.FOLDER).rglob("*") if path.is_file()]
     assert {path.stem for path in files} == {case.problem_key for case in spec.cases()}
@@ -156,6 +158,27 @@ def test_a_huge_sweep_keeps_no_references(small, tmp_path):
     assert not list(tmp_path.iterdir())
     many = SweepSpec({**VALUES, "random": {**VALUES["random"], "count": 100_000}})
     assert not next(many.tasks()).keep
+
+
+def test_what_a_solver_raises_is_told_and_not_kept(small, tmp_path, monkeypatch):
+    spec, rows = small
+    (task,) = spec.tasks()
+
+    def raising(ensemble, **asked):
+        for problem in ensemble:
+            if problem.parameters["damping"] == 2.0:
+                raise RuntimeError("no luck")
+            yield from each_reference(Ensemble.of([problem]), **asked)
+
+    monkeypatch.setattr(references, "each_reference", raising)
+    for row, before in zip(evaluate(task, tmp_path), rows, strict=True):
+        if row["damping"] == 2.0:
+            assert row["status"] == "no-reference"
+            assert "RuntimeError: no luck" in row["reason"]
+            continue
+        assert row == before
+    keys = {case.problem_key for case in task.cases if case.parameters["damping"] == 0.0}
+    assert {path.stem for path in tmp_path.rglob("*.npz")} == keys
 
 
 @pytest.mark.parametrize("harm", ["cut", "changed", "another's", "empty"])
@@ -176,11 +199,11 @@ def test_a_reference_that_is_not_as_it_was_written_is_made_again(small, folder, 
 
 
 def test_a_run_that_diverges_is_a_row(tmp_path, monkeypatch):
-    def refusing(problem, **asked):
-        raise ReferenceRefused("it is too stiff")
+    def refusing(ensemble, **asked):
+        return iter([ReferenceRefused("it is too stiff")] * len(ensemble))
 
     # Explicit Euler multiplies velocities by 1 - damping dt.
-    monkeypatch.setattr(references, "reference", refusing)
+    monkeypatch.setattr(references, "each_reference", refusing)
     values = {**VALUES, "steppers": ["explicit-euler"], "grid": {"damping": [1.0, 1e150]}}
     rows = rows_of(SweepSpec({**values, "largest_stable_dt": False}), tmp_path)
     assert [row["status"] for row in rows] == ["no-reference"] * 3 + ["diverged"] * 3

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import ropeode
-from ropeode.study.sweep import cases, key
-from ropeode.study.sweep.key import SOURCES, surroundings
+from ropeode.study.sweep import cases
+from ropeode.study.sweep.key import SOURCES, source_digest, surroundings
 from ropeode.study.sweep.spec import SweepSpec, read_sweep
 
 VALUES = {
@@ -121,7 +121,8 @@ def test_a_changed_source_counts(tmp_path):
         else:
             path.mkdir()
     (tmp_path / "steppers" / "euler.py").write_text("a = 1")
-    before = key._source_digest(tmp_path)
-    assert key._source_digest(tmp_path) == before
+    before = source_digest(tmp_path)
+    assert source_digest(tmp_path) == before
     (tmp_path / "steppers" / "euler.py").write_text("a = 2")
-    assert key._source_digest(tmp_path) != before
+    assert source_digest(tmp_path) != before
+    assert surroundings()["source"] == source_digest(Path(ropeode.__file__).parent)
