@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import tempfile
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -15,6 +19,23 @@ from ropeode.problems.rope import Rope
 settings.register_profile("repeatable", derandomize=True)
 settings.register_profile("random", derandomize=False)
 settings.load_profile("repeatable")
+
+
+_FOLDER = pytest.StashKey[str]()
+
+
+def pytest_configure(config):
+    """What one process has compiled is there for the others, as long as the tests run."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        config.stash[_FOLDER] = tempfile.mkdtemp(prefix="ropeode-tests-")
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = config.stash[_FOLDER]
+        os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+        os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
+
+
+def pytest_unconfigure(config):
+    if _FOLDER in config.stash:
+        shutil.rmtree(config.stash[_FOLDER], ignore_errors=True)
 
 
 @pytest.fixture(scope="session")
