@@ -9,12 +9,25 @@ from concurrent.futures import ThreadPoolExecutor
 
 import jax
 
+_most: int | None = None
+
+
+def use_cores(most: int | None) -> None:
+    """Use no more than so many processors from now on, in this process; None for all.
+
+    For workers of which there are several on a machine.
+    """
+    global _most
+    _most = most
+
 
 def cores() -> int:
     """The number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        there = len(os.sched_getaffinity(0))
+    else:
+        there = os.cpu_count() or 1
+    return there if _most is None else min(there, _most)
 
 
 @contextlib.contextmanager

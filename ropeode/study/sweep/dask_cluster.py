@@ -7,7 +7,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from ropeode.errors import InputError, RopeodeError
-from ropeode.study.sweep.engines import AHEAD, Row, Work
+from ropeode.study.sweep.engines import AHEAD, Row, Work, on_one_core
 from ropeode.validation import complaint, require
 
 _CONNECT_S = 10.0
@@ -51,7 +51,7 @@ class DaskCluster:
 
     def submit(self, task: Any) -> Future[list[Row]]:
         """Have a task worked on by any worker."""
-        return self._executor.submit(self._work, task)
+        return self._executor.submit(on_one_core, self._work, task)
 
     def check(self) -> None:
         """Raises:

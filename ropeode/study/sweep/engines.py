@@ -158,6 +158,14 @@ class _Worker:
         self._pool.shutdown(cancel_futures=True)
 
 
+def on_one_core(work: Work, task: Any) -> list[Row]:
+    """Do the work of a worker, which has one processor: there is a worker for each."""
+    from ropeode.threads import use_cores
+
+    use_cores(1)
+    return work(task)
+
+
 def _begin() -> None:
     """Set up a worker: Ctrl-C is for its parent alone, with which it ends, however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -176,4 +184,4 @@ def _work(work: Work, task: Any) -> list[Row]:
     from ropeode.references.process import set_up_jax
 
     set_up_jax()
-    return work(task)
+    return on_one_core(work, task)
