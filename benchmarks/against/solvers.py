@@ -232,8 +232,8 @@ Make = Callable[[Compiled], Solver]
 def families(problem: Problem, *, stiff: bool, peers: Peers) -> list[list[Make]]:
     """For each peer its methods, given a right-hand side; ropeode's own and heyoka's take none.
 
-    Of a peer's methods the fastest is raced. CVODE with GMRES in place of dense matrices was
-    slower on all problems here.
+    Of a peer's methods the fastest is raced. CVODE with GMRES in place of dense matrices is
+    not tried: it was slower in most trials.
     """
     own = primary(problem, "Kvaerno5" if stiff else "Dopri8")
     found: list[list[Make]] = [[lambda side: own], [lambda side: lsoda(problem, side)]]

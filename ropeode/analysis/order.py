@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Sequence
 from typing import Literal
 
@@ -179,20 +178,14 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
     return slope, up - slope * aside
 
 
-@functools.lru_cache(maxsize=128)
-def _student(degrees: int) -> float:
-    """Student's t, so that 95% lie between its two signs."""
-    # `scipy.stats` has it too, but takes long to import.
-    return float(special.stdtrit(degrees, 0.975))
-
-
 def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
     """The fitted slope and its interval; points from fine to coarse."""
     log_dt, log_error = np.log(dt), np.log(error)
     slope, residuals = _line(log_dt, log_error)
     degrees, spread = len(dt) - 2, log_dt - np.sum(log_dt) / len(log_dt)
     stderr = np.sqrt(np.dot(residuals, residuals) / degrees / np.dot(spread, spread))
-    half = max(_student(degrees) * stderr, _LEAST_HALF_WIDTH)
+    # Student's t; `scipy.stats`, which has it too, takes long to import.
+    half = max(float(special.stdtrit(degrees, 0.975)) * stderr, _LEAST_HALF_WIDTH)
     local = np.diff(log_error) / np.diff(log_dt)
     # Where local slopes approach the order like dt, what is still missing at the finest one
     # is its last change times 1/(ratio - 1).
