@@ -68,12 +68,12 @@ def measured(parts: list[str]) -> dict[str, Any]:
     """All results of some parts."""
     # Not above: `--show` needs no JAX.
     from against import many, references, stepping, studies
-    from stepping import compiled
+    from stepping import SOURCE, compiled
 
     peers, cases = Peers(), []
     if "stepping" in parts:
         with tempfile.TemporaryDirectory() as folder:
-            program = compiled(folder)
+            program = compiled(folder, SOURCE)
             if program is None:
                 peers.leave_out("C++", "there is no compiler (g++) on the search path")
             cases += stepping.run(stepping.Size(), peers, program)
