@@ -12,7 +12,7 @@ import numpy as np
 from stepping import CPP_METHODS, NUMPY_STEPS
 
 from against import jax_rope
-from against.stepping import AGREEMENT, DIFFRAX, Work, timed
+from against.stepping import DIFFRAX, Work, check, timed
 from against.timing import Contender, Peers, race
 from ropeode import Rope, simulate
 from ropeode.problems.ensemble import Ensemble
@@ -122,20 +122,6 @@ def by_processes(program: str, method: str, given: Ensemble) -> Callable:
         return per_step * 1e-9 * len(given) * steps / cores, position[:, None, None]
 
     return run
-
-
-def check(case: str, all_works: list[Work], steps: int) -> None:
-    """All arrive at the same positions (C++: of the first rope's last node).
-
-    Raises:
-        SystemExit: one does not.
-    """
-    _, known = all_works[0].run(steps)
-    for work in all_works[1:]:
-        _, x = work.run(steps)
-        apart = float(np.max(np.abs(x - known[:, -x.shape[1] :, : x.shape[2]])))
-        if not apart <= AGREEMENT:
-            raise SystemExit(f"{case}: {work.by} ({work.how}) ends {apart:.1e} away from ropeode")
 
 
 def run(size: Size, peers: Peers, program: str | None) -> list[dict[str, Any]]:

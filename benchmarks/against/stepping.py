@@ -140,7 +140,7 @@ def works(problem: Problem, method: str, peers: Peers, program: str | None) -> l
 
 
 def check(case: str, all_works: list[Work], steps: int) -> None:
-    """All arrive at the same positions (C++: of the last node).
+    """All arrive at the same positions (C++: of the last node, and of the first rope).
 
     Raises:
         SystemExit: one does not.
@@ -148,7 +148,8 @@ def check(case: str, all_works: list[Work], steps: int) -> None:
     _, known = all_works[0].run(steps)
     for work in all_works[1:]:
         _, x = work.run(steps)
-        apart = float(np.max(np.abs(x - known[:, -x.shape[1] :])))
+        own = known[:, -x.shape[1] :][(..., *map(slice, x.shape[2:]))]
+        apart = float(np.max(np.abs(x - own)))
         if not apart <= AGREEMENT:
             raise SystemExit(f"{case}: {work.by} ({work.how}) ends {apart:.1e} away from ropeode")
 

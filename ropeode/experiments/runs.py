@@ -7,12 +7,10 @@ import dataclasses
 import hashlib
 import io
 import json
-import os
 import threading
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from pathlib import Path
 
@@ -27,6 +25,7 @@ from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import stepper as stepper_named
+from ropeode.threads import cores, threads
 
 FRAMES = 4000
 MOST_FRAMES = 20_000
@@ -149,7 +148,7 @@ def run_all(
         seen(1.0)
         return found
 
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+    with threads(cores()) as pool:
         parts = list(pool.map(make, order))
     return {run: finished for part in parts for run, finished in part.items()}
 
