@@ -24,6 +24,15 @@ ALLOWED = {
     "analysis": {"problems", "norms", "steppers", "simulation", "references"},
     "study": {"problems", "norms", "steppers", "simulation", "references", "analysis"},
     "experiments": {"problems", "steppers", "simulation", "analysis", "study", "references"},
+    "grading": {
+        "problems",
+        "norms",
+        "steppers",
+        "simulation",
+        "references",
+        "analysis",
+        "study",
+    },
     "render": {
         "problems",
         "norms",
@@ -32,8 +41,9 @@ ALLOWED = {
         "analysis",
         "study",
         "experiments",
+        "grading",
     },
-    "cli": {"problems", "references", "study", "experiments", "render"},
+    "cli": {"problems", "references", "study", "experiments", "grading", "render"},
     "__main__": {"cli"},
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -41,31 +41,35 @@ def load_problem(where: str, *, folder: Path | None = None, frames: int | None =
     return as_problem(named_in_file(where, folder), where, frames)
 
 
-def named_in_file(where: str, folder: Path | None = None) -> Any:
+def named_in_file(where: str, folder: Path | None = None, what: str = "problem") -> Any:
     """What a name in a Python file stands for, as ``FILE.py:NAME``.
 
     Arguments:
         where: file and name.
         folder: that a relative file name starts from; the current one by default.
+        what: it is, for messages.
 
     Raises:
         InputError: there is no such file or name.
         UserCodeError: the file raised.
     """
-    path, name = file_and_name(where, folder)
-    found = _names_of(path)
+    path, name = file_and_name(where, folder, what)
+    found = _names_of(path, what)
     if name not in found:
         public = [key for key in found if not key.startswith("_")]
         raise InputError(unknown(f"name in {path}", name, public))
     return found[name]
 
 
-def file_and_name(where: str, folder: Path | None = None) -> tuple[Path, str]:
+def file_and_name(
+    where: str, folder: Path | None = None, what: str = "problem"
+) -> tuple[Path, str]:
     """The two parts of ``FILE.py:NAME``.
 
     Arguments:
         where: both.
         folder: that a relative file name starts from; the current one by default.
+        what: it is, for messages.
 
     Raises:
         InputError: one is missing.
@@ -73,20 +77,20 @@ def file_and_name(where: str, folder: Path | None = None) -> tuple[Path, str]:
     file, _, name = where.rpartition(":")
     if not file or not name.isidentifier():
         raise InputError(
-            complaint("problem", where, "FILE.py:NAME", "add the name, as in pendulum.py:problem")
+            complaint(what, where, "FILE.py:NAME", f"add the name, as in {what}s.py:{what}")
         )
     return (folder or Path()) / file, name
 
 
-def _names_of(path: Path) -> dict[str, Any]:
-    read_text("problem", path)
-    spec = importlib.util.spec_from_file_location("ropeode_user_problem", path)
+def _names_of(path: Path, what: str) -> dict[str, Any]:
+    read_text(what, path)
+    spec = importlib.util.spec_from_file_location(f"ropeode_user_{what}", path)
     if spec is None or spec.loader is None:
-        raise InputError(complaint("problem", str(path), "a Python file, *.py", "rename it"))
+        raise InputError(complaint(what, str(path), "a Python file, *.py", "rename it"))
     module = importlib.util.module_from_spec(spec)
     # Dataclasses and pickles look their module up by its name.
     sys.modules[spec.name] = module
-    _user_code(f"problem: the file {path} raised", spec.loader.exec_module, module)
+    _user_code(f"{what}: the file {path} raised", spec.loader.exec_module, module)
     return vars(module)
 
 

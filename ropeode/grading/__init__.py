@@ -1,0 +1,1 @@
+"""Steppers that users bring: checked, diagnosed, and graded from their trajectories."""

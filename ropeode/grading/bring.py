@@ -1,0 +1,213 @@
+"""From what a user brings to a candidate, looked at closely before it is judged."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from ropeode.errors import InputError, UserCodeError
+from ropeode.grading.candidate import Candidate, Compiled, Interpreted, called, in_numpy
+from ropeode.grading.forms import AccelerationForm, Equations, Form, RhsForm, StepperForm
+from ropeode.grading.guard import kept_output
+from ropeode.grading.problems import convergence_problems
+from ropeode.precision import in_float64
+from ropeode.problems.files import named_in_file
+from ropeode.problems.problem import Problem
+from ropeode.steppers import STEPPERS, stepper
+from ropeode.steppers.base import Stepper
+from ropeode.validation import complaint, unknown
+
+RHS_PARAMETERS = ("rhs", "t", "y", "dt", "args")
+ACCELERATION_PARAMETERS = ("acceleration", "t", "x", "v", "dt", "args")
+# Steps on which compiled and uncompiled runs have to agree, and how closely.
+_TRIAL_STEPS, _SAME = 8, 1e-11
+
+
+@dataclasses.dataclass(frozen=True)
+class Manners:
+    """How a step behaves, apart from what it computes.
+
+    Arguments:
+        mutates: the names of the arguments that it writes to.
+        repeats: whether the same input gives the same output, to the last bit.
+        printed: the beginning of what it prints.
+        compiled: whether it is run as JAX compiles it.
+    """
+
+    mutates: tuple[str, ...] = ()
+    repeats: bool = True
+    printed: str = ""
+    compiled: bool = True
+
+
+def brought(given: Any) -> tuple[str, Form | Stepper]:
+    """What is to be judged, with what it is called.
+
+    Arguments:
+        given: a step function, a `Stepper` (class or object), or a text: ``FILE.py:NAME``,
+            or the name of a stepper of ropeode.
+
+    Raises:
+        InputError: it is none of these.
+        UserCodeError: the user's file raised.
+    """
+    if not isinstance(given, str):
+        return getattr(given, "label", None) or getattr(given, "__name__", "step"), form_of(given)
+    if given.partition(":")[0] in STEPPERS:
+        return given, stepper(given)
+    if ".py" in given:
+        found = named_in_file(given, Path(), what="step")
+        return given, form_of(found)
+    raise InputError(unknown("stepper", given, [*STEPPERS, "FILE.py:NAME"]))
+
+
+def form_of(given: Any) -> Form | Stepper:
+    """The form of a step function, or a stepper.
+
+    Raises:
+        InputError: it is neither.
+        UserCodeError: the stepper's class could not be made without arguments.
+    """
+    if isinstance(given, Stepper | Form):
+        return given
+    if isinstance(given, type) and issubclass(given, Stepper):
+        return called(given)
+    if not callable(given) or isinstance(given, type):
+        raise InputError(
+            complaint(
+                "step",
+                given,
+                "a step function or a Stepper",
+                f"write def step({', '.join(ACCELERATION_PARAMETERS)})",
+            )
+        )
+    return _form_by_parameters(given)
+
+
+def _form_by_parameters(function: Callable) -> Form:
+    try:
+        parameters = [
+            each
+            for each in inspect.signature(function).parameters.values()
+            if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
+        ]
+    except (TypeError, ValueError):
+        parameters = []
+    needed = [each.name for each in parameters if each.default is each.empty]
+    names = tuple(each.name for each in parameters)
+    for form, wanted in ((RhsForm, RHS_PARAMETERS), (AccelerationForm, ACCELERATION_PARAMETERS)):
+        fits = len(needed) <= len(wanted) <= len(names)
+        shuffled = set(names) == set(wanted) and names != wanted
+        if fits and not shuffled:
+            return form(function)
+    raise InputError(
+        f"step: its parameters are ({', '.join(names)}); allowed: "
+        f"({', '.join(RHS_PARAMETERS)}), which returns the new y, or "
+        f"({', '.join(ACCELERATION_PARAMETERS)}), which returns the new x and v. "
+        "Fix: write one of these."
+    )
+
+
+@in_float64
+def examined(label: str, given: Form | Stepper) -> tuple[Candidate, Manners]:
+    """A candidate, and how it behaves in a first step.
+
+    Arguments:
+        label: what it is called.
+        given: its form.
+
+    Raises:
+        UserCodeError: it raises, or what it returns is no state.
+    """
+    if isinstance(given, Stepper):
+        form: Form = StepperForm(given)
+        equal_frames, asks = given.equal_frames, True
+        mutates, repeats, printed = (), True, ""
+        if type(given).__module__.startswith("ropeode."):
+            return Compiled(label, form, equal_frames=equal_frames), Manners()
+    else:
+        form, equal_frames = given, given.equal_frames
+        asks, mutates, repeats, printed = _first_steps(form)
+    options = {"own_forces": not asks, "equal_frames": equal_frames}
+    interpreted, compiled = Interpreted(label, form, **options), Compiled(label, form, **options)
+    if not form.in_python_only and _compiles(compiled, interpreted):
+        return compiled, Manners(mutates, repeats, printed)
+    return interpreted, Manners(mutates, repeats, printed, compiled=False)
+
+
+def _first_steps(form: Form) -> tuple[bool, tuple[str, ...], bool, str]:
+    """Whether it asks for forces, what it writes to, whether it repeats itself, what it prints."""
+    problem = convergence_problems()["uneven"]
+    asked = 0
+    equations = in_numpy(Equations.of(problem))
+
+    def counted(function: Callable) -> Callable:
+        def call(*given: Any) -> Any:
+            nonlocal asked
+            asked += 1
+            return function(*given)
+
+        return call
+
+    assert equations.acceleration is not None
+    watched = equations._replace(
+        rhs=counted(equations.rhs), acceleration=counted(equations.acceleration)
+    )
+    changed: set[str] = set()
+
+    def steps(y: np.ndarray) -> np.ndarray:
+        """Two steps: what was carried by the first must not be lost on the second."""
+        args = jax.tree.map(np.array, problem.args)
+        given = y.copy()
+        t, dt = float(problem.ts[0]), 0.01
+        carried = called(form.init, watched, args, t, given, dt)
+        before = jax.tree.map(np.array, (carried, args))
+        after = called(form.step, watched, args, t, carried, dt)
+        for name, was, now in zip(
+            ("y" if isinstance(form, RhsForm) else "x or v", "args"),
+            before,
+            (carried, args),
+            strict=True,
+        ):
+            same = jax.tree.map(lambda a, b: np.array_equal(a, b, equal_nan=True), was, now)
+            if not all(jax.tree.leaves(same)):
+                changed.add(name)
+        y = np.asarray(called(form.state, watched, args, t + dt, after, dt))
+        if not np.all(np.isfinite(y)):
+            raise UserCodeError(
+                "step: its first step from a regular state is not finite; allowed: finite "
+                "positions and velocities. Fix: look for a division by zero or an overflow."
+            )
+        return y
+
+    with kept_output() as printed, np.errstate(all="ignore"):
+        first = steps(problem.y0)
+        steps(problem.y0 + 0.125)
+        again = steps(problem.y0)
+    return asked > 0, tuple(sorted(changed)), np.array_equal(first, again), printed.getvalue()
+
+
+def _compiles(compiled: Compiled, interpreted: Interpreted) -> bool:
+    """Whether JAX can trace it, and what it compiles is the same as what Python makes of it."""
+    problem: Problem = convergence_problems()["uneven"]
+    if compiled.equal_frames:
+        problem = convergence_problems()["unequal"]
+    try:
+        with kept_output():
+            fast = compiled.run(problem, _TRIAL_STEPS)
+    except Exception:
+        # Whatever it is: then it runs in Python, where it shows for what it is.
+        return False
+    with kept_output():
+        slow = interpreted.run(problem, _TRIAL_STEPS)
+    apart = np.max(
+        np.abs(np.where(np.isnan(fast), 0.0, fast) - np.where(np.isnan(slow), 0.0, slow))
+    )
+    size = np.nanmax(np.abs(slow))
+    return bool(np.array_equal(np.isnan(fast), np.isnan(slow)) and apart <= _SAME * size)

@@ -1,0 +1,160 @@
+"""Whether runs converge to the right solution, and how fast: positions and velocities apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ropeode.analysis.errors import RESOLUTION_FACTOR
+from ropeode.analysis.order import PRE_ASYMPTOTIC, ObservedOrder, observed_order
+from ropeode.grading.report import Convergence, Finding
+from ropeode.norms import NORMS, distance
+from ropeode.references.reference import Reference, motion
+from ropeode.simulation.trajectory import step_size
+
+# An observed order is the expected one if it is not further below it than this.
+TOLERANCE = 0.25
+# Steps per frame: where a ladder begins, its ratio, and how far it is followed.
+_COARSEST, _RATIO, _LEVELS, _MOST_STEPS = 6, 1.5, 8, 2000
+
+
+def ladder(observe: Callable[[Sequence[int]], Convergence]) -> Convergence:
+    """Observe at finer and finer steps until both orders are known, or it is of no more use.
+
+    Arguments:
+        observe: makes the runs with so many steps per frame, and says what came of them.
+    """
+    levels = [round(_COARSEST * _RATIO**k) for k in range(_LEVELS)]
+    while True:
+        found = observe(levels)
+        if not any(_finer_steps_would_help(order) for order in found.orders.values()):
+            break
+        if levels[-1] * _RATIO > _MOST_STEPS:
+            break
+        levels.append(round(levels[-1] * _RATIO))
+    if any(order.verdict == "undetermined" for order in found.orders.values()):
+        # Of a high order: coarser steps have errors that a reference can tell.
+        return observe([1, 2, 3, 4, *levels])
+    return found
+
+
+def _finer_steps_would_help(order: ObservedOrder) -> bool:
+    if order.verdict != "undetermined" or order.observed is not None:
+        return False
+    too_coarse = sum(point.reason in ("unstable", PRE_ASYMPTOTIC) for point in order.left_out)
+    return 2 * too_coarse >= len(order.left_out)
+
+
+def converging(
+    reference: Reference,
+    runs: Sequence[tuple[float, np.ndarray]],
+    *,
+    expected: int | None,
+    doubles: Sequence[np.ndarray | None] = (),
+    quantities: Sequence[str] | None = None,
+) -> Convergence:
+    """Hold runs with several step sizes against the reference of their problem.
+
+    Arguments:
+        reference: of the problem.
+        runs: step size and states ``(times, *state)`` of each, not-a-number from where it
+            diverged.
+        expected: the order that is claimed.
+        doubles: states of the same runs with other roundings, which show how large the
+            round-off is; None for a run that has none.
+        quantities: that are looked at; by default all that the problem has.
+    """
+    problem = reference.problem
+    inside = slice(1, reference.trusted)
+    errors: dict[str, tuple[float | None, ...]] = {}
+    orders: dict[str, ObservedOrder] = {}
+    resolution: dict[str, float] = {}
+    order_of_runs = sorted(range(len(runs)), key=lambda i: -runs[i][0])
+    dts = tuple(runs[i][0] for i in order_of_runs)
+    for quantity in quantities or problem.quantities:
+        norm = NORMS[f"{quantity}-max"]
+
+        def apart(a: np.ndarray, b: np.ndarray, norm=norm) -> float | None:
+            both = slice(0, reference.trusted)
+            if np.isnan(a[both]).any() or np.isnan(b[both]).any():
+                return None
+            return float(np.max(distance(problem, norm, a, b)[inside]))
+
+        found = [apart(runs[i][1], reference.states) for i in order_of_runs]
+        rounding = [
+            apart(runs[i][1], double) or 0.0
+            if i < len(doubles) and (double := doubles[i]) is not None
+            else 0.0
+            for i in order_of_runs
+        ]
+        errors[quantity] = tuple(found)
+        resolution[quantity] = float(RESOLUTION_FACTOR * reference.bound(norm)[-1])
+        orders[quantity] = observed_order(
+            dts,
+            found,
+            resolution=resolution[quantity],
+            rounding=rounding,
+            motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
+        )
+    return Convergence(
+        problem=problem.name,
+        dts=dts,
+        errors=errors,
+        resolution=resolution,
+        orders=orders,
+        expected=expected,
+    )
+
+
+def steps_to_dts(reference: Reference, steps: Sequence[int]) -> list[float]:
+    """Step sizes of numbers of steps per frame."""
+    return [step_size(reference.problem, each) for each in steps]
+
+
+def convergence_finding(check: str, found: Convergence) -> Finding:
+    """The verdict on what was observed.
+
+    Arguments:
+        check: name of the check.
+        found: by `converging`.
+    """
+    faults, words, known = [], [], True
+    for quantity, order in found.orders.items():
+        last = found.errors[quantity][-1]
+        them = {"velocity": "velocities"}.get(quantity, f"{quantity}s")
+        if order.verdict == "undetermined":
+            known = False
+            words.append(f"{them}: order undetermined ({order.why})")
+            if found.expected is not None or last is None:
+                faults.append(quantity)
+            continue
+        assert order.observed is not None
+        assert order.ci95 is not None
+        size = "diverges" if last is None else f"{last:.1e}"
+        if order.verdict == "does not converge":
+            words.append(f"{them} do not converge: error {size} at the finest dt")
+            faults.append(quantity)
+            continue
+        words.append(
+            f"{them} order {order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}]"
+        )
+        if found.expected is not None and order.ci95[1] < found.expected - TOLERANCE:
+            faults.append(quantity)
+    line = "; ".join(words)
+    if found.expected is not None:
+        line += f"; expected {found.expected}"
+    return Finding(
+        check=check,
+        status="fail" if faults else "pass" if known else "note",
+        line=line,
+        evidence={
+            quantity: {
+                "observed": order.observed,
+                "ci95": order.ci95,
+                "verdict": order.verdict,
+            }
+            for quantity, order in found.orders.items()
+        },
+        convergence=found,
+    )

@@ -1,0 +1,95 @@
+"""All that the checks of one stepper share: its runs, and the references they are held against."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+
+from ropeode.grading.bring import Manners
+from ropeode.grading.candidate import Candidate
+from ropeode.grading.convergence import converging, ladder, steps_to_dts
+from ropeode.grading.problems import UNITS, convergence_problems, in_other_units
+from ropeode.grading.report import Claims, Convergence
+from ropeode.problems.problem import Problem
+from ropeode.references.reference import Reference, reference
+from ropeode.steppers import stepper
+from ropeode.study.accuracy_table import problem_class
+
+_REFERENCES: dict[tuple, Reference] = {}
+_LOCK = threading.Lock()
+
+
+class Examination:
+    """A candidate under examination.
+
+    Arguments:
+        candidate: what is judged.
+        claims: what is said of it.
+        manners: how its step behaves.
+    """
+
+    def __init__(self, candidate: Candidate, claims: Claims, manners: Manners):
+        self.candidate, self.claims, self.manners = candidate, claims, manners
+        self._found: dict[str, Convergence] = {}
+
+    def refusal(self, problem: Problem) -> str | None:
+        """Why the candidate cannot be run on a problem; None if it can."""
+        if self.candidate.equal_frames and not problem.equal_frames:
+            return "a two-step method needs equal frames"
+        if self.candidate.own_forces and np.any(problem.args.drive):
+            return "it computes its own forces, and knows nothing of the drive"
+        return None
+
+    def expected(self, problem: Problem) -> int | None:
+        """The order that is claimed on a problem; None where nothing is."""
+        if self.claims.method is not None:
+            return stepper(self.claims.method).order(problem_class(problem))
+        return self.claims.order
+
+    def convergence(self, name: str) -> Convergence:
+        """What the runs of one of `convergence_problems` show; found once."""
+        if name not in self._found:
+            self._found[name] = self.observed(convergence_problems()[name])
+        return self._found[name]
+
+    def observed(self, problem: Problem) -> Convergence:
+        """What the runs of a problem show, at as many step sizes as it takes.
+
+        Arguments:
+            problem: a check rope.
+        """
+        known = reference_of(problem)
+        other = in_other_units(problem)
+        made: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+        def observe(steps: Sequence[int]) -> Convergence:
+            for each in steps:
+                if each not in made:
+                    states = self.candidate.run(problem, each)
+                    made[each] = states, self.candidate.run(other, each) / UNITS
+            return converging(
+                known,
+                list(zip(steps_to_dts(known, steps), (made[n][0] for n in steps), strict=True)),
+                expected=self.expected(problem),
+                doubles=[made[n][1] for n in steps],
+            )
+
+        return ladder(observe)
+
+
+def reference_of(problem: Problem) -> Reference:
+    """The certified reference of a check rope; made once in a process.
+
+    Arguments:
+        problem: a check rope.
+
+    Raises:
+        ReferenceRefused: none can be had.
+    """
+    key = (problem.ts.tobytes(), problem.y0.tobytes(), *(leaf.tobytes() for leaf in problem.args))
+    with _LOCK:
+        if key not in _REFERENCES or _REFERENCES[key].problem is not problem:
+            _REFERENCES[key] = reference(problem)
+        return _REFERENCES[key]

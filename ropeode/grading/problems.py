@@ -1,0 +1,263 @@
+"""The ropes that a stepper is checked on: of one family, so that it is compiled once for all."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems import rope
+from ropeode.problems.links import LinearDamping
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import RopeArgs
+
+NODES, DIM = 5, 3
+
+
+class CheckArgs(NamedTuple):
+    """The numbers in the equations of a check rope, as steppers that are checked see them.
+
+    Fields:
+        mass: of each node, ``(nodes,)``.
+        stiffness: of each spring, ``(nodes - 1,)``.
+        rest_length: of each spring, ``(nodes - 1,)``.
+        free: 1 where a node is free and 0 where it is pinned, ``(nodes,)``.
+        gravity: acceleration, ``(dim,)``.
+        damping: coefficient of the force ``-damping v`` on each node, ``(nodes,)``.
+        drive: amplitude of the acceleration ``drive cos(frequency t)`` of all free nodes,
+            ``(dim,)``.
+        frequency: of the drive, in radians per time unit.
+    """
+
+    mass: Any
+    stiffness: Any
+    rest_length: Any
+    free: Any
+    gravity: Any
+    damping: Any
+    drive: Any
+    frequency: Any
+
+
+def acceleration(t: Any, x: Any, v: Any, args: CheckArgs) -> Any:
+    """The rope's acceleration and the drive's, ``(nodes, dim)``.
+
+    Arguments:
+        t: time.
+        x: positions, ``(nodes, dim)``.
+        v: velocities, ``(nodes, dim)``.
+        args: the rope's numbers.
+    """
+    drive = args.drive * jnp.cos(args.frequency * t)
+    return rope.acceleration(t, x.T, v.T, _as_rope(args)).T + args.free[:, None] * drive
+
+
+def linear_damping(args: CheckArgs) -> LinearDamping:
+    """The damping force ``-damping v`` as an acceleration; none at pinned nodes."""
+    rate, coefficient = rope.linear_damping(_as_rope(args))
+    return LinearDamping(rate[:, None], coefficient[:, None])
+
+
+def energy(t: Any, y: Any, args: CheckArgs) -> Any:
+    """The rope's energy; constant along solutions without damping and drive.
+
+    Arguments:
+        t: time; not used.
+        y: state, ``(2, nodes, dim)``.
+        args: the rope's numbers.
+    """
+    return rope.energy(t, jnp.swapaxes(y, 1, 2), _as_rope(args))
+
+
+def _as_rope(args: CheckArgs) -> RopeArgs:
+    return RopeArgs(
+        args.mass,
+        args.stiffness,
+        args.rest_length,
+        args.free,
+        args.gravity[:, None],
+        args.damping,
+    )
+
+
+def check_rope(
+    name: str,
+    x0: Any,
+    ts: Sequence[float],
+    *,
+    v0: Any = 0.0,
+    mass: Any = 1.0,
+    stiffness: Any = 4.0,
+    rest_length: Any = 1.0,
+    pinned: Sequence[int] = (0,),
+    gravity: Any = (0.0, 0.0, 0.0),
+    damping: Any = 0.0,
+    drive: Any = (0.0, 0.0, 0.0),
+    frequency: float = 0.0,
+) -> Problem:
+    """A rope of the family; what is one number is the same for all nodes or springs.
+
+    Arguments:
+        name: for reports.
+        x0: initial positions, ``(NODES, DIM)``.
+        ts: sample times.
+        v0: initial velocities, broadcast to those; pinned nodes keep still all the same.
+        mass: as in `CheckArgs`, like all that follows.
+        stiffness: of the springs.
+        rest_length: of the springs.
+        pinned: indices of the nodes that do not move.
+        gravity: acceleration.
+        damping: coefficients.
+        drive: amplitude.
+        frequency: of the drive.
+    """
+    free = np.ones(NODES)
+    free[list(pinned)] = 0.0
+    args = CheckArgs(
+        mass=_each(mass, NODES),
+        stiffness=_each(stiffness, NODES - 1),
+        rest_length=_each(rest_length, NODES - 1),
+        free=free,
+        gravity=np.asarray(gravity, dtype=np.float64),
+        damping=_each(damping, NODES),
+        drive=np.asarray(drive, dtype=np.float64),
+        frequency=np.asarray(frequency, dtype=np.float64),
+    )
+    x0 = np.asarray(x0, dtype=np.float64)
+    v0 = np.broadcast_to(np.asarray(v0, dtype=np.float64), x0.shape) * free[:, None]
+    return _family().changed(
+        y0=np.stack([x0, v0]), ts=np.asarray(ts, dtype=np.float64), args=args, name=name
+    )
+
+
+def _each(value: Any, count: int) -> np.ndarray:
+    return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count,)))
+
+
+@functools.cache
+def _family() -> Problem:
+    """One of the family; the functions are tried on it once."""
+    return Problem.second_order(
+        acceleration,
+        _row((1.0, 0.0, 0.0)),
+        np.zeros((NODES, DIM)),
+        np.arange(2.0),
+        CheckArgs(
+            mass=np.ones(NODES),
+            stiffness=np.ones(NODES - 1),
+            rest_length=np.ones(NODES - 1),
+            free=np.ones(NODES),
+            gravity=np.ones(DIM),
+            damping=np.ones(NODES),
+            drive=np.ones(DIM),
+            frequency=np.asarray(1.0),
+        ),
+        damping=linear_damping,
+        energy=energy,
+        name="check rope",
+    )
+
+
+def _row(step: Sequence[float]) -> np.ndarray:
+    """Nodes in a straight row from the origin, ``(NODES, DIM)``."""
+    return np.outer(np.arange(float(NODES)), step)
+
+
+# A crooked rope whose springs are neither at rest nor alike, and whose pin is inside.
+_CROOKED = np.array(
+    [[0.1, 0.2, 0.0], [0.9, -0.1, 0.3], [1.7, 0.5, 0.1], [2.4, 0.2, -0.6], [3.1, -0.4, -0.2]]
+)
+_MOVING = np.array(
+    [[0.3, -0.5, 0.2], [0.0, 0.0, 0.0], [-0.4, 0.3, 0.6], [0.2, 0.8, -0.3], [-0.6, 0.1, 0.5]]
+)
+_UNEQUAL: dict[str, Any] = {
+    "mass": (1.3, 0.8, 0.6, 1.7, 0.9),
+    "stiffness": (3.0, 5.5, 4.2, 2.6),
+    "rest_length": (0.75, 0.85, 0.6, 1.15),
+    "pinned": (1,),
+}
+
+
+@functools.cache
+def convergence_problems() -> dict[str, Problem]:
+    """The problems on which orders are observed, by name; each can tell other mistakes apart."""
+    made = (
+        # As in the classroom: all numbers 1, a row at rest, let go.
+        check_rope(
+            "textbook", _row((1.0, 0.0, 0.0)), (0.0, 0.7, 1.4, 2.1), gravity=(0.0, -1.0, 0.0)
+        ),
+        # Masses that are alike and not 1, damping, rest lengths below 1; at rest.
+        check_rope(
+            "damped",
+            _row((0.55, 0.15, -0.1)),
+            (0.0, 0.6, 1.2, 1.8),
+            mass=0.7,
+            stiffness=3.2,
+            rest_length=0.6,
+            gravity=(0.2, -0.9, 0.1),
+            damping=0.35,
+        ),
+        # All numbers unlike, moving at the start, in space.
+        check_rope(
+            "unequal",
+            _CROOKED,
+            (0.0, 0.5, 1.0, 1.5),
+            v0=_MOVING,
+            gravity=(0.3, -0.8, 0.2),
+            damping=(0.2, 0.1, 0.4, 0.3, 0.25),
+            **_UNEQUAL,
+        ),
+        # A force that depends on time, which does not start at 0.
+        check_rope(
+            "driven",
+            _CROOKED,
+            (0.4, 0.9, 1.4, 1.9),
+            v0=_MOVING,
+            gravity=(0.3, -0.8, 0.2),
+            drive=(0.9, 0.7, -1.1),
+            frequency=3.1,
+            **_UNEQUAL,
+        ),
+        # The same with damping, and frames that one step size does not divide.
+        check_rope(
+            "uneven",
+            _CROOKED,
+            (-0.3, 0.4, 0.65, 1.3),
+            v0=_MOVING,
+            gravity=(0.3, -0.8, 0.2),
+            damping=(0.2, 0.1, 0.4, 0.3, 0.25),
+            drive=(0.9, 0.7, -1.1),
+            frequency=2.3,
+            **_UNEQUAL,
+        ),
+        # Nothing holds it and nothing pulls at it.
+        check_rope(
+            "free",
+            _CROOKED,
+            (0.0, 0.6, 1.2, 1.8),
+            v0=np.add(_MOVING, (0.1, 0.05, -0.2)),
+            **{**_UNEQUAL, "pinned": ()},
+        ),
+    )
+    return {problem.name: problem for problem in made}
+
+
+# The ratio of two units of length: near 1, and without a pattern in its binary digits.
+UNITS = 1.1883951057781212
+
+
+def in_other_units(problem: Problem) -> Problem:
+    """A check rope with its lengths in another unit; its states are `UNITS` times as large.
+
+    In exact arithmetic every stepper makes the same of both. In floating point every rounding
+    differs, and the difference of two runs is as large as their round-off.
+
+    Arguments:
+        problem: of the family.
+    """
+    args = problem.args
+    scaled = {name: getattr(args, name) * UNITS for name in ("rest_length", "gravity", "drive")}
+    return problem.changed(y0=problem.y0 * UNITS, args=args._replace(**scaled))
