@@ -54,6 +54,15 @@ class Candidate(abc.ABC):
             UserCodeError: the user's code raised, or returned something that is no state.
         """
 
+    @abc.abstractmethod
+    def first_step(self, problem: Problem, dt: float) -> tuple[Any, Callable[[Any], Any]]:
+        """What is carried into the first step, and the step as a function of it.
+
+        Arguments:
+            problem: what is solved; the step starts at its first sample time.
+            dt: step size.
+        """
+
 
 class Compiled(Candidate):
     """A candidate written in JAX (or in nothing that JAX cannot trace)."""
@@ -70,6 +79,24 @@ class Compiled(Candidate):
             np.int64(steps_per_frame),
         )
         return finite_part(np.asarray(states)[: problem.frames + 1])
+
+    def first_step(self, problem: Problem, dt: float) -> tuple[Any, Callable[[Any], Any]]:
+        """As in `Candidate`."""
+        init, step = self._first_step(Equations.of(problem))
+        t, args = problem.ts[0], problem.args
+        return init(args, t, problem.y0, dt), lambda carried: step(args, t, carried, dt)
+
+    def _first_step(self, equations: Equations) -> tuple[Callable, Callable]:
+        if equations not in self._steps:
+            methods = (self.form.init, self.form.step)
+            self._steps[equations] = tuple(
+                jax.jit(functools.partial(method, equations)) for method in methods
+            )
+        return self._steps[equations]
+
+    @functools.cached_property
+    def _steps(self) -> dict[Equations, Any]:
+        return {}
 
     @functools.cached_property
     def _loops(self) -> dict[Equations, Callable]:
@@ -123,6 +150,18 @@ class Interpreted(Candidate):
         with np.errstate(all="ignore"):
             self._fill(states, equations, args, problem, steps_per_frame)
         return finite_part(states)
+
+    def first_step(self, problem: Problem, dt: float) -> tuple[Any, Callable[[Any], Any]]:
+        """As in `Candidate`."""
+        equations, t = in_numpy(Equations.of(problem)), float(problem.ts[0])
+        args = jax.tree.map(np.array, problem.args)
+
+        def step(carried: Any) -> Any:
+            # A copy: a user's step may write to what it is given.
+            given = jax.tree.map(np.array, carried)
+            return called(self.form.step, equations, args, t, given, dt)
+
+        return called(self.form.init, equations, args, t, problem.y0.copy(), dt), step
 
     def _fill(
         self, states: np.ndarray, equations: Equations, args: Any, problem: Problem, steps: int

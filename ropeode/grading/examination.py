@@ -33,14 +33,23 @@ class Examination:
     def __init__(self, candidate: Candidate, claims: Claims, manners: Manners):
         self.candidate, self.claims, self.manners = candidate, claims, manners
         self._found: dict[str, Convergence] = {}
+        self._undriven: dict[str, Problem] = {}
 
     def refusal(self, problem: Problem) -> str | None:
         """Why the candidate cannot be run on a problem; None if it can."""
         if self.candidate.equal_frames and not problem.equal_frames:
             return "a two-step method needs equal frames"
-        if self.candidate.own_forces and np.any(problem.args.drive):
-            return "it computes its own forces, and knows nothing of the drive"
         return None
+
+    def problem(self, name: str) -> Problem:
+        """One of `convergence_problems`, without the drive for what computes its own forces."""
+        problem = convergence_problems()[name]
+        if not (self.candidate.own_forces and np.any(problem.args.drive)):
+            return problem
+        if name not in self._undriven:
+            args = problem.args._replace(drive=np.zeros_like(problem.args.drive))
+            self._undriven[name] = problem.changed(args=args)
+        return self._undriven[name]
 
     def expected(self, problem: Problem) -> int | None:
         """The order that is claimed on a problem; None where nothing is."""
@@ -48,10 +57,22 @@ class Examination:
             return stepper(self.claims.method).order(problem_class(problem))
         return self.claims.order
 
+    @property
+    def symplectic(self) -> bool | None:
+        """What is claimed: by itself, or as a method's property; None where nothing is."""
+        if self.claims.symplectic is not None or self.claims.method is None:
+            return self.claims.symplectic
+        return stepper(self.claims.method).symplectic
+
+    @property
+    def reversible(self) -> bool | None:
+        """What is claimed; None where nothing is."""
+        return self.claims.reversible
+
     def convergence(self, name: str) -> Convergence:
         """What the runs of one of `convergence_problems` show; found once."""
         if name not in self._found:
-            self._found[name] = self.observed(convergence_problems()[name])
+            self._found[name] = self.observed(self.problem(name))
         return self._found[name]
 
     def observed(self, problem: Problem) -> Convergence:

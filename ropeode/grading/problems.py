@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.problems import rope
 from ropeode.problems.links import LinearDamping
@@ -86,7 +87,7 @@ def _as_rope(args: CheckArgs) -> RopeArgs:
 def check_rope(
     name: str,
     x0: Any,
-    ts: Sequence[float],
+    ts: ArrayLike,
     *,
     v0: Any = 0.0,
     mass: Any = 1.0,
@@ -243,6 +244,55 @@ def convergence_problems() -> dict[str, Problem]:
         ),
     )
     return {problem.name: problem for problem in made}
+
+
+@functools.cache
+def generic() -> Problem:
+    """All numbers unlike, with damping but no drive: for what is looked at in a few steps."""
+    return convergence_problems()["unequal"]
+
+
+@functools.cache
+def undamped() -> Problem:
+    """The same without damping."""
+    return generic().changed(
+        args=generic().args._replace(damping=np.zeros(NODES)), name="unequal, undamped"
+    )
+
+
+@functools.cache
+def swing(frames: int = 400) -> Problem:
+    """A hanging rope, pushed aside, without damping; sampled long and often."""
+    still = hanging()
+    aside = np.zeros((NODES, DIM))
+    aside[1:, 0], aside[1:, 2] = (0.1, 0.25, 0.4, 0.5), (0.05, 0.1, 0.1, -0.1)
+    return still.changed(
+        y0=still.y0 + np.stack([aside, np.zeros_like(aside)]),
+        ts=0.5 * np.arange(frames + 1.0),
+        name="swing",
+    )
+
+
+@functools.cache
+def hanging() -> Problem:
+    """A rope that hangs still from its first node, without damping.
+
+    Each spring is longer than at rest by the weight below it over its stiffness.
+    """
+    mass, stiffness = np.array([1.0, 1.3, 0.7, 0.9, 1.1]), np.array([9.0, 8.0, 7.5, 9.5])
+    rest_length, gravity = np.array([0.8, 0.7, 0.9, 0.75]), 0.9
+    weight = gravity * np.cumsum(mass[::-1])[::-1]
+    x0 = np.zeros((NODES, DIM))
+    x0[1:, 1] = -np.cumsum(rest_length + weight[1:] / stiffness)
+    return check_rope(
+        "hanging",
+        x0,
+        (0.0, 1.0),
+        mass=mass,
+        stiffness=stiffness,
+        rest_length=rest_length,
+        gravity=(0.0, -gravity, 0.0),
+    )
 
 
 # The ratio of two units of length: near 1, and without a pattern in its binary digits.

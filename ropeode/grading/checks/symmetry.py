@@ -1,0 +1,104 @@
+"""What is moved, turned, mirrored, renumbered or begun later moves in the same way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ropeode.grading.examination import Examination
+from ropeode.grading.problems import generic
+from ropeode.grading.report import Finding
+from ropeode.problems.problem import Problem
+
+_STEPS = 10
+# Of the size of the rope: rounding stays three digits below, and what an unsymmetric formula
+# changes several above.
+_TOLERANCE = 1e-10
+_SHIFT = np.array([3.1, -2.3, 1.7])
+_LATER = 2.7182818
+
+
+def translation(examination: Examination) -> Finding:
+    """A rope elsewhere moves in the same way."""
+    problem = generic()
+    moved = problem.changed(y0=problem.y0 + np.stack([np.tile(_SHIFT, (5, 1)), np.zeros((5, 3))]))
+    return _compared(
+        examination,
+        "translation",
+        moved,
+        lambda states: states - np.stack([np.tile(_SHIFT, (5, 1)), np.zeros((5, 3))]),
+        "moved elsewhere",
+    )
+
+
+def rotation(examination: Examination) -> Finding:
+    """A rope that is turned, with gravity, moves in the same way."""
+    turn = _orthogonal()
+    if np.linalg.det(turn) < 0:
+        turn = -turn
+    return _transformed(examination, "rotation", turn, "turned in space, with gravity")
+
+
+def mirror(examination: Examination) -> Finding:
+    """A rope that is mirrored, with gravity, moves in the same way."""
+    normal = _orthogonal()[0]
+    return _transformed(
+        examination, "mirror", np.eye(3) - 2.0 * np.outer(normal, normal), "mirrored, with gravity"
+    )
+
+
+def node_order(examination: Examination) -> Finding:
+    """A rope whose nodes are numbered from its other end moves in the same way."""
+    problem = generic()
+    args = problem.args
+    names = ("mass", "stiffness", "rest_length", "free", "damping")
+    reversed_args = args._replace(**{name: getattr(args, name)[::-1].copy() for name in names})
+    other = problem.changed(y0=problem.y0[:, ::-1].copy(), args=reversed_args)
+    return _compared(
+        examination,
+        "node-order",
+        other,
+        lambda states: states[:, :, ::-1],
+        "numbered from the other end",
+        "; are nodes updated one by one, with what neighbours have moved to already?",
+    )
+
+
+def time_shift(examination: Examination) -> Finding:
+    """A rope without a drive moves in the same way whenever it is let go."""
+    problem = generic()
+    later = problem.changed(ts=problem.ts + _LATER)
+    return _compared(examination, "time-shift", later, lambda states: states, "begun later")
+
+
+def _orthogonal() -> np.ndarray:
+    return np.linalg.qr(np.random.default_rng(7).normal(size=(3, 3)))[0]
+
+
+def _transformed(examination: Examination, check: str, turn: np.ndarray, words: str) -> Finding:
+    problem = generic()
+    other = problem.changed(
+        y0=problem.y0 @ turn.T,
+        args=problem.args._replace(gravity=turn @ problem.args.gravity),
+    )
+    return _compared(examination, check, other, lambda states: states @ turn, words)
+
+
+def _compared(
+    examination: Examination,
+    check: str,
+    other: Problem,
+    back: Callable[[np.ndarray], np.ndarray],
+    words: str,
+    hint: str = "",
+) -> Finding:
+    """A run of the generic problem beside the same of a transformed one."""
+    run = examination.candidate.run
+    own, others = run(generic(), _STEPS), back(run(other, _STEPS))
+    apart = float(np.max(np.abs(own - others))) / generic().scale
+    if not apart <= _TOLERANCE:
+        line = f"the rope {words} moves otherwise, by {apart:.1e} of its size{hint}"
+        return Finding(check, "fail", line, {"difference": apart})
+    line = f"the rope {words} moves the same, to {apart:.1e} of its size"
+    return Finding(check, "pass", line, {"difference": apart})
