@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from ropeode.analysis.stability import growth_per_frame, stability_limit
     from ropeode.errors import InputError, ReferenceRefused, RopeodeError, UserCodeError
     from ropeode.experiments.report import Report, rope_report
+    from ropeode.grading.check import check_stepper
+    from ropeode.grading.problems import CheckArgs
+    from ropeode.grading.report import CheckReport
     from ropeode.problems.ensemble import Ensemble
     from ropeode.problems.inextensible_rope import InextensibleRope
     from ropeode.problems.links import LinearDamping, Links
@@ -28,7 +31,12 @@ if TYPE_CHECKING:
     from ropeode.references.stored.catalogue import load
     from ropeode.references.stored.store import load_reference, save_reference
     from ropeode.references.stored.verify import Verification, verify_reference
-    from ropeode.render.formats import format_horizon, format_report, format_table
+    from ropeode.render.formats import (
+        format_check,
+        format_horizon,
+        format_report,
+        format_table,
+    )
     from ropeode.render.plots.animation import animate
     from ropeode.render.plots.convergence import plot_convergence
     from ropeode.render.plots.energy import plot_energies
@@ -55,6 +63,9 @@ _MODULES = {
     "analysis.stability": ("growth_per_frame", "stability_limit"),
     "experiments.report": ("Report", "rope_report"),
     "errors": ("InputError", "ReferenceRefused", "RopeodeError", "UserCodeError"),
+    "grading.check": ("check_stepper",),
+    "grading.problems": ("CheckArgs",),
+    "grading.report": ("CheckReport",),
     "problems.ensemble": ("Ensemble",),
     "problems.inextensible_rope": ("InextensibleRope",),
     "problems.links": ("LinearDamping", "Links"),
@@ -65,7 +76,12 @@ _MODULES = {
     "references.stored.catalogue": ("load",),
     "references.stored.store": ("load_reference", "save_reference"),
     "references.stored.verify": ("Verification", "verify_reference"),
-    "render.formats": ("format_horizon", "format_report", "format_table"),
+    "render.formats": (
+        "format_check",
+        "format_horizon",
+        "format_report",
+        "format_table",
+    ),
     "render.plots.animation": ("animate",),
     "render.plots.convergence": ("plot_convergence",),
     "render.plots.energy": ("plot_energies",),
@@ -87,6 +103,8 @@ _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "AccuracyTable",
+    "CheckArgs",
+    "CheckReport",
     "Ensemble",
     "ErrorSeries",
     "Horizon",
@@ -115,11 +133,13 @@ __all__ = [
     "Verification",
     "accuracy_table",
     "animate",
+    "check_stepper",
     "classify_motion",
     "each_reference",
     "energy_curves",
     "error_curves",
     "error_series",
+    "format_check",
     "format_horizon",
     "format_report",
     "format_table",

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from ropeode.cli.check import check
 from ropeode.cli.commands import spec, steppers, table
 from ropeode.cli.horizon import horizon
 from ropeode.cli.pictures import animate, plot
@@ -31,7 +32,18 @@ def cli(debug: bool) -> None:
     """
 
 
-for command in (table, reference, horizon, sweep, plot, animate, report, spec, steppers):
+for command in (
+    table,
+    check,
+    reference,
+    horizon,
+    sweep,
+    plot,
+    animate,
+    report,
+    spec,
+    steppers,
+):
     cli.add_command(command)
 
 

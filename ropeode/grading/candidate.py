@@ -190,7 +190,7 @@ def called(function: Callable, *given: Any) -> Any:
         return function(*given)
     except RopeodeError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UserCodeError(
             f"step: it raised {type(error).__name__}: {' '.join(str(error).split())}; allowed: "
             "code that runs. Fix: mend the error above."

@@ -56,7 +56,11 @@ def named_in_file(where: str, folder: Path | None = None, what: str = "problem")
     path, name = file_and_name(where, folder, what)
     found = _names_of(path, what)
     if name not in found:
-        public = [key for key in found if not key.startswith("_")]
+        public = [
+            key
+            for key, value in found.items()
+            if not key.startswith("_") and not inspect.ismodule(value)
+        ]
         raise InputError(unknown(f"name in {path}", name, public))
     return found[name]
 

@@ -19,7 +19,7 @@ SCHEMA = "ropeode.accuracy-table/1"
 
 def as_json(table: AccuracyTable) -> str:
     """Schema `ropeode.accuracy-table/1`; numbers that do not exist are null."""
-    return json.dumps(_without_infinities(as_dict(table)), indent=2, allow_nan=False) + "\n"
+    return json.dumps(without_infinities(as_dict(table)), indent=2, allow_nan=False) + "\n"
 
 
 def as_csv(table: AccuracyTable) -> str:
@@ -45,7 +45,7 @@ def as_csv(table: AccuracyTable) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(lines[0]), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(_without_infinities(lines))
+    writer.writerows(without_infinities(lines))
     return text.getvalue()
 
 
@@ -113,9 +113,10 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
     }
 
 
-def _without_infinities(value: Any) -> Any:
+def without_infinities(value: Any) -> Any:
+    """Nested plain values, with None for numbers that JSON does not have."""
     if isinstance(value, dict):
-        return {key: _without_infinities(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_without_infinities(entry) for entry in value]
+        return {key: without_infinities(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_infinities(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

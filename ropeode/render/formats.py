@@ -7,6 +7,8 @@ from typing import Any
 
 from ropeode.errors import InputError
 from ropeode.experiments.report import Report
+from ropeode.grading.report import CheckReport
+from ropeode.render import check as of_check
 from ropeode.render import horizon as of_horizon
 from ropeode.render import report as of_report
 from ropeode.render.data import as_csv, as_json
@@ -39,6 +41,15 @@ HORIZON_FORMATS: dict[str, Callable[[Horizon], str]] = {
     "csv": of_horizon.as_csv,
     "json": of_horizon.as_json,
     "html": of_horizon.as_html,
+}
+
+CHECK_FORMATS: dict[str, Callable[[CheckReport], str]] = {
+    "text": of_check.as_text,
+    "markdown": of_check.as_markdown,
+    "latex": of_check.as_latex,
+    "csv": of_check.as_csv,
+    "json": of_check.as_json,
+    "html": of_check.as_html,
 }
 
 
@@ -79,6 +90,19 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
         InputError: there is no such format.
     """
     return _formatted(study, form, HORIZON_FORMATS)
+
+
+def format_check(report: CheckReport, form: str = "text") -> str:
+    """A report on a stepper as text.
+
+    Arguments:
+        report: from `ropeode.check_stepper`.
+        form: one of `CHECK_FORMATS`.
+
+    Raises:
+        InputError: there is no such format.
+    """
+    return _formatted(report, form, CHECK_FORMATS)
 
 
 def _formatted(result: Any, form: str, formats: Mapping[str, Callable[[Any], str]]) -> str:

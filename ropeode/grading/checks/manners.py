@@ -8,7 +8,8 @@ from ropeode.grading.examination import Examination
 from ropeode.grading.problems import generic
 from ropeode.grading.report import Finding
 
-_STEPS = 8
+# Steps per frame: so many, that a step which counts its calls has counted to a hundred.
+_STEPS = 48
 # Units of rounding by which the first sample may differ from the initial state.
 _ROUNDINGS = 4.0
 

@@ -1,0 +1,74 @@
+"""The command that checks a stepper that is brought."""
+
+from __future__ import annotations
+
+import click
+
+from ropeode.cli.formats import format_for, format_option
+from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
+from ropeode.files import check_writable, write_whole
+
+
+def _names(value: str | None) -> list[str] | None:
+    return None if value is None else [part.strip() for part in value.split(",") if part.strip()]
+
+
+@click.command()
+@click.argument("step")
+@click.option("--order", metavar="N", help="The order that its author claims.")
+@click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
+@click.option("--symplectic", is_flag=True, help="Its author claims that it is.")
+@click.option("--reversible", is_flag=True, help="Likewise.")
+@click.option("--only", metavar="CHECK[,...]", help="Make these checks, and no others.")
+@click.option("--skip", metavar="CHECK[,...]", help="Leave these checks out.")
+@click.option("--quick", is_flag=True, help="Leave out what takes long.")
+@click.option("--time-limit", metavar="S", help="Seconds for each check. [60]")
+@format_option
+@click.option("--out", metavar="FILE", help="Write the report to FILE and print nothing.")
+def check(
+    step: str,
+    order: str | None,
+    method: str | None,
+    symplectic: bool,
+    reversible: bool,
+    only: str | None,
+    skip: str | None,
+    quick: bool,
+    time_limit: str | None,
+    form: str | None,
+    out: str | None,
+) -> int:
+    """Check a stepper: does it solve the right equation, and how well?
+
+    STEP is FILE.py:NAME, a function step(rhs, t, y, dt, args) that returns the new y, or
+    step(acceleration, t, x, v, dt, args) that returns the new x and v, in NumPy or JAX; or a
+    Stepper class; or the name of a stepper of ropeode. The exit code is 0 if every check that
+    applies passes, 1 if the stepper is wrong, and 2 if it cannot be checked.
+    """
+    path = check_writable("out", out) if out else None
+    set_up_jax()
+    from ropeode.grading.check import TIME_LIMIT, check_stepper
+    from ropeode.render.formats import format_check
+
+    with show_progress() as progress:
+        report = interruptible(
+            lambda: check_stepper(
+                step,
+                order,  # type: ignore[arg-type]
+                method=method,
+                symplectic=symplectic or None,
+                reversible=reversible or None,
+                only=_names(only),
+                skip=_names(skip) or (),
+                quick=quick,
+                time_limit=TIME_LIMIT if time_limit is None else time_limit,  # type: ignore[arg-type]
+                progress=progress,
+            )
+        )
+    text = format_check(report, format_for(form, path))
+    if path:
+        with not_interrupted():
+            write_whole(path, text)
+    else:
+        click.echo(text, nl=False)
+    return 0 if report.passed else 1
