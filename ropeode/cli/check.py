@@ -19,6 +19,7 @@ def _names(value: str | None) -> list[str] | None:
 @click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
 @click.option("--symplectic", is_flag=True, help="Its author claims that it is.")
 @click.option("--reversible", is_flag=True, help="Likewise.")
+@click.option("--conserves-energy", is_flag=True, help="Likewise: in the long run.")
 @click.option("--only", metavar="CHECK[,...]", help="Make these checks, and no others.")
 @click.option("--skip", metavar="CHECK[,...]", help="Leave these checks out.")
 @click.option("--quick", is_flag=True, help="Leave out what takes long.")
@@ -31,6 +32,7 @@ def check(
     method: str | None,
     symplectic: bool,
     reversible: bool,
+    conserves_energy: bool,
     only: str | None,
     skip: str | None,
     quick: bool,
@@ -58,6 +60,7 @@ def check(
                 method=method,
                 symplectic=symplectic or None,
                 reversible=reversible or None,
+                conserves_energy=conserves_energy or None,
                 only=_names(only),
                 skip=_names(skip) or (),
                 quick=quick,

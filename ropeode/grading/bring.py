@@ -15,7 +15,7 @@ from ropeode.errors import InputError, UserCodeError
 from ropeode.grading.candidate import Candidate, Compiled, Interpreted, called, in_numpy
 from ropeode.grading.forms import AccelerationForm, Equations, Form, RhsForm, StepperForm
 from ropeode.grading.guard import kept_output
-from ropeode.grading.problems import convergence_problems
+from ropeode.grading.problems import convergence_problems, generic
 from ropeode.precision import in_float64
 from ropeode.problems.files import named_in_file
 from ropeode.problems.problem import Problem
@@ -124,17 +124,19 @@ def examined(label: str, given: Form | Stepper) -> tuple[Candidate, Manners]:
         given: its form.
 
     Raises:
+        InputError: it is a stepper that cannot run on a rope of springs.
         UserCodeError: it raises, or what it returns is no state.
     """
     if isinstance(given, Stepper):
         form: Form = StepperForm(given)
-        equal_frames, asks = given.equal_frames, True
-        mutates, repeats, printed = (), True, ""
-        if type(given).__module__.startswith("ropeode."):
-            return Compiled(label, form, equal_frames=equal_frames), Manners()
+        if refusal := given.refusal(generic()):
+            raise InputError(refusal)
     else:
-        form, equal_frames = given, given.equal_frames
-        asks, mutates, repeats, printed = _first_steps(form)
+        form = given
+    equal_frames = given.equal_frames
+    if isinstance(given, Stepper) and type(given).__module__.startswith("ropeode."):
+        return Compiled(label, form, equal_frames=equal_frames), Manners()
+    asks, mutates, repeats, printed = _first_steps(form)
     options = {"own_forces": not asks, "equal_frames": equal_frames}
     interpreted, compiled = Interpreted(label, form, **options), Compiled(label, form, **options)
     # What keeps something from call to call must not be traced: it would keep a tracer.
@@ -145,7 +147,7 @@ def examined(label: str, given: Form | Stepper) -> tuple[Candidate, Manners]:
 
 def _first_steps(form: Form) -> tuple[bool, tuple[str, ...], bool, str]:
     """Whether it asks for forces, what it writes to, whether it repeats itself, what it prints."""
-    problem = convergence_problems()["uneven"]
+    problem = convergence_problems()["driven"]
     asked = 0
     equations = in_numpy(Equations.of(problem))
 
@@ -157,10 +159,10 @@ def _first_steps(form: Form) -> tuple[bool, tuple[str, ...], bool, str]:
 
         return call
 
-    assert equations.acceleration is not None
-    watched = equations._replace(
-        rhs=counted(equations.rhs), acceleration=counted(equations.acceleration)
-    )
+    assert equations.mechanics is not None
+    acceleration = counted(equations.mechanics.acceleration)
+    mechanics = dataclasses.replace(equations.mechanics, acceleration=acceleration)
+    watched = Equations(counted(equations.rhs), acceleration, mechanics)
     changed: set[str] = set()
 
     def steps(y: np.ndarray) -> np.ndarray:
@@ -172,7 +174,7 @@ def _first_steps(form: Form) -> tuple[bool, tuple[str, ...], bool, str]:
         before = jax.tree.map(np.array, (carried, args))
         after = called(form.step, watched, args, t, carried, dt)
         for name, was, now in zip(
-            ("y" if isinstance(form, RhsForm) else "x or v", "args"),
+            ("x or v" if isinstance(form, AccelerationForm) else "y", "args"),
             before,
             (carried, args),
             strict=True,

@@ -10,11 +10,11 @@ from ropeode.errors import InputError
 from ropeode.grading.bring import brought, examined
 from ropeode.grading.checks import CHECKS, SLOW
 from ropeode.grading.examination import Examination
-from ropeode.grading.forms import StepperForm
+from ropeode.grading.forms import Form
 from ropeode.grading.guard import kept_output, within
 from ropeode.grading.report import CheckReport, Claims, Diagnosis, Finding
 from ropeode.precision import in_float64
-from ropeode.steppers import stepper
+from ropeode.steppers import STEPPERS, stepper
 from ropeode.steppers.base import Stepper
 from ropeode.validation import check_positive, check_whole, complaint, unknown
 
@@ -29,6 +29,7 @@ def check_stepper(
     method: str | None = None,
     symplectic: bool | None = None,
     reversible: bool | None = None,
+    conserves_energy: bool | None = None,
     only: Iterable[str] | None = None,
     skip: Iterable[str] = (),
     quick: bool = False,
@@ -48,6 +49,7 @@ def check_stepper(
             must then have that one's order on each problem, limit of stability, and structure.
         symplectic: whether its author claims that it is.
         reversible: likewise.
+        conserves_energy: whether its author claims that energy stays bounded in the long run.
         only: names of checks; no others are made.
         skip: names of checks that are not made.
         quick: leave out the checks in `SLOW`.
@@ -63,15 +65,16 @@ def check_stepper(
         UserCodeError: the step raises, hangs, or returns what is no state; its own exception is
             the cause.
     """
-    claims = checked_claims(expected_order, method, symplectic, reversible)
+    claims = checked_claims(expected_order, method, symplectic, reversible, conserves_energy)
     names = chosen_checks(only, skip, quick)
     limit = check_positive("time_limit", time_limit, example="60")
     started = time.perf_counter()
     label, form = brought(step)
-    claims = _with_own(claims, form)
+    if claims == Claims() and isinstance(form, Stepper) and form.name in STEPPERS:
+        claims = Claims(method=form.label)
     with kept_output() as printed:
         candidate, manners = within(limit, lambda: examined(label, form))
-        examination = Examination(candidate, claims, manners)
+        examination = Examination(candidate, claims, manners, _declared(claims, form))
         findings = []
         for done, name in enumerate(names):
             progress(name, done / len(names))
@@ -103,16 +106,19 @@ def _made(examination: Examination, name: str, limit: float) -> Finding:
     return within(limit, lambda: in_float64(CHECKS[name])(examination))
 
 
-def _with_own(claims: Claims, form: Any) -> Claims:
-    """What a stepper says of itself, where nothing else is claimed."""
-    own = form.stepper if isinstance(form, StepperForm) else form
-    if isinstance(own, Stepper) and claims == Claims():
-        return Claims(method=own.label) if type(own).__module__.startswith("ropeode.") else claims
-    return claims
+def _declared(claims: Claims, form: Form | Stepper) -> Stepper | None:
+    """The stepper whose declared facts are claimed: a method by name, or what was brought."""
+    if claims.method is not None:
+        return stepper(claims.method)
+    return form if isinstance(form, Stepper) else None
 
 
 def checked_claims(
-    order: int | None, method: str | None, symplectic: bool | None, reversible: bool | None
+    order: int | None = None,
+    method: str | None = None,
+    symplectic: bool | None = None,
+    reversible: bool | None = None,
+    conserves_energy: bool | None = None,
 ) -> Claims:
     """What is claimed, where it can be.
 
@@ -130,7 +136,7 @@ def checked_claims(
                 )
             )
         method = stepper(method).label
-    return Claims(order, method, symplectic, reversible)
+    return Claims(order, method, symplectic, reversible, conserves_energy)
 
 
 def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) -> list[str]:

@@ -14,7 +14,7 @@ from ropeode.grading.problems import UNITS, convergence_problems, in_other_units
 from ropeode.grading.report import Claims, Convergence
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, reference
-from ropeode.steppers import stepper
+from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import problem_class
 
 _REFERENCES: dict[tuple, Reference] = {}
@@ -28,10 +28,18 @@ class Examination:
         candidate: what is judged.
         claims: what is said of it.
         manners: how its step behaves.
+        declared: the stepper whose declared facts are claimed of it; None where none is.
     """
 
-    def __init__(self, candidate: Candidate, claims: Claims, manners: Manners):
+    def __init__(
+        self,
+        candidate: Candidate,
+        claims: Claims,
+        manners: Manners,
+        declared: Stepper | None = None,
+    ):
         self.candidate, self.claims, self.manners = candidate, claims, manners
+        self._declared = declared
         self._found: dict[str, Convergence] = {}
         self._undriven: dict[str, Problem] = {}
 
@@ -53,21 +61,23 @@ class Examination:
 
     def expected(self, problem: Problem) -> int | None:
         """The order that is claimed on a problem; None where nothing is."""
-        if self.claims.method is not None:
-            return stepper(self.claims.method).order(problem_class(problem))
-        return self.claims.order
+        if self.claims.order is not None or self._declared is None:
+            return self.claims.order
+        return self._declared.order(problem_class(problem))
 
     @property
     def symplectic(self) -> bool | None:
-        """What is claimed: by itself, or as a method's property; None where nothing is."""
-        if self.claims.symplectic is not None or self.claims.method is None:
+        """What is claimed, or declared; None where nothing is."""
+        if self.claims.symplectic is not None or self._declared is None:
             return self.claims.symplectic
-        return stepper(self.claims.method).symplectic
+        return self._declared.symplectic
 
     @property
-    def reversible(self) -> bool | None:
-        """What is claimed; None where nothing is."""
-        return self.claims.reversible
+    def conserves_energy(self) -> bool | None:
+        """What is claimed; what is symplectic does. None where nothing is claimed."""
+        if self.claims.conserves_energy is None and self.symplectic:
+            return True
+        return self.claims.conserves_energy
 
     def convergence(self, name: str) -> Convergence:
         """What the runs of one of `convergence_problems` show; found once."""

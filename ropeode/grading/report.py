@@ -22,12 +22,14 @@ class Claims:
             then have to be those.
         symplectic: whether its one-step map is, on problems without damping.
         reversible: whether steps forward undo steps backward, on problems without damping.
+        conserves_energy: whether its energy stays bounded there, in the long run.
     """
 
     order: int | None = None
     method: str | None = None
     symplectic: bool | None = None
     reversible: bool | None = None
+    conserves_energy: bool | None = None
 
 
 @dataclasses.dataclass(frozen=True)

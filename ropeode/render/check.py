@@ -145,7 +145,11 @@ def claims_words(claims: Claims) -> str:
         words.append(f"claimed to be of order {claims.order}")
     words += [
         f"claimed to be {'' if claim else 'not '}{name}"
-        for name, claim in (("symplectic", claims.symplectic), ("reversible", claims.reversible))
+        for name, claim in (
+            ("symplectic", claims.symplectic),
+            ("reversible", claims.reversible),
+            ("conserving energy", claims.conserves_energy),
+        )
         if claim is not None
     ]
     return ", ".join(words) or "nothing is claimed of it, so what is found is not judged by a claim"

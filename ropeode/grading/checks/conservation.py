@@ -50,7 +50,10 @@ def energy(examination: Examination) -> Finding:
     """What becomes of the energy of an undamped rope in the long run."""
     problem = swing()
     found = drift_of(problem, examination.candidate.run(problem, _ENERGY_STEPS))
-    wrong = examination.symplectic and found.verdict != "bounded"
-    status = "fail" if wrong else "pass" if examination.symplectic else "note"
-    line = found.line + (", but a symplectic method keeps it bounded" if wrong else "")
-    return Finding("energy", status, line, found.evidence)
+    claimed = examination.conserves_energy
+    if claimed is None:
+        return Finding("energy", "note", found.line, found.evidence)
+    if claimed == (found.verdict == "bounded"):
+        return Finding("energy", "pass", found.line, found.evidence)
+    claim = "it is claimed to stay bounded" if claimed else "it is claimed not to"
+    return Finding("energy", "fail", f"{found.line}; {claim}", found.evidence)

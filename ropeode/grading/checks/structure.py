@@ -55,7 +55,7 @@ def reversible(examination: Examination) -> Finding:
     back = turn * _stepped(examination, problem.changed(y0=turn * there))
     off = float(np.max(np.abs(back - problem.y0))) / problem.scale
     return _judged(
-        examination.reversible,
+        examination.claims.reversible,
         off <= _REVERSIBLE,
         "reversible",
         f"a step forward and one back end where they began, to {off:.1e}",
