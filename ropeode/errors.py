@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import traceback
 from collections.abc import Iterable
 
 
@@ -28,3 +30,18 @@ class UserCodeError(InputError):
 
 class ReferenceRefused(RopeodeError):
     """No certificate can be given for this problem; the message says why."""
+
+
+def users_traceback(error: BaseException) -> str:
+    """The traceback of an exception of the user's, without the frames of ropeode and libraries."""
+    own = os.path.dirname(__file__)
+    shown = traceback.TracebackException.from_exception(error)
+    users = [
+        frame
+        for frame in shown.stack
+        if not frame.filename.startswith((own, "<frozen")) and "site-packages" not in frame.filename
+    ]
+    shown.stack = traceback.StackSummary.from_list(users)
+    shown.__cause__ = shown.__context__ = None
+    shown.__notes__ = None  # JAX notes that it hid its own frames, which does not help here.
+    return "".join(shown.format()).rstrip()

@@ -114,7 +114,7 @@ def observed_order(
         raise InputError(complaint("errors", error.tolist(), "errors >= 0", "give distances"))
 
     reasons = np.full(len(dt), "", dtype=object)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         reasons[error < _ROUND_OFF_FACTOR * np.asarray(rounding)] = ROUND_OFF
         reasons[(error < np.asarray(resolution)) | (error == 0)] = UNRESOLVED
         reasons[~(error <= _UNSTABLE_FROM * motion) | ~np.isfinite(error)] = UNSTABLE

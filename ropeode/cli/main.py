@@ -17,7 +17,7 @@ from ropeode.cli.reference import reference
 from ropeode.cli.report import report
 from ropeode.cli.running import end_on_ctrl_c
 from ropeode.cli.sweep import sweep
-from ropeode.errors import InputError, RopeodeError, UserCodeError
+from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
 
 BAD_INPUT, FAILED = 2, 1
 
@@ -65,7 +65,8 @@ def main(arguments: list[str] | None = None) -> None:
         hint = f" Fix: see `{where} --help`." if where else ""
         _fail(BAD_INPUT, [f"{error.format_message()}{hint}"], debug)
     except UserCodeError as error:
-        _show_users_traceback(error.__cause__)
+        if error.__cause__ is not None:
+            click.echo(users_traceback(error.__cause__), err=True)
         _fail(BAD_INPUT, error.problems, debug)
     except InputError as error:
         _fail(BAD_INPUT, error.problems, debug)
@@ -90,20 +91,3 @@ def _leave(code: int) -> None:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
-
-
-def _show_users_traceback(error: BaseException | None) -> None:
-    """The traceback of an exception, without the frames of ropeode and of libraries."""
-    if error is None:
-        return
-    own = os.path.dirname(os.path.dirname(__file__))
-    shown = traceback.TracebackException.from_exception(error)
-    users = [
-        frame
-        for frame in shown.stack
-        if not frame.filename.startswith((own, "<frozen")) and "site-packages" not in frame.filename
-    ]
-    shown.stack = traceback.StackSummary.from_list(users)
-    shown.__cause__ = shown.__context__ = None
-    shown.__notes__ = None  # JAX notes that it hid its own frames, which does not help here.
-    click.echo("".join(shown.format()).rstrip(), err=True)

@@ -210,8 +210,7 @@ def _compiles(compiled: Compiled, interpreted: Interpreted) -> bool:
         return False
     with kept_output():
         slow = interpreted.run(problem, _TRIAL_STEPS)
-    apart = np.max(
-        np.abs(np.where(np.isnan(fast), 0.0, fast) - np.where(np.isnan(slow), 0.0, slow))
-    )
-    size = np.nanmax(np.abs(slow))
-    return bool(np.array_equal(np.isnan(fast), np.isnan(slow)) and apart <= _SAME * size)
+    if not np.array_equal(np.isnan(fast), np.isnan(slow)):
+        return False
+    apart = np.max(np.abs(np.nan_to_num(fast - slow)))
+    return bool(apart <= _SAME * np.max(np.abs(np.nan_to_num(slow))))

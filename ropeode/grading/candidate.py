@@ -153,7 +153,7 @@ class Interpreted(Candidate):
 
     def first_step(self, problem: Problem, dt: float) -> tuple[Any, Callable[[Any], Any]]:
         """As in `Candidate`."""
-        equations, t = in_numpy(Equations.of(problem)), float(problem.ts[0])
+        equations, t, dt = in_numpy(Equations.of(problem)), float(problem.ts[0]), float(dt)
         args = jax.tree.map(np.array, problem.args)
 
         def step(carried: Any) -> Any:
@@ -166,7 +166,9 @@ class Interpreted(Candidate):
     def _fill(
         self, states: np.ndarray, equations: Equations, args: Any, problem: Problem, steps: int
     ) -> None:
-        form, ts, lengths = self.form, problem.ts, frame_lengths(problem)
+        # Plain numbers: those of NumPy multiply a `Phase` as if it were an array.
+        form, ts = self.form, problem.ts.tolist()
+        lengths = frame_lengths(problem).tolist()
 
         def users(function: Callable, t: float, given: Any, dt: float) -> Any:
             return called(function, equations, args, t, given, dt)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from ropeode.analysis.errors import RESOLUTION_FACTOR
 from ropeode.analysis.order import PRE_ASYMPTOTIC, ObservedOrder, observed_order
+from ropeode.grading.limit import limit_of
 from ropeode.grading.report import Convergence, Finding
 from ropeode.norms import NORMS, distance
 from ropeode.references.reference import Reference, motion
@@ -15,6 +16,11 @@ from ropeode.simulation.trajectory import step_size
 
 # An observed order is the expected one if it is not further below it than this.
 TOLERANCE = 0.25
+# An interval wider than this says little; finer steps make it narrower.
+_WIDE = 0.4
+# A limit is another than the reference if it is further from it than so many times what each of
+# them is known to, and what rounding does to the runs.
+_LIMIT, _BOUND, _ROUNDING = 3.0, 3.0, 30.0
 # Steps per frame: where a ladder begins, its ratio, and how far it is followed.
 _COARSEST, _RATIO, _LEVELS, _MOST_STEPS = 6, 1.5, 8, 2000
 
@@ -40,8 +46,8 @@ def ladder(observe: Callable[[Sequence[int]], Convergence]) -> Convergence:
 
 
 def _finer_steps_would_help(order: ObservedOrder) -> bool:
-    if order.verdict != "undetermined" or order.observed is not None:
-        return False
+    if order.ci95 is not None:
+        return order.ci95[1] - order.ci95[0] > _WIDE
     too_coarse = sum(point.reason in ("unstable", PRE_ASYMPTOTIC) for point in order.left_out)
     return 2 * too_coarse >= len(order.left_out)
 
@@ -70,6 +76,7 @@ def converging(
     errors: dict[str, tuple[float | None, ...]] = {}
     orders: dict[str, ObservedOrder] = {}
     resolution: dict[str, float] = {}
+    rounding_of: dict[str, float] = {}
     order_of_runs = sorted(range(len(runs)), key=lambda i: -runs[i][0])
     dts = tuple(runs[i][0] for i in order_of_runs)
     for quantity in quantities or problem.quantities:
@@ -89,6 +96,7 @@ def converging(
             for i in order_of_runs
         ]
         errors[quantity] = tuple(found)
+        rounding_of[quantity] = max(rounding)
         resolution[quantity] = float(RESOLUTION_FACTOR * reference.bound(norm)[-1])
         orders[quantity] = observed_order(
             dts,
@@ -97,6 +105,7 @@ def converging(
             rounding=rounding,
             motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
         )
+    limits = _limits(reference, runs, orders, rounding_of, quantities or problem.quantities)
     return Convergence(
         problem=problem.name,
         dts=dts,
@@ -104,7 +113,38 @@ def converging(
         resolution=resolution,
         orders=orders,
         expected=expected,
+        limits=limits,
     )
+
+
+def _limits(
+    reference: Reference,
+    runs: Sequence[tuple[float, np.ndarray]],
+    orders: Mapping[str, ObservedOrder],
+    rounding: Mapping[str, float],
+    quantities: Sequence[str],
+) -> dict[str, tuple[float, float]]:
+    """How far the limit of the runs is from the reference, and how far it may be."""
+    observed = [order.observed for order in orders.values() if order.observed is not None]
+    known = slice(0, reference.trusted)
+    finite = [(dt, states[known]) for dt, states in runs if np.all(np.isfinite(states[known]))]
+    # One power for all: positions and velocities have their errors from each other.
+    order = max(1, round(min(observed))) if observed else 1
+    limit = limit_of(finite, order)
+    if limit is None:
+        return {}
+    found = {}
+    for quantity in quantities:
+        norm = NORMS[f"{quantity}-max"]
+        off = distance(reference.problem, norm, limit.states, reference.states[known])
+        allowed = (
+            _LIMIT * limit.uncertainty
+            + _BOUND * reference.bound(norm)
+            + _ROUNDING * rounding[quantity]
+        )
+        worst = int(np.argmax(off - allowed))
+        found[quantity] = float(off[worst]), float(allowed[worst])
+    return found
 
 
 def steps_to_dts(reference: Reference, steps: Sequence[int]) -> list[float]:
@@ -139,7 +179,16 @@ def convergence_finding(check: str, found: Convergence) -> Finding:
         words.append(
             f"{them} order {order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}]"
         )
-        if found.expected is not None and order.ci95[1] < found.expected - TOLERANCE:
+        low_end = order.ci95[1] if order.ci95[1] - order.ci95[0] <= _WIDE else order.observed
+        if found.expected is not None and low_end < found.expected - TOLERANCE:
+            faults.append(quantity)
+    for quantity, (off, allowed) in found.limits.items():
+        if off > allowed:
+            words.append(
+                f"their limit is off by {off:.1e}, and known to {allowed:.0e}"
+                if quantity == "position"
+                else f"the limit of the {quantity} is off by {off:.1e}, and known to {allowed:.0e}"
+            )
             faults.append(quantity)
     line = "; ".join(words)
     if found.expected is not None:
@@ -153,6 +202,7 @@ def convergence_finding(check: str, found: Convergence) -> Finding:
                 "observed": order.observed,
                 "ci95": order.ci95,
                 "verdict": order.verdict,
+                "limit_off": found.limits[quantity][0] if quantity in found.limits else None,
             }
             for quantity, order in found.orders.items()
         },

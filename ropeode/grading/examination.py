@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Sequence
 
@@ -10,13 +11,15 @@ import numpy as np
 from ropeode.grading.bring import Manners
 from ropeode.grading.candidate import Candidate
 from ropeode.grading.convergence import converging, ladder, steps_to_dts
-from ropeode.grading.problems import UNITS, convergence_problems, in_other_units
+from ropeode.grading.problems import UNITS, convergence_problems, generic, in_other_units
 from ropeode.grading.report import Claims, Convergence
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, reference
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import problem_class
 
+# Of the size of the rope, what rounding alone makes of a few steps.
+_ROUNDING = 1e-10
 _REFERENCES: dict[tuple, Reference] = {}
 _LOCK = threading.Lock()
 
@@ -79,6 +82,13 @@ class Examination:
             return True
         return self.claims.conserves_energy
 
+    @functools.cached_property
+    def keeps_units(self) -> bool:
+        """Whether a run in other units differs by rounding alone, and so tells how large it is."""
+        own = self.candidate.run(generic(), 1)
+        other = self.candidate.run(in_other_units(generic()), 1) / UNITS
+        return bool(np.max(np.abs(own - other)) <= _ROUNDING * generic().scale)
+
     def convergence(self, name: str) -> Convergence:
         """What the runs of one of `convergence_problems` show; found once."""
         if name not in self._found:
@@ -92,14 +102,15 @@ class Examination:
             problem: a check rope.
         """
         known = reference_of(problem)
-        other = in_other_units(problem)
-        made: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        other = in_other_units(problem) if self.keeps_units else None
+        made: dict[int, tuple[np.ndarray, np.ndarray | None]] = {}
 
         def observe(steps: Sequence[int]) -> Convergence:
             for each in steps:
                 if each not in made:
                     states = self.candidate.run(problem, each)
-                    made[each] = states, self.candidate.run(other, each) / UNITS
+                    double = None if other is None else self.candidate.run(other, each) / UNITS
+                    made[each] = states, double
             return converging(
                 known,
                 list(zip(steps_to_dts(known, steps), (made[n][0] for n in steps), strict=True)),

@@ -45,6 +45,9 @@ class Convergence:
             error is unresolved.
         orders: for each quantity what was observed.
         expected: the order that is claimed on this problem; None where nothing is.
+        limits: for each quantity how far the runs' limit for dt to zero is from the
+            reference, and how far it may be by what is known of both; none where there are
+            too few runs to tell.
     """
 
     problem: str
@@ -53,6 +56,7 @@ class Convergence:
     resolution: Mapping[str, float]
     orders: Mapping[str, ObservedOrder]
     expected: int | None
+    limits: Mapping[str, tuple[float, float]]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,13 +5,20 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 
-from ropeode.grading.checks.conservation import energy, momentum, pins
+from ropeode.grading.checks.conservation import energy, free_flight, momentum, pins
 from ropeode.grading.checks.manners import determinism, first_sample, purity
 from ropeode.grading.checks.orders import order
 from ropeode.grading.checks.rounding import float32, zero_length
 from ropeode.grading.checks.stability import stability
 from ropeode.grading.checks.structure import reversible, symplectic
-from ropeode.grading.checks.symmetry import mirror, node_order, rotation, time_shift, translation
+from ropeode.grading.checks.symmetry import (
+    mirror,
+    node_order,
+    rotation,
+    time_shift,
+    translation,
+    units,
+)
 from ropeode.grading.examination import Examination
 from ropeode.grading.problems import convergence_problems
 from ropeode.grading.report import Finding
@@ -23,6 +30,7 @@ CHECKS: dict[str, Check] = {
     "purity": purity,
     "first-sample": first_sample,
     **{f"order-{name}": functools.partial(order, problem=name) for name in convergence_problems()},
+    "free-flight": free_flight,
     "pins": pins,
     "momentum": momentum,
     "translation": translation,
@@ -30,6 +38,7 @@ CHECKS: dict[str, Check] = {
     "mirror": mirror,
     "node-order": node_order,
     "time-shift": time_shift,
+    "units": units,
     "stability": stability,
     "energy": energy,
     "symplectic": symplectic,

@@ -12,10 +12,37 @@ from ropeode.grading.report import Finding
 _STEPS = 16
 # Of the size of the rope: pinned nodes move by rounding at most.
 _STILL = 1e-13
+# Step sizes of free flight, and how straight it is, by rounding of differences over such steps.
+_FLIGHTS = (1e-3, 0.02, 0.3, 10.0)
+_FLIES = 1e-11
 # Of the sum of the nodes' momenta.
 _CONSERVED = 1e-11
 # Steps in half a time unit; the fastest mode of the swing then turns by 0.4 in a step.
 _ENERGY_STEPS = 8
+
+
+def free_flight(examination: Examination) -> Finding:
+    """Nodes on which no force acts move by ``dt v`` in a step, however long that is.
+
+    Every consistent method does so exactly; it shows a clock that is not the caller's, and
+    friction that is not the problem's.
+    """
+    problem = convergence_problems()["free"]
+    nothing = problem.args._replace(stiffness=np.zeros_like(problem.args.stiffness))
+    x0, v0 = problem.y0
+    worst, at = 0.0, 0.0
+    for dt in _FLIGHTS:
+        flying = problem.changed(args=nothing, ts=problem.ts[0] + np.array([0.0, dt]))
+        x, v = examination.candidate.run(flying, 1)[1]
+        off = max(np.max(np.abs(x - x0 - dt * v0)) / (1.0 + dt), np.max(np.abs(v - v0)))
+        if not off <= worst:
+            worst, at = float(off), dt
+    evidence = {"off": worst, "dt": at}
+    if not worst <= _FLIES * problem.scale:
+        line = f"a node without forces does not move by dt v, but {worst:.1e} off at dt = {at:g}"
+        return Finding("free-flight", "fail", line, evidence)
+    line = f"a node without forces moves by dt v, to {worst:.1e}, at dt from 0.001 to 10"
+    return Finding("free-flight", "pass", line, evidence)
 
 
 def pins(examination: Examination) -> Finding:

@@ -32,7 +32,9 @@ def float32(examination: Examination) -> Finding:
         return (run(near, _STEPS) - run(problem, _STEPS))[1:]
 
     once, twice = moved(_NUDGE), moved(2.0 * _NUDGE)
-    off = float(np.max(np.abs(twice - 2.0 * once)) / np.max(np.abs(once), initial=_NUDGE))
+    answer = float(np.max(np.abs(once)))
+    # What is rounded away altogether is off by all of it.
+    off = float(np.max(np.abs(twice - 2.0 * once))) / answer if answer > 0.1 * _NUDGE else 1.0
     if not off <= _LINEAR:
         return Finding(
             "float32",

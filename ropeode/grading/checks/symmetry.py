@@ -1,4 +1,4 @@
-"""What is moved, turned, mirrored, renumbered or begun later moves in the same way."""
+"""What is moved, turned, mirrored, renumbered, begun later or measured otherwise moves the same."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ropeode.grading.examination import Examination
-from ropeode.grading.problems import generic
+from ropeode.grading.problems import UNITS, convergence_problems, generic, in_other_units
 from ropeode.grading.report import Finding
 from ropeode.problems.problem import Problem
 
@@ -72,6 +72,25 @@ def time_shift(examination: Examination) -> Finding:
     return _compared(examination, "time-shift", later, lambda states: states, "begun later")
 
 
+def units(examination: Examination) -> Finding:
+    """A rope whose lengths are measured in another unit moves in the same way."""
+    textbook = convergence_problems()["textbook"]
+    # The textbook's lengths are whole numbers, and in another unit they are not.
+    for problem in (textbook, generic()):
+        found = _compared(
+            examination,
+            "units",
+            in_other_units(problem),
+            lambda states: states / UNITS,
+            "measured in another unit of length",
+            "; is there a constant in it that has a unit, or a length made a whole number?",
+            problem,
+        )
+        if found.status == "fail":
+            break
+    return found
+
+
 def _orthogonal() -> np.ndarray:
     return np.linalg.qr(np.random.default_rng(7).normal(size=(3, 3)))[0]
 
@@ -92,11 +111,12 @@ def _compared(
     back: Callable[[np.ndarray], np.ndarray],
     words: str,
     hint: str = "",
+    problem: Problem | None = None,
 ) -> Finding:
-    """A run of the generic problem beside the same of a transformed one."""
-    run = examination.candidate.run
-    own, others = run(generic(), _STEPS), back(run(other, _STEPS))
-    apart = float(np.max(np.abs(own - others))) / generic().scale
+    """A run of a problem (by default the generic one) beside the same of a transformed one."""
+    run, problem = examination.candidate.run, problem or generic()
+    own, others = run(problem, _STEPS), back(run(other, _STEPS))
+    apart = float(np.max(np.abs(own - others))) / problem.scale
     if not apart <= _TOLERANCE:
         line = f"the rope {words} moves otherwise, by {apart:.1e} of its size{hint}"
         return Finding(check, "fail", line, {"difference": apart})
