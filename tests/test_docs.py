@@ -79,15 +79,15 @@ def test_readme_has_the_commands_and_a_ten_line_example():
     text = README.read_text()
     assert "make table" in text.split("```")[1]
     assert "make test" in text.split("```")[1]
-    example = blocks(README, "python")[0]
+    example = blocks(README, "python")[1]
     assert len([line for line in example.splitlines() if line]) <= 10
     for name in ("Rope", "simulate", "reference", "error_series", "accuracy_table"):
         assert f"{name}(" in example
 
 
-def test_readme_shows_the_problem_file():
-    file = (ROOT / "docs/examples/pendulum.py").read_text()
-    assert file in blocks(README, "python")
+@pytest.mark.parametrize("name", ["pendulum.py", "steps.py"])
+def test_readme_shows_the_files(name):
+    assert (ROOT / "docs/examples" / name).read_text() in blocks(README, "python")
 
 
 @pytest.fixture(scope="module")

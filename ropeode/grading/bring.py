@@ -59,13 +59,18 @@ def brought(given: Any) -> tuple[str, Form | Stepper]:
         UserCodeError: the user's file raised.
     """
     if not isinstance(given, str):
-        return getattr(given, "label", None) or getattr(given, "__name__", "step"), form_of(given)
+        form = form_of(given)
+        return form.label if isinstance(form, Stepper) else _name_of(given), form
     if given.partition(":")[0] in STEPPERS:
         return given, stepper(given)
     if ".py" in given:
         found = named_in_file(given, Path(), what="step")
         return given, form_of(found)
     raise InputError(unknown("stepper", given, [*STEPPERS, "FILE.py:NAME"]))
+
+
+def _name_of(function: Any) -> str:
+    return getattr(function, "__name__", "step")
 
 
 def form_of(given: Any) -> Form | Stepper:

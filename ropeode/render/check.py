@@ -105,6 +105,8 @@ def _convergence_dict(found: Convergence | None) -> dict[str, Any] | None:
             quantity: {
                 "errors": list(found.errors[quantity]),
                 "resolution": found.resolution[quantity],
+                "limit_off": found.limits.get(quantity, (None, None))[0],
+                "limit_allowed": found.limits.get(quantity, (None, None))[1],
                 "observed": order.observed,
                 "ci95": order.ci95,
                 "verdict": order.verdict,
@@ -143,15 +145,13 @@ def claims_words(claims: Claims) -> str:
         words.append(f"claimed to be {claims.method}")
     if claims.order is not None:
         words.append(f"claimed to be of order {claims.order}")
-    words += [
-        f"claimed to be {'' if claim else 'not '}{name}"
-        for name, claim in (
-            ("symplectic", claims.symplectic),
-            ("reversible", claims.reversible),
-            ("conserving energy", claims.conserves_energy),
-        )
-        if claim is not None
-    ]
+    for claim, what in (
+        (claims.symplectic, "be symplectic"),
+        (claims.reversible, "be reversible"),
+        (claims.conserves_energy, "conserve energy"),
+    ):
+        if claim is not None:
+            words.append(f"claimed to {what}" if claim else f"claimed not to {what}")
     return ", ".join(words) or "nothing is claimed of it, so what is found is not judged by a claim"
 
 

@@ -1,0 +1,6 @@
+def velocity_verlet(acceleration, t, x, v, dt, args):
+    """Positions and velocities are arrays (nodes, dim), in NumPy or JAX."""
+    a = acceleration(t, x, v, args)
+    x_new = x + dt * v + dt**2 / 2 * a
+    a_new = acceleration(t + dt, x_new, v + dt * a, args)
+    return x_new, v + dt / 2 * (a + a_new)
