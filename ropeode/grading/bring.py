@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ import jax
 import numpy as np
 
 from ropeode.errors import InputError, UserCodeError
+from ropeode.grading.adapters import LIBRARIES, adapted, adapted_object
 from ropeode.grading.candidate import Candidate, Compiled, Interpreted, called, in_numpy
 from ropeode.grading.forms import AccelerationForm, Equations, Form, RhsForm, StepperForm
 from ropeode.grading.guard import kept_output
@@ -25,6 +27,8 @@ from ropeode.validation import complaint, unknown
 
 RHS_PARAMETERS = ("rhs", "t", "y", "dt", "args")
 ACCELERATION_PARAMETERS = ("acceleration", "t", "x", "v", "dt", "args")
+# What else may be named than steppers of ropeode.
+OTHER_NAMES = ("FILE.py:NAME", *(f"{library}:NAME" for library in LIBRARIES))
 # Steps per frame on which compiled and uncompiled runs have to agree, and how closely. So many,
 # that a step which counts how often it is called has counted to a hundred.
 _TRIAL_STEPS, _SAME = 48, 1e-11
@@ -51,8 +55,9 @@ def brought(given: Any) -> tuple[str, Form | Stepper]:
     """What is to be judged, with what it is called.
 
     Arguments:
-        given: a step function, a `Stepper` (class or object), or a text: ``FILE.py:NAME``,
-            or the name of a stepper of ropeode.
+        given: a step function, a `Stepper` or a solver of another library (class or object),
+            or a text: ``FILE.py:NAME``, ``diffrax:NAME``, ``scipy:NAME``, or the name of a
+            stepper of ropeode.
 
     Raises:
         InputError: it is none of these.
@@ -61,27 +66,33 @@ def brought(given: Any) -> tuple[str, Form | Stepper]:
     if not isinstance(given, str):
         form = form_of(given)
         return form.label if isinstance(form, Stepper) else _name_of(given), form
-    if given.partition(":")[0] in STEPPERS:
+    first, _, name = given.partition(":")
+    if first in STEPPERS:
         return given, stepper(given)
+    if first in LIBRARIES:
+        return given, adapted(first, name)
     if ".py" in given:
         found = named_in_file(given, Path(), what="step")
         return given, form_of(found)
-    raise InputError(unknown("stepper", given, [*STEPPERS, "FILE.py:NAME"]))
+    raise InputError(unknown("stepper", given, [*STEPPERS, *OTHER_NAMES]))
 
 
-def _name_of(function: Any) -> str:
-    return getattr(function, "__name__", "step")
+def _name_of(given: Any) -> str:
+    named = getattr(given, "__name__", None)
+    return named or (type(given).__name__ if adapted_object(given) is not None else "step")
 
 
 def form_of(given: Any) -> Form | Stepper:
     """The form of a step function, or a stepper.
 
     Raises:
-        InputError: it is neither.
+        InputError: it is neither, or a solver that cannot take constant steps.
         UserCodeError: the stepper's class could not be made without arguments.
     """
     if isinstance(given, Stepper | Form):
         return given
+    if (form := adapted_object(given)) is not None:
+        return form
     if isinstance(given, type) and issubclass(given, Stepper):
         return called(given)
     if not callable(given) or isinstance(given, type):
@@ -136,6 +147,8 @@ def examined(label: str, given: Form | Stepper) -> tuple[Candidate, Manners]:
         form: Form = StepperForm(given)
         if refusal := given.refusal(generic()):
             raise InputError(refusal)
+    elif given.in_jax_only:
+        return _only_compiled(Compiled(label, given, equal_frames=given.equal_frames)), Manners()
     else:
         form = given
     equal_frames = given.equal_frames
@@ -150,6 +163,13 @@ def examined(label: str, given: Form | Stepper) -> tuple[Candidate, Manners]:
     return interpreted, Manners(mutates, repeats, printed, compiled=False)
 
 
+def _only_compiled(candidate: Compiled) -> Compiled:
+    """A candidate that JAX has to compile, tried once."""
+    with kept_output():
+        called(candidate.run, generic(), _TRIAL_STEPS)
+    return candidate
+
+
 def _first_steps(form: Form) -> tuple[bool, tuple[str, ...], bool, str]:
     """Whether it asks for forces, what it writes to, whether it repeats itself, what it prints."""
     problem = convergence_problems()["driven"]
@@ -157,6 +177,7 @@ def _first_steps(form: Form) -> tuple[bool, tuple[str, ...], bool, str]:
     equations = in_numpy(Equations.of(problem))
 
     def counted(function: Callable) -> Callable:
+        @functools.wraps(function)
         def call(*given: Any) -> Any:
             nonlocal asked
             asked += 1

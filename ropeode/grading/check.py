@@ -72,6 +72,8 @@ def check_stepper(
     label, form = brought(step)
     if claims == Claims() and isinstance(form, Stepper):
         claims = Claims(method=form.label)
+    if claims == Claims() and isinstance(form, Form):
+        claims = Claims(order=form.documented_order)
     with kept_output() as printed:
         candidate, manners = within(limit, lambda: examined(label, form))
         examination = Examination(candidate, claims, manners, _declared(claims, form))

@@ -23,6 +23,8 @@ _WIDE = 0.4
 _LIMIT, _BOUND, _ROUNDING = 3.0, 3.0, 30.0
 # Steps per frame: where a ladder begins, its ratio, and how far it is followed.
 _COARSEST, _RATIO, _LEVELS, _MOST_STEPS = 6, 1.5, 8, 2000
+# The ratio where there is little room between coarse steps and what a reference can tell.
+_CLOSE = 1.2
 
 
 def ladder(observe: Callable[[Sequence[int]], Convergence]) -> Convergence:
@@ -31,18 +33,46 @@ def ladder(observe: Callable[[Sequence[int]], Convergence]) -> Convergence:
     Arguments:
         observe: makes the runs with so many steps per frame, and says what came of them.
     """
-    levels = [round(_COARSEST * _RATIO**k) for k in range(_LEVELS)]
+    levels = [_even(_COARSEST * _RATIO**k) for k in range(_LEVELS)]
     while True:
         found = observe(levels)
         if not any(_finer_steps_would_help(order) for order in found.orders.values()):
             break
         if levels[-1] * _RATIO > _MOST_STEPS:
             break
-        levels.append(round(levels[-1] * _RATIO))
-    if any(order.verdict == "undetermined" for order in found.orders.values()):
-        # Of a high order: coarser steps have errors that a reference can tell.
-        return observe([1, 2, 3, 4, *levels])
+        levels.append(_even(levels[-1] * _RATIO))
+    undetermined = any(order.verdict == "undetermined" for order in found.orders.values())
+    finest = _finest_resolved(levels, found)
+    if undetermined and finest < levels[-1]:
+        # Of a high order: only coarse steps have errors that a reference can tell.
+        return observe(_close_levels(finest))
     return found
+
+
+def _even(steps: float) -> int:
+    """The even number next to it: errors of two-step methods differ between even and odd."""
+    return 2 * round(0.5 * steps)
+
+
+def _finest_resolved(levels: Sequence[int], found: Convergence) -> int:
+    """The most steps at which some error can still be told."""
+    return max(
+        (
+            steps
+            for quantity, errors in found.errors.items()
+            for steps, error in zip(levels, errors, strict=True)
+            if error is not None and error >= found.resolution[quantity]
+        ),
+        default=levels[0],
+    )
+
+
+def _close_levels(most: int) -> list[int]:
+    """Numbers of steps from 1 on, close to each other, to a little beyond `most`."""
+    levels = [1]
+    while levels[-1] < _RATIO * most:
+        levels.append(max(levels[-1] + 1, round(levels[-1] * _CLOSE)))
+    return levels
 
 
 def _finer_steps_would_help(order: ObservedOrder) -> bool:

@@ -44,7 +44,7 @@ class Examination:
         self.candidate, self.claims, self.manners = candidate, claims, manners
         self._declared = declared
         self._found: dict[str, Convergence] = {}
-        self._undriven: dict[str, Problem] = {}
+        self._simpler: dict[str, Problem] = {}
 
     def refusal(self, problem: Problem) -> str | None:
         """Why the candidate cannot be run on a problem; None if it can."""
@@ -53,14 +53,25 @@ class Examination:
         return None
 
     def problem(self, name: str) -> Problem:
-        """One of `convergence_problems`, without the drive for what computes its own forces."""
+        """One of `convergence_problems`, without the forces that it cannot be told of."""
         problem = convergence_problems()[name]
-        if not (self.candidate.own_forces and np.any(problem.args.drive)):
+        unknown = [force for force in self.cannot_be_told if np.any(getattr(problem.args, force))]
+        if not unknown:
             return problem
-        if name not in self._undriven:
-            args = problem.args._replace(drive=np.zeros_like(problem.args.drive))
-            self._undriven[name] = problem.changed(args=args)
-        return self._undriven[name]
+        if name not in self._simpler:
+            none = {force: np.zeros_like(getattr(problem.args, force)) for force in unknown}
+            self._simpler[name] = problem.changed(args=problem.args._replace(**none))
+        return self._simpler[name]
+
+    @property
+    def cannot_be_told(self) -> dict[str, str]:
+        """The forces that the candidate cannot be told of, and why."""
+        found = {}
+        if self.candidate.own_forces:
+            found["drive"] = "it computes its own forces"
+        if not self.candidate.form.takes_damping:
+            found["damping"] = "it takes forces that depend on time and positions only"
+        return found
 
     def expected(self, problem: Problem) -> int | None:
         """The order that is claimed on a problem; None where nothing is."""

@@ -44,11 +44,20 @@ class Form(abc.ABC):
 
     Class attributes:
         in_python_only: JAX cannot trace it, and need not try.
+        in_jax_only: it takes JAX's arrays and functions, and never NumPy's.
+        takes_damping: it can be told of forces that depend on velocities.
         equal_frames: it needs one step size for the whole run.
     """
 
     in_python_only: ClassVar[bool] = False
+    in_jax_only: ClassVar[bool] = False
+    takes_damping: ClassVar[bool] = True
     equal_frames: bool = False
+
+    @property
+    def documented_order(self) -> int | None:
+        """The order that it is said to have where it comes from; None where nothing is said."""
+        return None
 
     @abc.abstractmethod
     def step(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from ropeode.grading.convergence import convergence_finding
 from ropeode.grading.examination import Examination
 from ropeode.grading.problems import convergence_problems
@@ -21,6 +23,12 @@ def order(examination: Examination, problem: str) -> Finding:
     if refusal := examination.refusal(convergence_problems()[problem]):
         return Finding(check, "skip", refusal)
     found = convergence_finding(check, examination.convergence(problem))
-    if examination.problem(problem) is convergence_problems()[problem]:
+    whole, solved = convergence_problems()[problem], examination.problem(problem)
+    left_out = [
+        f"no {force}: {why}"
+        for force, why in examination.cannot_be_told.items()
+        if not np.array_equal(getattr(whole.args, force), getattr(solved.args, force))
+    ]
+    if not left_out:
         return found
-    return dataclasses.replace(found, line=f"{found.line} (no drive: it computes its own forces)")
+    return dataclasses.replace(found, line=f"{found.line} ({'; '.join(left_out)})")

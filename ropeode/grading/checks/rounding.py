@@ -91,6 +91,13 @@ def zero_length(examination: Examination) -> Finding:
     states = examination.candidate.run(problem, _STEPS)
     if np.all(np.isfinite(states)):
         return Finding("zero-length", "pass", "finite where two nodes are in one place")
+    if not examination.candidate.own_forces:
+        return Finding(
+            "zero-length",
+            "note",
+            "not finite where two nodes are in one place: the force that it is given is, but "
+            "has no limit there, so that the equations of an implicit step may have no solution",
+        )
     return Finding(
         "zero-length",
         "fail",

@@ -1,0 +1,64 @@
+"""Solvers of other libraries as steppers, called as the libraries themselves call them."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any, Protocol, cast
+
+from ropeode.errors import InputError
+from ropeode.grading.forms import Form
+from ropeode.validation import unknown
+
+# Imported when they are asked for: diffrax takes a second.
+LIBRARIES = {
+    "diffrax": "ropeode.grading.adapters.diffrax_solvers",
+    "scipy": "ropeode.grading.adapters.scipy_solvers",
+}
+
+
+class Adapter(Protocol):
+    """What the module of a library has."""
+
+    def by_name(self, name: str) -> Form:
+        """A solver by the name that the library exports it under."""
+        ...
+
+    def by_object(self, given: Any) -> Form | None:
+        """A solver or its class; None if it is none of this library's."""
+        ...
+
+
+def adapted(library: str, name: str) -> Form:
+    """A solver of another library, at constant step.
+
+    Arguments:
+        library: one of `LIBRARIES`.
+        name: of the solver's class, as the library exports it.
+
+    Raises:
+        InputError: there is no such library or solver, or it cannot take constant steps.
+    """
+    if library not in LIBRARIES:
+        raise InputError(unknown("library", library, LIBRARIES))
+    return _adapter(library).by_name(name)
+
+
+def adapted_object(given: Any) -> Form | None:
+    """The form of a solver object or class of a library; None if it is none.
+
+    Arguments:
+        given: anything.
+
+    Raises:
+        InputError: it is a solver that cannot take constant steps.
+    """
+    for library in LIBRARIES:
+        # Nobody has an object of a library that was never imported.
+        if library in sys.modules and (form := _adapter(library).by_object(given)) is not None:
+            return form
+    return None
+
+
+def _adapter(library: str) -> Adapter:
+    return cast(Adapter, importlib.import_module(LIBRARIES[library]))
