@@ -1,0 +1,85 @@
+"""From a stepper that failed a check to what is wrong with it, as far as the evidence goes."""
+
+from __future__ import annotations
+
+from ropeode.grading.candidate import Candidate
+from ropeode.grading.diagnosis.causes import causes_of_low_order
+from ropeode.grading.diagnosis.experiments import outcome
+from ropeode.grading.diagnosis.in_place import in_place
+from ropeode.grading.diagnosis.per_step import damping_per_step
+from ropeode.grading.diagnosis.single_precision import single_precision
+from ropeode.grading.diagnosis.solved_instead import solved_instead
+from ropeode.grading.diagnosis.unlike import wrong_where_unlike
+from ropeode.grading.examination import Examination
+from ropeode.grading.problems import convergence_problems
+from ropeode.grading.report import Convergence, Diagnosis
+from ropeode.precision import in_float64
+
+
+@in_float64
+def diagnose(examination: Examination) -> tuple[Diagnosis, ...]:
+    """Find out by experiment what is wrong with a stepper that failed a check.
+
+    Arguments:
+        examination: of the stepper.
+
+    Returns:
+        One for each cause that the evidence singles out; one `unknown` if there is none, which
+        says what is known all the same.
+
+    Raises:
+        UserCodeError: the step raised.
+    """
+    candidate = examination.candidate
+    convergences = {
+        name: examination.convergence(name)
+        for name, problem in convergence_problems().items()
+        if examination.refusal(problem) is None
+    }
+    wrong = [name for name, found in convergences.items() if outcome(found, 0) == "wrong"]
+    lost = [
+        found.expected
+        for found in convergences.values()
+        if found.expected is not None and outcome(found, found.expected) == "low"
+    ]
+    causes = [single_precision(candidate)]
+    if wrong:
+        causes += _of_another_solution(candidate)
+    if lost:
+        causes += causes_of_low_order(examination, max(lost))
+    elif not wrong:
+        causes.append(in_place(examination))
+    named = tuple(cause for cause in causes if cause is not None)
+    return named or (_unknown(convergences, wrong),)
+
+
+def _of_another_solution(candidate: Candidate) -> list[Diagnosis | None]:
+    per_step = damping_per_step(candidate)
+    if per_step is not None:
+        return [per_step]
+    solved = solved_instead(candidate)
+    if isinstance(solved, Diagnosis):
+        return [solved]
+    return [wrong_where_unlike(candidate)] if solved else []
+
+
+def _unknown(convergences: dict[str, Convergence], wrong: list[str]) -> Diagnosis:
+    """What is known all the same."""
+    if wrong:
+        return Diagnosis(
+            "unknown",
+            f"it converges to something else than the solution on {', '.join(wrong)}, and no "
+            "change of gravity, damping, stiffness, mass, rest length or initial velocity was "
+            "found that explains it",
+            {"wrong": wrong},
+        )
+    orders = [order.observed for found in convergences.values() for order in found.orders.values()]
+    known = [order for order in orders if order is not None]
+    if len(known) < len(orders):
+        return Diagnosis("unknown", "no cause stands out")
+    return Diagnosis(
+        "unknown",
+        f"no cause stands out; it converges to the right solution on all {len(convergences)} "
+        f"ropes, with observed orders from {min(known):.2f} to {max(known):.2f}",
+        {"lowest_order": min(known), "highest_order": max(known)},
+    )

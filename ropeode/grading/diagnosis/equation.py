@@ -1,0 +1,130 @@
+"""Which equation a stepper solves, where it is not the one that it was given."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ropeode.analysis.errors import RESOLUTION_FACTOR
+from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.errors import ReferenceRefused
+from ropeode.grading.convergence import TOLERANCE
+from ropeode.grading.diagnosis.fit import Fit, Observed
+from ropeode.grading.diagnosis.numbers import Number, numbers_of, simple, with_found
+from ropeode.norms import NORMS, distance
+from ropeode.problems.problem import Problem
+from ropeode.references.reference import Reference, motion
+
+Runs = Sequence[tuple[float, np.ndarray]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Equation:
+    """A rope that a stepper solves, beside the one that it was given.
+
+    Arguments:
+        numbers: that differ.
+        problem: with those.
+        orders: of each quantity, observed against the certified reference of that problem.
+        bound: estimated, of that reference, in the first quantity.
+        misfit: the largest difference of the reference to the stepper's limit, in units of
+            the limit's uncertainty.
+    """
+
+    numbers: tuple[Number, ...]
+    problem: Problem
+    orders: dict[str, ObservedOrder]
+    bound: float
+    misfit: float
+
+
+def equation(
+    seen: Observed, found: Fit, runs: Runs, certified: Callable[[Problem], Reference]
+) -> Equation | None:
+    """The rope of a fit, if its certified reference confirms that the runs converge to it.
+
+    Arguments:
+        seen: what the runs tend to.
+        found: the fit.
+        runs: step size and states of each.
+        certified: makes references.
+
+    Returns:
+        None where the reference is not what the runs tend to, or cannot be had.
+    """
+    fitted = numbers_of(seen.problem, found)
+    for numbers in (tuple(simple(seen.problem, number) for number in fitted), fitted):
+        problem = with_found(seen.problem, numbers)
+        try:
+            reference = certified(problem)
+        except ReferenceRefused:
+            return None
+        misfit = misfit_of(seen, reference)
+        if misfit <= 1.0:
+            break
+    else:
+        return None
+    orders = {
+        name: _order(reference, runs, name, float(np.max(problem.quantity(name, seen.uncertainty))))
+        for name in seen.orders
+    }
+    if any(order.verdict == "does not converge" for order in orders.values()):
+        return None
+    bound = float(reference.bound(NORMS["position-max"])[-1])
+    return Equation(numbers, problem, orders, bound, misfit)
+
+
+def misfit_of(seen: Observed, reference: Reference, spread: float = 0.0) -> float:
+    """The largest difference of a reference to a limit, in units of what both are known to.
+
+    Arguments:
+        seen: the limit.
+        reference: of a problem with the same sample times.
+        spread: uncertainty of the reference's own numbers, of the motion.
+    """
+    worst = 0.0
+    for name, size in seen.motion.items():
+        half = seen.problem.quantities.index(name)
+        inside = slice(1, reference.trusted)
+        apart = np.abs(reference.states[inside, half] - seen.states[inside, half])
+        bound = float(reference.bound(NORMS[f"{name}-max"])[-1])
+        allowed = seen.uncertainty[inside, half] + bound + spread * size
+        worst = max(worst, float(np.max(apart / allowed)))
+    return worst if reference.trusted == len(seen.states) else np.inf
+
+
+def _order(reference: Reference, runs: Runs, name: str, uncertainty: float) -> ObservedOrder:
+    """Against a reference whose own numbers are known to the uncertainty of a limit."""
+    problem, norm = reference.problem, NORMS[f"{name}-max"]
+    errors = [
+        float(np.max(distance(problem, norm, states, reference.states)[1:]))
+        if np.all(np.isfinite(problem.quantity(name, states)))
+        else None
+        for _, states in runs
+    ]
+    return observed_order(
+        [dt for dt, _ in runs],
+        errors,
+        resolution=RESOLUTION_FACTOR * (float(reference.bound(norm)[-1]) + uncertainty),
+        motion=float(motion(problem, reference.states, norm)[-1]),
+    )
+
+
+def in_words(orders: dict[str, ObservedOrder]) -> str:
+    """The orders of all quantities, in a few words: whole numbers where they are near to one."""
+    texts = {name: _order_in_words(order) for name, order in orders.items()}
+    if len({*texts.values()}) == 1:
+        return next(iter(texts.values()))
+    return " and ".join(
+        f"{text} ({'positions' if name == 'position' else 'velocities'})"
+        for name, text in texts.items()
+    )
+
+
+def _order_in_words(order: ObservedOrder) -> str:
+    if order.observed is None:
+        return "an unknown order"
+    near = round(order.observed)
+    return f"order {near if abs(order.observed - near) <= TOLERANCE else f'{order.observed:.2f}'}"

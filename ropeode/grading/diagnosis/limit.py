@@ -1,0 +1,112 @@
+"""What runs with smaller and smaller steps tend to, and how well that is known."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import optimize
+
+# Fewer runs say nothing of how well the limit is known.
+FEWEST_RUNS = 3
+# Terms of the error's expansion that are taken out; more of them amplify rounding.
+_MOST_TERMS = 6
+# An order is a whole number; observed with a few coarse runs it is off by this at most.
+_WHOLE = 0.3
+_HIGHEST_ORDER = 8.4
+# Two extrapolations that differ by this may both be off by more, in the same direction.
+_SAFETY = 3.0
+# Rounding in a run, in units of float64's own, before extrapolation amplifies it.
+_ROUNDING = 100.0 * float(np.finfo(np.float64).eps)
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """What one quantity of a stepper's runs tends to as dt goes to 0.
+
+    Arguments:
+        values: at the sample times, ``(times, ...)``.
+        uncertainty: how far from the true limit they may be at each time, ``(times,)``; an
+            estimate that does not shrink with time.
+        order: with which the runs tend to it; None where they do not depend on dt.
+    """
+
+    values: np.ndarray
+    uncertainty: np.ndarray
+    order: int | None
+
+
+def limit_of(dts: Sequence[float], runs: Sequence[np.ndarray]) -> Limit | None:
+    """Richardson's extrapolation to dt = 0, with the order that the runs themselves show.
+
+    The order is that of the differences between three successive runs. With it the terms
+    ``dt^p, dt^(p + 1), ...`` of the error are taken out, one for each further run; the
+    uncertainty is the difference to the extrapolation with one run fewer. Of all sequences
+    of runs (the coarsest may be pre-asymptotic, the finest rounded) the best known one counts.
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
+
+    Arguments:
+        dts: step sizes, different.
+        runs: what each gives at the same times, ``(times, ...)``; those that are not finite
+            are left out.
+
+    Returns:
+        None where no three runs tend to anything with a whole order.
+    """
+    usable = [(dt, run) for dt, run in zip(dts, runs, strict=True) if np.all(np.isfinite(run))]
+    if len(usable) < FEWEST_RUNS:
+        return None
+    usable.sort(key=lambda pair: -pair[0])
+    dt = np.array([pair[0] for pair in usable])
+    values = np.stack([pair[1] for pair in usable])
+    rounding = _ROUNDING * float(np.max(np.abs(values)))
+    if float(np.max(np.abs(values - values[-1]))) <= rounding:
+        return Limit(values[-1], np.full(values.shape[1], max(rounding, 1e-300)), None)
+    best: Limit | None = None
+    for last in range(FEWEST_RUNS, len(dt) + 1):
+        order = _order(dt[last - 3 : last], values[last - 3 : last], rounding)
+        if order is None:
+            continue
+        for first in range(max(last - 1 - _MOST_TERMS, 0), last - FEWEST_RUNS + 1):
+            part = slice(first, last)
+            found = _extrapolated(dt[part], values[part], order, rounding)
+            if best is None or found.uncertainty[-1] < best.uncertainty[-1]:
+                best = found
+    return best
+
+
+def _order(dt: np.ndarray, values: np.ndarray, rounding: float) -> int | None:
+    """The whole order that the differences of three runs show; None where they show none."""
+    far, near = (float(np.sqrt(np.mean((values[k] - values[k + 1]) ** 2))) for k in (0, 1))
+    if near <= rounding or far <= near:
+        return None
+
+    def excess(p: float) -> float:
+        scaled = (dt / dt[0]) ** p
+        return np.log((scaled[0] - scaled[1]) / (scaled[1] - scaled[2])) - np.log(far / near)
+
+    if excess(0.3) > 0 or excess(_HIGHEST_ORDER) < 0:
+        return None
+    observed = float(optimize.brentq(excess, 0.3, _HIGHEST_ORDER))  # pyright: ignore
+    order = round(observed)
+    return order if order >= 1 and abs(observed - order) <= _WHOLE else None
+
+
+def _extrapolated(dt: np.ndarray, values: np.ndarray, order: int, rounding: float) -> Limit:
+    weights = _weights(dt, order)
+    full = np.tensordot(weights, values, 1)
+    less = np.tensordot(_weights(dt[1:], order), values[1:], 1)
+    apart = np.max(np.abs(full - less).reshape(len(full), -1), axis=1)
+    noise = rounding * float(np.sum(np.abs(weights)))
+    return Limit(full, np.maximum.accumulate(_SAFETY * apart) + noise, order)
+
+
+def _weights(dt: np.ndarray, order: int) -> np.ndarray:
+    """Weights of runs that add up to 1 and take out the first terms of the error."""
+    scaled = dt / dt[0]
+    rows = [np.ones_like(scaled), *(scaled ** (order + k) for k in range(len(dt) - 1))]
+    right = np.zeros(len(dt))
+    right[0] = 1.0
+    return np.linalg.solve(np.stack(rows), right)

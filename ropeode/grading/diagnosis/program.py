@@ -1,0 +1,128 @@
+"""The fit as a program that JAX compiles once for all ropes of a family."""
+
+# Equinox modules declare fields that a wrapper gives as properties; pyright cannot see that.
+# pyright: reportAssignmentType=false, reportCallIssue=false
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import optimistix
+
+from ropeode.grading.diagnosis.parameters import Units, changed
+
+_TOLERANCE = 1e-11
+_MOST_ODE_STEPS = 4096
+# Levenberg-Marquardt: both the changes and the residual, which are of size 1, keep still.
+_RTOL, _ATOL, _MOST_STEPS = 1e-9, 1e-12, 80
+# In place of what is not finite: so bad that the step is not taken.
+_WORST = 1e6
+
+
+@functools.partial(jax.jit, static_argnames=("rhs",))
+def _sensitivities(
+    rhs: Any, y0: Any, args: Any, ts: Any, units: Units, changes: Any
+) -> tuple[Any, Any]:
+    """The states behind the first sample, and their derivatives by the changes.
+
+    Both are one system of equations (the variational equations beside the rope's own) with
+    one error control. Steps end on the sample times, because between them Dopri8 is of order
+    5 only.
+    """
+    shape, directions = y0.shape, jnp.eye(changes.shape[0])
+
+    def start(changes: Any) -> Any:
+        return changed(y0, args, units, changes)[0].reshape(-1)
+
+    def own(t: Any, y: Any, changes: Any) -> Any:
+        return rhs(t, y.reshape(shape), changed(y0, args, units, changes)[1]).reshape(-1)
+
+    def field(t: Any, both: Any, changes: Any) -> Any:
+        slope, push = jax.linearize(functools.partial(own, t), both[0], changes)
+        return jnp.concatenate([slope[None], jax.vmap(push)(both[1:], directions)])
+
+    first, push = jax.linearize(start, changes)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(field),
+        diffrax.Dopri8(),
+        ts[0],
+        ts[-1],
+        None,
+        jnp.concatenate([first[None], jax.vmap(push)(directions)]),
+        changes,
+        saveat=diffrax.SaveAt(ts=ts),
+        stepsize_controller=diffrax.ClipStepSizeController(
+            diffrax.PIDController(rtol=_TOLERANCE, atol=_TOLERANCE * units.scale), step_ts=ts
+        ),
+        max_steps=_MOST_ODE_STEPS,
+        adjoint=diffrax.ForwardMode(),
+        throw=False,
+    )
+    assert solution.ys is not None
+    return solution.ys[1:, 0], jnp.moveaxis(solution.ys[1:, 1:], 1, -1)
+
+
+@functools.partial(jax.jit, static_argnames=("rhs",))
+def fitted(
+    rhs: Any,
+    y0: Any,
+    args: Any,
+    ts: Any,
+    units: Units,
+    free: Any,
+    start: Any,
+    target: Any,
+    weights: Any,
+) -> tuple[Any, Any, Any]:
+    """The changes with which a rope comes closest to states that are given.
+
+    Arguments:
+        rhs: of the rope.
+        y0: its initial state.
+        args: its numbers.
+        ts: the sample times.
+        units: of the changes.
+        free: 1 where a change may be made and 0 elsewhere.
+        start: changes to begin with.
+        target: states behind the first sample, flat for each.
+        weights: of the differences, of the same shape; 0 leaves one out.
+
+    Returns:
+        The changes, the weighted differences that are left, flat, and their derivatives by
+        the changes.
+    """
+
+    def measured(changes: Any) -> tuple[Any, Any]:
+        states, slopes = _sensitivities(rhs, y0, args, ts, units, changes * free)
+        left = jnp.where(weights > 0, weights * (states - target), 0.0)
+        left = jnp.where(jnp.isfinite(left), left, _WORST)
+        slopes = jnp.where(jnp.isfinite(slopes), slopes, 0.0) * weights[..., None] * free
+        return left.reshape(-1), slopes.reshape(-1, changes.shape[0])
+
+    # The derivative comes with the states; nothing is differentiated twice.
+    @jax.custom_jvp
+    def residual(changes: Any, _: Any) -> tuple[Any, Any]:
+        return measured(changes)
+
+    @residual.defjvp
+    def _(primals: Any, tangents: Any) -> Any:
+        left, slopes = measured(primals[0])
+        return (left, slopes), (slopes @ tangents[0], jnp.zeros_like(slopes))
+
+    def with_slopes(changes: Any, none: Any) -> tuple[Any, Any]:
+        left, slopes = residual(changes, none)
+        return left, (left, slopes)
+
+    solution = optimistix.least_squares(
+        with_slopes,
+        optimistix.LevenbergMarquardt(rtol=_RTOL, atol=_ATOL),
+        start,
+        None,
+        has_aux=True,
+        max_steps=_MOST_STEPS,
+        throw=False,
+    )
+    return solution.value * free, *solution.aux
