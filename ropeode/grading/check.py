@@ -20,6 +20,8 @@ from ropeode.validation import check_positive, check_whole, complaint, unknown
 
 Progress = Callable[[str, float], None]
 TIME_LIMIT = 60.0
+# The checks whose failure a diagnosis may explain.
+EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {"node-order", "float32"}
 
 
 def check_stepper(
@@ -52,7 +54,7 @@ def check_stepper(
         conserves_energy: whether its author claims that energy stays bounded in the long run.
         only: names of checks; no others are made.
         skip: names of checks that are not made.
-        quick: leave out the checks in `SLOW`.
+        quick: leave out the checks in `SLOW`, and the diagnosis.
         diagnose: look for the cause of what fails.
         time_limit: in seconds, for each check.
         progress: called with what is being done and the fraction that is done.
@@ -85,13 +87,15 @@ def check_stepper(
                 # What does not repeat cannot be judged by its runs.
                 findings += [Finding(each, "skip", "does not repeat") for each in names[1:]]
                 break
-        failed = [finding for finding in findings if finding.status == "fail"]
+        failed = {finding.check for finding in findings if finding.status == "fail"}
         diagnosis: tuple[Diagnosis, ...] = ()
+        if diagnose and not quick and failed & EXPLAINED:
+            progress("diagnosis", 1.0)
+            diagnosis = within(limit, lambda: _diagnosed(examination))
     notes = []
     if text := manners.printed or printed.getvalue():
         first = text.strip().splitlines()[0] if text.strip() else ""
         notes.append(f"the step prints, which costs time (its first line: {first[:60]!r})")
-    del failed, diagnose
     progress("done", 1.0)
     return CheckReport(
         label=label,
@@ -101,6 +105,13 @@ def check_stepper(
         notes=tuple(notes),
         seconds=time.perf_counter() - started,
     )
+
+
+def _diagnosed(examination: Examination) -> tuple[Diagnosis, ...]:
+    # Not above: it imports diffrax and optimistix, and most steppers need none of it.
+    from ropeode.grading.diagnosis.diagnose import diagnose
+
+    return diagnose(examination)
 
 
 def _made(examination: Examination, name: str, limit: float) -> Finding:
