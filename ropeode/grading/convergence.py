@@ -219,8 +219,8 @@ def _overall(found: Convergence, quantity: str) -> float:
         for dt, error in zip(found.dts, found.errors[quantity], strict=True)
         if error and dt not in lost
     ]
-    slope, _ = np.polyfit(*np.log(np.transpose(points)), 1)
-    return float(slope)
+    dts, errors = np.log(np.array(points)).T
+    return float(np.polyfit(dts, errors, 1)[0])
 
 
 def convergence_finding(check: str, found: Convergence) -> Finding:
