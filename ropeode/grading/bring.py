@@ -32,6 +32,8 @@ OTHER_NAMES = ("FILE.py:NAME", *(f"{library}:NAME" for library in LIBRARIES))
 # Steps per frame on which compiled and uncompiled runs have to agree, and how closely. So many,
 # that a step which counts how often it is called has counted to a hundred.
 _TRIAL_STEPS, _SAME = 48, 1e-11
+# With loops of JAX's own inside, which are slow where they are not compiled.
+_TRIAL_STEPS_WITH_LOOPS = 2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,11 +156,11 @@ def examined(label: str, given: Form | Stepper) -> tuple[Candidate, Manners]:
     equal_frames = given.equal_frames
     if isinstance(given, Stepper) and type(given).__module__.startswith("ropeode."):
         return Compiled(label, form, equal_frames=equal_frames), Manners()
-    asks, mutates, repeats, printed = _first_steps(form)
+    asks, loops, mutates, repeats, printed = _first_steps(form)
     options = {"own_forces": not asks, "equal_frames": equal_frames}
     interpreted, compiled = Interpreted(label, form, **options), Compiled(label, form, **options)
     # What keeps something from call to call must not be traced: it would keep a tracer.
-    if repeats and not form.in_python_only and _compiles(compiled, interpreted):
+    if repeats and not form.in_python_only and _compiles(compiled, interpreted, loops):
         return compiled, Manners(mutates, repeats, printed)
     return interpreted, Manners(mutates, repeats, printed, compiled=False)
 
@@ -170,17 +172,21 @@ def _only_compiled(candidate: Compiled) -> Compiled:
     return candidate
 
 
-def _first_steps(form: Form) -> tuple[bool, tuple[str, ...], bool, str]:
-    """Whether it asks for forces, what it writes to, whether it repeats itself, what it prints."""
+def _first_steps(form: Form) -> tuple[bool, bool, tuple[str, ...], bool, str]:
+    """Whether it asks for forces, and in a loop of JAX's own; what it writes to and prints.
+
+    And, as the fourth, whether it repeats itself.
+    """
     problem = convergence_problems()["driven"]
-    asked = 0
+    asked, loops = False, False
     equations = in_numpy(Equations.of(problem))
 
     def counted(function: Callable) -> Callable:
         @functools.wraps(function)
         def call(*given: Any) -> Any:
-            nonlocal asked
-            asked += 1
+            nonlocal asked, loops
+            asked = True
+            loops = loops or isinstance(given[1], jax.core.Tracer)
             return function(*given)
 
         return call
@@ -220,22 +226,25 @@ def _first_steps(form: Form) -> tuple[bool, tuple[str, ...], bool, str]:
         first = steps(problem.y0)
         steps(problem.y0 + 0.125)
         again = steps(problem.y0)
-    return asked > 0, tuple(sorted(changed)), np.array_equal(first, again), printed.getvalue()
+    repeats = np.array_equal(first, again)
+    return asked, loops, tuple(sorted(changed)), repeats, printed.getvalue()
 
 
-def _compiles(compiled: Compiled, interpreted: Interpreted) -> bool:
+def _compiles(compiled: Compiled, interpreted: Interpreted, loops: bool) -> bool:
     """Whether JAX can trace it, and what it compiles is the same as what Python makes of it."""
+    steps = _TRIAL_STEPS_WITH_LOOPS if loops else _TRIAL_STEPS
     problem: Problem = convergence_problems()["uneven"]
     if compiled.equal_frames:
         problem = convergence_problems()["unequal"]
     try:
         with kept_output():
-            fast = compiled.run(problem, _TRIAL_STEPS)
+            fast = compiled.run(problem, steps)
     except Exception:
         # Whatever it is: then it runs in Python, where it shows for what it is.
         return False
-    with kept_output():
-        slow = interpreted.run(problem, _TRIAL_STEPS)
+    # Such a loop would be compiled anew at each step.
+    with kept_output(), jax.disable_jit(loops):
+        slow = interpreted.run(problem, steps)
     if not np.array_equal(np.isnan(fast), np.isnan(slow)):
         return False
     apart = np.max(np.abs(np.nan_to_num(fast - slow)))
