@@ -121,9 +121,9 @@ def _made(examination: Examination, name: str, limit: float) -> Finding:
 
 def _declared(claims: Claims, form: Form | Stepper) -> Stepper | None:
     """The stepper whose declared facts are claimed: a method by name, or what was brought."""
-    if claims.method is not None:
-        return stepper(claims.method)
-    return form if isinstance(form, Stepper) else None
+    if isinstance(form, Stepper) and claims.method in (None, form.label):
+        return form
+    return None if claims.method is None else stepper(claims.method)
 
 
 def checked_claims(
