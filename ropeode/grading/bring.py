@@ -11,6 +11,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.core import Tracer
 
 from ropeode.errors import InputError, UserCodeError
 from ropeode.grading.adapters import LIBRARIES, adapted, adapted_object
@@ -186,7 +187,7 @@ def _first_steps(form: Form) -> tuple[bool, bool, tuple[str, ...], bool, str]:
         def call(*given: Any) -> Any:
             nonlocal asked, loops
             asked = True
-            loops = loops or isinstance(given[1], jax.core.Tracer)
+            loops = loops or isinstance(given[1], Tracer)
             return function(*given)
 
         return call
