@@ -21,6 +21,8 @@ from pathlib import Path
 from tabulate import tabulate
 
 RUN = [sys.executable, "-m", "ropeode"]
+STEPS = Path(__file__).parents[1] / "docs/examples/steps.py"
+CHECK = [*RUN, "check", f"{STEPS}:velocity_verlet", "--order", "2"]
 LARGE = ["--num-nodes", "4096", "--frames", "1000"]
 SIMULATE = (
     "import ropeode; run = ropeode.simulate("
@@ -92,6 +94,10 @@ def main() -> None:
     measure("ropeode table --help", [*RUN, "table", "--help"], repeats=given.repeats)
     measure("ropeode table, cold", [*RUN, "table"], cold=True, repeats=given.repeats)
     measure("ropeode table, warm", [*RUN, "table"], repeats=given.repeats)
+    for words, more in (("", []), (" --quick", ["--quick"])):
+        check = [*CHECK, *more]
+        measure(f"ropeode check{words}, cold", check, cold=True, repeats=given.repeats)
+        measure(f"ropeode check{words}, warm", check, repeats=given.repeats)
     if given.memory:
         measure("simulate 4096 x 1000", [sys.executable, "-c", SIMULATE], cold=True, repeats=1)
         large = [*RUN, "table", *LARGE, "--steppers", "semi-implicit-euler", "--steps", "16,24,36"]

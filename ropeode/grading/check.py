@@ -9,9 +9,10 @@ from typing import Any
 from ropeode.errors import InputError
 from ropeode.grading.bring import brought, examined
 from ropeode.grading.checks import CHECKS, SLOW
-from ropeode.grading.examination import Examination
+from ropeode.grading.examination import Examination, references_ahead
 from ropeode.grading.forms import Form
 from ropeode.grading.guard import kept_output, within
+from ropeode.grading.problems import convergence_problems
 from ropeode.grading.report import CheckReport, Claims, Diagnosis, Finding
 from ropeode.precision import in_float64
 from ropeode.steppers import stepper
@@ -76,6 +77,8 @@ def check_stepper(
         claims = Claims(method=form.label)
     if claims == Claims() and isinstance(form, Form):
         claims = Claims(order=form.documented_order)
+    needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
+    references_ahead(needed)
     with kept_output() as printed:
         candidate, manners = within(limit, lambda: examined(label, form))
         examination = Examination(candidate, claims, manners, _declared(claims, form))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Future
 
 import numpy as np
 
+from ropeode.errors import RopeodeError
 from ropeode.grading.bring import Manners
 from ropeode.grading.candidate import Candidate
 from ropeode.grading.convergence import converging, ladder, steps_to_dts
@@ -17,10 +20,12 @@ from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, reference
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import problem_class
+from ropeode.threads import cores
 
 # Of the size of the rope, what rounding alone makes of a few steps.
 _ROUNDING = 1e-10
-_REFERENCES: dict[tuple, Reference] = {}
+_REFERENCES: dict[tuple, Future[Reference]] = {}
+_MOST_KEPT = 256
 _LOCK = threading.Lock()
 
 
@@ -135,14 +140,44 @@ class Examination:
 def reference_of(problem: Problem) -> Reference:
     """The certified reference of a check rope; made once in a process.
 
+    Of several threads that ask for the same one, one makes it.
+
     Arguments:
         problem: a check rope.
 
     Raises:
         ReferenceRefused: none can be had.
     """
-    key = (problem.ts.tobytes(), problem.y0.tobytes(), *(leaf.tobytes() for leaf in problem.args))
+    numbers = (problem.ts, problem.y0, *problem.args)
+    key = (problem.name, *(each.tobytes() for each in numbers))
     with _LOCK:
-        if key not in _REFERENCES or _REFERENCES[key].problem is not problem:
-            _REFERENCES[key] = reference(problem)
-        return _REFERENCES[key]
+        made = _REFERENCES.get(key)
+        if made is None and len(_REFERENCES) >= _MOST_KEPT:
+            _REFERENCES.clear()
+        own = _REFERENCES.setdefault(key, Future())
+    if made is None:
+        try:
+            own.set_result(reference(problem))
+        except BaseException as error:
+            own.set_exception(error)
+    return own.result()
+
+
+def references_ahead(problems: Iterable[Problem]) -> None:
+    """Begin to make references, in threads of their own, so that they are there when needed.
+
+    Arguments:
+        problems: check ropes.
+    """
+    # Those with uneven frames, which take a program of their own, are taken first, and last in
+    # the list: so both programs are compiled side by side.
+    waiting = sorted(problems, key=lambda problem: not problem.equal_frames)
+
+    def work() -> None:
+        with contextlib.suppress(IndexError, RopeodeError):
+            while True:
+                reference_of(waiting.pop())
+
+    for _ in range(cores()):
+        # What goes wrong is told to whoever asks for the same reference again.
+        threading.Thread(target=work, daemon=True).start()
