@@ -211,14 +211,19 @@ def finite_part(states: np.ndarray) -> np.ndarray:
 
 @functools.lru_cache(maxsize=16)
 def in_numpy(equations: Equations) -> Equations:
-    """The same functions, which take NumPy arrays and return them."""
+    """The same functions, which take NumPy arrays and return them.
+
+    Inside a loop of JAX's own they are traced, as such a loop wants it.
+    """
     acceleration = equations.acceleration
     if acceleration is None or equations.mechanics is None:
         return Equations(_in_numpy(equations.rhs), None, None)
     own = _in_numpy(acceleration)
 
     def rhs(t: Any, y: Any, args: Any) -> Any:
-        return np.stack([y[1], own(t, y[0], y[1], args)])
+        return (jnp if isinstance(y, jax.core.Tracer) else np).stack(
+            [y[1], own(t, y[0], y[1], args)]
+        )
 
     mechanics = dataclasses.replace(equations.mechanics, acceleration=own)
     return Equations(rhs, own, mechanics)
@@ -227,8 +232,9 @@ def in_numpy(equations: Equations) -> Equations:
 def _in_numpy(function: Callable) -> Callable:
     compiled = jax.jit(function)
 
-    def plain(*given: Any) -> np.ndarray:
+    def plain(*given: Any) -> Any:
+        found = compiled(*given)
         # A copy: what JAX hands out must not be written to.
-        return np.array(compiled(*given))
+        return found if isinstance(found, jax.core.Tracer) else np.array(found)
 
     return functools.wraps(function)(plain)
