@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.grading.forms import Equations, Form
@@ -221,9 +222,7 @@ def in_numpy(equations: Equations) -> Equations:
     own = _in_numpy(acceleration)
 
     def rhs(t: Any, y: Any, args: Any) -> Any:
-        return (jnp if isinstance(y, jax.core.Tracer) else np).stack(
-            [y[1], own(t, y[0], y[1], args)]
-        )
+        return (jnp if isinstance(y, Tracer) else np).stack([y[1], own(t, y[0], y[1], args)])
 
     mechanics = dataclasses.replace(equations.mechanics, acceleration=own)
     return Equations(rhs, own, mechanics)
@@ -235,6 +234,6 @@ def _in_numpy(function: Callable) -> Callable:
     def plain(*given: Any) -> Any:
         found = compiled(*given)
         # A copy: what JAX hands out must not be written to.
-        return found if isinstance(found, jax.core.Tracer) else np.array(found)
+        return found if isinstance(found, Tracer) else np.array(found)
 
     return functools.wraps(function)(plain)

@@ -140,6 +140,11 @@ def drag_by_place(acceleration, t, x, v, dt, args):
     return x + dt * v, v
 
 
+def speed_limit(acceleration, t, x, v, dt, args):
+    v = np.clip(v + dt * acceleration(t, x, v, args), -100.0, 100.0)
+    return x + dt * v, v
+
+
 def only_two_components(acceleration, t, x, v, dt, args):
     a = np.array(acceleration(t, x, v, args))
     a[:, 2] = 0.0

@@ -85,6 +85,7 @@ WRONG = {
     "pins": (steps.moves_pins, {}),
     "momentum": (steps.pulls_at_one_end, {}),
     "translation": (steps.drag_by_place, {}),
+    "boost": (steps.speed_limit, {}),
     "rotation": (steps.only_two_components, {}),
     "mirror": (steps.handed, {}),
     "node-order": (steps.in_place, {}),

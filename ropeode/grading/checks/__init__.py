@@ -12,6 +12,7 @@ from ropeode.grading.checks.rounding import float32, zero_length
 from ropeode.grading.checks.stability import stability
 from ropeode.grading.checks.structure import reversible, symplectic
 from ropeode.grading.checks.symmetry import (
+    boost,
     mirror,
     node_order,
     rotation,
@@ -34,6 +35,7 @@ CHECKS: dict[str, Check] = {
     "pins": pins,
     "momentum": momentum,
     "translation": translation,
+    "boost": boost,
     "rotation": rotation,
     "mirror": mirror,
     "node-order": node_order,
