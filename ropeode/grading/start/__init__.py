@@ -39,9 +39,10 @@ def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
     Raises:
         InputError: the folder exists already, or cannot be made.
     """
-    path = check_writable("init", folder)
+    path = Path(folder)
     if path.exists():
         raise InputError(complaint("init", str(path), "a new folder", "give one that is not there"))
+    check_writable("init", path)
     texts = _texts(job or TableJob({}))
     part = None
     try:

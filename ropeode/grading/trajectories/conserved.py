@@ -17,8 +17,8 @@ from ropeode.references.reference import Reference
 _STILL = 500.0
 # Of the exchanged energy: what a certified solution may lose of an energy that is conserved.
 _CONSERVED = 1e-6
-# Fewer samples do not show a drift.
-_FEWEST = 16
+# Fewer samples do not tell a drift from a wobble.
+_FEWEST = 64
 
 
 def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
@@ -64,7 +64,7 @@ def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     if runs[0].values.shape[2] == Layout.of(problem).dim:
         return Finding("energy", "skip", "needs velocities in the files")
     if len(problem.ts) < _FEWEST:
-        return Finding("energy", "skip", f"needs {_FEWEST} samples to show a drift")
+        return Finding("energy", "skip", f"needs {_FEWEST} samples to tell a drift from a wobble")
     known = reference.states[: reference.trusted]
     energies, still = problem.energies(known), known.copy()
     still[:, 1] = 0.0

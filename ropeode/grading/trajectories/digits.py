@@ -55,7 +55,8 @@ def single_precision(values: np.ndarray) -> bool:
         values: finite numbers, of any shape.
     """
     some = _some(values)
-    near = np.array(some, dtype=np.float64).astype(np.float32).astype(np.float64)
+    with np.errstate(over="ignore"):
+        near = np.array(some, dtype=np.float64).astype(np.float32).astype(np.float64)
     if np.array_equal(near, some):
         return bool(np.any(near != np.rint(near)))
     digits, _ = digits_of(values)

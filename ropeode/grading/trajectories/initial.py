@@ -16,7 +16,7 @@ from ropeode.validation import complaint
 
 # Units of rounding by which a first sample may be off: positions are often computed.
 _ROUNDINGS = 4.0
-# By how much more than the first step an offset may be that is put down to it.
+# How much further than by its largest rate a step may lead, to be taken for the first one.
 _ABOUT = 1.5
 
 
@@ -91,12 +91,12 @@ def _cause(
         return "; the nodes are in reverse order", "count nodes from the other end"
     if dim > 1 and same(wanted.reshape(len(wanted), -1, dim)[:, :, ::-1].reshape(wanted.shape)):
         return "; the coordinates are in reverse order", "write x before y"
-    shift = given[:, :dim] - wanted[:, :dim]
-    if not off[:, dim:].any() and np.ptp(shift, axis=0).max() <= 2.0 * allowed[:dim].max():
-        return "; the whole state is shifted", "use the coordinates of the spec"
     flips = np.where(np.arange(dim) == 1, -1.0, 1.0)
     if dim > 1 and same(wanted * np.tile(flips, given.shape[1] // dim)):
         return "; y points the other way", "let y point as in the spec"
+    shift = given[:, :dim] - wanted[:, :dim]
+    if not off[:, dim:].any() and np.ptp(shift, axis=0).max() <= 2.0 * allowed[:dim].max():
+        return "; the whole state is shifted", "use the coordinates of the spec"
     if problem.mechanics is not None and _after_a_step(run, problem, layout):
         if not off[:, :dim].any():
             fix = "write velocities of the time of the positions, or leave them out"
@@ -107,11 +107,12 @@ def _cause(
 
 @in_float64
 def _after_a_step(run: Run, problem: Problem, layout: Layout) -> bool:
-    """Whether the first sample is as near the initial state as a step can lead."""
+    """Whether the first sample is as near the initial state as a first step can lead."""
     mechanics = problem.require_mechanics("initial state")
     x0, v0 = problem.y0
-    rate = np.asarray(mechanics.acceleration(problem.ts[0], x0, v0, problem.args))
-    rates = samples_of(problem, np.stack([np.abs(v0) + run.dt * np.abs(rate), np.abs(rate)])[None])
-    reach = _ABOUT * run.dt * rates[0][:, : run.values.shape[2]]
-    apart = np.abs(run.values[0] - samples_of(problem, problem.y0[None])[0][:, : reach.shape[1]])
-    return bool((apart <= reach + _allowed(run, layout, problem)).all())
+    rate = float(np.max(np.abs(mechanics.acceleration(problem.ts[0], x0, v0, problem.args))))
+    columns = np.full(run.values.shape[2], _ABOUT * run.dt * rate)
+    speed = float(np.max(np.abs(v0), initial=0.0))
+    columns[: layout.dim] = _ABOUT * run.dt * (speed + run.dt * rate)
+    apart = np.abs(run.values[0] - samples_of(problem, problem.y0[None])[0][:, : len(columns)])
+    return bool((apart <= columns + _allowed(run, layout, problem)).all())

@@ -143,7 +143,7 @@ def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None) -> list[float]
                     fix or "store a number dt as well",
                 )
             )
-        elif len(said) == 2 and not abs(said[0] - said[1]) <= _SAME * abs(said[0]):
+        elif len(said) == 2 and abs(said[0] - said[1]) > _SAME * abs(said[0]):
             allowed = f"{said[0]:g}, which the file itself says"
             faults.append(complaint(f"{file.path}, dt", said[1], allowed, "leave out one of them"))
         found += said[:1]

@@ -60,8 +60,10 @@ class Sampling:
                     "write the initial state before the first step",
                 )
             )
-        hits = self._pick(block)
-        self._check_spacing(block, hits)
+        hits, missing = self._pick(block)
+        self._check_spacing(block, hits, len(hits) if missing is None else missing)
+        if missing is not None:
+            self._complain_of_missing(block, missing)
         self._last = float(block.times[-1]), self._at(block, len(block.times) - 1)
         self.read += len(block.times)
 
@@ -140,8 +142,8 @@ class Sampling:
         digits = len(f"{time!r}".partition("e")[0].replace(".", "").strip("-0"))
         return time in (float(f"{wanted:.{max(digits, 1)}g}"), float(np.float32(wanted)))
 
-    def _pick(self, block: Block) -> np.ndarray:
-        """Keep what is wanted; which of the block's samples those are."""
+    def _pick(self, block: Block) -> tuple[np.ndarray, int | None]:
+        """Keep what is wanted: which samples those are, and the first that another should be."""
         hits = np.zeros(len(block.times), dtype=bool)
         first = len(self._kept)
         room = _FEW_DIGITS * self._scale[first:]
@@ -152,28 +154,30 @@ class Sampling:
         for index, begin in enumerate(begins[begins < len(block.times)], first):
             sample = int(begin)
             if not self._same(float(block.times[sample]), index):
-                self._complain_of_missing(block, sample, index)
+                return hits, sample
             hits[sample] = True
             self._kept.append(block.values[sample].copy())
-        return hits
+        return hits, None
 
-    def _complain_of_missing(self, block: Block, sample: int, index: int) -> None:
+    def _complain_of_missing(self, block: Block, sample: int) -> None:
         after = float(block.times[sample])
         before = float(block.times[sample - 1]) if sample else (self._last or (np.nan, ""))[0]
         raise InputError(
             complaint(
                 self._at(block, sample),
                 f"t = {after:.9g} after t = {before:.9g}",
-                f"a sample at t = {self.wanted[index]:g}, which is missing",
+                f"a sample at t = {self.wanted[len(self._kept)]:g}, which is missing",
                 "see that the number of steps before each sample is right, and make the last one "
                 "shorter where dt does not divide the time",
             )
         )
 
-    def _check_spacing(self, block: Block, hits: np.ndarray) -> None:
+    def _check_spacing(self, block: Block, hits: np.ndarray, count: int) -> None:
+        """See that the first `count` samples of the block are equally spaced."""
         start = 1 if self._last is None else 0
-        before = block.times[:-1] if start else np.append(self._last[0], block.times[:-1])  # type: ignore[index]
-        gaps, ends, hit = block.times[start:] - before, block.times[start:], hits[start:]
+        before = np.append([] if self._last is None else self._last[0], block.times[:-1])
+        ends, hit = block.times[start:count], hits[start:count]
+        gaps = ends - before[: len(ends)]
         if not len(gaps):
             return
         if self.interval is None:
