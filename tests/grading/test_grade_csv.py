@@ -221,3 +221,23 @@ def test_nodes_of_another_problem_have_their_reasons(folder, problem):
     ]
     with pytest.raises(InputError, match="line 3, column 2 .* count nodes from 0"):
         read(folder, problem, from_one)
+
+
+@few
+@given(digits=st.sampled_from(["%.6g", "%.7f", "%.9g"]), single=st.booleans())
+def test_times_may_be_rounded(folder, problem, digits, single):
+    """Every step, of a size whose multiples do not come out even; samples at sample times do."""
+    steps = 300
+    times = np.arange(steps * FRAMES + 1) / steps
+    values = np.ones((len(times), NODES, 4))
+    if single:
+        times = times.astype(np.float32).astype(np.float64)
+    lines = csv_lines(times, values, 1 / steps)
+    lines[HEAD:] = [
+        f"{digits % float(t)},{rest}"
+        for t, _, rest in (line.partition(",") for line in lines[HEAD:])
+    ]
+    assert read(folder, problem, lines)[-1].values.shape == (FRAMES + 1, NODES, 4)
+    without = lines[: HEAD + 100 * NODES] + lines[HEAD + 101 * NODES :]
+    with pytest.raises(InputError, match=f"line {HEAD + 1 + 100 * NODES}: 'a time 0.0066"):
+        read(folder, problem, without)

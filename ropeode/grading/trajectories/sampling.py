@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from ropeode.errors import InputError
+from ropeode.grading.trajectories.digits import epsilon, last_digit
 from ropeode.grading.trajectories.layout import Block
 from ropeode.validation import complaint
 
 # How far a time may be off by rounding, in units of the time: in float64, added up step by step;
 # and where it is written with few digits.
 _ADDED_UP, _FEW_DIGITS = 1e-9, 1e-5
-# How unequal equal intervals may be: of their length, and of the time itself, where that is
-# written with few digits.
-_UNEQUAL, _UNEQUAL_OF_TIME = 1e-3, 2e-6
+# How unequal equal intervals may be, beside the rounding of the times.
+_UNEQUAL = 1e-3
+# Of an interval: a sample that is missing is told, however the times are rounded.
+_HALF = 0.5
 
 
 class Sampling:
@@ -128,7 +130,7 @@ class Sampling:
                 self._at(block, sample),
                 f"t = {block.times[sample]:.9g} after t = {before[sample]:.9g}",
                 "times in increasing order, each once",
-                "sort the samples, and write each once",
+                "sort the samples, write each once, and t with all its digits",
             )
         )
 
@@ -186,11 +188,18 @@ class Sampling:
             usual = np.full(len(gaps), self.interval)
         else:
             usual = self._usual_in_frames(gaps, hit)
-        room = _UNEQUAL * usual + _UNEQUAL_OF_TIME * np.abs(ends)
-        wrong = (gaps > usual + room) | ((gaps < usual - room) & ~hit)
-        if not wrong.any():
+        room = _UNEQUAL * usual + _ADDED_UP * np.abs(ends)
+
+        def wrong() -> np.ndarray:
+            return (gaps > usual + room) | ((gaps < usual - room) & ~hit)
+
+        if not wrong().any():
             return
-        i = int(np.argmax(wrong))
+        rounding = epsilon(block.times) * np.abs(ends) + 2.0 * last_digit(block.times)
+        room += np.minimum(rounding, _HALF * usual)
+        if not wrong().any():
+            return
+        i = int(np.argmax(wrong()))
         raise InputError(
             complaint(
                 self._at(block, start + i),
