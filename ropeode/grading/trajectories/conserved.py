@@ -63,14 +63,14 @@ def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
         return Finding("energy", "skip", "the problem has no energy")
     if runs[0].values.shape[2] == Layout.of(problem).dim:
         return Finding("energy", "skip", "needs velocities in the files")
-    if len(problem.ts) < _FEWEST:
-        return Finding("energy", "skip", f"needs {_FEWEST} samples to tell a drift from a wobble")
     known = reference.states[: reference.trusted]
     energies, still = problem.energies(known), known.copy()
     still[:, 1] = 0.0
     exchanged = float(np.ptp(energies - problem.energies(still)))
     if exchanged == 0.0 or np.ptp(energies) > _CONSERVED * exchanged:
         return Finding("energy", "skip", "the problem does not conserve its energy")
+    if len(problem.ts) < _FEWEST:
+        return Finding("energy", "skip", f"needs {_FEWEST} samples to tell a drift from a wobble")
     lines, evidence = [], {}
     with np.errstate(all="ignore"):
         for run in (runs[0], runs[-1]):
