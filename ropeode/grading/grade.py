@@ -9,6 +9,7 @@ from typing import Any
 
 from ropeode.errors import InputError
 from ropeode.grading.report import CheckReport, Claims, Finding
+from ropeode.grading.trajectories.clock import clock_diagnosis
 from ropeode.grading.trajectories.conserved import energy_finding, pins_finding
 from ropeode.grading.trajectories.initial import check_initial_states
 from ropeode.grading.trajectories.layout import Layout
@@ -29,6 +30,7 @@ def grade(
     *,
     accuracy: float | None = None,
     rtol: float | None = None,
+    diagnose: bool = True,
     progress: Progress = lambda text, fraction: None,
     **asked: Any,
 ) -> CheckReport:
@@ -44,6 +46,7 @@ def grade(
         expected_order: that the program is to have; None if it is not known.
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
+        diagnose: look for the cause of what fails.
         progress: called with what is being done and the fraction that is done.
         asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
 
@@ -73,11 +76,14 @@ def grade(
         pins_finding(known, runs),
         energy_finding(known, runs),
     )
+    wrong = order.status == "fail"
+    clock = clock_diagnosis(known, runs) if wrong and diagnose else None
     progress("done", 1.0)
     return CheckReport(
         label=_label(runs),
         claims=Claims(order=expected_order),
         findings=findings,
+        diagnosis=() if clock is None else (clock,),
         notes=(*notes, *_notes(runs, known)),
         seconds=time.perf_counter() - started,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from trajectory_writing import csv_lines, node_values, write_csv
 
 from ropeode.errors import InputError
 from ropeode.grading.grade import grade
+from ropeode.grading.trajectories.clock import clock_diagnosis
 from ropeode.grading.trajectories.conserved import energy_finding
 from ropeode.grading.trajectories.digits import digits_of, last_digit, single_precision
 from ropeode.grading.trajectories.layout import Layout, samples_of, states_of
@@ -102,7 +104,11 @@ def test_the_order_that_is_claimed_counts(tmp_path, small_rope, known):
 @pytest.mark.parametrize("off", [-1, 1])
 def test_one_step_too_many_or_too_few(tmp_path, small_rope, known, off):
     made = files(tmp_path, small_rope, lambda n: frames_of(small_rope, 1 / n, n + off))
-    assert not grade(made, known, expected_order=2).passed
+    report = grade(made, known, expected_order=2)
+    assert [each.check for each in report.failed] == ["order"]
+    words = f"one step too {'many' if off > 0 else 'few'} is made in each frame"
+    assert [each.line.startswith(words) for each in report.diagnosis] == [True]
+    assert grade(made, known, expected_order=2, diagnose=False).diagnosis == ()
     # The same where times are counted in steps.
     made = files(
         tmp_path,
@@ -125,10 +131,52 @@ def test_a_partial_step_that_is_skipped(tmp_path, small_rope, known):
     made = files(tmp_path, small_rope, skipping, UNEVEN)
     report = grade(made, known, expected_order=2)
     assert not report.passed
+    assert [each.cause for each in report.diagnosis] == ["last-step"]
+    assert "the last part of it is skipped" in report.diagnosis[0].line
     assert "dt = 0.0609756 does not divide the 1 between samples" in report.notes[0]
     made = files(tmp_path, small_rope, skipping, UNEVEN, times=lambda n: np.arange(4) * int(n) / n)
     with pytest.raises(InputError, match="t = 1 as|a sample at t = 1, which is missing"):
         grade(made, known)
+
+
+@pytest.mark.parametrize(
+    "words", ["of the step before it", "of the step after it", "beyond its end"]
+)
+def test_samples_that_are_not_at_their_time(tmp_path, small_rope, known, words):
+    """Where dt does not divide a frame, programs stop too early or too late."""
+
+    def values(n):
+        x, v = np.split(node_values(small_rope, small_rope.y0[None])[0], 2, axis=1)
+        samples, done = [np.hstack([x, v])], 0
+        for frame in range(1, small_rope.frames + 1):
+            wanted = {
+                "of the step before it": math.floor(frame * n),
+                "of the step after it": math.ceil(frame * n),
+                "beyond its end": frame * math.ceil(n),
+            }[words]
+            x, v = verlet(x, v, 1 / n, wanted - done)
+            samples.append(np.hstack([x, v]))
+            done = wanted
+        return np.array(samples)
+
+    report = grade(files(tmp_path, small_rope, values, UNEVEN), known, expected_order=2)
+    assert not report.passed
+    assert [words in each.line for each in report.diagnosis] == [True]
+
+
+ORDER_ONE = ("explicit-euler", "semi-implicit-euler", "stormer-verlet:start=rest")
+
+
+@pytest.mark.parametrize("stepper", ORDER_ONE)
+def test_other_errors_are_not_put_down_to_the_clock(tmp_path, small_rope, known, stepper):
+    made = files(
+        tmp_path,
+        small_rope,
+        lambda n: node_values(small_rope, simulate(small_rope, stepper, n).states),
+        (512, 1024, 2048),
+    )
+    assert not grade(made, known, expected_order=2, diagnose=False).passed
+    assert clock_diagnosis(known, read_runs(made, small_rope)) is None
 
 
 def with_short_steps(problem, n):
