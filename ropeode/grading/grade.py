@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ropeode.errors import InputError
-from ropeode.grading.report import CheckReport, Claims, Finding
+from ropeode.grading.report import CheckReport, Claims, Diagnosis, Finding
 from ropeode.grading.trajectories.clock import clock_diagnosis
 from ropeode.grading.trajectories.conserved import energy_finding, pins_finding
 from ropeode.grading.trajectories.initial import check_initial_states
@@ -46,7 +46,7 @@ def grade(
         expected_order: that the program is to have; None if it is not known.
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
-        diagnose: look for the cause of what fails.
+        diagnose: look for the cause of errors that are wrong, or of which nothing is claimed.
         progress: called with what is being done and the fraction that is done.
         asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
 
@@ -76,17 +76,29 @@ def grade(
         pins_finding(known, runs),
         energy_finding(known, runs),
     )
-    wrong = order.status == "fail"
-    clock = clock_diagnosis(known, runs) if wrong and diagnose else None
+    diagnosis: tuple[Diagnosis, ...] = ()
+    wrong = any(finding.status == "fail" for finding in findings)
+    if diagnose and (wrong or expected_order is None):
+        progress("diagnosis", 0.95)
+        diagnosis = _diagnosed(known, runs)
+        if not wrong:
+            # Nothing that was claimed is refuted, and yet it is hardly meant.
+            notes, diagnosis = (*notes, *(each.line for each in diagnosis)), ()
     progress("done", 1.0)
     return CheckReport(
         label=_label(runs),
         claims=Claims(order=expected_order),
         findings=findings,
-        diagnosis=() if clock is None else (clock,),
+        diagnosis=diagnosis,
         notes=(*notes, *_notes(runs, known)),
         seconds=time.perf_counter() - started,
     )
+
+
+def _diagnosed(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
+    """What explains the errors of the runs, if it is found."""
+    clock = clock_diagnosis(reference, runs)
+    return () if clock is None else (clock,)
 
 
 def _label(runs: Sequence[Run]) -> str:

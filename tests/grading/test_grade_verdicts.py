@@ -109,6 +109,9 @@ def test_one_step_too_many_or_too_few(tmp_path, small_rope, known, off):
     words = f"one step too {'many' if off > 0 else 'few'} is made in each frame"
     assert [each.line.startswith(words) for each in report.diagnosis] == [True]
     assert grade(made, known, expected_order=2, diagnose=False).diagnosis == ()
+    report = grade(made, known)
+    assert report.passed
+    assert report.notes[0].startswith(words)
     # The same where times are counted in steps.
     made = files(
         tmp_path,
