@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, ObservedOrder
+from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, LeftOut
 from ropeode.errors import InputError
 from ropeode.grading.convergence import convergence_finding, converging
 from ropeode.grading.report import Convergence, Finding
@@ -38,8 +38,8 @@ def order_finding(
         expected: the order that is claimed.
 
     Raises:
-        InputError: the numbers cannot tell, since what was rounded off may hide the errors, or
-            all errors are smaller than the reference can resolve.
+        InputError: they show neither that the program is right nor that it is wrong; says what
+            would.
     """
     problem, layout = reference.problem, Layout.of(reference.problem)
     quantities = problem.quantities[: runs[0].values.shape[2] // layout.dim]
@@ -55,17 +55,19 @@ def order_finding(
         return rounding_of(run, layout) + _SHARE * _round_off(run, reference, layout)
 
     as_written = with_rounding(lambda run: rounding_of(run, layout))
-    finding, notes = convergence_finding("order", as_written), []
-    if finding.status != "pass":
-        careful = with_rounding(worst)
-        finding = convergence_finding("order", careful)
-        if finding.status == "pass":
-            notes.append("the finest step sizes are left out: round-off could explain their errors")
-        _check_can_be_told(finding, as_written, runs)
-    if finding.status == "note" or _undetermined(finding):
-        line = f"{finding.line}: convergence is not shown, finer steps would show it"
+    finding, notes = convergence_finding("order", as_written), ()
+    if finding.status == "pass":
+        return finding, notes
+    careful = with_rounding(worst)
+    finding = convergence_finding("order", careful)
+    if finding.status == "pass":
+        notes = ("the finest step sizes are left out: round-off could explain their errors",)
+    elif not _refuted(careful):
+        if not _blew_up(careful):
+            raise InputError(_cannot_be_told(finding.line, careful, as_written, runs))
+        line = f"{finding.line}; even the finest run is off by more than twice the motion"
         finding = dataclasses.replace(finding, status="fail", line=line)
-    return finding, tuple(notes)
+    return finding, notes
 
 
 def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
@@ -84,38 +86,45 @@ def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
     return columns
 
 
-def _check_can_be_told(finding: Finding, as_written: Convergence, runs: Sequence[Run]) -> None:
-    """Raises:
-    InputError: nothing is known to be wrong, and too little is known to be right.
-    """
-    assert finding.convergence is not None
-    open_ones = [order for order in finding.convergence.orders.values() if _hidden(order)]
-    wrong = any(each.verdict == "does not converge" for each in finding.convergence.orders.values())
-    if wrong or not open_ones:
-        return
-    why = f"digits enough to tell an order ({finding.line})"
+def _refuted(found: Convergence) -> bool:
+    """Whether something is known to be wrong: what is undetermined aside."""
+    known = {q: order for q, order in found.orders.items() if order.verdict != "undetermined"}
+    rest = dataclasses.replace(found, orders=known)
+    return convergence_finding("order", rest).status == "fail"
+
+
+def _blew_up(found: Convergence) -> bool:
+    """Whether the run with the smallest steps did."""
+    finest = LeftOut(found.dts[-1], UNSTABLE)
+    return any(finest in order.left_out for order in found.orders.values())
+
+
+def _cannot_be_told(
+    line: str, found: Convergence, as_written: Convergence, runs: Sequence[Run]
+) -> str:
+    """The complaint that the files show neither that the program is right nor that it is wrong."""
     finest = runs[-1].values
-    if any(_lost(order, ROUND_OFF) for order in as_written.orders.values()):
+    if _lost(as_written, ROUND_OFF):
         given = f"numbers with {digits_of(finest)[0]} digits"
         fix = "write 17, as std::setprecision(17) and %.17g do"
-    elif single_precision(finest):
+    elif _lost(found, ROUND_OFF) and single_precision(finest):
         given, fix = "numbers in single precision", "compute in double, or take larger steps"
+    elif _lost(found, ROUND_OFF) or _lost(found, UNRESOLVED):
+        given = "errors so small that round-off or the reference's bound may hide them"
+        fix = "add runs with larger steps"
     else:
-        why = f"errors that round-off or the reference's bound cannot hide ({finding.line})"
-        given, fix = "errors that are too small", "add runs with larger steps"
-    raise InputError(complaint("files", given, why, fix))
+        given, fix = (
+            "step sizes that show no order",
+            "add runs with smaller steps, each half as large",
+        )
+    return complaint("files", given, f"runs that show an order ({line})", fix)
 
 
-def _hidden(order: ObservedOrder) -> bool:
-    lost = _lost(order, ROUND_OFF) or _lost(order, UNRESOLVED)
-    return order.verdict == "undetermined" and lost
-
-
-def _lost(order: ObservedOrder, reason: str) -> bool:
-    return any(point.reason == reason for point in order.left_out)
-
-
-def _undetermined(finding: Finding) -> bool:
-    assert finding.convergence is not None
-    orders = finding.convergence.orders.values()
-    return any(order.verdict == "undetermined" for order in orders)
+def _lost(found: Convergence, reason: str) -> bool:
+    """Whether a step size was left out for this reason, where that left too few."""
+    return any(
+        point.reason == reason
+        for order in found.orders.values()
+        if order.verdict == "undetermined"
+        for point in order.left_out
+    )
