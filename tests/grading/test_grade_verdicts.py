@@ -292,6 +292,12 @@ def test_nor_are_step_sizes_that_show_nothing(tmp_path, small_rope, known):
         grade(made, known, expected_order=1)
 
 
+def test_nor_are_step_sizes_that_are_too_close(tmp_path, small_rope, known):
+    made = files(tmp_path, small_rope, right(small_rope), (76, 77, 78), digits="%.8f")
+    with pytest.raises(InputError, match="'step sizes that show no order' given"):
+        grade(made, known, expected_order=2)
+
+
 def test_nor_is_round_off(tmp_path, small_rope, known):
     """The position form of Störmer and Verlet, at steps so fine that its error grows again."""
 

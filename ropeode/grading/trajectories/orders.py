@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, LeftOut
+from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, LeftOut, ObservedOrder
 from ropeode.errors import InputError
 from ropeode.grading.convergence import convergence_finding, converging
 from ropeode.grading.report import Convergence, Finding
@@ -21,6 +21,9 @@ from ropeode.validation import complaint
 # Errors are left out below 30 times what is taken for round-off; of the worst that is possible,
 # three times are enough.
 _SHARE = 0.1
+# From the largest to the smallest step size: where a thirtieth of each error may be rounding, the
+# slope is then known to 0.16.
+_SPAN = 1.5
 
 
 def order_finding(
@@ -56,11 +59,11 @@ def order_finding(
 
     as_written = with_rounding(lambda run: rounding_of(run, layout))
     finding, notes = convergence_finding("order", as_written), ()
-    if finding.status == "pass":
+    if finding.status == "pass" and all(map(_shown, as_written.orders.values())):
         return finding, notes
     careful = with_rounding(worst)
     finding = convergence_finding("order", careful)
-    if finding.status == "pass":
+    if finding.status == "pass" and all(map(_shown, careful.orders.values())):
         notes = ("the finest step sizes are left out: round-off could explain their errors",)
     elif not _refuted(careful):
         if not _blew_up(careful):
@@ -87,10 +90,15 @@ def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
 
 
 def _refuted(found: Convergence) -> bool:
-    """Whether something is known to be wrong: what is undetermined aside."""
-    known = {q: order for q, order in found.orders.items() if order.verdict != "undetermined"}
+    """Whether something is known to be wrong: what is not shown aside."""
+    known = {quantity: order for quantity, order in found.orders.items() if _shown(order)}
     rest = dataclasses.replace(found, orders=known)
     return convergence_finding("order", rest).status == "fail"
+
+
+def _shown(order: ObservedOrder) -> bool:
+    """Whether there is an order, over step sizes that are far enough apart."""
+    return order.verdict != "undetermined" and order.used[0] >= _SPAN * order.used[-1]
 
 
 def _blew_up(found: Convergence) -> bool:
@@ -115,7 +123,7 @@ def _cannot_be_told(
     else:
         given, fix = (
             "step sizes that show no order",
-            "add runs with smaller steps, each half as large",
+            "add runs, each with steps half as large",
         )
     return complaint("files", given, f"runs that show an order ({line})", fix)
 
