@@ -77,7 +77,7 @@ def grade(
         energy_finding(known, runs),
     )
     diagnosis: tuple[Diagnosis, ...] = ()
-    wrong = any(finding.status == "fail" for finding in findings)
+    wrong = order.status == "fail"
     if diagnose and (wrong or expected_order is None):
         progress("diagnosis", 0.95)
         diagnosis = _diagnosed(known, runs)
