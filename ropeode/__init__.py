@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ropeode.errors import InputError, ReferenceRefused, RopeodeError, UserCodeError
     from ropeode.experiments.report import Report, rope_report
     from ropeode.grading.check import check_stepper
+    from ropeode.grading.grade import grade
     from ropeode.grading.problems import CheckArgs
     from ropeode.grading.report import CheckReport
     from ropeode.problems.ensemble import Ensemble
@@ -64,6 +65,7 @@ _MODULES = {
     "experiments.report": ("Report", "rope_report"),
     "errors": ("InputError", "ReferenceRefused", "RopeodeError", "UserCodeError"),
     "grading.check": ("check_stepper",),
+    "grading.grade": ("grade",),
     "grading.problems": ("CheckArgs",),
     "grading.report": ("CheckReport",),
     "problems.ensemble": ("Ensemble",),
@@ -143,6 +145,7 @@ __all__ = [
     "format_horizon",
     "format_report",
     "format_table",
+    "grade",
     "growth_per_frame",
     "hanging_equilibrium",
     "horizon",

@@ -11,6 +11,7 @@ import click
 
 from ropeode.cli.check import check
 from ropeode.cli.commands import spec, steppers, table
+from ropeode.cli.grade import grade
 from ropeode.cli.horizon import horizon
 from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
@@ -35,6 +36,7 @@ def cli(debug: bool) -> None:
 for command in (
     table,
     check,
+    grade,
     reference,
     horizon,
     sweep,

@@ -50,6 +50,9 @@ def drift_of(problem: Problem, states: np.ndarray) -> Drift:
         at = float(problem.ts[reached])
         return Drift("growing", f"the run diverges at t = {at:g}", {"diverged_at": at})
     energies = problem.energies(states)
+    if not np.all(np.isfinite(energies)):
+        at = float(problem.ts[int(np.argmin(np.isfinite(energies)))])
+        return Drift("growing", f"energy overflows at t = {at:g}", {"diverged_at": at})
     # What is exchanged between motion and height or springs is what an error is large beside.
     exchanged = float(np.ptp(energies - problem.energies(_without_motion(states))))
     relative = (energies - energies[0]) / exchanged

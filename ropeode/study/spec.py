@@ -248,6 +248,7 @@ class TableJob:
         run_checks(check_spec, check_rope)
         self.spec: TableSpec = found["spec"]
         self.spec.check_level()
+        self.folder = folder
         self.given: Problem | Reference
         if self.spec.reference is None:
             self.given = self._problem(found["rope"], bool(rope_values), folder, self.spec.frames)

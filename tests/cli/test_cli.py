@@ -22,7 +22,8 @@ def test_help_does_not_import_jax(environment):
     code = (
         "import sys\n"
         "from ropeode.cli.main import cli\n"
-        "for command in ([], ['table'], ['report'], ['reference'], ['spec'], ['sweep', 'run']):\n"
+        "for command in ([], ['table'], ['grade'], ['report'], ['reference'], ['spec'],"
+        " ['sweep', 'run']):\n"
         "    try: cli.main([*command, '--help'], standalone_mode=False)\n"
         "    except SystemExit: pass\n"
         "print({'jax', 'numpy', 'scipy'} & set(sys.modules), file=sys.stderr)"

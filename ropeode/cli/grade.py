@@ -1,0 +1,102 @@
+"""The command that grades trajectories which any program wrote."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ropeode.cli.formats import format_for, format_option
+from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
+from ropeode.errors import InputError
+from ropeode.files import check_writable, write_whole
+from ropeode.validation import complaint
+
+
+@click.command()
+@click.argument("files", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--problem", metavar="SPEC", help="The problem, as a file like `ropeode spec` has.")
+@click.option("--reference", metavar="FILE", help="A reference of it that exists already.")
+@click.option("--dt", metavar="A[,B...]", help="Step size of each file. [as the files say]")
+@click.option("--order", metavar="N", help="The order that the program is to have.")
+@click.option("--init", metavar="DIR", help="Write a spec and a program to start from.")
+@format_option
+@click.option("--out", metavar="FILE", help="Write the report to FILE and print nothing.")
+def grade(
+    files: tuple[Path, ...],
+    problem: str | None,
+    reference: str | None,
+    dt: str | None,
+    order: str | None,
+    init: str | None,
+    form: str | None,
+    out: str | None,
+) -> int:
+    """Grade trajectories that any program wrote: does it solve the problem?
+
+    FILES are CSV (t,node,x,y and, if known, vx,vy), NPZ or NetCDF, one for each of at least
+    three step sizes. `ropeode grade --init DIR` writes all that is needed to begin: a spec, the
+    initial state, a program in C++, and a page that explains them. The exit code is 0 if every
+    check that applies passes, 1 if the program is wrong, and 2 if it cannot be graded.
+    """
+    path = check_writable("out", out) if out else None
+    if init is not None:
+        return _init(init, problem, bool(files or reference or dt or order or out or form))
+    if not files:
+        allowed = "trajectories, one file for each step size"
+        raise InputError(complaint("files", "none", allowed, "see `ropeode grade --init DIR`"))
+    if problem is None and reference is None:
+        fix = "give --problem SPEC; `ropeode grade --init DIR` writes one"
+        raise InputError(complaint("problem", "none", "the problem that they are of", fix))
+    set_up_jax()
+    from ropeode.grading.grade import grade as graded
+    from ropeode.render.formats import format_check
+
+    job = _job(problem, reference)
+    with show_progress() as progress:
+        report = interruptible(
+            lambda: graded(
+                files,
+                job.given,
+                None if dt is None else [part.strip() for part in dt.split(",")],
+                order,  # type: ignore[arg-type]
+                progress=progress,
+                **job.spec.asked,
+            )
+        )
+    text = format_check(report, format_for(form, path))
+    if path:
+        with not_interrupted():
+            write_whole(path, text)
+    else:
+        click.echo(text, nl=False)
+    return 0 if report.passed else 1
+
+
+def _job(problem: str | None, reference: str | None) -> Any:
+    """What the spec says, held against the reference where one is given."""
+    from ropeode.study.spec import TableJob, read_spec
+
+    spec = Path(problem) if problem is not None else None
+    values = read_spec(spec) if spec else {}
+    if reference is not None:
+        # Where it was typed, and not where the spec is.
+        values["reference"] = (
+            str(Path(reference).resolve()) if Path(reference).exists() else reference
+        )
+    return TableJob(values, folder=spec.parent if spec else None)
+
+
+def _init(folder: str, problem: str | None, more: bool) -> int:
+    """Write what is needed to begin."""
+    if more:
+        allowed, fix = "no other option but --problem", "leave out the others"
+        raise InputError(complaint("init", folder, allowed, fix))
+    set_up_jax()
+    from ropeode.grading.start import write_start
+
+    job = None if problem is None else _job(problem, None)
+    for name in write_start(folder, job):
+        click.echo(f"wrote {name}", err=True)
+    return 0

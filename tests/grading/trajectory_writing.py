@@ -1,0 +1,52 @@
+"""Files of trajectories, as programs in other languages write them; shares nothing with readers."""
+
+from __future__ import annotations
+
+import h5netcdf
+import numpy as np
+
+
+def node_values(problem, states, velocities=True):
+    """``(times, nodes, columns)``."""
+    parts = [problem.quantity(name, states) for name in problem.quantities]
+    return np.concatenate(parts if velocities else parts[:1], axis=2)
+
+
+def csv_lines(times, values, dt=None, digits="%.17g", names=None):
+    """The lines of a CSV file, without their ends."""
+    usual = {2: "x,y", 4: "x,y,vx,vy", 3: "x,y,z", 6: "x,y,z,vx,vy,vz"}
+    names = names or usual[values.shape[2]]
+    lines = [] if dt is None else [f"# dt = {dt!r}"]
+    lines.append(f"t,node,{names}")
+    for t, sample in zip(times, values, strict=True):
+        for node, row in enumerate(sample):
+            lines.append(",".join([digits % t, str(node), *(digits % number for number in row)]))
+    return lines
+
+
+def write_csv(path, times, values, dt=None, **how):
+    path.write_text("".join(f"{line}\n" for line in csv_lines(times, values, dt, **how)))
+    return path
+
+
+def write_npz(path, times, values, dt=None, dim=2):
+    arrays = {"t": times, "positions": values[:, :, :dim]}
+    if values.shape[2] > dim:
+        arrays["velocities"] = values[:, :, dim:]
+    if dt is not None:
+        arrays["dt"] = np.float64(dt)
+    np.savez(path, **{name: np.ascontiguousarray(array) for name, array in arrays.items()})
+    return path
+
+
+def write_netcdf(path, times, values, dt=None, dim=2):
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"time": len(times), "node": values.shape[1], "axis": dim}
+        file.create_variable("t", ("time",), data=times)
+        axes = ("time", "node", "axis")
+        file.create_variable("positions", axes, data=values[:, :, :dim])
+        if values.shape[2] > dim:
+            file.create_variable("velocities", axes, data=values[:, :, dim:])
+        if dt is not None:
+            file.attrs["dt"] = dt
+    return path
