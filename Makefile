@@ -3,13 +3,14 @@
 # make check   lint and types
 # make references  the stored library again (a quarter of an hour)
 # make docs    the computed parts of the documentation (ten minutes or so)
+# make old-releases  wrong and mended releases of other packages (Python 3.11 or 3.12; minutes)
 # PYTHON=python3.13 uses another interpreter, in an environment of its own.
 
 PYTHON ?= python3
 VENV := .venv$(if $(filter-out python3,$(notdir $(PYTHON))),-$(notdir $(PYTHON)))
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: table test check docs references clean
+.PHONY: table test check docs references old-releases clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -27,6 +28,20 @@ docs: $(VENV)/.installed-dev
 
 references: $(VENV)/.installed-dev
 	$(VENV)/bin/python reference/make.py
+
+OLD := tests/old_releases
+OLD_ENVS := .venv-old
+OLD_REQUIREMENTS := $(wildcard $(OLD)/requirements/*.txt)
+
+old-releases: $(VENV)/.installed-dev $(OLD_REQUIREMENTS:$(OLD)/requirements/%.txt=$(OLD_ENVS)/%/.installed)
+	$(VENV)/bin/python $(OLD)/judge.py $(OLD_ENVS)
+
+$(OLD_ENVS)/%/.installed: $(OLD)/requirements/%.txt | $(VENV)/bin/python
+	@echo "Installing $* into $(OLD_ENVS)/$* (once) ..."
+	@$(VENV)/bin/python -m venv $(OLD_ENVS)/$*
+	@$(OLD_ENVS)/$*/bin/python -m pip --disable-pip-version-check --quiet install \
+	  --only-binary :all: -r $<
+	@touch $@
 
 clean:
 	rm -rf .venv .venv-* build dist .pytest_cache .ruff_cache

@@ -26,11 +26,17 @@ from ropeode import (
     stability_limit,
 )
 from ropeode import horizon as horizon_of
+from ropeode.errors import InputError
 from ropeode.experiments.growth import growth_scan
 from ropeode.experiments.report import Report, rope_report
 from ropeode.experiments.rest_time import rest_times
 from ropeode.experiments.sweeps import sweep_study
 from ropeode.files import write_whole
+from ropeode.grading.adapters import adapter
+from ropeode.grading.bring import brought, examined
+from ropeode.grading.examination import Examination
+from ropeode.grading.report import Claims
+from ropeode.precision import in_float64
 from ropeode.render.plots.answers import plot_growth, plot_rest_times, plot_sweeps
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
@@ -186,6 +192,27 @@ def figures() -> str:
         "verdict",
     ]
     return f"{summary(report())}\n\n{table(headers, rows, words={1, 4, 5, 6, 7})}"
+
+
+@in_float64
+def solver_orders(*libraries: str) -> str:
+    """The orders that the solvers of libraries say they have, and those that they show."""
+    rows = []
+    for given in [
+        f"{library}:{name}" for library in libraries for name in adapter(library).names()
+    ]:
+        try:
+            label, form = brought(given)
+        except InputError:
+            continue
+        candidate, manners = examined(label, form)
+        found = Examination(candidate, Claims(), manners).convergence("uneven")
+        shown = [
+            f"{order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}]"
+            for order in found.orders.values()
+        ]
+        rows.append([f"`{label}`", str(form.documented_order), *shown])
+    return table(["solver", "documented", "positions", "velocities"], rows, words=1)
 
 
 def comparisons() -> str:

@@ -20,6 +20,10 @@ LIBRARIES = {
 class Adapter(Protocol):
     """What the module of a library has."""
 
+    def names(self) -> list[str]:
+        """The names of all solvers that the library exports."""
+        ...
+
     def by_name(self, name: str) -> Form:
         """A solver by the name that the library exports it under."""
         ...
@@ -41,7 +45,7 @@ def adapted(library: str, name: str) -> Form:
     """
     if library not in LIBRARIES:
         raise InputError(unknown("library", library, LIBRARIES))
-    return _adapter(library).by_name(name)
+    return adapter(library).by_name(name)
 
 
 def adapted_object(given: Any) -> Form | None:
@@ -55,10 +59,15 @@ def adapted_object(given: Any) -> Form | None:
     """
     for library in LIBRARIES:
         # Nobody has an object of a library that was never imported.
-        if library in sys.modules and (form := _adapter(library).by_object(given)) is not None:
+        if library in sys.modules and (form := adapter(library).by_object(given)) is not None:
             return form
     return None
 
 
-def _adapter(library: str) -> Adapter:
+def adapter(library: str) -> Adapter:
+    """The module of a library, imported.
+
+    Arguments:
+        library: one of `LIBRARIES`.
+    """
     return cast(Adapter, importlib.import_module(LIBRARIES[library]))
