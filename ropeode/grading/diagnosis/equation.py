@@ -10,7 +10,6 @@ import numpy as np
 from ropeode.analysis.errors import RESOLUTION_FACTOR
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.errors import ReferenceRefused
-from ropeode.grading.convergence import TOLERANCE
 from ropeode.grading.diagnosis.fit import Fit, Observed
 from ropeode.grading.diagnosis.numbers import Number, numbers_of, simple, with_found
 from ropeode.norms import NORMS, distance
@@ -81,18 +80,20 @@ def misfit_of(seen: Observed, reference: Reference, spread: float = 0.0) -> floa
 
     Arguments:
         seen: the limit.
-        reference: of a problem with the same sample times.
+        reference: of a problem with the same sample times, and maybe more.
         spread: uncertainty of the reference's own numbers, of the motion.
     """
-    worst = 0.0
+    worst, samples = 0.0, len(seen.states)
+    if reference.trusted < samples:
+        return np.inf
     for name, size in seen.motion.items():
         half = seen.problem.quantities.index(name)
-        inside = slice(1, reference.trusted)
+        inside = slice(1, samples)
         apart = np.abs(reference.states[inside, half] - seen.states[inside, half])
         bound = float(reference.bound(NORMS[f"{name}-max"])[-1])
         allowed = seen.uncertainty[inside, half] + bound + spread * size
         worst = max(worst, float(np.max(apart / allowed)))
-    return worst if reference.trusted == len(seen.states) else np.inf
+    return worst
 
 
 def _order(reference: Reference, runs: Runs, name: str, uncertainty: float) -> ObservedOrder:
@@ -110,21 +111,3 @@ def _order(reference: Reference, runs: Runs, name: str, uncertainty: float) -> O
         resolution=RESOLUTION_FACTOR * (float(reference.bound(norm)[-1]) + uncertainty),
         motion=float(motion(problem, reference.states, norm)[-1]),
     )
-
-
-def in_words(orders: dict[str, ObservedOrder]) -> str:
-    """The orders of all quantities, in a few words: whole numbers where they are near to one."""
-    texts = {name: _order_in_words(order) for name, order in orders.items()}
-    if len({*texts.values()}) == 1:
-        return next(iter(texts.values()))
-    return " and ".join(
-        f"{text} ({'positions' if name == 'position' else 'velocities'})"
-        for name, text in texts.items()
-    )
-
-
-def _order_in_words(order: ObservedOrder) -> str:
-    if order.observed is None:
-        return "an unknown order"
-    near = round(order.observed)
-    return f"order {near if abs(order.observed - near) <= TOLERANCE else f'{order.observed:.2f}'}"

@@ -27,6 +27,8 @@ SETTLED = 1e-3
 _STANDSTILL = 1e-2
 # Every rope that can be had by changing the mass as well can be had without.
 _ENOUGH = tuple(name for name in PARAMETERS if name != "mass")
+# Of the uncertainty: how precisely a fit is solved.
+_PRECISE = 1e-2
 # In units of its spread: a change that is no accident.
 _CERTAIN = 10.0
 # Masses, as factors, that are still physical.
@@ -74,7 +76,10 @@ class Observed:
 
 
 def observed(
-    problem: Problem, runs: Sequence[tuple[float, np.ndarray]], quantities: Sequence[str]
+    problem: Problem,
+    runs: Sequence[tuple[float, np.ndarray]],
+    quantities: Sequence[str],
+    rounding: float = 0.0,
 ) -> Observed | None:
     """What runs tend to.
 
@@ -82,6 +87,7 @@ def observed(
         problem: that was to be solved.
         runs: step size and states ``(times, *state)`` of each.
         quantities: of the problem, that the runs have.
+        rounding: of their numbers, where these have fewer digits than float64.
 
     Returns:
         None where a quantity tends to nothing, or its limit is not known to a thousandth of
@@ -92,7 +98,7 @@ def observed(
     orders: dict[str, int | None] = {}
     for name in quantities:
         half = problem.quantities.index(name)
-        limit = limit_of([dt for dt, _ in runs], [run[:, half] for _, run in runs])
+        limit = limit_of([dt for dt, _ in runs], [run[:, half] for _, run in runs], rounding)
         if limit is None or not _settled(limit):
             return None
         states[:, half] = limit.values
@@ -163,7 +169,8 @@ def fit(seen: Observed, names: Sequence[str], start: np.ndarray | None = None) -
         given = (problem.rhs, problem.y0, problem.args, problem.ts, units(problem), free, changes)
         target = np.nan_to_num(seen.states[1:]).reshape(weights.shape)
         changes, left, slopes = (
-            np.array(each) for each in fitted(*given, target, weights / tightness)
+            np.array(each)
+            for each in fitted(*given, target, weights / tightness, _PRECISE / tightness)
         )
     misfit = float(np.max(np.abs(left))) * tightness
     inverse_mass = 1.0 + changes[places(dimension(problem))["mass"]]

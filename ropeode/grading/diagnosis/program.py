@@ -14,17 +14,18 @@ import optimistix
 
 from ropeode.grading.diagnosis.parameters import Units, changed
 
-_TOLERANCE = 1e-11
+# Of the ODE solver, as far as float64 goes.
+_FINEST, _COARSEST = 1e-11, 1e-6
 _MOST_ODE_STEPS = 4096
-# Levenberg-Marquardt: both the changes and the residual, which are of size 1, keep still.
-_RTOL, _ATOL, _MOST_STEPS = 1e-9, 1e-12, 80
+# Of Levenberg-Marquardt.
+_MOST_STEPS = 60
 # In place of what is not finite: so bad that the step is not taken.
 _WORST = 1e6
 
 
 @functools.partial(jax.jit, static_argnames=("rhs",))
 def _sensitivities(
-    rhs: Any, y0: Any, args: Any, ts: Any, units: Units, changes: Any
+    rhs: Any, y0: Any, args: Any, ts: Any, units: Units, changes: Any, tolerance: Any
 ) -> tuple[Any, Any]:
     """The states behind the first sample, and their derivatives by the changes.
 
@@ -33,6 +34,7 @@ def _sensitivities(
     5 only.
     """
     shape, directions = y0.shape, jnp.eye(changes.shape[0])
+    rtol = jnp.clip(tolerance, _FINEST, _COARSEST)
 
     def start(changes: Any) -> Any:
         return changed(y0, args, units, changes)[0].reshape(-1)
@@ -55,7 +57,7 @@ def _sensitivities(
         changes,
         saveat=diffrax.SaveAt(ts=ts),
         stepsize_controller=diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=_TOLERANCE, atol=_TOLERANCE * units.scale), step_ts=ts
+            diffrax.PIDController(rtol=rtol, atol=rtol * units.scale), step_ts=ts
         ),
         max_steps=_MOST_ODE_STEPS,
         adjoint=diffrax.ForwardMode(),
@@ -76,6 +78,7 @@ def fitted(
     start: Any,
     target: Any,
     weights: Any,
+    tolerance: Any,
 ) -> tuple[Any, Any, Any]:
     """The changes with which a rope comes closest to states that are given.
 
@@ -89,6 +92,7 @@ def fitted(
         start: changes to begin with.
         target: states behind the first sample, flat for each.
         weights: of the differences, of the same shape; 0 leaves one out.
+        tolerance: of changes and weighted differences.
 
     Returns:
         The changes, the weighted differences that are left, flat, and their derivatives by
@@ -96,7 +100,7 @@ def fitted(
     """
 
     def measured(changes: Any) -> tuple[Any, Any]:
-        states, slopes = _sensitivities(rhs, y0, args, ts, units, changes * free)
+        states, slopes = _sensitivities(rhs, y0, args, ts, units, changes * free, tolerance)
         left = jnp.where(weights > 0, weights * (states - target), 0.0)
         left = jnp.where(jnp.isfinite(left), left, _WORST)
         slopes = jnp.where(jnp.isfinite(slopes), slopes, 0.0) * weights[..., None] * free
@@ -118,7 +122,7 @@ def fitted(
 
     solution = optimistix.least_squares(
         with_slopes,
-        optimistix.LevenbergMarquardt(rtol=_RTOL, atol=_ATOL),
+        optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
         start,
         None,
         has_aux=True,
