@@ -36,11 +36,16 @@ def diagnose(examination: Examination) -> tuple[Diagnosis, ...]:
         for name, problem in convergence_problems().items()
         if examination.refusal(problem) is None
     }
-    wrong = [name for name, found in convergences.items() if outcome(found, 0) == "wrong"]
+    # A method that is known to solve something else on a rope is not wrong for that.
+    wrong = [
+        name
+        for name, found in convergences.items()
+        if found.expected != 0 and outcome(found, 0) == "wrong"
+    ]
     lost = [
         found.expected
         for found in convergences.values()
-        if found.expected is not None and outcome(found, found.expected) == "low"
+        if found.expected and outcome(found, found.expected) == "low"
     ]
     causes = [single_precision(candidate)]
     if wrong:

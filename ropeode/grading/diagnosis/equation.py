@@ -11,12 +11,16 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.errors import ReferenceRefused
 from ropeode.grading.diagnosis.fit import Fit, Observed
-from ropeode.grading.diagnosis.numbers import Number, numbers_of, simple, with_found
+from ropeode.grading.diagnosis.numbers import Number, numbers_of, rounded, simple, with_found
 from ropeode.norms import NORMS, distance
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, motion
 
 Runs = Sequence[tuple[float, np.ndarray]]
+
+
+# Of their spread: what numbers may change by that are not simple.
+_PART = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,6 +31,7 @@ class Equation:
         numbers: that differ.
         problem: with those.
         orders: of each quantity, observed against the certified reference of that problem.
+        tends_with: the order with which each quantity tends to its own limit.
         bound: estimated, of that reference, in the first quantity.
         misfit: the largest difference of the reference to the stepper's limit, in units of
             the limit's uncertainty.
@@ -35,6 +40,7 @@ class Equation:
     numbers: tuple[Number, ...]
     problem: Problem
     orders: dict[str, ObservedOrder]
+    tends_with: dict[str, int | None]
     bound: float
     misfit: float
 
@@ -54,7 +60,12 @@ def equation(
         None where the reference is not what the runs tend to, or cannot be had.
     """
     fitted = numbers_of(seen.problem, found)
-    for numbers in (tuple(simple(seen.problem, number) for number in fitted), fitted):
+    # Simple numbers that are each within their spread may together be off by more.
+    for numbers in (
+        tuple(simple(seen.problem, number) for number in fitted),
+        tuple(rounded(number, _PART) for number in fitted),
+        fitted,
+    ):
         problem = with_found(seen.problem, numbers)
         try:
             reference = certified(problem)
@@ -72,7 +83,7 @@ def equation(
     if any(order.verdict == "does not converge" for order in orders.values()):
         return None
     bound = float(reference.bound(NORMS["position-max"])[-1])
-    return Equation(numbers, problem, orders, bound, misfit)
+    return Equation(numbers, problem, orders, seen.orders, bound, misfit)
 
 
 def misfit_of(seen: Observed, reference: Reference, spread: float = 0.0) -> float:

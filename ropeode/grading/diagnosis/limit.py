@@ -68,7 +68,7 @@ def limit_of(
     values = np.stack([pair[1] for pair in usable])
     rounding = max(rounding, _ROUNDING * float(np.max(np.abs(values))))
     if float(np.max(np.abs(values - values[-1]))) <= rounding:
-        return Limit(values[-1], np.full(values.shape[1], max(rounding, _TINY)), None)
+        return Limit(values[-1], np.full(values.shape[1], max(2.0 * rounding, _TINY)), None)
     best: Limit | None = None
     for last in range(FEWEST_RUNS, len(dt) + 1):
         order = _order(dt[last - 3 : last], values[last - 3 : last], rounding)

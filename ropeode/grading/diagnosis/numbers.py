@@ -53,11 +53,17 @@ class Number:
         return bool(np.all(self.spread <= _KNOWN * size))
 
     @property
+    def what(self) -> str:
+        """The parameter in words."""
+        return _WORDS[self.name]
+
+    @property
     def words(self) -> str:
         """As part of a sentence."""
-        what = _WORDS[self.name]
+        what = self.what
         if not self.factor:
-            return f"{what} {shown(self.found)} instead of {shown(self.claimed)}"
+            about = "" if self.is_known else f" (give or take {np.max(self.spread):.1g})"
+            return f"{what} {shown(self.found)}{about} instead of {shown(self.claimed)}"
         if np.all(self.found == 0.0):
             return f"{what} 0 instead of the given one"
         return f"{shown(self.found)} times the {what}"
@@ -121,18 +127,26 @@ def _number(problem: Problem, fit: Fit, name: str) -> Number:
 
 
 def simple(problem: Problem, number: Number) -> Number:
-    """With what it may be exactly, if its spread is small enough to say so.
+    """With what it may be exactly: what a known mistake makes of it, or a short decimal.
 
     Arguments:
         problem: as it is claimed to be.
         number: of it.
     """
-    if not number.is_known:
-        return number
     known = laws_that_hold(problem, number)
     if known:
         return dataclasses.replace(number, found=known[0].value(number.claimed, mass_of(problem)))
-    pairs = zip(number.found, number.spread, strict=True)
+    return rounded(number)
+
+
+def rounded(number: Number, part: float = 1.0) -> Number:
+    """As the shortest decimal number that its spread allows.
+
+    Arguments:
+        number: any.
+        part: of the spread, by which it may change.
+    """
+    pairs = zip(number.found, part * number.spread, strict=True)
     return dataclasses.replace(number, found=np.array([_shortest(*pair) for pair in pairs]))
 
 

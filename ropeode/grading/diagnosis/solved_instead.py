@@ -100,4 +100,9 @@ def _reason(given: Problem, other: Problem, here: Number, there: Number) -> str 
         for law in laws_that_hold(given, here)
         if law.words in {each.words for each in laws_that_hold(other, there)}
     ]
-    return both[0] if len(both) == 1 else None
+    if both:
+        return both[0] if len(both) == 1 else None
+    spread = here.spread + there.spread
+    if np.all(np.abs(here.found - there.found) <= spread) and not here.factor:
+        return f"{here.what} is the same whatever it should be"
+    return None

@@ -19,7 +19,7 @@ def told(equations: Sequence[Equation], reasons: Sequence[tuple[str, ...]]) -> D
         reasons: for each what may be the mistake.
     """
     first = equations[0]
-    line = f"your stepper solves, to {in_words(first.orders)}, the rope with {_words(first)}"
+    line = f"your stepper solves, to {in_words(first)}, the rope with {_words(first)}"
     for other in equations[1:]:
         line += f"; or, which no run can tell apart, with {_words(other)}"
     hints = list(dict.fromkeys(text for texts in reasons for text in texts))
@@ -49,9 +49,18 @@ def _evidence(equations: Sequence[Equation], hints: Sequence[str]) -> dict[str, 
     }
 
 
-def in_words(orders: dict[str, ObservedOrder]) -> str:
-    """The orders of all quantities, in a few words: whole numbers where they are near to one."""
-    texts = {name: _order_in_words(order) for name, order in orders.items()}
+def in_words(found: Equation) -> str:
+    """The orders of all quantities, in a few words: whole numbers where they are near to one.
+
+    Where too few step sizes have errors that the uncertainty of the numbers can tell, it is the
+    order with which the runs tend to their limit.
+
+    Arguments:
+        found: the rope that is solved.
+    """
+    texts = {
+        name: _order_in_words(order, found.tends_with[name]) for name, order in found.orders.items()
+    }
     if len({*texts.values()}) == 1:
         return next(iter(texts.values()))
     return " and ".join(
@@ -60,8 +69,8 @@ def in_words(orders: dict[str, ObservedOrder]) -> str:
     )
 
 
-def _order_in_words(order: ObservedOrder) -> str:
+def _order_in_words(order: ObservedOrder, tends_with: int | None) -> str:
     if order.observed is None:
-        return "an unknown order"
+        return "an unknown order" if tends_with is None else f"order {tends_with}"
     near = round(order.observed)
     return f"order {near if abs(order.observed - near) <= TOLERANCE else f'{order.observed:.2f}'}"
