@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def observed(
     problem: Problem,
     runs: Sequence[tuple[float, np.ndarray]],
     quantities: Sequence[str],
-    rounding: float = 0.0,
+    rounding: Mapping[str, float] | None = None,
 ) -> Observed | None:
     """What runs tend to.
 
@@ -87,7 +87,7 @@ def observed(
         problem: that was to be solved.
         runs: step size and states ``(times, *state)`` of each.
         quantities: of the problem, that the runs have.
-        rounding: of their numbers, where these have fewer digits than float64.
+        rounding: of each quantity's numbers, where these have fewer digits than float64.
 
     Returns:
         None where a quantity tends to nothing, or its limit is not known to a thousandth of
@@ -98,7 +98,11 @@ def observed(
     orders: dict[str, int | None] = {}
     for name in quantities:
         half = problem.quantities.index(name)
-        limit = limit_of([dt for dt, _ in runs], [run[:, half] for _, run in runs], rounding)
+        limit = limit_of(
+            [dt for dt, _ in runs],
+            [run[:, half] for _, run in runs],
+            (rounding or {}).get(name, 0.0),
+        )
         if limit is None or not _settled(limit):
             return None
         states[:, half] = limit.values

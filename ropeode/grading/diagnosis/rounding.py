@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ropeode.grading.diagnosis.equation import Runs
@@ -13,28 +11,25 @@ from ropeode.problems.problem import Problem
 _DIGITS = 15
 
 
-def rounding_of(runs: Runs, quantities: Sequence[str], problem: Problem) -> float:
+def rounding_of(runs: Runs, quantity: str, problem: Problem) -> float:
     """The largest error that rounding made in numbers with few digits.
 
     Arguments:
         runs: step size and states of each, from any program.
-        quantities: that the runs have.
+        quantity: that is looked at.
         problem: of which.
 
     Returns:
         Half a unit of the last digit that any number has; 0 where numbers have all digits of
         float64.
     """
-    parts = [
-        states[1:, problem.quantities.index(name)] for _, states in runs for name in quantities
-    ]
-    values = np.concatenate([part.ravel() for part in parts])
+    half = problem.quantities.index(quantity)
+    values = np.concatenate([states[1:, half].ravel() for _, states in runs])
     values = values[np.isfinite(values) & (values != 0.0)]
     if not len(values):
         return 0.0
     if np.array_equal(values, values.astype(np.float32)):
         return float(np.max(np.abs(values)) * np.finfo(np.float32).eps / 2.0)
-    # Not a power of ten times a rounded quotient: that has roundings of its own.
     largest = np.floor(np.log10(np.max(np.abs(values))))
     decimals = next((d for d in range(_DIGITS) if _same(values, np.round(values, d))), None)
     figures = next((d for d in range(1, _DIGITS) if _same(values, _to_figures(values, d))), None)

@@ -56,7 +56,8 @@ def diagnose_trajectories(
         if (per_step := damping_rate_diagnosis(part, cut, quantities)) is not None:
             return (per_step,)
     for frames, part, cut in short:
-        seen = observed(part, cut, quantities, rounding_of(cut, quantities, part))
+        rounding = {name: rounding_of(cut, name, part) for name in quantities}
+        seen = observed(part, cut, quantities, rounding)
         if seen is not None:
             return (_of_limit(seen, frames, cut, known),)
     return (
