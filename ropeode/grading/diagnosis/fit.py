@@ -22,7 +22,7 @@ from ropeode.problems.problem import Problem
 # Of the motion: what the fit's own solutions are good for.
 _FLOOR = 1e-9
 # The limit has to be known so well, of the motion, for a fit of it to say anything.
-SETTLED = 1e-3
+SETTLED = 3e-3
 # A motion this much smaller than it should be has come to a standstill.
 _STANDSTILL = 1e-2
 # Every rope that can be had by changing the mass as well can be had without.
@@ -90,7 +90,7 @@ def observed(
         rounding: of each quantity's numbers, where these have fewer digits than float64.
 
     Returns:
-        None where a quantity tends to nothing, or its limit is not known to a thousandth of
+        None where a quantity tends to nothing, or its limit is not known to 0.3% of
         the motion.
     """
     states = np.full((len(problem.ts), *problem.y0.shape), np.nan)
