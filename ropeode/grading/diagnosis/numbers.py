@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.grading.diagnosis.fit import Fit
-from ropeode.grading.diagnosis.laws import Law, holding
+from ropeode.grading.diagnosis.laws import Alike, Law, holding
 from ropeode.grading.diagnosis.parameters import dimension, places, units
 from ropeode.problems.problem import Problem
 
@@ -135,7 +135,7 @@ def simple(problem: Problem, number: Number) -> Number:
     """
     known = laws_that_hold(problem, number)
     if known:
-        return dataclasses.replace(number, found=known[0].value(number.claimed, mass_of(problem)))
+        return dataclasses.replace(number, found=known[0].value(number.claimed, alike_in(problem)))
     return rounded(number)
 
 
@@ -167,13 +167,16 @@ def laws_that_hold(problem: Problem, number: Number) -> tuple[Law, ...]:
     """
     if not number.is_known:
         return ()
-    return holding(number.name, number.claimed, number.found, number.spread, mass_of(problem))
+    return holding(number.name, number.claimed, number.found, number.spread, alike_in(problem))
 
 
-def mass_of(problem: Problem) -> float:
-    """The mass of each node; not-a-number where they differ."""
-    mass = np.ravel(problem.args.mass)
-    return float(mass[0]) if np.all(mass == mass[0]) else np.nan
+def alike_in(problem: Problem) -> Alike:
+    """The numbers that all nodes, or all springs, of a rope have."""
+
+    def one(values: np.ndarray) -> float:
+        return float(np.ravel(values)[0]) if np.all(values == np.ravel(values)[0]) else np.nan
+
+    return Alike(one(problem.args.mass), one(problem.args.rest_length))
 
 
 def with_found(problem: Problem, numbers: Sequence[Number]) -> Problem:
