@@ -62,10 +62,20 @@ def wrong_stage(rhs, t, y, dt, args):
     return y + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-def wrong_weight(rhs, t, y, dt, args):
+def weights_of_11_tenths(rhs, t, y, dt, args):
     """Weights whose sum is not 1: the clock of the rope runs fast."""
     k = rhs(t, y, args)
     return y + 0.55 * dt * (k + rhs(t + dt, y + dt * k, args))
+
+
+def time_stands_still(rhs, t, y, dt, args):
+    return y + dt * rhs(0.0, y, args)
+
+
+def wrong_drift(acceleration, t, x, v, dt, args):
+    """Positions run ahead of velocities."""
+    v = v + dt * acceleration(t, x, v, args)
+    return x + 1.05 * dt * v, v
 
 
 def verlet_with_old_damping(acceleration, t, x, v, dt, args):
@@ -132,6 +142,8 @@ def in_decimals(acceleration, t, x, v, dt, args):
         (stages_at_the_start, 4, ["stage-time"]),
         (node_by_node, 2, ["in-place"]),
         (in_single, 1, ["float32"]),
+        (weights_of_11_tenths, 2, ["pace"]),
+        (time_stands_still, 1, ["time"]),
     ],
 )
 def test_each_cause_is_named(step, order, expected):
@@ -140,7 +152,7 @@ def test_each_cause_is_named(step, order, expected):
 
 @pytest.mark.parametrize(
     ("step", "order"),
-    [(wrong_weight, 2), (one_ended, 1), (wrong_stage, 4), (in_decimals, 1)],
+    [(wrong_drift, 1), (one_ended, 1), (wrong_stage, 4), (in_decimals, 1)],
 )
 def test_other_mistakes_are_unknown(step, order):
     assert causes(step, order) == ["unknown"]
@@ -169,6 +181,12 @@ def test_the_numbers_of_a_damping_per_step():
     assert low <= -1.0 <= high
     # A factor of 0.99 for each step.
     assert found.evidence["lost_per_step"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_the_number_of_a_pace():
+    (found,) = diagnosed(weights_of_11_tenths, 2)
+    assert found.evidence["pace"] == 1.1
+    assert found.evidence["spread"] < 1e-6
 
 
 def test_the_numbers_of_a_start():

@@ -6,6 +6,7 @@ from ropeode.grading.candidate import Candidate
 from ropeode.grading.diagnosis.causes import causes_of_low_order
 from ropeode.grading.diagnosis.experiments import outcome
 from ropeode.grading.diagnosis.in_place import in_place
+from ropeode.grading.diagnosis.pace import another_pace
 from ropeode.grading.diagnosis.per_step import damping_per_step
 from ropeode.grading.diagnosis.single_precision import single_precision
 from ropeode.grading.diagnosis.solved_instead import solved_instead
@@ -65,7 +66,7 @@ def _of_another_solution(candidate: Candidate) -> list[Diagnosis | None]:
     solved = solved_instead(candidate)
     if isinstance(solved, Diagnosis):
         return [solved]
-    return [wrong_where_unlike(candidate)] if solved else []
+    return [wrong_where_unlike(candidate) if solved else another_pace(candidate)]
 
 
 def _unknown(convergences: dict[str, Convergence], wrong: list[str]) -> Diagnosis:
@@ -74,8 +75,8 @@ def _unknown(convergences: dict[str, Convergence], wrong: list[str]) -> Diagnosi
         return Diagnosis(
             "unknown",
             f"it converges to something else than the solution on {', '.join(wrong)}, and no "
-            "change of gravity, damping, stiffness, mass, rest length or initial velocity was "
-            "found that explains it",
+            "change of gravity, damping, stiffness, mass, rest length, initial velocity or pace "
+            "was found that explains it",
             {"wrong": wrong},
         )
     orders = [order.observed for found in convergences.values() for order in found.orders.values()]

@@ -147,11 +147,16 @@ def rounded(number: Number, part: float = 1.0) -> Number:
         part: of the spread, by which it may change.
     """
     pairs = zip(number.found, part * number.spread, strict=True)
-    return dataclasses.replace(number, found=np.array([_shortest(*pair) for pair in pairs]))
+    return dataclasses.replace(number, found=np.array([shortest(*pair) for pair in pairs]))
 
 
-def _shortest(value: float, spread: float) -> float:
-    """The decimal number with the fewest digits that is no further away than the spread."""
+def shortest(value: float, spread: float) -> float:
+    """The decimal number with the fewest digits that is no further away than the spread.
+
+    Arguments:
+        value: any.
+        spread: how far it may be off.
+    """
     if abs(value) <= spread:
         return 0.0
     texts = (f"{value:.{digits}e}" for digits in range(_MOST_DIGITS))
