@@ -16,7 +16,8 @@ from ropeode.grading.diagnosis.parameters import Units, changed
 
 # Of the ODE solver, as far as float64 goes.
 _FINEST, _COARSEST = 1e-11, 1e-6
-_MOST_ODE_STEPS = 4096
+# In a frame.
+_MOST_ODE_STEPS = 1024
 # Of Levenberg-Marquardt.
 _MOST_STEPS = 60
 # In place of what is not finite: so bad that the step is not taken.
@@ -30,8 +31,9 @@ def _sensitivities(
     """The states behind the first sample, and their derivatives by the changes.
 
     Both are one system of equations (the variational equations beside the rope's own) with
-    one error control. Steps end on the sample times, because between them Dopri8 is of order
-    5 only.
+    one error control. Each frame is solved for itself, so that steps end on the sample times:
+    between them Dopri8 is of order 5 only. Nor does diffrax then have sample times to check as
+    it runs, for which it would call back into Python; such a program could not be kept.
     """
     shape, directions = y0.shape, jnp.eye(changes.shape[0])
     rtol = jnp.clip(tolerance, _FINEST, _COARSEST)
@@ -46,25 +48,28 @@ def _sensitivities(
         slope, push = jax.linearize(functools.partial(own, t), both[0], changes)
         return jnp.concatenate([slope[None], jax.vmap(push)(both[1:], directions)])
 
+    def frame(both: Any, times: Any) -> tuple[Any, Any]:
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(field),
+            diffrax.Dopri8(),
+            times[0],
+            times[1],
+            None,
+            both,
+            changes,
+            saveat=diffrax.SaveAt(t1=True),
+            stepsize_controller=diffrax.PIDController(rtol=rtol, atol=rtol * units.scale),
+            max_steps=_MOST_ODE_STEPS,
+            adjoint=diffrax.ForwardMode(),
+            throw=False,
+        )
+        assert solution.ys is not None
+        return solution.ys[0], solution.ys[0]
+
     first, push = jax.linearize(start, changes)
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
-        diffrax.Dopri8(),
-        ts[0],
-        ts[-1],
-        None,
-        jnp.concatenate([first[None], jax.vmap(push)(directions)]),
-        changes,
-        saveat=diffrax.SaveAt(ts=ts),
-        stepsize_controller=diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=rtol, atol=rtol * units.scale), step_ts=ts
-        ),
-        max_steps=_MOST_ODE_STEPS,
-        adjoint=diffrax.ForwardMode(),
-        throw=False,
-    )
-    assert solution.ys is not None
-    return solution.ys[1:, 0], jnp.moveaxis(solution.ys[1:, 1:], 1, -1)
+    both = jnp.concatenate([first[None], jax.vmap(push)(directions)])
+    _, states = jax.lax.scan(frame, both, jnp.stack([ts[:-1], ts[1:]], axis=1))
+    return states[:, 0], jnp.moveaxis(states[:, 1:], 1, -1)
 
 
 @functools.partial(jax.jit, static_argnames=("rhs",))
