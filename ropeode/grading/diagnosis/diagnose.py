@@ -6,6 +6,7 @@ from ropeode.grading.candidate import Candidate
 from ropeode.grading.diagnosis.causes import causes_of_low_order
 from ropeode.grading.diagnosis.experiments import outcome
 from ropeode.grading.diagnosis.in_place import in_place
+from ropeode.grading.diagnosis.pace import another_pace
 from ropeode.grading.diagnosis.per_step import damping_per_step
 from ropeode.grading.diagnosis.single_precision import single_precision
 from ropeode.grading.diagnosis.solved_instead import solved_instead
@@ -36,11 +37,16 @@ def diagnose(examination: Examination) -> tuple[Diagnosis, ...]:
         for name, problem in convergence_problems().items()
         if examination.refusal(problem) is None
     }
-    wrong = [name for name, found in convergences.items() if outcome(found, 0) == "wrong"]
+    # A method that is known to solve something else on a rope is not wrong for that.
+    wrong = [
+        name
+        for name, found in convergences.items()
+        if found.expected != 0 and outcome(found, 0) == "wrong"
+    ]
     lost = [
         found.expected
         for found in convergences.values()
-        if found.expected is not None and outcome(found, found.expected) == "low"
+        if found.expected and outcome(found, found.expected) == "low"
     ]
     causes = [single_precision(candidate)]
     if wrong:
@@ -60,7 +66,7 @@ def _of_another_solution(candidate: Candidate) -> list[Diagnosis | None]:
     solved = solved_instead(candidate)
     if isinstance(solved, Diagnosis):
         return [solved]
-    return [wrong_where_unlike(candidate)] if solved else []
+    return [wrong_where_unlike(candidate) if solved else another_pace(candidate)]
 
 
 def _unknown(convergences: dict[str, Convergence], wrong: list[str]) -> Diagnosis:
@@ -69,8 +75,8 @@ def _unknown(convergences: dict[str, Convergence], wrong: list[str]) -> Diagnosi
         return Diagnosis(
             "unknown",
             f"it converges to something else than the solution on {', '.join(wrong)}, and no "
-            "change of gravity, damping, stiffness, mass, rest length or initial velocity was "
-            "found that explains it",
+            "change of gravity, damping, stiffness, mass, rest length, initial velocity or pace "
+            "was found that explains it",
             {"wrong": wrong},
         )
     orders = [order.observed for found in convergences.values() for order in found.orders.values()]

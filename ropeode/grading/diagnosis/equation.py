@@ -10,14 +10,17 @@ import numpy as np
 from ropeode.analysis.errors import RESOLUTION_FACTOR
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.errors import ReferenceRefused
-from ropeode.grading.convergence import TOLERANCE
 from ropeode.grading.diagnosis.fit import Fit, Observed
-from ropeode.grading.diagnosis.numbers import Number, numbers_of, simple, with_found
+from ropeode.grading.diagnosis.numbers import Number, numbers_of, rounded, simple, with_found
 from ropeode.norms import NORMS, distance
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, motion
 
 Runs = Sequence[tuple[float, np.ndarray]]
+
+
+# Of their spread: what numbers may change by that are not simple.
+_PART = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,6 +31,7 @@ class Equation:
         numbers: that differ.
         problem: with those.
         orders: of each quantity, observed against the certified reference of that problem.
+        tends_with: the order with which each quantity tends to its own limit.
         bound: estimated, of that reference, in the first quantity.
         misfit: the largest difference of the reference to the stepper's limit, in units of
             the limit's uncertainty.
@@ -36,6 +40,7 @@ class Equation:
     numbers: tuple[Number, ...]
     problem: Problem
     orders: dict[str, ObservedOrder]
+    tends_with: dict[str, int | None]
     bound: float
     misfit: float
 
@@ -55,7 +60,12 @@ def equation(
         None where the reference is not what the runs tend to, or cannot be had.
     """
     fitted = numbers_of(seen.problem, found)
-    for numbers in (tuple(simple(seen.problem, number) for number in fitted), fitted):
+    # Simple numbers that are each within their spread may together be off by more.
+    for numbers in (
+        tuple(simple(seen.problem, number) for number in fitted),
+        tuple(rounded(number, _PART) for number in fitted),
+        fitted,
+    ):
         problem = with_found(seen.problem, numbers)
         try:
             reference = certified(problem)
@@ -73,7 +83,7 @@ def equation(
     if any(order.verdict == "does not converge" for order in orders.values()):
         return None
     bound = float(reference.bound(NORMS["position-max"])[-1])
-    return Equation(numbers, problem, orders, bound, misfit)
+    return Equation(numbers, problem, orders, seen.orders, bound, misfit)
 
 
 def misfit_of(seen: Observed, reference: Reference, spread: float = 0.0) -> float:
@@ -81,18 +91,20 @@ def misfit_of(seen: Observed, reference: Reference, spread: float = 0.0) -> floa
 
     Arguments:
         seen: the limit.
-        reference: of a problem with the same sample times.
+        reference: of a problem with the same sample times, and maybe more.
         spread: uncertainty of the reference's own numbers, of the motion.
     """
-    worst = 0.0
+    worst, samples = 0.0, len(seen.states)
+    if reference.trusted < samples:
+        return np.inf
     for name, size in seen.motion.items():
         half = seen.problem.quantities.index(name)
-        inside = slice(1, reference.trusted)
+        inside = slice(1, samples)
         apart = np.abs(reference.states[inside, half] - seen.states[inside, half])
         bound = float(reference.bound(NORMS[f"{name}-max"])[-1])
         allowed = seen.uncertainty[inside, half] + bound + spread * size
         worst = max(worst, float(np.max(apart / allowed)))
-    return worst if reference.trusted == len(seen.states) else np.inf
+    return worst
 
 
 def _order(reference: Reference, runs: Runs, name: str, uncertainty: float) -> ObservedOrder:
@@ -110,21 +122,3 @@ def _order(reference: Reference, runs: Runs, name: str, uncertainty: float) -> O
         resolution=RESOLUTION_FACTOR * (float(reference.bound(norm)[-1]) + uncertainty),
         motion=float(motion(problem, reference.states, norm)[-1]),
     )
-
-
-def in_words(orders: dict[str, ObservedOrder]) -> str:
-    """The orders of all quantities, in a few words: whole numbers where they are near to one."""
-    texts = {name: _order_in_words(order) for name, order in orders.items()}
-    if len({*texts.values()}) == 1:
-        return next(iter(texts.values()))
-    return " and ".join(
-        f"{text} ({'positions' if name == 'position' else 'velocities'})"
-        for name, text in texts.items()
-    )
-
-
-def _order_in_words(order: ObservedOrder) -> str:
-    if order.observed is None:
-        return "an unknown order"
-    near = round(order.observed)
-    return f"order {near if abs(order.observed - near) <= TOLERANCE else f'{order.observed:.2f}'}"

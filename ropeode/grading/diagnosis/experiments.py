@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal
 
-from ropeode.grading.convergence import TOLERANCE
+from ropeode.grading.convergence import convergence_finding
 from ropeode.grading.examination import Examination
 from ropeode.grading.report import Convergence
 from ropeode.problems.problem import Problem
@@ -24,11 +25,12 @@ def outcome(found: Convergence, expected: int) -> Outcome:
     orders = found.orders.values()
     if any(order.verdict == "does not converge" for order in orders):
         return "wrong"
+    if any(off > allowed for off, allowed in found.limits.values()):
+        return "wrong"
     if any(order.ci95 is None for order in orders):
         return "unknown"
-    if any(order.ci95[1] < expected - TOLERANCE for order in orders if order.ci95):
-        return "low"
-    return "kept"
+    judged = convergence_finding("", dataclasses.replace(found, expected=expected))
+    return "low" if judged.status == "fail" else "kept"
 
 
 class Experiments:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -22,11 +22,13 @@ from ropeode.problems.problem import Problem
 # Of the motion: what the fit's own solutions are good for.
 _FLOOR = 1e-9
 # The limit has to be known so well, of the motion, for a fit of it to say anything.
-SETTLED = 1e-3
+SETTLED = 3e-3
 # A motion this much smaller than it should be has come to a standstill.
 _STANDSTILL = 1e-2
 # Every rope that can be had by changing the mass as well can be had without.
 _ENOUGH = tuple(name for name in PARAMETERS if name != "mass")
+# Of the uncertainty: how precisely a fit is solved.
+_PRECISE = 1e-2
 # In units of its spread: a change that is no accident.
 _CERTAIN = 10.0
 # Masses, as factors, that are still physical.
@@ -74,7 +76,10 @@ class Observed:
 
 
 def observed(
-    problem: Problem, runs: Sequence[tuple[float, np.ndarray]], quantities: Sequence[str]
+    problem: Problem,
+    runs: Sequence[tuple[float, np.ndarray]],
+    quantities: Sequence[str],
+    rounding: Mapping[str, float] | None = None,
 ) -> Observed | None:
     """What runs tend to.
 
@@ -82,9 +87,10 @@ def observed(
         problem: that was to be solved.
         runs: step size and states ``(times, *state)`` of each.
         quantities: of the problem, that the runs have.
+        rounding: of each quantity's numbers, where these have fewer digits than float64.
 
     Returns:
-        None where a quantity tends to nothing, or its limit is not known to a thousandth of
+        None where a quantity tends to nothing, or its limit is not known to 0.3% of
         the motion.
     """
     states = np.full((len(problem.ts), *problem.y0.shape), np.nan)
@@ -92,7 +98,11 @@ def observed(
     orders: dict[str, int | None] = {}
     for name in quantities:
         half = problem.quantities.index(name)
-        limit = limit_of([dt for dt, _ in runs], [run[:, half] for _, run in runs])
+        limit = limit_of(
+            [dt for dt, _ in runs],
+            [run[:, half] for _, run in runs],
+            (rounding or {}).get(name, 0.0),
+        )
         if limit is None or not _settled(limit):
             return None
         states[:, half] = limit.values
@@ -163,7 +173,8 @@ def fit(seen: Observed, names: Sequence[str], start: np.ndarray | None = None) -
         given = (problem.rhs, problem.y0, problem.args, problem.ts, units(problem), free, changes)
         target = np.nan_to_num(seen.states[1:]).reshape(weights.shape)
         changes, left, slopes = (
-            np.array(each) for each in fitted(*given, target, weights / tightness)
+            np.array(each)
+            for each in fitted(*given, target, weights / tightness, _PRECISE / tightness)
         )
     misfit = float(np.max(np.abs(left))) * tightness
     inverse_mass = 1.0 + changes[places(dimension(problem))["mass"]]

@@ -8,28 +8,43 @@ from typing import NamedTuple
 import numpy as np
 
 
+class Alike(NamedTuple):
+    """Numbers of a rope that mistakes mix into others; not-a-number where they differ.
+
+    Fields:
+        mass: of each node.
+        rest_length: of each spring.
+    """
+
+    mass: float
+    rest_length: float
+
+
+Value = Callable[[np.ndarray, Alike], np.ndarray]
+
+
 class Law(NamedTuple):
     """What becomes of a number.
 
     Fields:
         words: for the author of the mistake.
-        value: what is found, from what is claimed and the mass of a node.
+        value: what is found, from what is claimed and other numbers of the rope.
     """
 
     words: str
-    value: Callable[[np.ndarray, float], np.ndarray]
+    value: Value
 
 
-def _times(factor: float) -> Callable[[np.ndarray, float], np.ndarray]:
-    return lambda claimed, mass: factor * claimed
+def _times(factor: float) -> Value:
+    return lambda claimed, rope: factor * claimed
 
 
-def _times_mass(power: int) -> Callable[[np.ndarray, float], np.ndarray]:
-    return lambda claimed, mass: claimed * mass**power
+def _times_mass(power: int) -> Value:
+    return lambda claimed, rope: claimed * rope.mass**power
 
 
-def _without(component: int) -> Callable[[np.ndarray, float], np.ndarray]:
-    return lambda claimed, mass: np.where(np.arange(len(claimed)) == component, 0.0, claimed)
+def _without(component: int) -> Value:
+    return lambda claimed, rope: np.where(np.arange(len(claimed)) == component, 0.0, claimed)
 
 
 def _doubled(what: str) -> tuple[Law, Law]:
@@ -58,17 +73,19 @@ LAWS: dict[str, tuple[Law, ...]] = {
         Law("the springs push where they should pull", _times(-1.0)),
         Law("the springs' forces are not divided by the mass", _times_mass(1)),
         Law("the springs' forces are divided by the mass twice", _times_mass(-1)),
+        Law("stiffnesses are divided by rest lengths", lambda k, rope: k / rope.rest_length),
+        Law("stiffnesses are multiplied by rest lengths", lambda k, rope: k * rope.rest_length),
         *_doubled("each spring"),
     ),
     "mass": (
-        Law("the mass is left out", lambda claimed, mass: np.ones_like(claimed)),
+        Law("the mass is left out", lambda claimed, rope: np.ones_like(claimed)),
         Law("forces are divided by the mass twice", _times_mass(1)),
         *_doubled("the mass"),
     ),
     "rest_length": (
         Law("rest lengths are left out", _times(0.0)),
-        Law("rest lengths are cut to whole numbers", lambda claimed, mass: np.trunc(claimed)),
-        Law("rest lengths are rounded to whole numbers", lambda claimed, mass: np.round(claimed)),
+        Law("rest lengths are cut to whole numbers", lambda claimed, rope: np.trunc(claimed)),
+        Law("rest lengths are rounded to whole numbers", lambda claimed, rope: np.round(claimed)),
         *_doubled("the rest length"),
     ),
     "velocity": (
@@ -79,7 +96,7 @@ LAWS: dict[str, tuple[Law, ...]] = {
 
 
 def holding(
-    name: str, claimed: np.ndarray, found: np.ndarray, spread: np.ndarray, mass: float
+    name: str, claimed: np.ndarray, found: np.ndarray, spread: np.ndarray, rope: Alike
 ) -> tuple[Law, ...]:
     """The laws of a parameter that give what was found, to its spread.
 
@@ -88,11 +105,11 @@ def holding(
         claimed: one number, or its components.
         found: likewise.
         spread: how far what was found may be off.
-        mass: of a node; not-a-number where nodes differ, and then no law with it holds.
+        rope: other numbers; no law holds with one that is not-a-number.
     """
     return tuple(
         law
         for law in LAWS[name]
-        if np.all(np.abs(law.value(claimed, mass) - found) <= spread)
+        if np.all(np.abs(law.value(claimed, rope) - found) <= spread)
         and not np.all(np.abs(claimed - found) <= spread)
     )

@@ -19,6 +19,7 @@ _HIGHEST_ORDER = 8.4
 _SAFETY = 3.0
 # Rounding in a run, in units of float64's own, before extrapolation amplifies it.
 _ROUNDING = 100.0 * float(np.finfo(np.float64).eps)
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,13 +38,16 @@ class Limit:
     order: int | None
 
 
-def limit_of(dts: Sequence[float], runs: Sequence[np.ndarray]) -> Limit | None:
+def limit_of(
+    dts: Sequence[float], runs: Sequence[np.ndarray], rounding: float = 0.0
+) -> Limit | None:
     """Richardson's extrapolation to dt = 0, with the order that the runs themselves show.
 
     The order is that of the differences between three successive runs. With it the terms
-    ``dt^p, dt^(p + 1), ...`` of the error are taken out, one for each further run; the
-    uncertainty is the difference to the extrapolation with one run fewer. Of all sequences
-    of runs (the coarsest may be pre-asymptotic, the finest rounded) the best known one counts.
+    ``dt^p, dt^(p + 1), ...`` of the error are taken out, one for each further run. The
+    uncertainty is the difference to the extrapolation with one run fewer, or to the one that
+    begins at order 1, which is right whatever the order, if that is larger. Of all sequences of
+    runs (the coarsest may be pre-asymptotic, the finest rounded) the best known one counts.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
 
@@ -51,6 +55,7 @@ def limit_of(dts: Sequence[float], runs: Sequence[np.ndarray]) -> Limit | None:
         dts: step sizes, different.
         runs: what each gives at the same times, ``(times, ...)``; those that are not finite
             are left out.
+        rounding: of the numbers in the runs, where they have fewer digits than float64.
 
     Returns:
         None where no three runs tend to anything with a whole order.
@@ -61,9 +66,9 @@ def limit_of(dts: Sequence[float], runs: Sequence[np.ndarray]) -> Limit | None:
     usable.sort(key=lambda pair: -pair[0])
     dt = np.array([pair[0] for pair in usable])
     values = np.stack([pair[1] for pair in usable])
-    rounding = _ROUNDING * float(np.max(np.abs(values)))
+    rounding = max(rounding, _ROUNDING * float(np.max(np.abs(values))))
     if float(np.max(np.abs(values - values[-1]))) <= rounding:
-        return Limit(values[-1], np.full(values.shape[1], max(rounding, 1e-300)), None)
+        return Limit(values[-1], np.full(values.shape[1], max(2.0 * rounding, _TINY)), None)
     best: Limit | None = None
     for last in range(FEWEST_RUNS, len(dt) + 1):
         order = _order(dt[last - 3 : last], values[last - 3 : last], rounding)
@@ -97,8 +102,11 @@ def _order(dt: np.ndarray, values: np.ndarray, rounding: float) -> int | None:
 def _extrapolated(dt: np.ndarray, values: np.ndarray, order: int, rounding: float) -> Limit:
     weights = _weights(dt, order)
     full = np.tensordot(weights, values, 1)
-    less = np.tensordot(_weights(dt[1:], order), values[1:], 1)
-    apart = np.max(np.abs(full - less).reshape(len(full), -1), axis=1)
+    others = (
+        np.tensordot(_weights(dt[1:], order), values[1:], 1),
+        np.tensordot(_weights(dt, 1), values, 1),
+    )
+    apart = np.max([np.abs(full - other).reshape(len(full), -1) for other in others], axis=(0, 2))
     noise = rounding * float(np.sum(np.abs(weights)))
     return Limit(full, np.maximum.accumulate(_SAFETY * apart) + noise, order)
 

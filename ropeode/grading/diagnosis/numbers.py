@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.grading.diagnosis.fit import Fit
-from ropeode.grading.diagnosis.laws import Law, holding
+from ropeode.grading.diagnosis.laws import Alike, Law, holding
 from ropeode.grading.diagnosis.parameters import dimension, places, units
 from ropeode.problems.problem import Problem
 
@@ -53,11 +53,17 @@ class Number:
         return bool(np.all(self.spread <= _KNOWN * size))
 
     @property
+    def what(self) -> str:
+        """The parameter in words."""
+        return _WORDS[self.name]
+
+    @property
     def words(self) -> str:
         """As part of a sentence."""
-        what = _WORDS[self.name]
+        what = self.what
         if not self.factor:
-            return f"{what} {shown(self.found)} instead of {shown(self.claimed)}"
+            about = "" if self.is_known else f" (give or take {np.max(self.spread):.1g})"
+            return f"{what} {shown(self.found)}{about} instead of {shown(self.claimed)}"
         if np.all(self.found == 0.0):
             return f"{what} 0 instead of the given one"
         return f"{shown(self.found)} times the {what}"
@@ -121,23 +127,36 @@ def _number(problem: Problem, fit: Fit, name: str) -> Number:
 
 
 def simple(problem: Problem, number: Number) -> Number:
-    """With what it may be exactly, if its spread is small enough to say so.
+    """With what it may be exactly: what a known mistake makes of it, or a short decimal.
 
     Arguments:
         problem: as it is claimed to be.
         number: of it.
     """
-    if not number.is_known:
-        return number
     known = laws_that_hold(problem, number)
     if known:
-        return dataclasses.replace(number, found=known[0].value(number.claimed, mass_of(problem)))
-    pairs = zip(number.found, number.spread, strict=True)
-    return dataclasses.replace(number, found=np.array([_shortest(*pair) for pair in pairs]))
+        return dataclasses.replace(number, found=known[0].value(number.claimed, alike_in(problem)))
+    return rounded(number)
 
 
-def _shortest(value: float, spread: float) -> float:
-    """The decimal number with the fewest digits that is no further away than the spread."""
+def rounded(number: Number, part: float = 1.0) -> Number:
+    """As the shortest decimal number that its spread allows.
+
+    Arguments:
+        number: any.
+        part: of the spread, by which it may change.
+    """
+    pairs = zip(number.found, part * number.spread, strict=True)
+    return dataclasses.replace(number, found=np.array([shortest(*pair) for pair in pairs]))
+
+
+def shortest(value: float, spread: float) -> float:
+    """The decimal number with the fewest digits that is no further away than the spread.
+
+    Arguments:
+        value: any.
+        spread: how far it may be off.
+    """
     if abs(value) <= spread:
         return 0.0
     texts = (f"{value:.{digits}e}" for digits in range(_MOST_DIGITS))
@@ -153,13 +172,16 @@ def laws_that_hold(problem: Problem, number: Number) -> tuple[Law, ...]:
     """
     if not number.is_known:
         return ()
-    return holding(number.name, number.claimed, number.found, number.spread, mass_of(problem))
+    return holding(number.name, number.claimed, number.found, number.spread, alike_in(problem))
 
 
-def mass_of(problem: Problem) -> float:
-    """The mass of each node; not-a-number where they differ."""
-    mass = np.ravel(problem.args.mass)
-    return float(mass[0]) if np.all(mass == mass[0]) else np.nan
+def alike_in(problem: Problem) -> Alike:
+    """The numbers that all nodes, or all springs, of a rope have."""
+
+    def one(values: np.ndarray) -> float:
+        return float(np.ravel(values)[0]) if np.all(values == np.ravel(values)[0]) else np.nan
+
+    return Alike(one(problem.args.mass), one(problem.args.rest_length))
 
 
 def with_found(problem: Problem, numbers: Sequence[Number]) -> Problem:

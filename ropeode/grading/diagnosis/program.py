@@ -14,25 +14,29 @@ import optimistix
 
 from ropeode.grading.diagnosis.parameters import Units, changed
 
-_TOLERANCE = 1e-11
-_MOST_ODE_STEPS = 4096
-# Levenberg-Marquardt: both the changes and the residual, which are of size 1, keep still.
-_RTOL, _ATOL, _MOST_STEPS = 1e-9, 1e-12, 80
+# Of the ODE solver, as far as float64 goes.
+_FINEST, _COARSEST = 1e-11, 1e-6
+# In a frame.
+_MOST_ODE_STEPS = 1024
+# Of Levenberg-Marquardt.
+_MOST_STEPS = 60
 # In place of what is not finite: so bad that the step is not taken.
 _WORST = 1e6
 
 
 @functools.partial(jax.jit, static_argnames=("rhs",))
 def _sensitivities(
-    rhs: Any, y0: Any, args: Any, ts: Any, units: Units, changes: Any
+    rhs: Any, y0: Any, args: Any, ts: Any, units: Units, changes: Any, tolerance: Any
 ) -> tuple[Any, Any]:
     """The states behind the first sample, and their derivatives by the changes.
 
     Both are one system of equations (the variational equations beside the rope's own) with
-    one error control. Steps end on the sample times, because between them Dopri8 is of order
-    5 only.
+    one error control. Each frame is solved for itself, so that steps end on the sample times:
+    between them Dopri8 is of order 5 only. Nor does diffrax then have sample times to check as
+    it runs, for which it would call back into Python; such a program could not be kept.
     """
     shape, directions = y0.shape, jnp.eye(changes.shape[0])
+    rtol = jnp.clip(tolerance, _FINEST, _COARSEST)
 
     def start(changes: Any) -> Any:
         return changed(y0, args, units, changes)[0].reshape(-1)
@@ -44,25 +48,28 @@ def _sensitivities(
         slope, push = jax.linearize(functools.partial(own, t), both[0], changes)
         return jnp.concatenate([slope[None], jax.vmap(push)(both[1:], directions)])
 
+    def frame(both: Any, times: Any) -> tuple[Any, Any]:
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(field),
+            diffrax.Dopri8(),
+            times[0],
+            times[1],
+            None,
+            both,
+            changes,
+            saveat=diffrax.SaveAt(t1=True),
+            stepsize_controller=diffrax.PIDController(rtol=rtol, atol=rtol * units.scale),
+            max_steps=_MOST_ODE_STEPS,
+            adjoint=diffrax.ForwardMode(),
+            throw=False,
+        )
+        assert solution.ys is not None
+        return solution.ys[0], solution.ys[0]
+
     first, push = jax.linearize(start, changes)
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
-        diffrax.Dopri8(),
-        ts[0],
-        ts[-1],
-        None,
-        jnp.concatenate([first[None], jax.vmap(push)(directions)]),
-        changes,
-        saveat=diffrax.SaveAt(ts=ts),
-        stepsize_controller=diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=_TOLERANCE, atol=_TOLERANCE * units.scale), step_ts=ts
-        ),
-        max_steps=_MOST_ODE_STEPS,
-        adjoint=diffrax.ForwardMode(),
-        throw=False,
-    )
-    assert solution.ys is not None
-    return solution.ys[1:, 0], jnp.moveaxis(solution.ys[1:, 1:], 1, -1)
+    both = jnp.concatenate([first[None], jax.vmap(push)(directions)])
+    _, states = jax.lax.scan(frame, both, jnp.stack([ts[:-1], ts[1:]], axis=1))
+    return states[:, 0], jnp.moveaxis(states[:, 1:], 1, -1)
 
 
 @functools.partial(jax.jit, static_argnames=("rhs",))
@@ -76,6 +83,7 @@ def fitted(
     start: Any,
     target: Any,
     weights: Any,
+    tolerance: Any,
 ) -> tuple[Any, Any, Any]:
     """The changes with which a rope comes closest to states that are given.
 
@@ -89,6 +97,7 @@ def fitted(
         start: changes to begin with.
         target: states behind the first sample, flat for each.
         weights: of the differences, of the same shape; 0 leaves one out.
+        tolerance: of changes and weighted differences.
 
     Returns:
         The changes, the weighted differences that are left, flat, and their derivatives by
@@ -96,7 +105,7 @@ def fitted(
     """
 
     def measured(changes: Any) -> tuple[Any, Any]:
-        states, slopes = _sensitivities(rhs, y0, args, ts, units, changes * free)
+        states, slopes = _sensitivities(rhs, y0, args, ts, units, changes * free, tolerance)
         left = jnp.where(weights > 0, weights * (states - target), 0.0)
         left = jnp.where(jnp.isfinite(left), left, _WORST)
         slopes = jnp.where(jnp.isfinite(slopes), slopes, 0.0) * weights[..., None] * free
@@ -118,7 +127,7 @@ def fitted(
 
     solution = optimistix.least_squares(
         with_slopes,
-        optimistix.LevenbergMarquardt(rtol=_RTOL, atol=_ATOL),
+        optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
         start,
         None,
         has_aux=True,

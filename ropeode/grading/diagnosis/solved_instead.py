@@ -8,11 +8,12 @@ import numpy as np
 
 from ropeode.errors import ReferenceRefused
 from ropeode.grading.candidate import Candidate
-from ropeode.grading.diagnosis.equation import Equation, equation, in_words, misfit_of
+from ropeode.grading.diagnosis.equation import equation, misfit_of
 from ropeode.grading.diagnosis.fit import Fit, Observed, explanations, fit, observed
 from ropeode.grading.diagnosis.numbers import Number, laws_that_hold, numbers_of, with_found
 from ropeode.grading.diagnosis.ropes import alike, alike_again, alike_otherwise
 from ropeode.grading.diagnosis.runs import runs_of
+from ropeode.grading.diagnosis.words import told
 from ropeode.grading.examination import reference_of
 from ropeode.grading.report import Diagnosis
 from ropeode.problems.problem import Problem
@@ -99,42 +100,9 @@ def _reason(given: Problem, other: Problem, here: Number, there: Number) -> str 
         for law in laws_that_hold(given, here)
         if law.words in {each.words for each in laws_that_hold(other, there)}
     ]
-    return both[0] if len(both) == 1 else None
-
-
-def told(equations: Sequence[Equation], reasons: Sequence[tuple[str, ...]]) -> Diagnosis:
-    """The diagnosis in words.
-
-    Arguments:
-        equations: ropes that cannot be told apart, at least one.
-        reasons: for each what may be the mistake.
-    """
-    first = equations[0]
-    line = f"your stepper solves, to {in_words(first.orders)}, the rope with {_words(first)}"
-    for other in equations[1:]:
-        line += f"; or, which no run can tell apart, with {_words(other)}"
-    hints = list(dict.fromkeys(text for texts in reasons for text in texts))
-    if hints:
-        line += f": {'; '.join(hints)}"
-    return Diagnosis("parameters", line, _evidence(equations, hints))
-
-
-def _words(found: Equation) -> str:
-    return " and ".join(number.words for number in found.numbers)
-
-
-def _evidence(equations: Sequence[Equation], hints: Sequence[str]) -> dict:
-    first = equations[0]
-    return {
-        "parameters": {number.name: number.as_json() for number in first.numbers},
-        "alternatives": [
-            {number.name: number.as_json() for number in each.numbers} for each in equations[1:]
-        ],
-        "orders": {
-            name: {"observed": order.observed, "ci95": order.ci95, "verdict": order.verdict}
-            for name, order in first.orders.items()
-        },
-        "reference_bound": first.bound,
-        "misfit": first.misfit,
-        "hints": list(hints),
-    }
+    if both:
+        return both[0] if len(both) == 1 else None
+    spread = here.spread + there.spread
+    if np.all(np.abs(here.found - there.found) <= spread) and not here.factor:
+        return f"{here.what} is the same whatever it should be"
+    return None
