@@ -1,3 +1,6 @@
+"""A stepper to be checked: ropeode check steps.py:velocity_verlet --order 2."""
+
+
 def velocity_verlet(acceleration, t, x, v, dt, args):
     """Positions and velocities are arrays (nodes, dim), in NumPy or JAX."""
     a = acceleration(t, x, v, args)

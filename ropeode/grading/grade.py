@@ -12,9 +12,9 @@ from ropeode.grading.report import CheckReport, Claims, Diagnosis, Finding
 from ropeode.grading.trajectories.clock import clock_diagnosis
 from ropeode.grading.trajectories.conserved import energy_finding, pins_finding
 from ropeode.grading.trajectories.initial import check_initial_states
-from ropeode.grading.trajectories.layout import Layout
+from ropeode.grading.trajectories.layout import Layout, states_of
 from ropeode.grading.trajectories.orders import order_finding
-from ropeode.grading.trajectories.runs import Progress, Run, read_runs
+from ropeode.grading.trajectories.runs import Progress, Run, quantities_of, read_runs
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, problem_of, reference_for
 from ropeode.validation import check_whole, complaint
@@ -80,10 +80,12 @@ def grade(
     wrong = order.status == "fail"
     if diagnose and (wrong or expected_order is None):
         progress("diagnosis", 0.95)
-        diagnosis = _diagnosed(known, runs)
-        if not wrong:
+        clock = clock_diagnosis(known, runs)
+        if wrong:
+            diagnosis = _solved_instead(known, runs) if clock is None else (clock,)
+        elif clock is not None:
             # Nothing that was claimed is refuted, and yet it is hardly meant.
-            notes, diagnosis = (*notes, *(each.line for each in diagnosis)), ()
+            notes = (*notes, clock.line)
     progress("done", 1.0)
     return CheckReport(
         label=_label(runs),
@@ -95,10 +97,14 @@ def grade(
     )
 
 
-def _diagnosed(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
-    """What explains the errors of the runs, if it is found."""
-    clock = clock_diagnosis(reference, runs)
-    return () if clock is None else (clock,)
+def _solved_instead(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
+    """What the runs solve in place of the problem, as far as they tell."""
+    # Not above: it imports diffrax and optimistix, and right programs need none of it.
+    from ropeode.grading.diagnosis.trajectories import diagnose_trajectories
+
+    problem = reference.problem
+    states = [(run.dt, states_of(problem, run.values)) for run in runs]
+    return diagnose_trajectories(problem, reference, states, quantities_of(problem, runs))
 
 
 def _label(runs: Sequence[Run]) -> str:

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from trajectory_writing import csv_lines, node_values, write_csv
 
 from ropeode.errors import InputError
+from ropeode.grading.digits import digits_of, last_digit, single_precision
 from ropeode.grading.grade import grade
 from ropeode.grading.trajectories.clock import clock_diagnosis
 from ropeode.grading.trajectories.conserved import energy_finding
-from ropeode.grading.trajectories.digits import digits_of, last_digit, single_precision
 from ropeode.grading.trajectories.layout import Layout, samples_of, states_of
 from ropeode.grading.trajectories.runs import read_runs
 from ropeode.problems.inextensible_rope import InextensibleRope

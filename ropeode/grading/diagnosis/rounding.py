@@ -1,14 +1,12 @@
-"""How many digits the numbers of a trajectory were printed with."""
+"""How far the numbers of a trajectory are off because of how they were written."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ropeode.grading.diagnosis.equation import Runs
+from ropeode.grading.digits import epsilon, last_digit, single_precision
 from ropeode.problems.problem import Problem
-
-# Decimal digits of float64.
-_DIGITS = 15
 
 
 def rounding_of(runs: Runs, quantity: str, problem: Problem) -> float:
@@ -25,26 +23,7 @@ def rounding_of(runs: Runs, quantity: str, problem: Problem) -> float:
     """
     half = problem.quantities.index(quantity)
     values = np.concatenate([states[1:, half].ravel() for _, states in runs])
-    values = values[np.isfinite(values) & (values != 0.0)]
-    if not len(values):
-        return 0.0
-    if np.array_equal(values, values.astype(np.float32)):
-        return float(np.max(np.abs(values)) * np.finfo(np.float32).eps / 2.0)
-    largest = np.floor(np.log10(np.max(np.abs(values))))
-    decimals = next((d for d in range(_DIGITS) if _same(values, np.round(values, d))), None)
-    figures = next((d for d in range(1, _DIGITS) if _same(values, _to_figures(values, d))), None)
-    errors = [
-        *([] if decimals is None else [0.5 * 10.0**-decimals]),
-        *([] if figures is None else [0.5 * 10.0 ** (largest - figures + 1)]),
-    ]
-    # The larger: with so many figures, small numbers have more decimals than large ones.
-    return max(errors, default=0.0)
-
-
-def _same(values: np.ndarray, rounded: np.ndarray) -> bool:
-    return bool(np.max(np.abs(values - rounded) / np.abs(values)) <= 4.0 * np.finfo(np.float64).eps)
-
-
-def _to_figures(values: np.ndarray, figures: int) -> np.ndarray:
-    unit = 10.0 ** (np.floor(np.log10(np.abs(values))) - figures + 1)
-    return np.round(values / unit) * unit
+    values = values[np.isfinite(values)]
+    if single_precision(values):
+        return float(np.max(np.abs(values), initial=0.0)) * epsilon(values) / 2.0
+    return last_digit(values)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ropeode.grading.digits import epsilon
 from ropeode.grading.drift import drift_of
 from ropeode.grading.report import Finding
-from ropeode.grading.trajectories.digits import epsilon
 from ropeode.grading.trajectories.layout import Layout, states_of
 from ropeode.grading.trajectories.runs import Run
 from ropeode.references.reference import Reference

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.grading.trajectories.digits import epsilon, last_digit
+from ropeode.grading.digits import epsilon, last_digit
 from ropeode.grading.trajectories.layout import Layout, samples_of
 from ropeode.grading.trajectories.runs import Run
 from ropeode.precision import in_float64

@@ -10,11 +10,11 @@ import numpy as np
 from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, LeftOut, ObservedOrder
 from ropeode.errors import InputError
 from ropeode.grading.convergence import convergence_finding, converging
+from ropeode.grading.digits import digits_of, epsilon, single_precision
 from ropeode.grading.report import Convergence, Finding
-from ropeode.grading.trajectories.digits import digits_of, epsilon, single_precision
 from ropeode.grading.trajectories.initial import rounding_of
 from ropeode.grading.trajectories.layout import Layout, states_of
-from ropeode.grading.trajectories.runs import Run
+from ropeode.grading.trajectories.runs import Run, quantities_of
 from ropeode.references.reference import Reference
 from ropeode.validation import complaint
 
@@ -45,7 +45,7 @@ def order_finding(
             would.
     """
     problem, layout = reference.problem, Layout.of(reference.problem)
-    quantities = problem.quantities[: runs[0].values.shape[2] // layout.dim]
+    quantities = quantities_of(problem, runs)
     pairs = [(run.dt, states_of(problem, run.values)) for run in runs]
 
     def with_rounding(rounding: Callable[[Run], np.ndarray]) -> Convergence:

@@ -50,6 +50,11 @@ class Run:
         return abs(steps - np.rint(steps)) > _SAME * steps
 
 
+def quantities_of(problem: Problem, runs: Sequence[Run]) -> tuple[str, ...]:
+    """Which quantities of a problem its runs have: velocities may be missing."""
+    return problem.quantities[: runs[0].values.shape[2] // Layout.of(problem).dim]
+
+
 def read_runs(
     files: Sequence[str | Path],
     problem: Problem,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.grading.trajectories.digits import epsilon, last_digit
+from ropeode.grading.digits import epsilon, last_digit
 from ropeode.grading.trajectories.layout import Block
 from ropeode.validation import complaint
 
