@@ -20,7 +20,8 @@ from ropeode.cli.running import end_on_ctrl_c
 from ropeode.cli.sweep import sweep
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
 
-BAD_INPUT, FAILED = 2, 1
+# What is wrong with ropeode itself is none of the answers that a command may give.
+BAD_INPUT, FAILED, BROKEN = 2, 1, 3
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
@@ -78,6 +79,9 @@ def main(arguments: list[str] | None = None) -> None:
         # The reader (a pager, `head`) has gone; let nothing be flushed to it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         _leave(FAILED)
+    except Exception as error:
+        traceback.print_exc()
+        _fail(BROKEN, [f"{type(error).__name__}: a fault of ropeode; please report it."], False)
 
 
 def _fail(code: int, lines: Any, debug: bool) -> None:

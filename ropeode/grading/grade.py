@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ropeode.errors import InputError
 from ropeode.grading.report import CheckReport, Claims, Diagnosis, Finding
 from ropeode.grading.trajectories.clock import clock_diagnosis
@@ -104,7 +106,12 @@ def _solved_instead(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosi
 
     problem = reference.problem
     states = [(run.dt, states_of(problem, run.values)) for run in runs]
-    return diagnose_trajectories(problem, reference, states, quantities_of(problem, runs))
+    quantities = quantities_of(problem, runs)
+    if len(quantities) < len(problem.quantities):
+        for _, each in states:
+            each[:, 1] = np.nan
+    with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
+        return diagnose_trajectories(problem, reference, states, quantities)
 
 
 def _label(runs: Sequence[Run]) -> str:

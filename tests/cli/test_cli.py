@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from ropeode.cli import main as cli_main
 from ropeode.references.stored.catalogue import entries
 
 RUN = [sys.executable, "-m", "ropeode"]
@@ -22,7 +23,7 @@ def test_help_does_not_import_jax(environment):
     code = (
         "import sys\n"
         "from ropeode.cli.main import cli\n"
-        "for command in ([], ['table'], ['grade'], ['report'], ['reference'], ['spec'],"
+        "for command in ([], ['table'], ['check'], ['grade'], ['report'], ['reference'], ['spec'],"
         " ['sweep', 'run']):\n"
         "    try: cli.main([*command, '--help'], standalone_mode=False)\n"
         "    except SystemExit: pass\n"
@@ -347,3 +348,13 @@ def test_a_reference_of_another_rope_is_refused(run):
     assert done.returncode == 2
     assert done.stderr.startswith("ropeode: damping: 0.02 given; allowed: 0.01, which is")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_fault_of_ropeode_is_none_of_its_answers(monkeypatch, capsys):
+    """Exit codes 1 and 2 are verdicts; what is broken in here must not look like one."""
+    codes = []
+    monkeypatch.setattr(cli_main, "_leave", codes.append)
+    monkeypatch.setattr("ropeode.render.stepper_list.as_text", lambda: 1 / 0)
+    cli_main.main(["steppers"])
+    assert codes == [3]
+    assert "a fault of ropeode" in capsys.readouterr().err

@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from trajectory_writing import csv_lines, node_values, write_csv
 
 from ropeode.errors import InputError
+from ropeode.grading.diagnosis import trajectories
 from ropeode.grading.digits import digits_of, last_digit, single_precision
 from ropeode.grading.grade import grade
+from ropeode.grading.report import Diagnosis
 from ropeode.grading.trajectories.clock import clock_diagnosis
 from ropeode.grading.trajectories.conserved import energy_finding
 from ropeode.grading.trajectories.layout import Layout, samples_of, states_of
@@ -201,6 +203,40 @@ def test_samples_that_are_not_at_their_time(tmp_path, small_rope, known, words):
     assert [words in each.line for each in report.diagnosis] == [True]
 
 
+@pytest.mark.parametrize("columns", [2, 4])
+def test_what_is_solved_instead_is_asked(tmp_path, small_rope, known, monkeypatch, columns):
+    """Of the numbers in the files; how it is found has tests of its own."""
+    undamped = Rope(num_nodes=4, damping=0.0).problem(frames=3)
+    found, given = (Diagnosis("parameters", "no damping"),), []
+
+    def diagnose(*arguments):
+        given.extend(arguments)
+        return found
+
+    monkeypatch.setattr(trajectories, "diagnose_trajectories", diagnose)
+    made = files(tmp_path, small_rope, lambda n: right(undamped)(n)[:, :, :columns])
+    report = grade(made, known)
+    assert [each.check for each in report.failed] == ["order"]
+    assert report.diagnosis == found
+    problem, reference, runs, quantities = given
+    assert (problem, reference, quantities) == (
+        known.problem,
+        known,
+        ("position", "velocity")[: columns // 2],
+    )
+    for (dt, states), n in zip(runs, STEPS, strict=True):
+        assert dt == 1 / n
+        half = columns // 2
+        assert np.array_equal(
+            node_values(small_rope, states)[:, :, :columns], right(undamped)(n)[:, :, :columns]
+        )
+        assert np.isnan(states[:, half:]).all()
+    # A right program is not looked at.
+    given.clear()
+    grade(files(tmp_path, small_rope, right(small_rope)), known)
+    assert given == []
+
+
 ORDER_ONE = ("explicit-euler", "semi-implicit-euler", "stormer-verlet:start=rest")
 
 
@@ -258,7 +294,7 @@ def test_runs_that_blew_up(tmp_path, small_rope, known):
     def huge(n):
         return frames_of(small_rope, 1 / n, n) * (1 + 1e200 * np.arange(4)[:, None, None])
 
-    report = grade(files(tmp_path, small_rope, huge), known)
+    report = grade(files(tmp_path, small_rope, huge), known, diagnose=False)
     assert finding(report, "order").status == "fail"
 
 
