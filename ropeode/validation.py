@@ -120,8 +120,9 @@ def in_one_line(error: Exception) -> str:
 def unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
     """The complaint about a name that does not exist, with the nearest that does."""
     names = list(allowed)
-    near = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.4)
-    fix = f"did you mean {near[0]!r}?" if near else "use one of these."
+    in_lower_case = {each.lower(): each for each in names}
+    near = difflib.get_close_matches(name.lower(), in_lower_case, n=1, cutoff=0.4)
+    fix = f"did you mean {in_lower_case[near[0]]!r}?" if near else "use one of these."
     return f"{kind}: {name!r} given, which does not exist; allowed: {', '.join(names)}. Fix: {fix}"
 
 

@@ -207,6 +207,7 @@ def test_refused_by_diffrax(name):
     ("given", "words"),
     [
         ("diffrax:Huen", "did you mean 'Heun'"),
+        ("diffrax:heum", "did you mean 'Heun'"),
         ("diffrax:", "does not exist"),
         ("diffrax:AbstractERK", "does not exist"),
         ("scipy:RK54", "does not exist; allowed: BDF, DOP853"),
