@@ -70,7 +70,7 @@ def grade(
     known = reference_for(
         problem, accuracy, rtol, progress=lambda text: progress(text, 0.9), **asked
     )
-    order, notes = order_finding(known, runs, expected_order)
+    order, notes = _order(known, runs, expected_order)
     exact = "to the last digit" if off == 0.0 else f"to rounding ({off:.1e})"
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state, {exact}"),
@@ -97,6 +97,19 @@ def grade(
         notes=(*notes, *_notes(runs, known)),
         seconds=time.perf_counter() - started,
     )
+
+
+def _order(
+    reference: Reference, runs: Sequence[Run], expected: int | None
+) -> tuple[Finding, tuple[str, ...]]:
+    """The verdict on convergence; errors that a wrong count of steps explains need no order."""
+    try:
+        return order_finding(reference, runs, expected)
+    except InputError:
+        clock = clock_diagnosis(reference, runs)
+        if clock is None:
+            raise
+        return Finding("order", "fail", f"no order; {clock.line}", clock.evidence), ()
 
 
 def _solved_instead(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:

@@ -14,8 +14,8 @@ from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 
-# A shift in time explains an error of which it leaves no more than this, in the finest run and
-# in the one before.
+# A shift in time explains an error of which it leaves no more than this, in the finest run that
+# it shifts and in the one before.
 _LEFT_OVER = (0.05, 0.2)
 _ROUNDING = 1e-6
 
@@ -90,13 +90,19 @@ def clock_diagnosis(reference: Reference, runs: Sequence[Run]) -> Diagnosis | No
     since, frame = problem.ts[known] - problem.ts[0], np.arange(reference.trusted)
     best: tuple[float, Diagnosis] | None = None
     for cause, words, clock in _CLOCKS:
-        left = []
-        for run in runs[:-3:-1]:
+        left: list[float] = []
+        shifted: list[float] = []
+        for run in reversed(runs):
             late = run.dt * clock(since / run.dt, frame)
-            left.append(_left_over(problem, run, moving, late))
-        if all(one <= most for one, most in zip(left, _LEFT_OVER, strict=True)):
+            # A step that divides all frames leaves no part that could be skipped.
+            if np.any(late) and len(left) < len(_LEFT_OVER):
+                left.append(_left_over(problem, run, moving, late))
+                shifted.append(run.dt)
+        if len(left) == len(_LEFT_OVER) and all(
+            one <= most for one, most in zip(left, _LEFT_OVER, strict=True)
+        ):
             share = 100.0 * (1.0 - left[0])
-            line = f"{words}: that explains {share:.3g}% of the errors at the finest dt"
+            line = f"{words}: that explains {share:.3g}% of the errors at dt = {shifted[0]:.4g}"
             if best is None or left[0] < best[0]:
                 best = left[0], Diagnosis(cause, line, {"left_over": left[0]})
     return None if best is None else best[1]
