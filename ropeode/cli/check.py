@@ -5,8 +5,8 @@ from __future__ import annotations
 import click
 
 from ropeode.cli.formats import format_for, format_option
-from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
-from ropeode.files import check_writable, write_whole
+from ropeode.cli.running import interruptible, put_out, set_up_jax, show_progress
+from ropeode.files import check_writable
 
 
 def _names(value: str | None) -> list[str] | None:
@@ -68,10 +68,5 @@ def check(
                 progress=progress,
             )
         )
-    text = format_check(report, format_for(form, path))
-    if path:
-        with not_interrupted():
-            write_whole(path, text)
-    else:
-        click.echo(text, nl=False)
+    put_out(format_check(report, format_for(form, path)), path)
     return 0 if report.passed else 1

@@ -9,8 +9,8 @@ import click
 from ropeode.cli.formats import format_for, format_option
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
-from ropeode.files import check_writable, write_whole
+from ropeode.cli.running import interruptible, put_out, set_up_jax, show_progress
+from ropeode.files import check_writable
 
 
 @click.command()
@@ -31,11 +31,7 @@ def table(spec: Path | None, form: str | None, out: str | None, **options: str |
     job = job_from(spec, options)
     with show_progress() as progress:
         text = interruptible(lambda: format_table(job.run(progress), format_for(form, path)))
-    if path:
-        with not_interrupted():
-            write_whole(path, text)
-    else:
-        click.echo(text, nl=False)
+    put_out(text, path)
 
 
 @click.command()
@@ -49,10 +45,7 @@ def spec(command: str, out: str | None) -> None:
     else:
         from ropeode.study.spec import COMMENTED_SPEC as text
 
-    if path:
-        write_whole(path, text)
-    else:
-        click.echo(text, nl=False)
+    put_out(text, path)
 
 
 @click.command()

@@ -8,9 +8,9 @@ from typing import Any
 import click
 
 from ropeode.cli.formats import format_for, format_option
-from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
+from ropeode.cli.running import interruptible, put_out, set_up_jax, show_progress
 from ropeode.errors import InputError
-from ropeode.files import check_writable, write_whole
+from ropeode.files import check_writable
 from ropeode.validation import complaint
 
 
@@ -65,12 +65,7 @@ def grade(
                 **job.spec.asked,
             )
         )
-    text = format_check(report, format_for(form, path))
-    if path:
-        with not_interrupted():
-            write_whole(path, text)
-    else:
-        click.echo(text, nl=False)
+    put_out(format_check(report, format_for(form, path)), path)
     return 0 if report.passed else 1
 
 

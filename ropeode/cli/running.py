@@ -8,7 +8,12 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, TypeVar
+
+import click
+
+from ropeode.files import write_whole
 
 T = TypeVar("T")
 
@@ -42,6 +47,15 @@ def not_interrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def put_out(text: str, path: Path | None) -> None:
+    """Write a result to its file, whole, or print it where there is none."""
+    if path is None:
+        click.echo(text, nl=False)
+        return
+    with not_interrupted():
+        write_whole(path, text)
 
 
 def set_up_jax() -> None:
