@@ -14,6 +14,8 @@ from ropeode.problems.problem import Problem
 _FACTOR = 2.0
 # Of the exchanged energy; rounding wanders less.
 _LEAST = 1e-9
+# Of the same: a change that is no wobble, if the energy then stays at it.
+_MUCH = 0.1
 _PARTS = 8
 
 
@@ -61,19 +63,23 @@ def drift_of(problem: Problem, states: np.ndarray) -> Drift:
     slope = float(np.polyfit(np.arange(_PARTS), [np.mean(part) for part in parts], 1)[0]) * _PARTS
     largest = float(np.max(np.abs(relative)))
     evidence = {"drift": slope, "rate": slope / span, "wobble": wobble, "largest": largest}
-    if largest > 1.0:
+    if np.max(relative) > 1.0:
         line = f"energy grows to {largest:.1e} times what is exchanged, in {span:g} time units"
         return Drift("growing", line, evidence)
-    if abs(slope) > max(_FACTOR * wobble, _LEAST):
-        way = "rises" if slope > 0 else "falls"
+    # What has been lost for good, at first and then no more, has no slope any longer.
+    last = float(np.mean(parts[-1]))
+    lost = abs(last) > max(_FACTOR * float(np.ptp(parts[-1])), _MUCH)
+    if lost or abs(slope) > max(_FACTOR * wobble, _LEAST):
+        change = last if lost else slope
+        way = "rises" if change > 0 else "falls"
         return Drift(
             "drifting",
-            f"energy {way} by {abs(slope):.1e} of what is exchanged in {span:g} time units",
+            f"energy {way} by {abs(change):.1e} of what is exchanged in {span:g} time units",
             evidence,
         )
     return Drift(
         "bounded",
-        f"energy stays within {evidence['largest']:.1e} of what is exchanged for {span:g} time "
+        f"energy stays within {largest:.1e} of what is exchanged for {span:g} time "
         "units, without drift",
         evidence,
     )

@@ -10,8 +10,10 @@ import pytest
 from ropeode.grading.check import check_stepper
 from ropeode.grading.checks import CHECKS, SLOW
 from ropeode.grading.checks.stability import LIMITS
+from ropeode.grading.drift import drift_of
 from ropeode.grading.problems import convergence_problems, hanging
 from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
 from ropeode.steppers import STEPPERS
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase
@@ -172,3 +174,32 @@ def test_the_problems_tell_mistakes_apart():
     assert {tuple(np.flatnonzero(each.free == 0)) for each in args} == {(), (0,), (1,)}
     assert any(np.any(each.rest_length % 1 != 0) for each in args)
     assert any(problem.ts[0] not in (0.0,) for problem in problems)
+
+
+@pytest.mark.parametrize(
+    ("energy", "verdict", "words"),
+    [
+        (lambda s: 0.01 * np.sin(40 * s), "bounded", "stays within"),
+        (lambda s: 0.01 * np.sin(40 * s) + 0.1 * s, "drifting", "rises by"),
+        (lambda s: -0.05 * s, "drifting", "falls by"),
+        (lambda s: -0.9 * (1 - np.exp(-30 * s)), "drifting", "falls by"),
+        (lambda s: 1e-3 * np.exp(9 * s), "growing", "grows to"),
+        (lambda s: np.where(s < 0.7, 0.0, np.nan), "growing", "diverges at t = 280"),
+    ],
+)
+def test_energies_are_bounded_drifting_or_growing(energy, verdict, words):
+    """A mass that moves along a line, whose speed makes its energy what is asked for."""
+    ts = np.linspace(0.0, 400.0, 401)
+    problem = Problem.second_order(
+        lambda t, x, v, args: 0.0 * x,
+        [[0.0]],
+        [[1.0]],
+        ts,
+        energy=lambda t, y, args: 0.5 * y[1, 0, 0] ** 2 + 0.5 * y[0, 0, 0] ** 2,
+    )
+    whole = 1.0 + energy(ts / 400.0)
+    angle = 0.9 * ts
+    states = np.stack([np.sin(angle), np.cos(angle)], axis=1) * np.sqrt(2.0 * whole)[:, None]
+    found = drift_of(problem, states.reshape(-1, 2, 1, 1))
+    assert found.verdict == verdict, found.line
+    assert words in found.line
