@@ -55,8 +55,11 @@ def drift_of(problem: Problem, states: np.ndarray) -> Drift:
     if not np.all(np.isfinite(energies)):
         at = float(problem.ts[int(np.argmin(np.isfinite(energies)))])
         return Drift("growing", f"energy overflows at t = {at:g}", {"diverged_at": at})
-    # What is exchanged between motion and height or springs is what an error is large beside.
-    exchanged = float(np.ptp(energies - problem.energies(_without_motion(states))))
+    # What is exchanged at first between motion and height or springs is what an error is large
+    # beside.
+    first = len(states) // _PARTS + 1
+    motion = energies[:first] - problem.energies(_without_motion(states[:first]))
+    exchanged = float(np.ptp(motion))
     relative = (energies - energies[0]) / exchanged
     parts = np.array_split(relative, _PARTS)
     wobble = max(float(np.ptp(part)) for part in parts)
