@@ -142,17 +142,24 @@ class Fit:
 
 
 @in_float64
-def fit(seen: Observed, names: Sequence[str], start: np.ndarray | None = None) -> Fit:
+def fit(
+    seen: Observed,
+    names: Sequence[str],
+    start: np.ndarray | None = None,
+    *,
+    near: bool = False,
+) -> Fit:
     """Change some parameters so that the rope moves as was observed.
 
     The fit begins with the first samples alone, where the motion depends on the numbers
-    almost linearly, and takes in the others from there.
+    almost linearly, and takes in the others from there; unless it begins near its end.
 
     Arguments:
         seen: what was observed.
         names: of the parameters that may be changed; none to see how far the rope as it is
             claimed to be is off.
         start: changes to begin with; by default none.
+        near: whether these are near what will be found.
     """
     # Not above: it imports diffrax.
     from ropeode.grading.diagnosis.program import fitted
@@ -169,7 +176,7 @@ def fit(seen: Observed, names: Sequence[str], start: np.ndarray | None = None) -
     early = precise * (np.arange(len(precise)) < max(len(precise) // 3, 1))[:, None]
     changes = np.zeros(count) if start is None else start * free
     left, slopes = np.full(1, np.inf), np.zeros((1, count))
-    for weights in (early, precise) if names else (precise,):
+    for weights in (early, precise) if names and not near else (precise,):
         given = (problem.rhs, problem.y0, problem.args, problem.ts, units(problem), free, changes)
         target = np.nan_to_num(seen.states[1:]).reshape(weights.shape)
         changes, left, slopes = (
@@ -213,7 +220,7 @@ def explanations(seen: Observed) -> tuple[Fit, ...]:
     needed = _certainly_changed(seen.problem, whole)
     for size in range(1, len(_ENOUGH) + 1):
         fits = [
-            fit(seen, names, whole.changes)
+            fit(seen, names, whole.changes, near=True)
             for names in itertools.combinations(PARAMETERS, size)
             if needed <= {*names}
         ]

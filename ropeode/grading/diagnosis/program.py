@@ -19,7 +19,7 @@ _FINEST, _COARSEST = 1e-11, 1e-6
 # In a frame.
 _MOST_ODE_STEPS = 1024
 # Of Levenberg-Marquardt.
-_MOST_STEPS = 60
+_MOST_STEPS = 40
 # In place of what is not finite: so bad that the step is not taken.
 _WORST = 1e6
 

@@ -108,7 +108,7 @@ def _confirmed(seen: Observed, frames: int, runs: Runs) -> list[Equation]:
     beginning = dataclasses.replace(seen, uncertainty=uncertainty)
     found = []
     for first in explanations(beginning):
-        whole = fit(seen, first.names, first.changes)
+        whole = fit(seen, first.names, first.changes, near=True)
         if first.names and whole.explains and _agree(first, whole):
             solved = equation(seen, whole, runs, reference)
             if solved is not None:

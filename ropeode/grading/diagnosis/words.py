@@ -19,12 +19,15 @@ def told(equations: Sequence[Equation], reasons: Sequence[tuple[str, ...]]) -> D
         reasons: for each what may be the mistake.
     """
     first = equations[0]
-    line = f"your stepper solves, to {in_words(first)}, the rope with {_words(first)}"
-    for other in equations[1:]:
-        line += f"; or, which no run can tell apart, with {_words(other)}"
+    line = f"your stepper solves, to {in_words(first)}, the rope with "
+    if len(equations) == 1:
+        line += ": ".join(filter(None, (_words(first), "; ".join(reasons[0]))))
+    else:
+        line += "; or, which no run can tell apart, with ".join(
+            f"{_words(each)} ({'; '.join(texts)})" if texts else _words(each)
+            for each, texts in zip(equations, reasons, strict=True)
+        )
     hints = list(dict.fromkeys(text for texts in reasons for text in texts))
-    if hints:
-        line += f": {'; '.join(hints)}"
     return Diagnosis("parameters", line, _evidence(equations, hints))
 
 
