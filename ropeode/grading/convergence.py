@@ -24,9 +24,9 @@ from ropeode.simulation.trajectory import step_size
 TOLERANCE = 0.25
 # An interval wider than this says little; finer steps make it narrower.
 _WIDE = 0.4
-# A limit is another than the reference if it is further from it than so many times what each of
-# them is known to, and what rounding does to the runs.
-_LIMIT, _BOUND, _ROUNDING = 3.0, 3.0, 30.0
+# A limit is another than the reference if it is further from it than its own uncertainty, and so
+# many times the reference's bound and what rounding does to the runs.
+_BOUND, _ROUNDING = 3.0, 30.0
 # Steps per frame: where a ladder begins, its ratio, and how far it is followed.
 _COARSEST, _RATIO, _LEVELS, _MOST_STEPS = 6, 1.5, 8, 2000
 # The ratio where there is little room between coarse steps and what a reference can tell.
@@ -143,7 +143,7 @@ def converging(
             rounding=rounding,
             motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
         )
-    limits = _limits(reference, runs, orders, rounding_of, quantities or problem.quantities)
+    limits = _limits(reference, runs, rounding_of, quantities or problem.quantities)
     return Convergence(
         problem=problem.name,
         dts=dts,
@@ -158,28 +158,23 @@ def converging(
 def _limits(
     reference: Reference,
     runs: Sequence[tuple[float, np.ndarray]],
-    orders: Mapping[str, ObservedOrder],
     rounding: Mapping[str, float],
     quantities: Sequence[str],
 ) -> dict[str, tuple[float, float]]:
     """How far the limit of the runs is from the reference, and how far it may be."""
-    observed = [order.observed for order in orders.values() if order.observed is not None]
-    known = slice(0, reference.trusted)
-    finite = [(dt, states[known]) for dt, states in runs if np.all(np.isfinite(states[known]))]
-    # One power for all: positions and velocities have their errors from each other.
-    order = max(1, round(min(observed))) if observed else 1
-    limit = limit_of(finite, order)
-    if limit is None:
-        return {}
+    problem, known = reference.problem, slice(0, reference.trusted)
+    dts = [dt for dt, _ in runs]
     found = {}
     for quantity in quantities:
         norm = NORMS[f"{quantity}-max"]
-        off = distance(reference.problem, norm, limit.states, reference.states[known])
-        allowed = (
-            _LIMIT * limit.uncertainty
-            + _BOUND * reference.bound(norm)
-            + _ROUNDING * rounding[quantity]
-        )
+        limit = limit_of(dts, [problem.quantity(quantity, states[known]) for _, states in runs])
+        if limit is None:
+            continue
+        right = problem.quantity(quantity, reference.states[known])
+        off = np.max(np.linalg.norm(limit.values - right, axis=2), axis=1)
+        # The uncertainty is of components, of which a node has a few.
+        per_node = np.sqrt(right.shape[2]) * limit.uncertainty
+        allowed = per_node + _BOUND * reference.bound(norm) + _ROUNDING * rounding[quantity]
         worst = int(np.argmax(off - allowed))
         found[quantity] = float(off[worst]), float(allowed[worst])
     return found

@@ -1,4 +1,4 @@
-"""Where runs lead to as dt goes to zero, and whether that is the solution."""
+"""What runs with smaller and smaller steps tend to, and how well that is known."""
 
 from __future__ import annotations
 
@@ -6,61 +6,121 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import optimize
 
-# Terms of the error's expansion that are taken off, at most.
-_MOST_TERMS = 4
+# Fewer runs say nothing of how well the limit is known.
+FEWEST_RUNS = 3
+# Terms of the error's expansion that are taken out; more of them amplify rounding.
+_MOST_TERMS = 6
+# An order is a whole number; observed with a few coarse runs it is off by this at most.
+_WHOLE = 0.3
+_HIGHEST_ORDER = 8.4
+# Two extrapolations that differ by this may both be off by more, in the same direction.
+_SAFETY = 3.0
+# What has blown up so far is not extrapolated from.
+_HUGE = 1e100
+# Rounding in a run, in units of float64's own, before extrapolation amplifies it.
+_ROUNDING = 100.0 * float(np.finfo(np.float64).eps)
+_TINY = float(np.finfo(np.float64).tiny)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True)
 class Limit:
-    """The limit of runs for dt to zero.
+    """What one quantity of a stepper's runs tends to as dt goes to 0.
 
     Arguments:
-        states: there, ``(times, *state)``.
-        uncertainty: of each sample, ``(times,)``: how far the limit moves if a term less is
-            taken off, or the coarsest run is left out; the larger of both.
+        values: at the sample times, ``(times, ...)``.
+        uncertainty: how far from the true limit they may be at each time, ``(times,)``; an
+            estimate that does not shrink with time.
+        order: with which the runs tend to it; None where they do not depend on dt.
     """
 
-    states: np.ndarray
+    values: np.ndarray
     uncertainty: np.ndarray
+    order: int | None
 
 
-def limit_of(runs: Sequence[tuple[float, np.ndarray]], order: int) -> Limit | None:
-    """Extrapolate runs to dt = 0.
+def limit_of(
+    dts: Sequence[float], runs: Sequence[np.ndarray], rounding: float = 0.0
+) -> Limit | None:
+    """Richardson's extrapolation to dt = 0, with the order that the runs themselves show.
 
-    The error of a one-step method with equal steps has an expansion ``e_p dt^p + e_(p+1)
-    dt^(p+1) + ...``; its first terms are fitted and taken off.
+    The order is that of the differences between three successive runs. With it the terms
+    ``dt^p, dt^(p + 1), ...`` of the error are taken out, one for each further run. The
+    uncertainty is the difference to the extrapolation with one run fewer, or to the one that
+    begins at order 1, which is right whatever the order, if that is larger. Of all sequences of
+    runs (the coarsest may be pre-asymptotic, the finest rounded) the best known one counts.
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
 
     Arguments:
-        runs: step size and states ``(times, *state)`` of each, different in step size and
-            finite.
-        order: p, the first power.
+        dts: step sizes, different.
+        runs: what each gives at the same times, ``(times, ...)``; those that are not finite
+            are left out.
+        rounding: of the numbers in the runs, where they have fewer digits than float64.
 
     Returns:
-        None where there are fewer than three runs.
-
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.8.
+        None where no three runs tend to anything with a whole order.
     """
-    runs = sorted(runs, key=lambda run: run[0])
-    if len(runs) < 3:
+    usable = [(dt, run) for dt, run in zip(dts, runs, strict=True) if np.all(np.isfinite(run))]
+    if len(usable) < FEWEST_RUNS:
         return None
-    terms = min(_MOST_TERMS, len(runs) - 1)
-    # Not all runs: the coarse ones are beyond what few terms can tell.
-    finest = runs[: terms + 1]
-    best = _extrapolated(finest, order, terms)
+    usable.sort(key=lambda pair: -pair[0])
+    dt = np.array([pair[0] for pair in usable])
+    values = np.stack([pair[1] for pair in usable])
+    # Of the finest run: coarse ones may have grown huge.
+    rounding = max(rounding, _ROUNDING * float(np.max(np.abs(values[-1]))))
+    if float(np.max(np.abs(values - values[-1]))) <= rounding:
+        return Limit(values[-1], np.full(values.shape[1], max(2.0 * rounding, _TINY)), None)
+    best: Limit | None = None
+    for last in range(FEWEST_RUNS, len(dt) + 1):
+        order = _order(dt[last - 3 : last], values[last - 3 : last], rounding)
+        if order is None:
+            continue
+        for first in range(max(last - 1 - _MOST_TERMS, 0), last - FEWEST_RUNS + 1):
+            part = slice(first, last)
+            if not np.all(np.abs(values[part]) < _HUGE):
+                continue
+            found = _extrapolated(dt[part], values[part], order, rounding)
+            if best is None or found.uncertainty[-1] < best.uncertainty[-1]:
+                best = found
+    return best
+
+
+def _order(dt: np.ndarray, values: np.ndarray, rounding: float) -> int | None:
+    """The whole order that the differences of three runs show; None where they show none."""
+    with np.errstate(over="ignore"):  # Runs that blew up have huge numbers, and no order.
+        far, near = (float(np.sqrt(np.mean((values[k] - values[k + 1]) ** 2))) for k in (0, 1))
+    if not (np.isfinite(far) and rounding < near < far):
+        return None
+
+    def excess(p: float) -> float:
+        scaled = (dt / dt[0]) ** p
+        return np.log((scaled[0] - scaled[1]) / (scaled[1] - scaled[2])) - np.log(far / near)
+
+    if excess(0.3) > 0 or excess(_HIGHEST_ORDER) < 0:
+        return None
+    observed = float(optimize.brentq(excess, 0.3, _HIGHEST_ORDER))  # pyright: ignore
+    order = round(observed)
+    return order if order >= 1 and abs(observed - order) <= _WHOLE else None
+
+
+def _extrapolated(dt: np.ndarray, values: np.ndarray, order: int, rounding: float) -> Limit:
+    weights = _weights(dt, order)
+    full = np.tensordot(weights, values, 1)
     others = (
-        _extrapolated(runs[:terms], order, terms - 1),
-        _extrapolated(runs[1 : terms + 1], order, terms - 1),
+        np.tensordot(_weights(dt[1:], order), values[1:], 1),
+        np.tensordot(_weights(dt, 1), values, 1),
     )
-    axes = tuple(range(1, best.ndim))
-    apart = [np.max(np.abs(other - best), axis=axes) for other in others]
-    return Limit(best, np.maximum.accumulate(np.max(apart, axis=0)))
+    apart = np.max([np.abs(full - other).reshape(len(full), -1) for other in others], axis=(0, 2))
+    noise = rounding * float(np.sum(np.abs(weights)))
+    return Limit(full, np.maximum.accumulate(_SAFETY * apart) + noise, order)
 
 
-def _extrapolated(runs: Sequence[tuple[float, np.ndarray]], order: int, terms: int) -> np.ndarray:
-    """The constant of a fit with so many powers of dt."""
-    dts = np.array([dt for dt, _ in runs])
-    scaled = dts / dts[-1]
-    powers = np.column_stack([np.ones(len(runs)), *(scaled ** (order + k) for k in range(terms))])
-    weights = np.linalg.pinv(powers)[0]
-    return np.tensordot(weights, np.stack([states for _, states in runs]), axes=1)
+def _weights(dt: np.ndarray, order: int) -> np.ndarray:
+    """Weights of runs that add up to 1 and take out the first terms of the error."""
+    scaled = dt / dt[0]
+    rows = [np.ones_like(scaled), *(scaled ** (order + k) for k in range(len(dt) - 1))]
+    right = np.zeros(len(dt))
+    right[0] = 1.0
+    return np.linalg.solve(np.stack(rows), right)

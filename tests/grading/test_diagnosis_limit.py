@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ropeode.grading.diagnosis.limit import limit_of
 from ropeode.grading.diagnosis.rounding import rounding_of
+from ropeode.grading.limit import limit_of
 from ropeode.grading.problems import convergence_problems
 
 DTS = [0.1 / 2**k for k in range(6)]

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ropeode.grading.diagnosis.limit import Limit, limit_of
 from ropeode.grading.diagnosis.parameters import (
     PARAMETERS,
     can_change,
@@ -16,6 +15,7 @@ from ropeode.grading.diagnosis.parameters import (
     places,
     units,
 )
+from ropeode.grading.limit import Limit, limit_of
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 
