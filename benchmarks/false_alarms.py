@@ -116,7 +116,7 @@ def shown(lines: list[dict[str, Any]]) -> str:
     )
     listed = [f"- {name}, `{check}`: {line}" for name, check, line in rejected]
     head = ["check", "judged", "rejected"]
-    return "\n".join([words, *listed, "", tabulate(rows, head, tablefmt="pipe")])
+    return "\n".join([words, "", *listed, "", tabulate(rows, head, tablefmt="pipe")])
 
 
 def _by_check(counts: Counter[str], status: str) -> dict[str, int]:
