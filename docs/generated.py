@@ -322,6 +322,15 @@ def peers(name: str) -> str:
     ).stdout.rstrip()
 
 
+def judged(program: str, *show: str) -> str:
+    """What `benchmarks/mutants.py` or `false_alarms.py` found last; nothing is judged here."""
+    here = Path(__file__).parent
+    made = [here.parent / f"benchmarks/{program}.py", "--out", here / f"{program}.jsonl"]
+    return subprocess.run(
+        [sys.executable, *made, "--show", *show], check=True, capture_output=True, text=True
+    ).stdout.rstrip()
+
+
 def judged_inside() -> str:
     """A table that goes past the horizon."""
     problem, steps = Rope(damping=0.0).problem(LONG), (64, 128, 256)

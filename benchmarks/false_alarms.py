@@ -1,0 +1,127 @@
+"""How often the judge rejects a right stepper, on random ropes.
+
+    python benchmarks/false_alarms.py --ropes 8 --seed 1 --out docs/false_alarms.jsonl
+    python benchmarks/false_alarms.py --out docs/false_alarms.jsonl --show
+
+The right steppers of tests/grading/right_steppers.py, with all that may be claimed of them, are
+judged by all checks, with random ropes in place of the judge's own: masses, springs, rest lengths,
+pins, velocities, damping, drive, gravity, spans and frames are drawn. Steppers that run in Python
+get every fifth set of ropes, since they take a hundred times as long.
+
+Each set of ropes is a line of the file, written when it is known; the same command goes on where
+it was interrupted. `--show` judges nothing, and prints what the file holds, for docs/judge.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import track
+from scipy.stats import beta
+from tabulate import tabulate
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from ropeode.grading.candidate import Interpreted
+from ropeode.grading.checks import CHECKS
+from tests.grading.random_ropes import brought_once, findings, ropes
+from tests.grading.right_steppers import RIGHT
+
+CONFIDENCE = 0.95
+INTERPRETED_EVERY = 5
+
+
+def judged(seed: int, index: int) -> dict[str, Any]:
+    """One set of ropes, as a line of the file."""
+    drawn, refused = ropes(seed, index)
+    counts: Counter[str] = Counter()
+    rejected = []
+    for name in RIGHT:
+        if isinstance(brought_once(name)[0], Interpreted) and index % INTERPRETED_EVERY:
+            continue
+        for check, finding in findings(name, drawn).items():
+            counts[f"{check} {finding.status}"] += 1
+            if finding.status == "fail":
+                rejected.append([name, check, finding.line])
+    return {
+        "seed": seed,
+        "index": index,
+        "refused": refused,
+        "counts": dict(counts),
+        "rejected": rejected,
+    }
+
+
+def known(out: Path, seed: int) -> dict[int, dict[str, Any]]:
+    """The outcomes in the file; a line that was cut off does not count."""
+    found = {}
+    for text in out.read_text().splitlines() if out.exists() else ():
+        try:
+            line = json.loads(text)
+        except json.JSONDecodeError:
+            continue
+        if line["seed"] != seed:
+            raise SystemExit(f"{out} has ropes of seed {line['seed']}; give another --out")
+        found[line["index"]] = line
+    return found
+
+
+def largest_rate(rejected: int, made: int) -> float:
+    """The exact upper confidence limit (Clopper and Pearson) of a rate."""
+    return 1.0 if rejected == made else float(beta.ppf(CONFIDENCE, rejected + 1, made - rejected))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--ropes", type=int, default=8, help="random sets (default 8)")
+    parser.add_argument("--seed", type=int, default=1, help="of their drawing (default 1)")
+    parser.add_argument("--out", type=Path, required=True, help="file of outcomes, *.jsonl")
+    parser.add_argument("--show", action="store_true", help="the result; nothing is judged")
+    options = parser.parse_args()
+    # A warning out of the judge is a fault of the judge.
+    warnings.simplefilter("error")
+    found = known(options.out, options.seed)
+    left = [index for index in range(options.ropes) if index not in found and not options.show]
+    with options.out.open("a") as file:
+        for index in track(left, description="sets of ropes", console=Console(stderr=True)):
+            found[index] = judged(options.seed, index)
+            file.write(json.dumps(found[index]) + "\n")
+            file.flush()
+    print(shown(list(found.values())))
+
+
+def shown(lines: list[dict[str, Any]]) -> str:
+    """The result, in Markdown."""
+    counts: Counter[str] = Counter()
+    for line in lines:
+        counts.update(line["counts"])
+    rejected = [each for line in lines for each in line["rejected"]]
+    of = {status: _by_check(counts, status) for status in ("pass", "fail")}
+    rows = [
+        [f"`{check}`", of["pass"][check] + of["fail"][check], of["fail"][check]] for check in CHECKS
+    ]
+    made = sum(row[1] for row in rows)
+    rate = 100 * largest_rate(len(rejected), made)
+    words = (
+        f"{len(RIGHT)} steppers on {len(lines)} random sets of ropes: {made} checks, "
+        f"{len(rejected)} rejected. With {100 * CONFIDENCE:.0f} % confidence, fewer than "
+        f"{rate:.3f} % of such checks are false alarms."
+    )
+    listed = [f"- {name}, `{check}`: {line}" for name, check, line in rejected]
+    head = ["check", "judged", "rejected"]
+    return "\n".join([words, "", *listed, "", tabulate(rows, head, tablefmt="pipe")])
+
+
+def _by_check(counts: Counter[str], status: str) -> dict[str, int]:
+    return {check: counts[f"{check} {status}"] for check in CHECKS}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Wrong steppers, and the right ones that they were made from."""
