@@ -29,6 +29,7 @@ _WIDE = 0.4
 _BOUND, _ROUNDING = 3.0, 30.0
 # Steps per frame: where a ladder begins, its ratio, and how far it is followed.
 _COARSEST, _RATIO, _LEVELS, _MOST_STEPS = 6, 1.5, 8, 2000
+_PLURAL = {"position": "positions", "velocity": "velocities", "state": "states"}
 # The ratio where there is little room between coarse steps and what a reference can tell.
 _CLOSE = 1.2
 
@@ -134,7 +135,8 @@ def converging(
             for i in order_of_runs
         ]
         errors[quantity] = tuple(found)
-        rounding_of[quantity] = max(rounding)
+        # Of the finer half: coarse runs may have grown huge.
+        rounding_of[quantity] = max(rounding[len(rounding) // 2 :])
         resolution[quantity] = float(RESOLUTION_FACTOR * reference.bound(norm)[-1])
         orders[quantity] = observed_order(
             dts,
@@ -228,7 +230,7 @@ def convergence_finding(check: str, found: Convergence) -> Finding:
     faults, words, known = [], [], True
     for quantity, order in found.orders.items():
         last = found.errors[quantity][-1]
-        them = {"velocity": "velocities"}.get(quantity, f"{quantity}s")
+        them = _PLURAL[quantity]
         if order.verdict == "undetermined":
             known = False
             words.append(f"{them}: order undetermined ({order.why})")
@@ -249,11 +251,7 @@ def convergence_finding(check: str, found: Convergence) -> Finding:
             faults.append(quantity)
     for quantity, (off, allowed) in found.limits.items():
         if off > allowed:
-            words.append(
-                f"their limit is off by {off:.1e}, and known to {allowed:.0e}"
-                if quantity == "position"
-                else f"the limit of the {quantity} is off by {off:.1e}, and known to {allowed:.0e}"
-            )
+            words.append(f"limit of {_PLURAL[quantity]} off by {off:.1e} (known to {allowed:.0e})")
             faults.append(quantity)
     line = "; ".join(words)
     if found.expected is not None:
