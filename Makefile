@@ -16,7 +16,7 @@ table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
 
 test: $(VENV)/.installed-dev
-	$(VENV)/bin/python -m pytest -n auto
+	$(VENV)/bin/python -m pytest -n auto --dist loadfile
 
 check: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff check .

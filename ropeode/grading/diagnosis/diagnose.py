@@ -48,7 +48,11 @@ def diagnose(examination: Examination) -> tuple[Diagnosis, ...]:
         for found in convergences.values()
         if found.expected and outcome(found, found.expected) == "low"
     ]
-    causes = [single_precision(candidate)]
+    single = single_precision(candidate)
+    if single is not None:
+        # What it rounds away looks like other mistakes; it has to be mended first.
+        return (single,)
+    causes: list[Diagnosis | None] = []
     if wrong:
         causes += _of_another_solution(candidate)
     if lost:
