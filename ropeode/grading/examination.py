@@ -179,5 +179,6 @@ def references_ahead(problems: Iterable[Problem]) -> None:
                 reference_of(waiting.pop())
 
     for _ in range(cores()):
-        # What goes wrong is told to whoever asks for the same reference again.
-        threading.Thread(target=work, daemon=True).start()
+        # What goes wrong is told to whoever asks for the same reference again. No daemons: a
+        # process that ends while one of these compiles would be aborted.
+        threading.Thread(target=work).start()

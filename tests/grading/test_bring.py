@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import textwrap
 
 import jax.numpy as jnp
@@ -133,6 +136,19 @@ def hangs_later(acceleration, t, x, v, dt, args):
 def test_a_step_that_never_returns_is_given_up(step):
     with pytest.raises(UserCodeError, match="did not return within 1 s"):
         check_stepper(step, 1, time_limit=1.0)
+
+
+def test_a_process_may_end_while_references_are_made_ahead():
+    """It was aborted, where a thread was compiling one."""
+    code = (
+        "import time\n"
+        "from ropeode import UserCodeError, check_stepper\n"
+        "def step(rhs, t, y, dt, args): return 0 * y / 0\n"
+        "try: check_stepper(step)\n"
+        "except UserCodeError: time.sleep(1.5)\n"
+    )
+    without_cache = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120, env=without_cache)
 
 
 def prints(acceleration, t, x, v, dt, args):
