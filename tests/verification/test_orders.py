@@ -146,12 +146,13 @@ def test_declared_orders(case):
 
 @pytest.mark.parametrize("case", CASES)
 def test_velocities_have_the_order_of_positions(case):
-    problem = CASES[case]()
+    known = table_of(case).reference
+    problem = known.problem
     if problem.mechanics is None:
         pytest.skip("has no velocities")
     fitting = [each for each in VARIANTS.values() if each.refusal(problem) is None]
     wanted = [each for each in fitting if each.order(problem_class(problem)) >= 2]
-    for each in accuracy_table(problem, wanted, STEPS, norm="velocity-max").orders:
+    for each in accuracy_table(known, wanted, STEPS, norm="velocity-max").orders:
         assert each.order.verdict == "converges"
         assert each.order.observed == pytest.approx(each.expected, abs=0.25), each
 
