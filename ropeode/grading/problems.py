@@ -275,12 +275,28 @@ def swing(frames: int = 400) -> Problem:
 
 @functools.cache
 def hanging() -> Problem:
-    """A rope that hangs still from its first node, without damping.
+    """A rope that hangs still from its first node, without damping."""
+    return hanging_rope(
+        mass=np.array([1.0, 1.3, 0.7, 0.9, 1.1]),
+        stiffness=np.array([9.0, 8.0, 7.5, 9.5]),
+        rest_length=np.array([0.8, 0.7, 0.9, 0.75]),
+        gravity=0.9,
+    )
+
+
+def hanging_rope(
+    mass: np.ndarray, stiffness: np.ndarray, rest_length: np.ndarray, gravity: float
+) -> Problem:
+    """A rope with such numbers that hangs still from its first node, without damping.
 
     Each spring is longer than at rest by the weight below it over its stiffness.
+
+    Arguments:
+        mass: of each node.
+        stiffness: of each spring.
+        rest_length: of each spring.
+        gravity: its size; it points down the second axis.
     """
-    mass, stiffness = np.array([1.0, 1.3, 0.7, 0.9, 1.1]), np.array([9.0, 8.0, 7.5, 9.5])
-    rest_length, gravity = np.array([0.8, 0.7, 0.9, 0.75]), 0.9
     weight = gravity * np.cumsum(mass[::-1])[::-1]
     x0 = np.zeros((NODES, DIM))
     x0[1:, 1] = -np.cumsum(rest_length + weight[1:] / stiffness)

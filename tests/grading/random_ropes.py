@@ -137,20 +137,12 @@ def drawn_ropes(random: Random) -> dict[str, Any]:
 
 
 def hanging(random: Random) -> Problem:
-    """A random rope that hangs still; each spring carries the weight below it."""
-    mass, stiffness = numbers(random, 0.5, 1.5, NODES), numbers(random, 7.0, 10.0, NODES - 1)
-    rest_length, gravity = numbers(random, 0.6, 1.0, NODES - 1), random.uniform(0.6, 1.0)
-    weight = gravity * np.cumsum(mass[::-1])[::-1]
-    x0 = np.zeros((NODES, DIM))
-    x0[1:, 1] = -np.cumsum(rest_length + weight[1:] / stiffness)
-    return check_rope(
-        "hanging",
-        x0,
-        (0.0, 1.0),
-        mass=mass,
-        stiffness=stiffness,
-        rest_length=rest_length,
-        gravity=(0.0, -gravity, 0.0),
+    """A random rope that hangs still."""
+    return problems.hanging_rope(
+        mass=numbers(random, 0.5, 1.5, NODES),
+        stiffness=numbers(random, 7.0, 10.0, NODES - 1),
+        rest_length=numbers(random, 0.6, 1.0, NODES - 1),
+        gravity=random.uniform(0.6, 1.0),
     )
 
 
