@@ -45,13 +45,11 @@ class Manners:
         mutates: the names of the arguments that it writes to.
         repeats: whether the same input gives the same output, to the last bit.
         printed: the beginning of what it prints.
-        compiled: whether it is run as JAX compiles it.
     """
 
     mutates: tuple[str, ...] = ()
     repeats: bool = True
     printed: str = ""
-    compiled: bool = True
 
 
 def brought(given: Any) -> tuple[str, Form | Stepper]:
@@ -158,12 +156,13 @@ def examined(label: str, given: Form | Stepper) -> tuple[Candidate, Manners]:
     if isinstance(given, Stepper) and type(given).__module__.startswith("ropeode."):
         return Compiled(label, form, equal_frames=equal_frames), Manners()
     asks, loops, mutates, repeats, printed = _first_steps(form)
+    manners = Manners(mutates, repeats, printed)
     options = {"own_forces": not asks, "equal_frames": equal_frames}
     interpreted, compiled = Interpreted(label, form, **options), Compiled(label, form, **options)
     # What keeps something from call to call must not be traced: it would keep a tracer.
     if repeats and not form.in_python_only and _compiles(compiled, interpreted, loops):
-        return compiled, Manners(mutates, repeats, printed)
-    return interpreted, Manners(mutates, repeats, printed, compiled=False)
+        return compiled, manners
+    return interpreted, manners
 
 
 def _only_compiled(candidate: Compiled) -> Compiled:

@@ -14,6 +14,7 @@ from ropeode.validation import complaint
 
 _BLOCK = 2**22
 TIMES, POSITIONS, VELOCITIES, STEP = "t", "positions", "velocities", "dt"
+SAMPLES = (TIMES, POSITIONS, VELOCITIES)
 
 
 class Stored(NamedTuple):

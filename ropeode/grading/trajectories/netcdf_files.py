@@ -16,7 +16,6 @@ from ropeode.grading.trajectories.arrays import Stored
 from ropeode.grading.trajectories.layout import Block, Layout
 from ropeode.validation import complaint, in_one_line
 
-_NAMES = (arrays.TIMES, arrays.POSITIONS, arrays.VELOCITIES)
 # A chunk is read as a whole.
 _LARGEST_CHUNK = 2**28
 
@@ -81,7 +80,7 @@ class NetcdfFile:
     def _arrays(self, file: h5netcdf.File) -> dict[str, Stored]:
         return {
             name: self._stored(name, file.variables[name])
-            for name in _NAMES
+            for name in arrays.SAMPLES
             if name in file.variables
         }
 

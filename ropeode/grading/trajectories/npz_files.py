@@ -21,7 +21,6 @@ _HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
-_NAMES = (arrays.TIMES, arrays.POSITIONS, arrays.VELOCITIES)
 
 
 class NpzFile:
@@ -42,7 +41,7 @@ class NpzFile:
         self.dt: str | None = None
         with self._opened() as archive:
             self.size = path.stat().st_size
-            found = self._arrays(archive, (*_NAMES, arrays.STEP))
+            found = self._arrays(archive, (*arrays.SAMPLES, arrays.STEP))
             step = found.pop(arrays.STEP, None)
             if step is not None:
                 if step.shape not in ((), (1,)) or step.dtype.kind not in "fiu":
@@ -58,7 +57,7 @@ class NpzFile:
             InputError: the file is damaged.
         """
         with self._opened() as archive:
-            found = self._arrays(archive, _NAMES)
+            found = self._arrays(archive, arrays.SAMPLES)
             yield from arrays.blocks_of(self.layout, found, self.velocities)
 
     @contextlib.contextmanager
