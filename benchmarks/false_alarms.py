@@ -3,7 +3,7 @@
     python benchmarks/false_alarms.py --ropes 8 --seed 1 --out docs/false_alarms.jsonl
     python benchmarks/false_alarms.py --out docs/false_alarms.jsonl --show
 
-The right steppers of tests/grading/right_steppers.py, with all that may be claimed of them, are
+The right steppers of tests/checking/right_steppers.py, with all that may be claimed of them, are
 judged by all checks, with random ropes in place of the judge's own: masses, springs, rest lengths,
 pins, velocities, damping, drive, gravity, spans and frames are drawn. Steppers that run in Python
 get every fifth set of ropes, since they take a hundred times as long.
@@ -29,10 +29,10 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from ropeode.grading.candidate import Interpreted
-from ropeode.grading.checks import CHECKS
-from tests.grading.random_ropes import brought_once, findings, ropes
-from tests.grading.right_steppers import RIGHT
+from ropeode.checking.candidate import Interpreted
+from ropeode.checking.checks import CHECKS
+from tests.checking.random_ropes import brought_once, findings, ropes
+from tests.checking.right_steppers import RIGHT
 
 CONFIDENCE = 0.95
 INTERPRETED_EVERY = 5

@@ -24,9 +24,9 @@ import numpy as np
 from tabulate import tabulate
 
 from ropeode.files import replacing
-from ropeode.references.stored import netcdf
-from ropeode.references.stored.contents import Array
-from ropeode.references.stored.seal import check_seal, seal
+from ropeode.references.files import netcdf
+from ropeode.references.files.checksum import check_seal, seal
+from ropeode.references.files.encoding import Array
 
 CHUNK = 2**20
 

@@ -68,9 +68,9 @@ def write_arrays(folder: Path, count: int, nodes: int) -> list[Path]:
 
 def read(path: Path, nodes: int) -> None:
     """Read a file, and print the seconds of processor time and the megabytes that it took."""
-    from ropeode.grading.trajectories.layout import Layout
-    from ropeode.grading.trajectories.runs import FORMATS
-    from ropeode.grading.trajectories.sampling import Sampling
+    from ropeode.checking.trajectories.layout import Layout
+    from ropeode.checking.trajectories.run_files import FORMATS
+    from ropeode.checking.trajectories.sampling import Sampling
 
     problem = Rope(num_nodes=nodes).problem(frames=FRAMES)
     before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()

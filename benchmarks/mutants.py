@@ -3,7 +3,7 @@
     python benchmarks/mutants.py --out docs/mutants.jsonl
     python benchmarks/mutants.py --out docs/mutants.jsonl --show families
 
-Each mutant of tests/grading/mutants is judged by all checks, and with the claims of the right
+Each mutant of tests/checking/mutants is judged by all checks, and with the claims of the right
 stepper that it was made from. Each outcome is a line of the file, written when it is known; the
 same command goes on where it was interrupted. `--show` judges nothing, and prints a table of what
 the file holds, for docs/judge.md.
@@ -24,10 +24,10 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from ropeode.grading.checks import CHECKS, SLOW
-from tests.grading.mutants.all import MUTANTS, REFUSED, rejected_by
-from tests.grading.mutants.loops import LOOPS
-from tests.grading.mutants.survivors import SURVIVORS
+from ropeode.checking.checks import CHECKS, SLOW
+from tests.checking.mutants.all import MUTANTS, REFUSED, rejected_by
+from tests.checking.mutants.loops import LOOPS
+from tests.checking.mutants.survivors import SURVIVORS
 
 
 def known(out: Path) -> dict[str, dict[str, Any]]:

@@ -28,7 +28,7 @@ from tabulate import tabulate
 from ropeode import Problem, Rope, each_reference, reference
 from ropeode.norms import distance, norm_for
 from ropeode.problems.ensemble import Ensemble
-from ropeode.references import diffrax_solver, tracing
+from ropeode.references.solvers import diffrax_solver, program_cache
 from ropeode.threads import cores
 
 
@@ -112,7 +112,7 @@ def main() -> None:
     known = reference(problem)
     first = diffrax_solver.solve(problem, "Kvaerno5", 1e-6, 1e-4, max_steps=10)
     del first
-    tracing._compiled.cache_clear()
+    program_cache._compiled.cache_clear()
     compiled = diffrax_solver.solve(problem, "Dopri8", 1e-6, 1e-4, max_steps=10**6)
     print(f"Default rope, {given.frames} frames; truth: bound {known.bound()[-1]:.1e}.")
     print(f"ropeode compiles for {compiled.compile_seconds:.2f} s, once.")

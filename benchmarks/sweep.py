@@ -27,14 +27,14 @@ from pathlib import Path
 from tabulate import tabulate
 
 from ropeode import SweepSpec, read_sweep
-from ropeode.references.process import set_up_jax
-from ropeode.study.sweep.batches import MOST_PROBLEMS, Task
-from ropeode.study.sweep.book import work_through
-from ropeode.study.sweep.columns import RESULTS
-from ropeode.study.sweep.dask_cluster import DaskCluster
-from ropeode.study.sweep.engines import InProcess, LocalProcesses, Row
-from ropeode.study.sweep.evaluate import evaluate
-from ropeode.study.sweep.store import Store
+from ropeode.references.jax_setup import set_up_jax
+from ropeode.sweep.design.columns import RESULTS
+from ropeode.sweep.execution.dask_cluster import DaskCluster
+from ropeode.sweep.execution.engines import InProcess, LocalProcesses, Row
+from ropeode.sweep.execution.evaluate import evaluate
+from ropeode.sweep.execution.task_queue import work_through
+from ropeode.sweep.execution.tasks import MOST_PROBLEMS, Task
+from ropeode.sweep.storage.row_files import Store
 
 # Of a hundred million cases, nearly: 10000 dampings, 2500 stiffnesses, 2 steppers, 2 steps.
 HUGE = {

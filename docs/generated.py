@@ -26,16 +26,16 @@ from ropeode import (
     stability_limit,
 )
 from ropeode import horizon as horizon_of
+from ropeode.case_studies.growth import growth_scan
+from ropeode.case_studies.report import Report, rope_report
+from ropeode.case_studies.rest_time import rest_times
+from ropeode.case_studies.sweeps import sweep_study
+from ropeode.checking.adapters import adapter
+from ropeode.checking.check_context import Examination
+from ropeode.checking.report import Claims
+from ropeode.checking.stepper_loading import brought, examined
 from ropeode.errors import InputError
-from ropeode.experiments.growth import growth_scan
-from ropeode.experiments.report import Report, rope_report
-from ropeode.experiments.rest_time import rest_times
-from ropeode.experiments.sweeps import sweep_study
 from ropeode.files import write_whole
-from ropeode.grading.adapters import adapter
-from ropeode.grading.bring import brought, examined
-from ropeode.grading.examination import Examination
-from ropeode.grading.report import Claims
 from ropeode.precision import in_float64
 from ropeode.render.plots.answers import plot_growth, plot_rest_times, plot_sweeps
 from ropeode.render.plots.files import figure_bytes

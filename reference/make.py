@@ -14,10 +14,10 @@ from pathlib import Path
 
 from ropeode.cli.running import set_up_jax, show_progress
 from ropeode.files import write_whole
-from ropeode.references.stored.catalogue import MANIFEST, Entry
-from ropeode.references.stored.recipes import read_recipe
-from ropeode.references.stored.seal import check_seal
-from ropeode.references.stored.store import save_reference
+from ropeode.references.files.checksum import check_seal
+from ropeode.references.files.library import MANIFEST, Entry
+from ropeode.references.files.recipes import read_recipe
+from ropeode.references.files.store import save_reference
 
 HERE = Path(__file__).resolve().parent
 

@@ -16,22 +16,22 @@ if TYPE_CHECKING:
     from ropeode.analysis.motion import Motion, Thresholds, classify_motion
     from ropeode.analysis.order import ObservedOrder, observed_order
     from ropeode.analysis.stability import growth_per_frame, stability_limit
+    from ropeode.case_studies.report import Report, rope_report
+    from ropeode.checking.check import check_stepper
+    from ropeode.checking.grade import grade
+    from ropeode.checking.problems import CheckArgs
+    from ropeode.checking.report import CheckReport
     from ropeode.errors import InputError, ReferenceRefused, RopeodeError, UserCodeError
-    from ropeode.experiments.report import Report, rope_report
-    from ropeode.grading.check import check_stepper
-    from ropeode.grading.grade import grade
-    from ropeode.grading.problems import CheckArgs
-    from ropeode.grading.report import CheckReport
     from ropeode.problems.ensemble import Ensemble
     from ropeode.problems.inextensible_rope import InextensibleRope
     from ropeode.problems.links import LinearDamping, Links
     from ropeode.problems.problem import Problem
     from ropeode.problems.rope import Rope
     from ropeode.references.ensemble import each_reference
+    from ropeode.references.files.library import load
+    from ropeode.references.files.store import load_reference, save_reference
+    from ropeode.references.files.verify import Verification, verify_reference
     from ropeode.references.reference import Reference, reference
-    from ropeode.references.stored.catalogue import load
-    from ropeode.references.stored.store import load_reference, save_reference
-    from ropeode.references.stored.verify import Verification, verify_reference
     from ropeode.render.formats import (
         format_check,
         format_horizon,
@@ -50,10 +50,10 @@ if TYPE_CHECKING:
     from ropeode.study.curves import energy_curves, error_curves
     from ropeode.study.horizon import Horizon, horizon
     from ropeode.study.node_paths import node_paths
-    from ropeode.study.sweep.load import load_sweep
-    from ropeode.study.sweep.run import run_sweep
-    from ropeode.study.sweep.spec import SweepSpec, read_sweep
-    from ropeode.study.sweep.summary import SweepSummary
+    from ropeode.sweep.design.spec import SweepSpec, read_sweep
+    from ropeode.sweep.run import run_sweep
+    from ropeode.sweep.storage.load import load_sweep
+    from ropeode.sweep.storage.summary import SweepSummary
 
 _MODULES = {
     "analysis.equilibrium": ("hanging_equilibrium",),
@@ -62,12 +62,12 @@ _MODULES = {
     "analysis.motion": ("Motion", "Thresholds", "classify_motion"),
     "analysis.order": ("ObservedOrder", "observed_order"),
     "analysis.stability": ("growth_per_frame", "stability_limit"),
-    "experiments.report": ("Report", "rope_report"),
+    "case_studies.report": ("Report", "rope_report"),
     "errors": ("InputError", "ReferenceRefused", "RopeodeError", "UserCodeError"),
-    "grading.check": ("check_stepper",),
-    "grading.grade": ("grade",),
-    "grading.problems": ("CheckArgs",),
-    "grading.report": ("CheckReport",),
+    "checking.check": ("check_stepper",),
+    "checking.grade": ("grade",),
+    "checking.problems": ("CheckArgs",),
+    "checking.report": ("CheckReport",),
     "problems.ensemble": ("Ensemble",),
     "problems.inextensible_rope": ("InextensibleRope",),
     "problems.links": ("LinearDamping", "Links"),
@@ -75,9 +75,9 @@ _MODULES = {
     "problems.rope": ("Rope",),
     "references.ensemble": ("each_reference",),
     "references.reference": ("Reference", "reference"),
-    "references.stored.catalogue": ("load",),
-    "references.stored.store": ("load_reference", "save_reference"),
-    "references.stored.verify": ("Verification", "verify_reference"),
+    "references.files.library": ("load",),
+    "references.files.store": ("load_reference", "save_reference"),
+    "references.files.verify": ("Verification", "verify_reference"),
     "render.formats": (
         "format_check",
         "format_horizon",
@@ -96,10 +96,10 @@ _MODULES = {
     "study.curves": ("energy_curves", "error_curves"),
     "study.horizon": ("Horizon", "horizon"),
     "study.node_paths": ("node_paths",),
-    "study.sweep.load": ("load_sweep",),
-    "study.sweep.run": ("run_sweep",),
-    "study.sweep.spec": ("SweepSpec", "read_sweep"),
-    "study.sweep.summary": ("SweepSummary",),
+    "sweep.storage.load": ("load_sweep",),
+    "sweep.run": ("run_sweep",),
+    "sweep.design.spec": ("SweepSpec", "read_sweep"),
+    "sweep.storage.summary": ("SweepSummary",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -23,8 +23,9 @@ ALLOWED = {
     "references": {"problems", "norms"},
     "analysis": {"problems", "norms", "steppers", "simulation", "references"},
     "study": {"problems", "norms", "steppers", "simulation", "references", "analysis"},
-    "experiments": {"problems", "steppers", "simulation", "analysis", "study", "references"},
-    "grading": {
+    "case_studies": {"problems", "steppers", "simulation", "analysis", "study", "references"},
+    "sweep": {"problems", "norms", "steppers", "simulation", "references", "analysis", "study"},
+    "checking": {
         "problems",
         "norms",
         "steppers",
@@ -40,11 +41,12 @@ ALLOWED = {
         "references",
         "analysis",
         "study",
-        "experiments",
-        "grading",
+        "case_studies",
+        "checking",
+        "sweep",
     },
-    "cli": {"problems", "references", "study", "experiments", "grading", "render"},
-    "pytest_plugin": {"grading", "render"},
+    "cli": {"problems", "references", "study", "sweep", "case_studies", "checking", "render"},
+    "pytest_plugin": {"checking", "render"},
     "__main__": {"cli"},
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from ropeode.study.sweep.engines import LocalProcesses, on_one_core
+from ropeode.sweep.execution.engines import LocalProcesses, on_one_core
 from ropeode.threads import cores, threads, use_cores
 
 

@@ -15,7 +15,7 @@ from scipy.integrate import odeint, solve_ivp
 from against.right_hand_sides import Compiled
 from against.timing import Peers
 from ropeode import Problem
-from ropeode.references import diffrax_solver
+from ropeode.references.solvers import diffrax_solver
 
 MOST_STEPS = 10**6
 _SCIPY_TIGHTEST = 100 * np.finfo(np.float64).eps

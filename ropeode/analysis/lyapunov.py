@@ -17,8 +17,8 @@ from ropeode.analysis.equilibrium import free_coordinates
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references import diffrax_solver
 from ropeode.references.ladder import EXPLICIT, IMPLICIT, Progress, step_budget
+from ropeode.references.solvers import diffrax_solver
 from ropeode.validation import check_positive, check_whole, complaint
 
 # Frames are divided until there are so many samples, to have something to average.

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ropeode.analysis.equilibrium import hanging_equilibrium
-from ropeode.analysis.measures import Seen, lengthening, measured
+from ropeode.analysis.motion_measures import Seen, lengthening, measured
 from ropeode.errors import InputError
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem

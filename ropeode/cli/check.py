@@ -49,7 +49,7 @@ def check(
     """
     path = check_writable("out", out) if out else None
     set_up_jax()
-    from ropeode.grading.check import TIME_LIMIT, check_stepper
+    from ropeode.checking.check import TIME_LIMIT, check_stepper
     from ropeode.render.formats import format_check
 
     with show_progress() as progress:

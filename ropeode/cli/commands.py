@@ -41,7 +41,7 @@ def spec(command: str, out: str | None) -> None:
     """Print a commented spec file for `ropeode table`, or for `ropeode sweep`."""
     path = check_writable("out", out) if out else None
     if command == "sweep":
-        from ropeode.study.sweep.spec import COMMENTED_SWEEP as text
+        from ropeode.sweep.design.spec import COMMENTED_SWEEP as text
     else:
         from ropeode.study.spec import COMMENTED_SPEC as text
 

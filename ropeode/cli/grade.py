@@ -50,7 +50,7 @@ def grade(
         fix = "give --problem SPEC; `ropeode grade --init DIR` writes one"
         raise InputError(complaint("problem", "none", "the problem that they are of", fix))
     set_up_jax()
-    from ropeode.grading.grade import grade as graded
+    from ropeode.checking.grade import grade as graded
     from ropeode.render.formats import format_check
 
     job = _job(problem, reference)
@@ -89,7 +89,7 @@ def _init(folder: str, problem: str | None, more: bool) -> int:
         allowed, fix = "no other option but --problem", "leave out the others"
         raise InputError(complaint("init", folder, allowed, fix))
     set_up_jax()
-    from ropeode.grading.start import write_start
+    from ropeode.checking.starter_files import write_start
 
     job = None if problem is None else _job(problem, None)
     for name in write_start(folder, job):

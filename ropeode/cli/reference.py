@@ -35,9 +35,9 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
     """
     path = check_writable("out", out)
     set_up_jax()
+    from ropeode.references.dense.dense_output import with_dense_output
+    from ropeode.references.files.store import save_reference
     from ropeode.references.reference import TIME_LIMIT, Reference, reference_for
-    from ropeode.references.refine import with_dense_output
-    from ropeode.references.stored.store import save_reference
     from ropeode.render.reference import summary
 
     job = job_from(spec, options)
@@ -64,8 +64,8 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
 @click.argument("file", type=click.Path(path_type=Path))
 def show(file: Path) -> None:
     """Print what the reference in FILE is and what its bound rests on."""
-    from ropeode.references.stored.catalogue import find
-    from ropeode.references.stored.store import stored_facts
+    from ropeode.references.files.library import find
+    from ropeode.references.files.store import stored_facts
     from ropeode.render.reference import as_text
 
     click.echo(as_text(stored_facts(find(file))), nl=False)
@@ -74,7 +74,7 @@ def show(file: Path) -> None:
 @reference.command("list")
 def list_library() -> None:
     """List the stored library: references that come with the package."""
-    from ropeode.references.stored.catalogue import entries
+    from ropeode.references.files.library import entries
     from ropeode.render.reference import library_list
 
     click.echo(library_list(entries()), nl=False)
@@ -91,8 +91,8 @@ def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
     """
     set_up_jax()
     from ropeode.problems.files import load_problem
-    from ropeode.references.stored.catalogue import find
-    from ropeode.references.stored.verify import verify_reference
+    from ropeode.references.files.library import find
+    from ropeode.references.files.verify import verify_reference
     from ropeode.render.reference import verification_words
     from ropeode.validation import check_positive
 

@@ -42,7 +42,7 @@ def report(
     end_on_ctrl_c("finished runs are kept; the same command goes on from there")
     import platformdirs
 
-    from ropeode.experiments.report import rope_report
+    from ropeode.case_studies.report import rope_report
     from ropeode.render.formats import format_report
 
     numbers = [part.strip() for part in figures.split(",")] if figures is not None else None

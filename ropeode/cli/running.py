@@ -60,7 +60,7 @@ def put_out(text: str, path: Path | None) -> None:
 
 def set_up_jax() -> None:
     """64-bit types, and what is traced and compiled kept in the user's cache folder."""
-    from ropeode.references.process import set_up_jax as set_up
+    from ropeode.references.jax_setup import set_up_jax as set_up
 
     set_up()
 

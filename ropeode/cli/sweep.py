@@ -38,7 +38,7 @@ def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend
     set_up_jax()
     end_on_ctrl_c("finished cases are kept; the same command goes on from there")
     from ropeode.render.sweep import as_text
-    from ropeode.study.sweep.run import run_sweep
+    from ropeode.sweep.run import run_sweep
 
     with show_cases() as progress:
         summary = interruptible(
@@ -59,6 +59,6 @@ def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend
 def show(folder: Path) -> None:
     """Print how far the sweep in DIR is, and what each stepper makes of it."""
     from ropeode.render.sweep import as_text
-    from ropeode.study.sweep.summary import summarize
+    from ropeode.sweep.storage.summary import summarize
 
     click.echo(as_text(summarize(folder)), nl=False)

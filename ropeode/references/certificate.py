@@ -11,7 +11,7 @@ import numpy as np
 
 from ropeode.norms import NORMS, Norm, distance
 from ropeode.problems.problem import Problem
-from ropeode.references.solution import Solution
+from ropeode.references.solvers.solution import Solution
 
 # The bound is this many times the largest difference between the runs. See docs/certificate.md
 # for how often and how tightly it covers the true error.

@@ -38,7 +38,7 @@ from ropeode.references.reference import (
     Reference,
     motion,
 )
-from ropeode.references.solution import Solution
+from ropeode.references.solvers.solution import Solution
 
 TIGHTEST_RTOL = 1e-14
 _PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")

@@ -27,7 +27,7 @@ from ropeode.references.reference import (
     checked,
     reference,
 )
-from ropeode.references.solution import Solution
+from ropeode.references.solvers.solution import Solution
 from ropeode.threads import cores, threads
 from ropeode.validation import check_whole, unknown
 
@@ -57,7 +57,7 @@ def each_reference(
 
     The primary solver makes of each member what it makes of that alone, to the last bit, on
     as many threads as there are processors. The independent solver solves many members side
-    by side; see `ropeode.references.dop853`. Stiff members, those with jump times, and where
+    by side; see `references.solvers.dop853`. Stiff members, those with jump times, and where
     it fails have SciPy's solver in its place, as `reference` has.
 
     Arguments:
@@ -144,7 +144,7 @@ def _references(
 def _independent(made: Sequence[Primary]) -> Iterator[Solution]:
     """The independent run of each."""
     # Not above: it imports SciPy's solvers, which takes long.
-    from ropeode.references import dop853
+    from ropeode.references.solvers import dop853
 
     together = [
         index

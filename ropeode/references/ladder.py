@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ropeode.problems.problem import Problem
-from ropeode.references import diffrax_solver
-from ropeode.references.solution import Solution
+from ropeode.references.solvers import diffrax_solver
+from ropeode.references.solvers.solution import Solution
 
 # A solver of order p needs 10^(1/p) times the steps for one more digit: 1.33 for Dopri8 and
 # 1.58 for Kvaerno5. Where one more digit costs more than this factor, the error estimate has
@@ -44,7 +44,7 @@ EXPLICIT = Method("Dopri8", "DOP853", (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1
 IMPLICIT = Method("Kvaerno5", "Radau", (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
 
 
-# The independent solver of many problems; see `ropeode.references.dop853`.
+# The independent solver of many problems; see `ropeode.references.solvers.dop853`.
 SIDE_BY_SIDE = "ropeode DOP853"
 
 
@@ -151,7 +151,7 @@ def solve_independent(
 ) -> Solution:
     """The SciPy solver at the tolerance of `tightest`; at that of `looser` if it gets stuck."""
     # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
-    from ropeode.references import scipy_solver
+    from ropeode.references.solvers import scipy_solver
 
     for like in (tightest, looser):
         progress(f"reference: SciPy {method.independent} at {like.rtol:.0e}")

@@ -12,7 +12,7 @@ from ropeode.norms import Norm, distance, norm_for
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate, Level
-from ropeode.references.dense import Dense
+from ropeode.references.dense.polynomials import Dense
 from ropeode.references.ladder import Progress
 from ropeode.validation import check_positive, complaint, unknown
 
@@ -169,7 +169,7 @@ def reference(
         digits: to which two runs in extended precision are to agree.
         time_limit: in seconds, for all runs in extended precision.
         dense: whether the states between the samples are to be known as well; see
-            `ropeode.references.refine`.
+            `ropeode.references.dense.dense_output`.
         progress: called with a few words before each run.
 
     Returns:
@@ -198,7 +198,7 @@ def reference(
         )
     if dense:
         # Not above: that module builds on this one.
-        from ropeode.references.refine import with_dense_output
+        from ropeode.references.dense.dense_output import with_dense_output
 
         known = reference(
             problem,

@@ -10,7 +10,7 @@ from typing import Any
 
 from tabulate import tabulate
 
-from ropeode.grading.report import CheckReport, Claims, Convergence
+from ropeode.checking.report import CheckReport, Claims, Convergence
 from ropeode.render import markup
 from ropeode.render.data import without_infinities
 from ropeode.render.markup import Block, Grid, Heading, Paragraph

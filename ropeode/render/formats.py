@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from ropeode.case_studies.report import Report
+from ropeode.checking.report import CheckReport
 from ropeode.errors import InputError
-from ropeode.experiments.report import Report
-from ropeode.grading.report import CheckReport
 from ropeode.render import check as of_check
 from ropeode.render import horizon as of_horizon
 from ropeode.render import report as of_report

@@ -10,11 +10,11 @@ import numpy as np
 from tabulate import tabulate
 
 from ropeode.references.certificate import Certificate
+from ropeode.references.files.encoding import dense_name
+from ropeode.references.files.library import Entry
+from ropeode.references.files.store import Facts
+from ropeode.references.files.verify import Verification
 from ropeode.references.reference import Reference
-from ropeode.references.stored.catalogue import Entry
-from ropeode.references.stored.contents import dense_name
-from ropeode.references.stored.store import Facts
-from ropeode.references.stored.verify import Verification
 from ropeode.render.plain_text import wrapped
 
 _COLUMNS, _ROWS = 60, 8

@@ -8,8 +8,8 @@ import io
 import json
 from typing import Any
 
-from ropeode.experiments.claims import FAILS, HOLDS, predicted
-from ropeode.experiments.report import Judged, Moved, Reading, Report
+from ropeode.case_studies.claims import FAILS, HOLDS, predicted
+from ropeode.case_studies.report import Judged, Moved, Reading, Report
 from ropeode.render import markup
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.plain_text import wrapped

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ropeode.render.plain_text import WIDTH, wrapped
-from ropeode.study.sweep.columns import STATUSES
-from ropeode.study.sweep.summary import StepperSummary, SweepSummary
+from ropeode.sweep.design.columns import STATUSES
+from ropeode.sweep.storage.summary import StepperSummary, SweepSummary
 from ropeode.validation import shown
 
 _REASONS = 5

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.problem import Mechanics
-from ropeode.simulation.one_kernel import in_one_kernel
+from ropeode.simulation.kernel_fusion import in_one_kernel
 from ropeode.simulation.system import stored, system
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase

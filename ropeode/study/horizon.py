@@ -19,8 +19,8 @@ from ropeode.references.certificate import Role, largest_norms, padded
 from ropeode.references.extended.library import heyoka
 from ropeode.references.extended.solution import ExtendedSolution, extended_solution
 from ropeode.references.reference import Reference, reference
-from ropeode.references.rerun import witness_runs
-from ropeode.references.solution import Solution
+from ropeode.references.solvers.solution import Solution
+from ropeode.references.witnesses import witness_runs
 from ropeode.validation import check_positive, complaint
 
 SPANS = (100.0, 300.0, 1000.0)

@@ -281,8 +281,8 @@ class TableJob:
     ) -> Reference:
         """The stored reference; its problem must be the one that is described, if one is."""
         # Not above: HDF5 takes its time to load, and most tables need none of it.
-        from ropeode.references.stored.catalogue import find
-        from ropeode.references.stored.store import reference_from, stored_facts
+        from ropeode.references.files.library import find
+        from ropeode.references.files.store import reference_from, stored_facts
 
         assert self.spec.reference is not None
         beside = (folder or Path()) / self.spec.reference

@@ -17,7 +17,7 @@ from ropeode.problems.kepler import kepler
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.diffrax_solver import solve
+from ropeode.references.solvers.diffrax_solver import solve
 
 
 def lorenz(t, y, args):

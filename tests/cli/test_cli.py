@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ropeode.cli import main as cli_main
-from ropeode.references.stored.catalogue import entries
+from ropeode.references.files.library import entries
 
 RUN = [sys.executable, "-m", "ropeode"]
 QUICK = ["table", "--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "8,12,18"]

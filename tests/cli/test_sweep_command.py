@@ -12,7 +12,7 @@ from PIL import Image
 from ropeode.cli import sweep as command
 from ropeode.cli.main import cli
 from ropeode.errors import InputError
-from ropeode.study.sweep.spec import COMMENTED_SWEEP, read_sweep
+from ropeode.sweep.design.spec import COMMENTED_SWEEP, read_sweep
 
 SPEC = """
 problem = "oscillator"
@@ -86,7 +86,7 @@ def test_what_cannot_be_shown(arguments, words, swept, monkeypatch):
 @pytest.mark.parametrize("package", ["pyarrow", "filelock", "pandas"])
 def test_a_missing_extra_is_one_line(package, swept, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
-    from ropeode.study.sweep.run import run_sweep
+    from ropeode.sweep.run import run_sweep
 
     with pytest.raises(InputError, match=rf"^{package}: .*pip install 'ropeode\[data\]'$"):
         run_sweep(swept / "spec.toml", swept / "other")
@@ -94,7 +94,7 @@ def test_a_missing_extra_is_one_line(package, swept, monkeypatch):
 
 def test_without_dask(swept, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    from ropeode.study.sweep.run import run_sweep
+    from ropeode.sweep.run import run_sweep
 
     with pytest.raises(InputError, match=r"^distributed: .*pip install 'ropeode\[dask\]'$"):
         run_sweep(swept / "spec.toml", swept / "other", scheduler="tcp://localhost:8786")

@@ -19,9 +19,9 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from ropeode.grading.convergence import convergence_finding, converging, steps_to_dts
-from ropeode.grading.examination import reference_of
-from ropeode.grading.problems import convergence_problems, generic
+from ropeode.checking.check_context import reference_of
+from ropeode.checking.convergence import convergence_finding, converging, steps_to_dts
+from ropeode.checking.problems import convergence_problems, generic
 from ropeode.norms import NORMS, distance
 from ropeode.references.reference import reference
 

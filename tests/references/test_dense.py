@@ -14,12 +14,12 @@ from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references import refine
 from ropeode.references.certificate import largest_norms
-from ropeode.references.dense import Dense, hermite, time_derivatives
+from ropeode.references.dense import dense_output
+from ropeode.references.dense.polynomials import Dense, hermite, time_derivatives
+from ropeode.references.files.store import load_reference, save_reference
+from ropeode.references.files.verify import verify_reference
 from ropeode.references.reference import reference
-from ropeode.references.stored.store import load_reference, save_reference
-from ropeode.references.stored.verify import verify_reference
 from tests.verification.extrapolation import rope_solution
 
 RANDOM = np.random.default_rng(7)
@@ -162,14 +162,14 @@ def test_too_few_nodes_are_told(monkeypatch):
     """The bound says what was measured, whatever the nodes are good for."""
     problem = PROBLEMS["oscillator"](frames=4)
     known = reference(problem, accuracy=1e-2)
-    monkeypatch.setattr(refine, "_MOST_BYTES", 0)
-    coarse = refine.with_dense_output(known)
+    monkeypatch.setattr(dense_output, "_MOST_BYTES", 0)
+    coarse = dense_output.with_dense_output(known)
     times = random_times(coarse)
     over = errors_over_bounds(coarse, times, problem.exact(times))["position"]
     assert np.max(over) <= 1.0
     assert 1e-12 < coarse.dense.bounds["position"][-1] <= 1e-2
     with pytest.raises(ReferenceRefused, match="no dense output for .* already the bound is"):
-        refine.with_dense_output(reference(problem, accuracy=1e-12))
+        dense_output.with_dense_output(reference(problem, accuracy=1e-12))
 
 
 def test_it_comes_back_from_a_file_and_verifies(kepler, jumping, tmp_path):
@@ -205,8 +205,8 @@ def test_wrong_polynomials_are_measured(monkeypatch):
         found[:, 2:] *= 1 + 1e-3
         return found
 
-    monkeypatch.setattr(refine, "time_derivatives", wrong)
-    monkeypatch.setattr(refine, "_MOST_PASSES", 2)
+    monkeypatch.setattr(dense_output, "time_derivatives", wrong)
+    monkeypatch.setattr(dense_output, "_MOST_PASSES", 2)
     problem = PROBLEMS["forced"](frames=4)
     known = reference(problem, dense=True, accuracy=1.0)
     times = random_times(known)

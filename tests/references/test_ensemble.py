@@ -9,8 +9,9 @@ import pytest
 import ropeode
 from ropeode import InputError, Problem, ReferenceRefused, each_reference, reference
 from ropeode.problems.ensemble import Ensemble
-from ropeode.references import dop853, ensemble, scipy_solver
-from ropeode.references.rerun import witness_runs
+from ropeode.references import ensemble
+from ropeode.references.solvers import dop853, scipy_solver
+from ropeode.references.witnesses import witness_runs
 
 
 def square(t, y, args):

@@ -8,7 +8,7 @@ import pytest
 from ropeode.norms import distance
 from ropeode.references.certificate import largest_norms
 from ropeode.references.reference import reference
-from ropeode.references.rerun import witness_runs
+from ropeode.references.witnesses import witness_runs
 
 
 @pytest.mark.parametrize("rtol", [None, 1e-9])

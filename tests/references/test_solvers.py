@@ -10,7 +10,7 @@ import pytest
 
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references import diffrax_program, diffrax_solver, scipy_solver, tracing
+from ropeode.references.solvers import diffrax_program, diffrax_solver, program_cache, scipy_solver
 
 SOLVERS = {
     **{f"diffrax {name}": (diffrax_solver, name) for name in diffrax_program.SOLVERS},
@@ -141,9 +141,9 @@ def test_the_budget_is_kept(name):
 
 
 def test_one_compilation_serves_a_ladder():
-    tracing._compiled.cache_clear()
+    program_cache._compiled.cache_clear()
     for damping in (0.01, 0.2):
         problem = Rope(num_nodes=3, damping=damping).problem(frames=2)
         for rtol in (1e-6, 1e-8):
             diffrax_solver.solve(problem, "Dopri8", rtol, rtol, max_steps=1000)
-    assert tracing._compiled.cache_info().misses == 1
+    assert program_cache._compiled.cache_info().misses == 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ropeode.problems.problem import Problem
-from ropeode.references import diffrax_solver, tracing
+from ropeode.references.solvers import diffrax_solver, program_cache
 
 
 @pytest.fixture
@@ -16,9 +16,9 @@ def kept(tmp_path, monkeypatch):
     """A folder for traces, without Equinox's checks, as the command line has it."""
     # It says so before Equinox is imported, and here that has happened.
     monkeypatch.setattr(equinox.internal, "error_if", lambda x, *_: x)
-    monkeypatch.setattr(tracing, "_folder", tmp_path / "traced")
+    monkeypatch.setattr(program_cache, "_folder", tmp_path / "traced")
     yield tmp_path / "traced"
-    tracing._compiled.cache_clear()
+    program_cache._compiled.cache_clear()
 
 
 def logistic():
@@ -26,7 +26,7 @@ def logistic():
 
 
 def solve(problem):
-    tracing._compiled.cache_clear()
+    program_cache._compiled.cache_clear()
     return diffrax_solver.solve(problem, "Dopri8", 1e-9, 1e-9, max_steps=1000)
 
 
@@ -35,10 +35,10 @@ def test_a_kept_trace_is_the_same_program(kept, monkeypatch):
     (path,) = kept.iterdir()
     # Without the folder the program is compiled as it is traced, and what is read is not traced.
     with monkeypatch.context() as patch:
-        patch.setattr(tracing, "_folder", None)
+        patch.setattr(program_cache, "_folder", None)
         plain = solve(logistic())
     with monkeypatch.context() as patch:
-        patch.setattr(tracing, "_traced", None)
+        patch.setattr(program_cache, "_traced", None)
         read = solve(logistic())
     assert plain.states.tobytes() == traced.states.tobytes() == read.states.tobytes()
     assert plain.steps == traced.steps == read.steps
@@ -46,17 +46,17 @@ def test_a_kept_trace_is_the_same_program(kept, monkeypatch):
     whole = path.read_bytes()
     for damage in (b"", b"no line", whole.replace(b"\n", b"0\n", 1), whole[:-1]):
         path.write_bytes(damage)
-        assert tracing._read(path) is None
+        assert program_cache._read(path) is None
     assert solve(logistic()).states.tobytes() == read.states.tobytes()
-    assert tracing._read(path) is not None
+    assert program_cache._read(path) is not None
 
 
 def key_of(rhs, y0=(1.0,), ts=(0.0, 1.0), args=1.0, solver="Dopri8", jumps=0):
     leaves, tree = jax.tree.flatten(np.asarray(args))
     abstract = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
     with jax.enable_x64(True):
-        return tracing._key(
-            tracing.Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps, False)
+        return program_cache._key(
+            program_cache.Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps, False)
         )
 
 
@@ -105,5 +105,5 @@ def test_what_cannot_be_kept_is_solved_all_the_same(kept):
 
 def test_a_folder_that_cannot_be_written_to_is_no_fault(tmp_path):
     (tmp_path / "file").write_text("no folder")
-    tracing._write(tmp_path / "file" / "a.traced", b"a trace")
+    program_cache._write(tmp_path / "file" / "a.traced", b"a trace")
     assert (tmp_path / "file").read_text() == "no folder"

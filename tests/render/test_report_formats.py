@@ -12,8 +12,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from ropeode.case_studies.report import Moved, Report, rope_report
 from ropeode.errors import InputError
-from ropeode.experiments.report import Moved, Report, rope_report
 from ropeode.render.formats import FORMATS, REPORT_FORMATS, format_report
 from ropeode.render.report import SCHEMA, as_dict, summary
 

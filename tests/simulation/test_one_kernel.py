@@ -9,8 +9,8 @@ import pytest
 
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.simulation import one_kernel, simulate
-from ropeode.simulation.one_kernel import in_one_kernel
+from ropeode.simulation import kernel_fusion, simulate
+from ropeode.simulation.kernel_fusion import in_one_kernel
 from ropeode.simulation.program import slot
 from ropeode.steppers import STEPPERS
 
@@ -33,7 +33,7 @@ def counting(function):
 
 def test_small_loops_are_marked_and_large_ones_are_not():
     loop = counting(lambda y: y + 0.5 * jnp.sin(y))
-    for size, marked in ((100, True), (one_kernel._LARGEST // 8, False)):
+    for size, marked in ((100, True), (kernel_fusion._LARGEST // 8, False)):
         program = compiled(loop, np.ones(size), np.int64(3))
         assert ("xla_cpu_small_call" in program.as_text()) == marked
         expected = np.ones(size)
@@ -89,7 +89,7 @@ def test_the_same_with_and_without(stepper, monkeypatch):
     ).problem(frames=3)
     with_it = simulate(rope, stepper, 12)
     slot.cache_clear()
-    monkeypatch.setattr(one_kernel, "_LARGEST", -1)
+    monkeypatch.setattr(kernel_fusion, "_LARGEST", -1)
     without = simulate(rope, stepper, 12)
     assert with_it.status == without.status == "ok"
     # The same operations, but a product and a sum may be rounded together in one and not in

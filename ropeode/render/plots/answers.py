@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ropeode.experiments.growth import MeasuredGrowth
-from ropeode.experiments.rest_time import RestTime
-from ropeode.experiments.sweeps import SweepStudy
+from ropeode.case_studies.growth import MeasuredGrowth
+from ropeode.case_studies.rest_time import RestTime
+from ropeode.case_studies.sweeps import SweepStudy
 from ropeode.render.plots.style import STYLE, new_figure, stepper_style
 
 _HEIGHT = 3.4

@@ -9,9 +9,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
-from ropeode.experiments.figures import ENDS
-from ropeode.experiments.report import Judged, Reading, Report
-from ropeode.experiments.runs import Progress
+from ropeode.case_studies.figures import ENDS
+from ropeode.case_studies.report import Judged, Reading, Report
+from ropeode.case_studies.runs import Progress
 from ropeode.problems.rope import Rope
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.style import COLOURS, STYLE, new_figure

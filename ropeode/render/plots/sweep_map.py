@@ -18,8 +18,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from ropeode.errors import InputError
 from ropeode.render.plots.style import STYLE, WIDTH, new_figure, wrapped
-from ropeode.study.sweep.columns import COLUMNS, INPUTS
-from ropeode.study.sweep.load import load_sweep
+from ropeode.sweep.design.columns import COLUMNS, INPUTS
+from ropeode.sweep.storage.load import load_sweep
 from ropeode.validation import complaint, unknown
 
 if TYPE_CHECKING:

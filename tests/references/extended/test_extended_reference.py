@@ -15,8 +15,8 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.certificate import largest_norms
+from ropeode.references.files.store import load_reference, save_reference
 from ropeode.references.reference import reference
-from ropeode.references.stored.store import load_reference, save_reference
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
 

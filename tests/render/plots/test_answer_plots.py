@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.experiments.growth import MeasuredGrowth
-from ropeode.experiments.rest_time import RestTime
-from ropeode.experiments.sweeps import sweep_study
+from ropeode.case_studies.growth import MeasuredGrowth
+from ropeode.case_studies.rest_time import RestTime
+from ropeode.case_studies.sweeps import sweep_study
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.render.plots.answers import plot_growth, plot_rest_times, plot_sweeps
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from ropeode.errors import InputError
 from ropeode.render.plots.sweep_map import NOT_COMPUTED, plot_sweep
-from ropeode.study.sweep.columns import COLUMNS
+from ropeode.sweep.design.columns import COLUMNS
 
 DAMPINGS, STEPS = (0.01, 0.1, 1.0), (16, 32, 64, 128)
 

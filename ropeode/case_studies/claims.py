@@ -1,0 +1,97 @@
+"""Whether a figure's claim holds for a motion, and what was measured, in words."""
+
+from __future__ import annotations
+
+import math
+
+from ropeode.analysis.motion import Motion, Words
+from ropeode.analysis.stability import Growth
+from ropeode.case_studies.figures import Claim
+from ropeode.errors import InputError
+from ropeode.validation import complaint
+
+HOLDS, FAILS = "holds", "does not hold"
+
+
+def holds_until(frame: int) -> str:
+    """The verdict on a claim that holds up to a frame and not beyond it."""
+    return f"holds until frame {frame}"
+
+
+def verdict(claim: Claim, motion: Motion | Words, growth: Growth) -> str:
+    """Whether a claim holds: `HOLDS`, `FAILS`, or `holds_until` a frame.
+
+    A claim about what lasts holds until the frame at which it ends. That a rope never settles
+    is known only as far as it was watched, where linear theory has it come to rest later on.
+
+    Arguments:
+        claim: of a figure in which something moves.
+        motion: what was measured.
+        growth: of disturbances of hanging still, by linear theory.
+    """
+    if claim == "diverges":
+        return HOLDS if motion.diverged_at is not None else FAILS
+    if claim == "swings":
+        return _lasting(motion.swings > 0, motion.diverged_at)
+    if claim == "never_settles":
+        if motion.settled_at is not None and motion.unsettled_at is None:
+            return FAILS
+        if motion.diverged_at is not None:
+            return holds_until(motion.diverged_at)
+        return holds_until(motion.frames) if rest_expected(motion, growth) else HOLDS
+    settled = motion.settled_at is not None
+    if claim == "settles_without_swinging":
+        settled = settled and not motion.swings
+    elif claim != "settles":
+        raise InputError(complaint("claim", claim, "the claim of a figure that moves", "see them"))
+    return _lasting(settled, motion.unsettled_at)
+
+
+def _lasting(so_far: bool, ended_at: int | None) -> str:
+    if not so_far:
+        return FAILS
+    return HOLDS if ended_at is None else holds_until(ended_at)
+
+
+def rest_expected(motion: Motion | Words, growth: Growth) -> int | None:
+    """The frame by which the slowest mode has decayed to what counts as rest, by theory.
+
+    None where it does not decay.
+    """
+    if growth.rate >= -growth.tolerance:
+        return None
+    return math.ceil(-math.log(motion.thresholds.speed) / -growth.rate)
+
+
+def measured(motion: Motion, growth: Growth) -> str:
+    """What a rope did, in a sentence without its end."""
+    swings = f"{motion.swings} swing{'s' if motion.swings != 1 else ''}"
+    said = [swings if motion.swings else "no swing"]
+    if motion.settled_at is not None:
+        left = f" to {motion.unsettled_at}" if motion.unsettled_at is not None else ""
+        said.append(f"at rest from frame {motion.settled_at}{left}")
+    if motion.diverged_at is not None:
+        said.append(f"flies apart at frame {motion.diverged_at}")
+    elif motion.settled_at is None or motion.unsettled_at is not None:
+        said.append(f"moving at frame {motion.frames}")
+        if expected := rest_expected(motion, growth):
+            said[-1] += f" (rest expected near {expected})"
+    if motion.diverged_at is None:
+        said.append(f"stretch {100 * motion.largest_stretch:.2g}%")
+    return ", ".join(said)
+
+
+def predicted(growth: Growth) -> str:
+    """What linear theory has happen to a rope that hangs still, in a few words."""
+    if not growth.stable:
+        return (
+            f"unstable: grows by e in {_frames(1 / growth.rate)}, out of rounding by frame "
+            f"{growth.predicted_blow_up}"
+        )
+    if growth.rate < -growth.tolerance:
+        return f"stable: slowest mode decays by e in {_frames(-1 / growth.rate)}"
+    return "neither grows nor decays"
+
+
+def _frames(number: float) -> str:
+    return f"{number:.0f} frames" if number >= 100 else f"{number:.3g} frames"

@@ -1,0 +1,228 @@
+"""diffrax's solvers as steppers: `AbstractSolver.init` and `step`, with steps of one size."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import optimistix
+
+from ropeode.checking.step_signatures import Equations, Form
+from ropeode.errors import InputError
+from ropeode.validation import complaint, unknown
+
+# The root finder of implicit solvers that were given none with a tolerance: their own takes it
+# from an adaptive controller, which there is none of here, and VeryChord of diffrax 0.7.2 gives
+# up on every step that its second iteration does not settle (patrick-kidger/diffrax#754).
+# Newton's method squares its error, so that what is left of the equations at this tolerance is
+# rounding.
+_NEWTON = optimistix.Newton(rtol=1e-9, atol=1e-9)
+_UNSET = diffrax.Kvaerno3().root_finder.rtol
+
+
+@dataclasses.dataclass(frozen=True)
+class DiffraxForm(Form):
+    """A solver that takes the whole right-hand side as one term.
+
+    Arguments:
+        solver: a diffrax solver.
+    """
+
+    in_jax_only: ClassVar[bool] = True
+    solver: diffrax.AbstractSolver
+
+    @property
+    def documented_order(self) -> int | None:
+        """What the solver says of itself, for ordinary differential equations."""
+        return self.solver.order(diffrax.ODETerm(lambda t, y, args: y))
+
+    def init(self, equations: Equations, args: Any, t: Any, y: Any, dt: Any) -> Any:
+        """The state, and the solver's own."""
+        y = self.split(y)
+        return y, self.solver.init(self.terms(equations), t, t + dt, y, args)
+
+    def step(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:
+        """One step; not-a-number where an implicit equation was not solved."""
+        y, own = carried
+        y, _, _, own, result = self.solver.step(
+            self.terms(equations), t, t + dt, y, args, own, made_jump=False
+        )
+        solved = result == diffrax.RESULTS.successful
+        return jax.tree.map(lambda leaf: jnp.where(solved, leaf, jnp.nan), y), own
+
+    def state(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:
+        """The state alone."""
+        del equations, args, t, dt
+        return self.joined(carried[0])
+
+    def terms(self, equations: Equations) -> Any:
+        """The equations as this solver wants them."""
+        return diffrax.ODETerm(equations.rhs)
+
+    def split(self, y: Any) -> Any:
+        """The state as this solver wants it."""
+        return y
+
+    def joined(self, y: Any) -> Any:
+        """The opposite of `split`."""
+        return y
+
+
+class ExplicitImplicitForm(DiffraxForm):
+    """A solver that takes a slow term explicitly and a fast one implicitly (IMEX).
+
+    The force at rest at time 0 is implicit, along with ``x' = v``: springs and gravity. What
+    velocity and time change of it is explicit: damping and drive.
+    """
+
+    def terms(self, equations: Equations) -> Any:
+        """Both terms, in the order of the solver's tableaus."""
+
+        def springs(t: Any, y: Any, args: Any) -> Any:
+            return _mechanical(equations)(jnp.zeros_like(t), y[0], jnp.zeros_like(y[1]), args)
+
+        def implicit(t: Any, y: Any, args: Any) -> Any:
+            return jnp.stack([y[1], springs(t, y, args)])
+
+        def explicit(t: Any, y: Any, args: Any) -> Any:
+            forces = _mechanical(equations)(t, y[0], y[1], args)
+            return jnp.stack([jnp.zeros_like(y[1]), forces - springs(t, y, args)])
+
+        return diffrax.MultiTerm(
+            *(
+                diffrax.ODETerm(implicit if tableau.implicit else explicit)
+                for tableau in _tableaus(self.solver)
+            )
+        )
+
+
+class PositionVelocityForm(DiffraxForm):
+    """A solver that takes ``x' = f(t, v)`` and ``v' = g(t, x)`` as two terms."""
+
+    takes_damping: ClassVar[bool] = False
+
+    def terms(self, equations: Equations) -> Any:
+        """Both terms."""
+
+        def velocity(t: Any, v: Any, args: Any) -> Any:
+            del t, args
+            return v
+
+        def force(t: Any, x: Any, args: Any) -> Any:
+            return _mechanical(equations)(t, x, jnp.zeros_like(x), args)
+
+        return diffrax.ODETerm(velocity), diffrax.ODETerm(force)
+
+    def split(self, y: Any) -> Any:
+        """Positions and velocities."""
+        return y[0], y[1]
+
+    def joined(self, y: Any) -> Any:
+        """One state."""
+        return jnp.stack(y)
+
+
+def _mechanical(equations: Equations) -> Callable:
+    assert equations.acceleration is not None
+    return equations.acceleration
+
+
+def names() -> list[str]:
+    """The names of all solvers that diffrax exports."""
+    return sorted(
+        name
+        for name, each in vars(diffrax).items()
+        if inspect.isclass(each)
+        and issubclass(each, diffrax.AbstractSolver)
+        and not name.startswith("Abstract")
+    )
+
+
+def by_name(name: str) -> DiffraxForm:
+    """A solver by the name that diffrax exports it under.
+
+    Arguments:
+        name: of the class, such as ``Heun``.
+
+    Raises:
+        InputError: diffrax has none of that name, or it is not for ordinary differential
+            equations.
+    """
+    if name not in names():
+        raise InputError(unknown("solver of diffrax", name, names()))
+    form = by_object(getattr(diffrax, name))
+    assert form is not None
+    return form
+
+
+def by_object(given: Any) -> DiffraxForm | None:
+    """A solver object, or a class that is made without arguments; None if it is neither.
+
+    Arguments:
+        given: anything.
+
+    Raises:
+        InputError: it is a solver that is not for ordinary differential equations, or a
+            class that needs arguments.
+    """
+    if inspect.isclass(given) and issubclass(given, diffrax.AbstractSolver):
+        given = _made(given)
+    if not isinstance(given, diffrax.AbstractSolver):
+        return None
+    return _form_class(given)(_with_root_finder(given))
+
+
+def _made(solver: type[diffrax.AbstractSolver]) -> diffrax.AbstractSolver:
+    try:
+        return solver()
+    except TypeError:
+        raise InputError(
+            f"diffrax:{solver.__name__}: it cannot be made without arguments; allowed: solvers "
+            f"that can. Fix: make it in Python, as in "
+            f"check_stepper(diffrax.{solver.__name__}(...))."
+        ) from None
+
+
+def _form_class(solver: diffrax.AbstractSolver) -> type[DiffraxForm]:
+    structure = solver.term_structure
+    tableaus = _tableaus(solver)
+    if len(tableaus) == 2 and sum(bool(tableau.implicit) for tableau in tableaus) == 1:
+        return ExplicitImplicitForm
+    if structure is diffrax.AbstractTerm or structure is diffrax.ODETerm:
+        return DiffraxForm
+    if structure == (diffrax.AbstractTerm, diffrax.AbstractTerm):
+        return PositionVelocityForm
+    name = type(solver).__name__
+    raise InputError(
+        complaint(
+            "solver of diffrax",
+            name,
+            "solvers of ordinary differential equations; this one wants a noise term, or others "
+            "that a rope has not",
+            "take another, such as diffrax:Heun",
+        )
+    )
+
+
+def _tableaus(solver: Any) -> tuple[Any, ...]:
+    """Those of a solver that has several."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _tableaus(solver.solver)
+    tableau = getattr(solver, "tableau", None)
+    return tableau.tableaus if isinstance(tableau, diffrax.MultiButcherTableau) else ()
+
+
+def _with_root_finder(solver: Any) -> Any:
+    """Give an implicit solver a root finder that needs no adaptive controller."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return dataclasses.replace(solver, solver=_with_root_finder(solver.solver))
+    if not isinstance(solver, diffrax.AbstractImplicitSolver):
+        return solver
+    finder = solver.root_finder
+    unset = finder.rtol is _UNSET or finder.atol is _UNSET
+    return dataclasses.replace(solver, root_finder=_NEWTON) if unset else solver

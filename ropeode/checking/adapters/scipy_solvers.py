@@ -1,0 +1,184 @@
+"""SciPy's `OdeSolver` classes as steppers of constant step."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy import integrate
+
+from ropeode.checking.step_signatures import Equations, Form
+from ropeode.errors import InputError
+from ropeode.validation import complaint, unknown
+
+# Why a solver cannot be graded.
+REFUSED = {
+    integrate.BDF: "it chooses among orders 1 to 5, and a step rests on those before it",
+    integrate.LSODA: "it chooses among methods and orders, and a step rests on those before it",
+}
+# The orders in SciPy's documentation.
+_ORDERS: dict[Callable, int] = {
+    integrate.RK23: 3,
+    integrate.RK45: 5,
+    integrate.DOP853: 8,
+    integrate.Radau: 5,
+}
+# How closely Radau solves its equations, in units of the state. Rounding hides what is left, and
+# the six iterations that it allows itself still get there.
+_NEWTON = 1e-14
+# A tolerance that lets any error pass, of the largest component.
+_LOOSE = 1e6
+
+
+@dataclasses.dataclass(frozen=True)
+class ScipyForm(Form):
+    """A solver class, of which each step makes a new solver that takes one step.
+
+    The first step is as long as the largest one and all there is to go, and any error is
+    tolerated. The solver's time is that since the step began, so that all steps of a frame are
+    equally long to the last bit.
+
+    Arguments:
+        method: the class.
+    """
+
+    in_python_only: ClassVar[bool] = True
+    method: Callable[..., integrate.OdeSolver]
+
+    @property
+    def documented_order(self) -> int | None:
+        """As in SciPy's documentation; None for classes from elsewhere."""
+        return _ORDERS.get(self.method)
+
+    def step(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:
+        """One step; not-a-number where the solver would have taken a shorter one."""
+        if not np.all(np.isfinite(carried)):
+            return carried
+
+        def field(since: float, y: np.ndarray) -> np.ndarray:
+            return equations.rhs(t + since, y.reshape(carried.shape), args).reshape(-1)
+
+        solver = self.solver(field, carried.reshape(-1), dt, **self.options(equations, t, args))
+        solver.step()
+        taken = solver.status == "finished" and solver.step_size == dt
+        return solver.y.reshape(carried.shape) if taken else np.full_like(carried, np.nan)
+
+    def options(self, equations: Equations, t: float, args: Any) -> dict[str, Any]:
+        """What else the class takes."""
+        del equations, t, args
+        return {}
+
+    def solver(
+        self, field: Callable, y: np.ndarray, dt: float, *, atol: float = np.inf, **options: Any
+    ) -> integrate.OdeSolver:
+        """A solver that is about to take one step of length `dt`."""
+        return self.method(
+            field, 0.0, y, dt, first_step=dt, max_step=dt, rtol=1e-3, atol=atol, **options
+        )
+
+
+class RadauForm(ScipyForm):
+    """Radau, whose Newton iteration converges in a norm that is made of the tolerances.
+
+    With the tolerances that let any error pass it would end at once. So they are finite, and
+    the limit of the iteration is set on the solver.
+    """
+
+    def options(self, equations: Equations, t: float, args: Any) -> dict[str, Any]:
+        """The exact Jacobian: differences across a spring without length have no limit."""
+        slope = _jacobian(inspect.unwrap(_mechanical(equations)))
+        return {"jac": lambda since, y: np.asarray(slope(t + since, y, args))}
+
+    def solver(
+        self, field: Callable, y: np.ndarray, dt: float, *, atol: float = np.inf, **options: Any
+    ) -> integrate.OdeSolver:
+        """As in `ScipyForm`, with a limit of its own for the iteration."""
+        loose = min(atol, _LOOSE * max(1.0, float(np.max(np.abs(y)))))
+        solver = super().solver(field, y, dt, atol=loose, **options)
+        assert isinstance(solver, integrate.Radau)
+        solver.newton_tol = _NEWTON / loose
+        return solver
+
+
+def _mechanical(equations: Equations) -> Callable:
+    assert equations.acceleration is not None
+    return equations.acceleration
+
+
+@functools.lru_cache(maxsize=16)
+def _jacobian(acceleration: Callable) -> Callable:
+    """That of ``(x, v)' = (v, a)``, in JAX, on flat states."""
+
+    def field(t: Any, y: Any, args: Any) -> Any:
+        x, v = y.reshape(2, len(args.mass), -1)
+        return jnp.concatenate([v.reshape(-1), acceleration(t, x, v, args).reshape(-1)])
+
+    return jax.jit(jax.jacfwd(field, argnums=1))
+
+
+def names() -> list[str]:
+    """The names of all solver classes that SciPy exports."""
+    return sorted(
+        name
+        for name, each in vars(integrate).items()
+        if inspect.isclass(each)
+        and issubclass(each, integrate.OdeSolver)
+        and each is not integrate.OdeSolver
+    )
+
+
+def by_name(name: str) -> ScipyForm:
+    """A solver class by the name that SciPy exports it under.
+
+    Arguments:
+        name: such as ``RK45``.
+
+    Raises:
+        InputError: SciPy has none of that name, or it cannot take constant steps.
+    """
+    if name not in names():
+        raise InputError(unknown("solver of scipy", name, names()))
+    form = by_object(getattr(integrate, name))
+    assert form is not None
+    return form
+
+
+def by_object(given: Any) -> ScipyForm | None:
+    """The form of an `OdeSolver` class; None if it is none.
+
+    Arguments:
+        given: anything.
+
+    Raises:
+        InputError: it cannot take constant steps, or is a solver object, which has its problem
+            already.
+    """
+    if isinstance(given, integrate.OdeSolver):
+        name = type(given).__name__
+        raise InputError(
+            complaint(
+                "solver of scipy",
+                f"{name} object",
+                "classes; an object has its problem already",
+                f"give the class, scipy.integrate.{name}",
+            )
+        )
+    if not (inspect.isclass(given) and issubclass(given, integrate.OdeSolver)):
+        return None
+    for refused, why in REFUSED.items():
+        if issubclass(given, refused):
+            raise InputError(
+                complaint(
+                    "solver of scipy",
+                    given.__name__,
+                    f"one-step methods of one order; {why}",
+                    "take another, such as scipy:RK45",
+                )
+            )
+    return (RadauForm if issubclass(given, integrate.Radau) else ScipyForm)(given)

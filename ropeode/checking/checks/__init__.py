@@ -1,0 +1,62 @@
+"""The checks, by name, in the order in which they are reported."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+from ropeode.checking.check_context import Examination
+from ropeode.checking.checks.conservation import energy, free_flight, momentum, pins
+from ropeode.checking.checks.orders import order
+from ropeode.checking.checks.rounding import float32, zero_length
+from ropeode.checking.checks.side_effects import determinism, first_sample, purity
+from ropeode.checking.checks.stability import stability
+from ropeode.checking.checks.structure import reversible, symplectic
+from ropeode.checking.checks.symmetry import (
+    boost,
+    mirror,
+    node_order,
+    rotation,
+    time_shift,
+    translation,
+    units,
+)
+from ropeode.checking.problems import convergence_problems
+from ropeode.checking.report import Finding
+
+Check = Callable[[Examination], Finding]
+
+CHECKS: dict[str, Check] = {
+    "determinism": determinism,
+    "purity": purity,
+    "first-sample": first_sample,
+    **{f"order-{name}": functools.partial(order, problem=name) for name in convergence_problems()},
+    "free-flight": free_flight,
+    "pins": pins,
+    "momentum": momentum,
+    "translation": translation,
+    "boost": boost,
+    "rotation": rotation,
+    "mirror": mirror,
+    "node-order": node_order,
+    "time-shift": time_shift,
+    "units": units,
+    "stability": stability,
+    "energy": energy,
+    "symplectic": symplectic,
+    "reversible": reversible,
+    "float32": float32,
+    "zero-length": zero_length,
+}
+
+# What is left out where there is little time. Damping, drive and unlike numbers are in the two
+# orders that stay.
+SLOW = (
+    "order-textbook",
+    "order-damped",
+    "order-uneven",
+    "order-free",
+    "stability",
+    "energy",
+    "symplectic",
+)

@@ -1,0 +1,34 @@
+"""Convergence to the right solution, and its order."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ropeode.checking.check_context import Examination
+from ropeode.checking.convergence import convergence_finding
+from ropeode.checking.problems import convergence_problems
+from ropeode.checking.report import Finding
+
+
+def order(examination: Examination, problem: str) -> Finding:
+    """The observed order on one of `convergence_problems`, against its certified reference.
+
+    Arguments:
+        examination: of the stepper.
+        problem: the problem's name.
+    """
+    check = f"order-{problem}"
+    if refusal := examination.refusal(convergence_problems()[problem]):
+        return Finding(check, "skip", refusal)
+    found = convergence_finding(check, examination.convergence(problem))
+    whole, solved = convergence_problems()[problem], examination.problem(problem)
+    left_out = [
+        f"no {force}: {why}"
+        for force, why in examination.cannot_be_told.items()
+        if not np.array_equal(getattr(whole.args, force), getattr(solved.args, force))
+    ]
+    if not left_out:
+        return found
+    return dataclasses.replace(found, line=f"{found.line} ({'; '.join(left_out)})")

@@ -1,0 +1,129 @@
+"""Up to which step size an undamped oscillation stays small."""
+
+from __future__ import annotations
+
+import math
+
+import jax
+import numpy as np
+
+from ropeode.analysis.equilibrium import frequencies
+from ropeode.checking.candidate import Candidate
+from ropeode.checking.check_context import Examination
+from ropeode.checking.jacobian import jacobian
+from ropeode.checking.problems import hanging
+from ropeode.checking.report import Finding
+from ropeode.problems.problem import Problem
+
+# The largest dt omega of each method in theory: where its stability function leaves the unit
+# disc on the imaginary axis (Hairer, Wanner, Solving Ordinary Differential Equations II, section
+# IV.2), and for the others Hairer, Lubich, Wanner, Geometric Numerical Integration, section I.5.
+LIMITS = {
+    "explicit-euler": 0.0,
+    "semi-implicit-euler": 2.0,
+    "stormer-verlet": 2.0,
+    "velocity-verlet": 2.0,
+    "rk4": 2.0 * math.sqrt(2.0),
+}
+# In units of 1/omega: where the search begins, and where it is given up.
+_SMALLEST, _LARGEST = 0.05, 8.0
+_GRID = 24
+# The factor by which a mode may grow in a step, as far as finite differences can tell.
+_GROWTH = 1e-6
+_PRECISION = 1e-4
+# How far from theory a limit may lie.
+_AGREE = 0.01
+
+
+def stability(examination: Examination) -> Finding:
+    """The largest ``dt omega`` at which small undamped oscillations do not grow."""
+    limit = stability_limit(examination.candidate)
+    evidence = {"limit": limit}
+    line = _words(limit)
+    method = (examination.claims.method or "").partition(":")[0]
+    if method not in LIMITS:
+        return Finding("stability", "note", line, evidence)
+    theory = LIMITS[method]
+    evidence["theory"] = theory
+    agrees = abs(limit - theory) <= _AGREE * max(theory, _SMALLEST)
+    line += f"; {method} in theory: {theory:.3f}"
+    return Finding("stability", "pass" if agrees else "fail", line, evidence)
+
+
+def _words(limit: float) -> str:
+    if limit == 0.0:
+        return f"unstable at every dt, even at dt = {_SMALLEST:g}/omega"
+    if limit >= _LARGEST:
+        return f"stable at every dt up to {_LARGEST:g}/omega"
+    return f"stable up to dt = {limit:.3f}/omega without damping"
+
+
+def stability_limit(candidate: Candidate) -> float:
+    """The largest ``dt omega`` up to which no mode of a hanging rope grows.
+
+    The eigenvalues of the derivative of one step about the rope at rest are the factors by
+    which modes grow (von Neumann's criterion); omega is the rope's largest frequency.
+
+    Arguments:
+        candidate: whose step it is.
+
+    Returns:
+        0 where it is unstable at the smallest step tried, and 8 where it is stable at the
+        largest.
+    """
+    problem = hanging()
+    omega = float(frequencies(problem, problem.y0)[-1])
+
+    def stable(z: float) -> bool:
+        return _largest_factor(candidate, problem, z / omega) <= 1.0 + _GROWTH
+
+    if not stable(_SMALLEST):
+        return 0.0
+    low = _SMALLEST
+    for z in np.geomspace(_SMALLEST, _LARGEST, _GRID)[1:]:
+        if not stable(float(z)):
+            high = float(z)
+            break
+        low = float(z)
+    else:
+        return _LARGEST
+    while high - low > _PRECISION * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _largest_factor(candidate: Candidate, problem: Problem, dt: float) -> float:
+    """The spectral radius of one step, over what can move of what is carried."""
+    carried, step = candidate.first_step(problem, dt)
+    leaves, tree = jax.tree.flatten(jax.tree.map(np.array, carried))
+    free = np.broadcast_to((problem.args.free > 0.0)[:, None], problem.y0.shape[1:])
+    moving = [
+        np.broadcast_to(free, leaf.shape)
+        if leaf.shape[-2:] == free.shape
+        else np.ones(leaf.shape, dtype=bool)
+        for leaf in leaves
+    ]
+    # What counts, and is no number that could be disturbed, stays as it is.
+    moving = [
+        mask & np.issubdtype(leaf.dtype, np.floating)
+        for mask, leaf in zip(moving, leaves, strict=True)
+    ]
+
+    def of_moving(z: np.ndarray) -> np.ndarray:
+        given, at = [], 0
+        for leaf, mask in zip(leaves, moving, strict=True):
+            new, count = leaf.copy(), int(np.sum(mask))
+            new[mask] = z[at : at + count]
+            given.append(new)
+            at += count
+        after = jax.tree.leaves(step(jax.tree.unflatten(tree, given)))
+        return np.concatenate(
+            [np.asarray(leaf)[mask] for leaf, mask in zip(after, moving, strict=True)]
+        )
+
+    start = np.concatenate([leaf[mask] for leaf, mask in zip(leaves, moving, strict=True)])
+    matrix = jacobian(of_moving, start, 1e-2)
+    if not np.all(np.isfinite(matrix)):
+        return np.inf
+    return float(np.max(np.abs(np.linalg.eigvals(matrix))))

@@ -1,0 +1,216 @@
+"""What to begin with: a spec, the initial state, and a program that writes trajectories."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import tempfile
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ropeode.checking.trajectories.layout import Layout, samples_of
+from ropeode.errors import InputError
+from ropeode.files import check_writable
+from ropeode.problems.files import file_and_name
+from ropeode.problems.library import ROPES
+from ropeode.problems.problem import Problem
+from ropeode.study.spec import TableJob
+from ropeode.validation import complaint
+
+# The coarsest step is at most so much of 1/omega of the stiffest spring between lightest nodes.
+_COARSEST, _LEVELS = 0.8, 4
+
+
+def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
+    """Write a folder with all that is needed to begin, whole or not at all.
+
+    Arguments:
+        folder: a new one.
+        job: whose problem is to be solved; by default that of the default rope.
+
+    Returns:
+        The paths of the files.
+
+    Raises:
+        InputError: the folder exists already, or cannot be made.
+    """
+    path = Path(folder)
+    if path.exists():
+        raise InputError(complaint("init", str(path), "a new folder", "give one that is not there"))
+    check_writable("init", path)
+    texts = _texts(job or TableJob({}))
+    part = None
+    try:
+        part = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
+        for name, text in texts.items():
+            (part / name).write_text(text, encoding="utf-8")
+        mask = os.umask(0)
+        os.umask(mask)
+        part.chmod(0o777 & ~mask)
+        part.rename(path)
+    except OSError as error:
+        allowed = f"a folder that can be made ({error.strerror or error})"
+        raise InputError(complaint("init", str(path), allowed, "choose another")) from error
+    finally:
+        if part is not None:
+            shutil.rmtree(part, ignore_errors=True)
+    return [str(path / name) for name in texts]
+
+
+def _texts(job: TableJob) -> dict[str, str]:
+    problem = job.problem
+    texts = {
+        "spec.toml": _spec(job),
+        "initial.csv": _initial(problem),
+        "README.md": _page(problem),
+    }
+    if problem.parameters.get("kind") == "rope":
+        numbers = "\n".join(_numbers(problem))
+        texts["rope.cpp"] = _template("rope.cpp").replace("@NUMBERS@", numbers)
+    return texts
+
+
+def _template(name: str) -> str:
+    return resources.files(__name__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _spec(job: TableJob) -> str:
+    """A spec that stands for itself, wherever it lies."""
+    lines = [
+        "# What trajectories are held against. `ropeode spec` shows all that may stand here.",
+        "",
+    ]
+    spec, parameters = job.spec, dict(job.problem.parameters)
+    rope = ROPES.get(parameters.get("kind", ""))
+    if spec.reference is not None:
+        lines += [
+            "# A reference, which says the problem as well.",
+            _setting("reference", _stored(job)),
+        ]
+    elif rope is not None:
+        lines += [
+            '# "rope" has springs, "inextensible-rope" has rigid links.',
+            _setting("kind", parameters["kind"]),
+        ]
+    else:
+        lines += ["# A problem of the library, or FILE.py:NAME.", _setting("problem", _named(job))]
+    if spec.reference is None and (frames := parameters.get("frames", spec.frames)) is not None:
+        lines += ["", "# How many frames are solved: samples are at the end of each."]
+        lines += [_setting("frames", frames)]
+    asked = {name: value for name, value in spec.asked.items() if value != "consensus"}
+    if asked:
+        lines += ["", "# What is asked of the reference."]
+        lines += [_setting(name, value) for name, value in asked.items()]
+    if rope is not None and spec.reference is None:
+        lines += ["", "[rope]"]
+        for name, field in rope.model_fields.items():
+            extra: Any = field.json_schema_extra
+            lines += [f"# {extra['allowed']}", _setting(name, parameters[name])]
+    return "\n".join([*lines, ""])
+
+
+def _stored(job: TableJob) -> str:
+    """The reference's name; with the whole path where it is a file."""
+    assert job.spec.reference is not None
+    beside = (job.folder or Path()) / job.spec.reference
+    return str(beside.resolve()) if beside.exists() else job.spec.reference
+
+
+def _named(job: TableJob) -> str:
+    """The problem's name; with the whole path where it is in a file."""
+    if ":" not in job.spec.problem:
+        return job.spec.problem
+    path, name = file_and_name(job.spec.problem, job.folder)
+    return f"{path.resolve()}:{name}"
+
+
+def _setting(name: str, value: Any) -> str:
+    # These values are written in JSON as they are in TOML.
+    return f"{name} = {json.dumps(value)}"
+
+
+def _initial(problem: Problem) -> str:
+    """The initial state as CSV."""
+    header = Layout.of(problem).headers[-1]
+    values = samples_of(problem, problem.y0[None])[0]
+    return "\n".join([header, *_rows(float(problem.ts[0]), values), ""])
+
+
+def _rows(time: float, values: np.ndarray) -> list[str]:
+    return [
+        ",".join([f"{time:g}", str(node), *map(_number, row)])
+        for node, row in enumerate(values.tolist())
+    ]
+
+
+def _number(value: float) -> str:
+    return repr(value).removesuffix(".0")
+
+
+def _page(problem: Problem) -> str:
+    layout, ts = Layout.of(problem), problem.ts
+    steps, name = ["1", "2", "3"], "run"
+    program = ""
+    if problem.parameters.get("kind") == "rope":
+        name, steps = "rope", _steps(problem)
+        program = _template("program.md")
+    grade = (
+        f"ropeode grade {' '.join(f'{name}-{n}.csv' for n in steps)} --problem spec.toml --order 2"
+    )
+    words = f"The {problem.name} of `spec.toml`: {layout.nodes} nodes with {layout.dim} coordinates"
+    times = ", ".join(f"{t:g}" for t in ts)
+    if len(ts) > 4 and problem.equal_frames:
+        times = f"{ts[0]:g}, {ts[1]:g}, {ts[2]:g}, ..., {ts[-1]:g}"
+    both = (
+        "- Velocities, if there are any in the program; without them positions alone are judged.\n"
+    )
+    values = {
+        "PROGRAM": program,
+        "GRADE": grade,
+        "RUNS": "\n".join(f"./rope {n} > rope-{n}.csv" for n in steps),
+        "PROBLEM": f"{words}, from t = {ts[0]:g} to t = {ts[-1]:g}.",
+        "HEADER": layout.headers[-1],
+        "ROWS": "\n".join(_rows(float(ts[0]), samples_of(problem, problem.y0[None])[0])[:3]),
+        "TIMES": times,
+        "VELOCITIES": both if layout.mechanical else "",
+        "ARRAYS": " and `velocities`" if layout.mechanical else "",
+    }
+    text = _template("page.md")
+    for key, value in values.items():
+        text = text.replace(f"@{key}@", value)
+    return text.rstrip("\n") + "\n"
+
+
+def _steps(problem: Problem) -> list[str]:
+    """Steps per frame, from the coarsest at which Verlet's method is stable and accurate."""
+    args = problem.args
+    stiffest = float(np.max(args.stiffness, initial=0.0))
+    omega = 2.0 * math.sqrt(stiffest / float(np.min(args.mass)))
+    coarsest = max(3, math.ceil(math.log2(max(omega / _COARSEST, 1.0))))
+    return [str(2 ** (coarsest + level)) for level in range(_LEVELS)]
+
+
+def _numbers(problem: Problem) -> list[str]:
+    """The rope's numbers as C++ declarations."""
+    args, layout = problem.args, Layout.of(problem)
+
+    def vector(name: str, values: Any, kind: str = "double") -> str:
+        numbers = [repr(value) for value in np.asarray(values).tolist()]
+        text = ", ".join(numbers).lower()
+        return f"const std::vector<{kind}> {name} = {{{text}}};"
+
+    return [
+        f"constexpr int nodes = {layout.nodes}, dim = {layout.dim}, frames = {problem.frames};",
+        f'constexpr const char* header = "{layout.headers[-1]}";',
+        vector("mass", args.mass),
+        vector("stiffness", args.stiffness),
+        vector("rest_length", args.rest_length),
+        vector("damping", args.damping),
+        vector("gravity", np.ravel(args.gravity)),
+        vector("pinned", np.asarray(args.free) == 0.0, "bool"),
+    ]

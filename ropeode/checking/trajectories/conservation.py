@@ -1,0 +1,80 @@
+"""What trajectories keep: pinned nodes their places, and undamped motion its energy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ropeode.checking.drift import drift_of
+from ropeode.checking.report import Finding
+from ropeode.checking.trajectories.layout import Layout, states_of
+from ropeode.checking.trajectories.run_files import Run
+from ropeode.checking.written_precision import epsilon
+from ropeode.references.reference import Reference
+
+# Units of rounding, of the problem's size, by which a pinned node may move.
+_STILL = 500.0
+# Of the exchanged energy: what a certified solution may lose of an energy that is conserved.
+_CONSERVED = 1e-6
+# Fewer samples do not tell a drift from a wobble.
+_FEWEST = 64
+
+
+def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
+    """Whether pinned nodes stay where they were.
+
+    Arguments:
+        reference: of the problem.
+        runs: of the problem.
+    """
+    problem, dim = reference.problem, Layout.of(reference.problem).dim
+    free = getattr(problem.args, "free", None)
+    if free is None or np.all(free):
+        return Finding("pins", "skip", "no node is pinned")
+    pinned = np.flatnonzero(np.asarray(free) == 0.0)
+    worst, line = 0.0, ""
+    for run in runs:
+        places = run.values[:, pinned, :dim]
+        moved = np.max(np.abs(places - places[0]), axis=2)
+        largest = float(np.max(moved))
+        if largest > max(worst, _STILL * epsilon(run.values) * problem.scale):
+            sample, node = np.unravel_index(np.argmax(moved), moved.shape)
+            line = (
+                f"pinned node {pinned[node]} is {largest:.1e} away from its place at t = "
+                f"{problem.ts[sample]:g} (dt = {run.dt:g})"
+            )
+        worst = max(worst, largest)
+    if line:
+        return Finding("pins", "fail", line, {"moved": worst})
+    exactly = "to the last digit" if worst == 0.0 else f"to rounding ({worst:.1e})"
+    return Finding("pins", "pass", f"pinned nodes keep still {exactly}", {"moved": worst})
+
+
+def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
+    """What becomes of the energy, where it is conserved: at the largest and smallest steps.
+
+    Arguments:
+        reference: of the problem.
+        runs: of the problem, from coarse to fine.
+    """
+    problem = reference.problem
+    if problem.energy is None or problem.mechanics is None:
+        return Finding("energy", "skip", "the problem has no energy")
+    if runs[0].values.shape[2] == Layout.of(problem).dim:
+        return Finding("energy", "skip", "needs velocities in the files")
+    known = reference.states[: reference.trusted]
+    energies, still = problem.energies(known), known.copy()
+    still[:, 1] = 0.0
+    exchanged = float(np.ptp(energies - problem.energies(still)))
+    if exchanged == 0.0 or np.ptp(energies) > _CONSERVED * exchanged:
+        return Finding("energy", "skip", "the problem does not conserve its energy")
+    if len(problem.ts) < _FEWEST:
+        return Finding("energy", "skip", f"needs {_FEWEST} samples to tell a drift from a wobble")
+    lines, evidence = [], {}
+    with np.errstate(all="ignore"):
+        for run in (runs[0], runs[-1]):
+            drift = drift_of(problem, states_of(problem, run.values))
+            lines.append(f"dt {run.dt:g}: {drift.line}")
+            evidence[f"{run.dt:g}"] = {"verdict": drift.verdict, **drift.evidence}
+    return Finding("energy", "note", "; ".join(lines), evidence)

@@ -1,0 +1,234 @@
+"""Trajectories in CSV: one line for each node at each time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from ropeode.checking.trajectories.layout import Block, Layout
+from ropeode.errors import InputError
+from ropeode.validation import complaint
+
+_BLOCK = 2**22
+_LONGEST_LINE = 2**12
+_COMMAS = bytes.maketrans(b"\n", b",")
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
+_NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|1\.#)", re.IGNORECASE)
+_STEP = re.compile(r"#\s*dt\s*[=:]\s*(\S+)\s*")
+
+
+class CsvFile:
+    """A file that begins with comments and a header, as ``t,node,x,y,vx,vy``.
+
+    A comment ``# dt = 0.01`` says the step size. Nodes are counted from 0, and those of one
+    time stand in a row, in their order.
+
+    Arguments:
+        path: of the file.
+        layout: of its samples.
+
+    Raises:
+        InputError: it cannot be read, or begins with something else.
+    """
+
+    def __init__(self, path: Path, layout: Layout):
+        self.path, self.layout = path, layout
+        self.dt: str | None = None
+        try:
+            self.size = path.stat().st_size
+            with path.open("rb") as file:
+                self._read_head(file)
+        except OSError as error:
+            allowed = f"a file that can be read ({error.strerror})"
+            raise InputError(complaint("file", str(path), allowed, "check the path")) from error
+
+    def _read_head(self, file: BinaryIO) -> None:
+        number = 0
+        while True:
+            line = file.readline(_LONGEST_LINE)
+            number += 1
+            text = line.decode("utf-8-sig" if number == 1 else "utf-8", errors="replace").strip()
+            if not text.startswith("#"):
+                break
+            if found := _STEP.fullmatch(text):
+                self.dt = found[1]
+        if not line:
+            raise InputError(
+                complaint(
+                    f"{self.path}, line {number}",
+                    "nothing",
+                    f"a header, {self._allowed_headers}, and the samples",
+                    "see whether the program wrote its output",
+                )
+            )
+        names = ",".join(part.strip() for part in text.split(","))
+        if names not in self.layout.headers:
+            raise InputError(
+                complaint(
+                    f"{self.path}, line {number}",
+                    text,
+                    f"the header {self._allowed_headers}",
+                    "write it above the numbers; each node is a line of its own",
+                )
+            )
+        self.columns = tuple(names.split(","))
+        self.velocities = names == self.layout.headers[-1] and self.layout.mechanical
+        self._header_lines, self._begin = number, file.tell()
+
+    @property
+    def _allowed_headers(self) -> str:
+        return " or ".join(map(repr, self.layout.headers))
+
+    def blocks(self) -> Iterator[Block]:
+        """All samples, in blocks of a few megabytes.
+
+        Raises:
+            InputError: a line is not as it has to be; names it, and the column.
+        """
+        line, rest = self._header_lines + 1, b""
+        pending: list[np.ndarray] = []
+        with self.path.open("rb") as file:
+            file.seek(self._begin)
+            while piece := file.read(_BLOCK):
+                piece = rest + piece
+                cut = piece.rfind(b"\n") + 1
+                text, rest = piece[:cut], piece[cut:]
+                if len(rest) > _LONGEST_LINE:
+                    number = line + text.count(b"\n")
+                    self._complain(number, "a line without an end", "lines of numbers")
+                if not text:
+                    continue
+                rows = self._rows(text, line)
+                first, line = line - sum(map(len, pending)), line + len(rows)
+                pending.append(rows)
+                if sum(map(len, pending)) >= self.layout.nodes:
+                    rows = np.concatenate(pending) if len(pending) > 1 else rows
+                    whole = len(rows) // self.layout.nodes * self.layout.nodes
+                    pending = [rows[whole:]]
+                    yield self._block(rows[:whole], first)
+                    self._check_nodes(rows[whole:], first + whole)
+        if rest:
+            fix = "let the program finish; end each line, the last one too"
+            self._complain(line, rest.decode(errors="replace"), "a line that ends", fix)
+        left = sum(map(len, pending))
+        if left:
+            rows = np.concatenate(pending)
+            self._check_nodes(rows, line - left)
+            self._complain(
+                line - 1,
+                f"node {left - 1} at the end of the file",
+                f"all {self.layout.nodes} nodes at t = {rows[0, 0]:.9g}",
+                "let the program finish",
+            )
+
+    def _rows(self, text: bytes, line: int) -> np.ndarray:
+        """Whole lines as numbers, ``(lines, columns)``."""
+        width = len(self.columns)
+        if b"\r" in text:
+            text = text.replace(b"\r\n", b"\n")
+        characters = np.frombuffer(text, np.uint8)
+        marks = characters[(characters == ord("\n")) | (characters == ord(","))]
+        if len(marks) % width == 0:
+            each = marks.reshape(-1, width)
+            if (each[:, -1] == ord("\n")).all() and (each[:, :-1] == ord(",")).all():
+                try:
+                    values = np.fromstring(text.translate(_COMMAS).decode("ascii"), sep=",")
+                except ValueError:
+                    values = np.empty(0)
+                if len(values) == len(marks) and np.isfinite(values).all():
+                    return values.reshape(-1, width)
+        return np.array(
+            [self._row(row, line + i) for i, row in enumerate(text[:-1].split(b"\n"))]
+        ).reshape(-1, width)
+
+    def _row(self, row: bytes, line: int) -> list[float]:
+        """One line, read slowly and with care."""
+        text = row.decode("utf-8", errors="replace")
+        fields = text.split(",")
+        if len(fields) != len(self.columns):
+            given = f"{len(fields)} fields" if text.strip() else "an empty line"
+            fix = "write all of a node's numbers in its line, and nothing else"
+            self._complain(
+                line, given, f"{len(self.columns)} fields: {','.join(self.columns)}", fix
+            )
+        for i, (name, value) in enumerate(zip(self.columns, fields, strict=True), 1):
+            where = f"{self.path}, line {line}, column {i} ({name})"
+            if _NOT_FINITE.match(value) or (
+                _NUMBER.fullmatch(value) and abs(float(value)) == np.inf
+            ):
+                fix = "where the run blew up leave its file out, or take smaller steps"
+                raise InputError(complaint(where, value.strip(), "a finite number", fix))
+            if not _NUMBER.fullmatch(value):
+                fix = "write numbers as 1.25 or 1.25e-3"
+                raise InputError(complaint(where, value.strip(), "a number", fix))
+        return [float(value) for value in fields]
+
+    def _block(self, rows: np.ndarray, first: int) -> Block:
+        """Samples from all lines of some times."""
+        self._check_nodes(rows, first)
+        nodes = self.layout.nodes
+        values = rows.reshape(-1, nodes, rows.shape[1])
+        times = values[:, 0, 0]
+        if (values[:, :, 0] != times[:, None]).any():
+            self._complain_of_times(values[:, :, 0], first)
+
+        def where(sample: int, node: int | None, column: int | None) -> str:
+            text = f"line {first + sample * nodes + (node or 0)}"
+            if column is not None:
+                text += f", column {column + 3} ({self.columns[column + 2]})"
+            return text
+
+        return Block(times, values[:, :, 2:], where)
+
+    def _check_nodes(self, rows: np.ndarray, first: int) -> None:
+        """See that nodes are counted through; the first line is that of node 0."""
+        nodes = self.layout.nodes
+        expected = np.arange(len(rows)) % nodes
+        wrong = rows[:, 1] != expected
+        if not wrong.any():
+            return
+        i = int(np.argmax(wrong))
+        given, node, time = rows[i, 1], int(expected[i]), rows[i, 0]
+        fix = f"write the nodes 0 to {nodes - 1} of each time, in their order, each once"
+        if given == 1 and i == 0:
+            fix = "count nodes from 0"
+        elif given == nodes:
+            fix = (
+                f"the problem has {nodes} nodes, from 0 to {nodes - 1}: grade it with its own spec"
+            )
+        elif given == 0 and i < nodes:
+            fix = f"the problem has {nodes} nodes, and the file {i}: grade it with its own spec"
+        raise InputError(
+            complaint(
+                f"{self.path}, line {first + i}, column 2 (node)",
+                _as_written(given),
+                f"node {node} (t = {time:.9g})",
+                fix,
+            )
+        )
+
+    def _complain_of_times(self, times: np.ndarray, first: int) -> None:
+        """One of the nodes has another time than the others."""
+        sample = int(np.argmax((times != times[:, :1]).any(axis=1)))
+        usual = float(np.median(times[sample]))
+        node = int(np.argmax(times[sample] != usual))
+        fix = "write all nodes of one time before those of the next, with the same t"
+        raise InputError(
+            complaint(
+                f"{self.path}, line {first + sample * self.layout.nodes + node}, column 1 (t)",
+                float(times[sample, node]),
+                f"{usual!r}, like the other nodes of this time",
+                fix,
+            )
+        )
+
+    def _complain(self, line: int, given: str, allowed: str, fix: str = "mend the program") -> None:
+        raise InputError(complaint(f"{self.path}, line {line}", given, allowed, fix))
+
+
+def _as_written(number: float) -> int | float:
+    return int(number) if number == int(number) else float(number)

@@ -1,0 +1,221 @@
+"""The samples that are asked for, picked from all that a file has, which is looked through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ropeode.checking.trajectories.layout import Block
+from ropeode.checking.written_precision import epsilon, last_digit
+from ropeode.errors import InputError
+from ropeode.validation import complaint
+
+# How far a time may be off by rounding, in units of the time: in float64, added up step by step;
+# and where it is written with few digits.
+_ADDED_UP, _FEW_DIGITS = 1e-9, 1e-5
+# How unequal equal intervals may be, beside the rounding of the times.
+_UNEQUAL = 1e-3
+# Of an interval: a sample that is missing is told, however the times are rounded.
+_HALF = 0.5
+
+
+class Sampling:
+    """Takes blocks of samples in the order of time, and keeps those at the wanted times.
+
+    Samples have to be equally spaced, but where the wanted times are not; an interval that
+    ends at a wanted time may be shorter.
+
+    Arguments:
+        path: of the file, for complaints.
+        wanted: sample times, increasing.
+    """
+
+    def __init__(self, path: Path, wanted: np.ndarray):
+        self.path, self.wanted = path, wanted
+        gaps = np.diff(wanted)
+        self._equal = bool(np.ptp(gaps) <= _UNEQUAL * gaps[0])
+        self._scale = np.maximum(np.abs(wanted), np.min(gaps))
+        self._kept: list[np.ndarray] = []
+        self._last: tuple[float, str] | None = None
+        self._into_frame = 0
+        self.interval: float | None = None
+        self.read = 0
+
+    def take(self, block: Block) -> None:
+        """Look through a block.
+
+        Raises:
+            InputError: a number is not finite, or times are not as they have to be.
+        """
+        if not len(block.times):
+            return
+        self._check_finite(block)
+        self._check_order(block)
+        if self._last is None and not self._same(float(block.times[0]), 0):
+            first = float(block.times[0])
+            raise InputError(
+                complaint(
+                    self._at(block, 0),
+                    first,
+                    f"the start of the problem, t = {self.wanted[0]:g}, as the first time",
+                    "write the initial state before the first step",
+                )
+            )
+        hits, missing = self._pick(block)
+        self._check_spacing(block, hits, len(hits) if missing is None else missing)
+        if missing is not None:
+            self._complain_of_missing(block, missing)
+        self._last = float(block.times[-1]), self._at(block, len(block.times) - 1)
+        self.read += len(block.times)
+
+    def finish(self) -> np.ndarray:
+        """The numbers at all wanted times, ``(times, nodes, columns)``.
+
+        Raises:
+            InputError: the file ends before the last of them.
+        """
+        missing = len(self._kept)
+        if self._last is None:
+            raise InputError(
+                complaint(str(self.path), "no samples", "a sample at each sample time", "add them")
+            )
+        if missing < len(self.wanted):
+            last, where = self._last
+            raise InputError(
+                complaint(
+                    where,
+                    f"t = {last:.9g} as the last time",
+                    f"samples up to t = {self.wanted[-1]:g}; that at t = {self.wanted[missing]:g} "
+                    "is missing",
+                    "make the steps that are left, the last one shorter where dt does not divide "
+                    "the time",
+                )
+            )
+        return np.stack(self._kept)
+
+    def _at(self, block: Block, sample: int) -> str:
+        return f"{self.path}, {block.where(sample, None, None)}"
+
+    def _check_finite(self, block: Block) -> None:
+        finite = np.isfinite(block.values)
+        if finite.all() and np.isfinite(block.times).all():
+            return
+        bad = ~finite.all(axis=(1, 2)) | ~np.isfinite(block.times)
+        sample = int(np.argmax(bad))
+        if not np.isfinite(block.times[sample]):
+            given, node, column = block.times[sample], None, None
+        else:
+            node, column = (int(i[0]) for i in np.nonzero(~finite[sample]))
+            given = block.values[sample, node, column]
+        raise InputError(
+            complaint(
+                f"{self.path}, {block.where(sample, node, column)}",
+                float(given),
+                "finite numbers",
+                "where the run blew up leave its file out, or take smaller steps",
+            )
+        )
+
+    def _check_order(self, block: Block) -> None:
+        before = np.empty_like(block.times)
+        before[0] = -np.inf if self._last is None else self._last[0]
+        before[1:] = block.times[:-1]
+        back = block.times <= before
+        if not back.any():
+            return
+        sample = int(np.argmax(back))
+        raise InputError(
+            complaint(
+                self._at(block, sample),
+                f"t = {block.times[sample]:.9g} after t = {before[sample]:.9g}",
+                "times in increasing order, each once",
+                "sort the samples, write each once, and t with all its digits",
+            )
+        )
+
+    def _same(self, time: float, index: int) -> bool:
+        """Whether a time is a wanted one, but for rounding or for the digits that it is given."""
+        wanted, scale = float(self.wanted[index]), float(self._scale[index])
+        if abs(time - wanted) <= _ADDED_UP * scale:
+            return True
+        if abs(time - wanted) > _FEW_DIGITS * scale:
+            return False
+        digits = len(f"{time!r}".partition("e")[0].replace(".", "").strip("-0"))
+        return time in (float(f"{wanted:.{max(digits, 1)}g}"), float(np.float32(wanted)))
+
+    def _pick(self, block: Block) -> tuple[np.ndarray, int | None]:
+        """Keep what is wanted: which samples those are, and the first that another should be."""
+        hits = np.zeros(len(block.times), dtype=bool)
+        first = len(self._kept)
+        room = _FEW_DIGITS * self._scale[first:]
+        if self.interval is not None or len(block.times) > 1:
+            step = self.interval or float(block.times[1] - block.times[0])
+            room = np.minimum(room, 0.25 * step)
+        begins = np.searchsorted(block.times, self.wanted[first:] - room)
+        for index, begin in enumerate(begins[begins < len(block.times)], first):
+            sample = int(begin)
+            if not self._same(float(block.times[sample]), index):
+                return hits, sample
+            hits[sample] = True
+            self._kept.append(block.values[sample].copy())
+        return hits, None
+
+    def _complain_of_missing(self, block: Block, sample: int) -> None:
+        after = float(block.times[sample])
+        before = float(block.times[sample - 1]) if sample else (self._last or (np.nan, ""))[0]
+        raise InputError(
+            complaint(
+                self._at(block, sample),
+                f"t = {after:.9g} after t = {before:.9g}",
+                f"a sample at t = {self.wanted[len(self._kept)]:g}, which is missing",
+                "see that the number of steps before each sample is right, and make the last one "
+                "shorter where dt does not divide the time",
+            )
+        )
+
+    def _check_spacing(self, block: Block, hits: np.ndarray, count: int) -> None:
+        """See that the first `count` samples of the block are equally spaced."""
+        start = 1 if self._last is None else 0
+        before = np.append([] if self._last is None else self._last[0], block.times[:-1])
+        ends, hit = block.times[start:count], hits[start:count]
+        gaps = ends - before[: len(ends)]
+        if not len(gaps):
+            return
+        if self.interval is None:
+            self.interval = float(gaps[0])
+        if self._equal:
+            usual = np.full(len(gaps), self.interval)
+        else:
+            usual = self._usual_in_frames(gaps, hit)
+        room = _UNEQUAL * usual + _ADDED_UP * np.abs(ends)
+
+        def wrong() -> np.ndarray:
+            return (gaps > usual + room) | ((gaps < usual - room) & ~hit)
+
+        if not wrong().any():
+            return
+        rounding = epsilon(block.times) * np.abs(ends) + 2.0 * last_digit(block.times)
+        room += np.minimum(rounding, _HALF * usual)
+        if not wrong().any():
+            return
+        i = int(np.argmax(wrong()))
+        raise InputError(
+            complaint(
+                self._at(block, start + i),
+                f"a time {gaps[i]:.6g} after the one before",
+                f"equal intervals, here {usual[i]:.6g}; a shorter one only where it ends at a "
+                "sample time",
+                "write every step, or every k-th, of one and the same size",
+            )
+        )
+
+    def _usual_in_frames(self, gaps: np.ndarray, hit: np.ndarray) -> np.ndarray:
+        """For frames of unequal length: the first interval in the frame of each."""
+        usual = np.empty_like(gaps)
+        for i, gap in enumerate(gaps):
+            if self._into_frame == 0:
+                self._first_in_frame = float(gap)
+            usual[i] = self._first_in_frame
+            self._into_frame = 0 if hit[i] else self._into_frame + 1
+        return usual

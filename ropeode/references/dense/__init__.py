@@ -1,0 +1,1 @@
+"""References between their samples: piecewise polynomials with an error bound of their own."""

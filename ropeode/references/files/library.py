@@ -1,0 +1,100 @@
+"""The stored library: references that come with the package, by name."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ropeode.errors import InputError
+from ropeode.files import read_text
+from ropeode.references.files.checksum import check_seal
+from ropeode.references.files.store import load_reference
+from ropeode.references.reference import Reference
+from ropeode.validation import complaint, unknown
+
+MANIFEST = "manifest.json"
+_PACKAGE = Path(__file__).resolve().parents[2]
+
+
+class Entry(NamedTuple):
+    """What the manifest says of a stored reference.
+
+    Fields:
+        title: one line.
+        problem: its kind.
+        samples: inside the trust horizon, the start included.
+        end: time of the last of them.
+        level: of the certificate.
+        bound: estimated error bound there, of positions or the state.
+        horizon: first sample time outside the trust horizon; None if there is none.
+        sha256: of the data file, without its seal.
+        recipe_sha256: of the recipe.
+    """
+
+    title: str
+    problem: str
+    samples: int
+    end: float
+    level: str
+    bound: float
+    horizon: float | None
+    sha256: str
+    recipe_sha256: str
+
+
+def folder() -> Path:
+    """Where the stored library is: in the installed package, or at the top of a checkout."""
+    installed = _PACKAGE / "stored_library"
+    return installed if installed.is_dir() else _PACKAGE.parent / "reference"
+
+
+def entries() -> dict[str, Entry]:
+    """What the manifest says, by name.
+
+    Raises:
+        InputError: the manifest cannot be read.
+    """
+    text = read_text("stored library", folder() / MANIFEST)
+    found: dict[str, Any] = json.loads(text)
+    return {name: Entry(**told) for name, told in found.items()}
+
+
+def find(name: str | Path) -> Path:
+    """The file of a reference: the one of this name, or else that of the library's entry.
+
+    Arguments:
+        name: of a file, or of an entry.
+
+    Raises:
+        InputError: there is neither, or the library's file is not what the manifest says.
+    """
+    path = Path(name)
+    if path.exists() or path.suffix == ".nc":
+        return path
+    return _stored_file("reference", str(name), "FILE.nc")
+
+
+def load(name: str) -> Reference:
+    """A reference of the stored library, after its file has been checked.
+
+    Arguments:
+        name: of an entry; `ropeode reference list` lists them.
+
+    Raises:
+        InputError: there is none of this name, or its file is not as it was written.
+    """
+    # Not `find`: a file of the same name in the current folder is another matter.
+    return load_reference(_stored_file("name", name))
+
+
+def _stored_file(what: str, name: str, *others: str) -> Path:
+    """The file of an entry; `others` may be given as well, but not here."""
+    known = entries()
+    if name not in known:
+        raise InputError(unknown(what, name, [*known, *others]))
+    stored = folder() / f"{name}.nc"
+    if check_seal(stored) != known[name].sha256:
+        allowed = "the file that the library's manifest names (its sha256 is another one)"
+        raise InputError(complaint("reference", str(stored), allowed, "install ropeode again"))
+    return stored

@@ -1,0 +1,113 @@
+"""Named arrays and texts as a NetCDF4 file, and back, with nothing believed unseen."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.references.files.encoding import Array
+from ropeode.validation import complaint
+
+# The only types that are written, and so the only ones that are read.
+_TYPES = ("<f8", "|i1")
+_HASH = "sha256"
+
+
+def write(path: Path, arrays: Mapping[str, Array], words: Mapping[str, str]) -> None:
+    """Write a file, not yet sealed.
+
+    Arguments:
+        path: of the file, which is overwritten.
+        arrays: variables by name.
+        words: global attributes by name; their sha256, with that of the variables, is added.
+    """
+    with h5netcdf.File(path, "w") as file:
+        for array in arrays.values():
+            for dim, size in zip(array.dims, array.values.shape, strict=True):
+                if dim not in file.dimensions:
+                    file.dimensions[dim] = size
+        for name, array in arrays.items():
+            variable = file.create_variable(name, array.dims, array.values.dtype, data=array.values)
+            variable.attrs["long_name"] = array.long_name
+            variable.attrs["units"] = array.units
+        for name, text in words.items():
+            file.attrs[name] = text
+        file.attrs[_HASH] = content_hash(arrays, words)
+
+
+def read(path: Path) -> tuple[dict[str, Array], dict[str, str]]:
+    """Read a file whose seal has been checked.
+
+    Sizes are compared with that of the file before any memory is taken for them; what is not
+    stored in the file itself, or is of another type than is written, is refused.
+
+    Raises:
+        InputError: it is no such file.
+    """
+    try:
+        with h5netcdf.File(path, "r") as file:
+            room = path.stat().st_size
+            arrays = {}
+            for name, variable in file.variables.items():
+                _check_variable(path, name, variable, room)
+                arrays[name] = Array(
+                    tuple(variable.dimensions),
+                    np.asarray(variable[...]),
+                    str(variable.attrs.get("long_name", "")),
+                    str(variable.attrs.get("units", "")),
+                )
+            words = {name: _text(path, name, value) for name, value in file.attrs.items()}
+    except InputError:
+        raise
+    except Exception as error:
+        # HDF5 and h5netcdf raise errors of many kinds on what is not theirs.
+        raise _refusal(path, f"a NetCDF4 file ({type(error).__name__}: {error})") from error
+    said = words.pop(_HASH, "")
+    if said != content_hash(arrays, words):
+        raise _refusal(path, "numbers and words with the sha256 that stands beside them")
+    return arrays, words
+
+
+def content_hash(arrays: Mapping[str, Array], words: Mapping[str, str]) -> str:
+    """The sha256 of numbers and words, whatever file they are in.
+
+    It runs over names, dimensions, shapes, types, units and bytes of the variables and over
+    the texts, in the order of their names; docs/files.md says how.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        array = arrays[name]
+        head = [name, array.dims, array.values.shape, array.values.dtype.str]
+        digest.update(json.dumps([*head, array.long_name, array.units]).encode())
+        digest.update(np.ascontiguousarray(array.values).data)
+    digest.update(json.dumps({name: words[name] for name in sorted(words)}).encode())
+    return digest.hexdigest()
+
+
+def _check_variable(path: Path, name: str, variable: Any, room: int) -> None:
+    stored = variable._h5ds
+    if stored.dtype.str not in _TYPES:
+        raise _refusal(path, f"numbers of the types {', '.join(_TYPES)} ({name}: {stored.dtype})")
+    if stored.is_virtual or stored.external or stored.chunks is not None:
+        raise _refusal(path, f"numbers stored in one piece in the file itself ({name})")
+    declared = int(np.prod(stored.shape, dtype=object)) * stored.dtype.itemsize
+    if declared > room:
+        raise _refusal(path, f"no more numbers than it has room for ({name}: {declared} bytes)")
+
+
+def _text(path: Path, name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise _refusal(path, f"attributes that are texts ({name})")
+    return value
+
+
+def _refusal(path: Path, allowed: str) -> InputError:
+    fix = "do not use it; write it again, or fetch it again"
+    return InputError(complaint("reference", str(path), f"a file with {allowed}", fix))

@@ -1,0 +1,27 @@
+"""JAX in a process that is all ours: a command, or a worker."""
+
+from __future__ import annotations
+
+import os
+
+import jax
+import platformdirs
+
+from ropeode.references.solvers.program_cache import keep_traces_in
+
+
+def set_up_jax() -> None:
+    """Use 64-bit types, and keep what is traced and compiled in the user's cache folder.
+
+    To be called before anything is solved.
+    """
+    # Equinox's checks at run time call back into Python, and a program that does so cannot be
+    # kept. Of diffrax's there are two, that sample times increase and lie in the span; both
+    # are checked where a problem is made. Equinox reads this when it is imported.
+    os.environ.setdefault("EQX_ON_ERROR", "off")
+    cache = platformdirs.user_cache_path("ropeode")
+    keep_traces_in(cache / "traced")
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_compilation_cache_dir", str(cache / "compiled"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

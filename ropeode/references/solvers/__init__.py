@@ -1,0 +1,1 @@
+"""Solvers that references and their witnesses are computed with."""

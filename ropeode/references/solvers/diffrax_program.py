@@ -1,0 +1,173 @@
+"""What diffrax is to do, as a function that JAX can trace.
+
+Imported where a program has to be traced, and not where it is kept in a file: importing
+diffrax and tracing it take longer than all runs of a reference.
+"""
+
+# Equinox modules declare fields that a wrapper gives as properties; pyright cannot see that.
+# pyright: reportAssignmentType=false, reportCallIssue=false
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import optimistix
+
+from ropeode.references.solvers.program_cache import Family
+
+_ROOT_RTOL = 1e-9
+
+
+def _dopri8(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
+    del rtol, atol
+    return diffrax.Dopri8()
+
+
+def _kvaerno5(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
+    """Kvaerno5 with Newton's method, and a new Jacobian in each iteration.
+
+    Its own root finder keeps one for a whole step, and rejects step after step where a solution
+    enters a boundary layer: Van der Pol's equation with epsilon = 1e-6 took 4810 steps in place
+    of 290, or did not start at all. Newton's method squares its error, so that a tolerance
+    below `_ROOT_RTOL` asks for what rounding does not give, and ends in steps of no length.
+    """
+    root_rtol: Any = jnp.maximum(rtol, _ROOT_RTOL)
+    newton = optimistix.Newton(rtol=root_rtol, atol=root_rtol / rtol * atol)
+    return diffrax.Kvaerno5(root_finder=newton)
+
+
+SOLVERS: dict[str, Callable[[Any, Any], diffrax.AbstractSolver]] = {
+    "Dopri8": _dopri8,
+    "Kvaerno5": _kvaerno5,
+}
+
+
+class _StepLimit(diffrax.AbstractAdaptiveStepSizeController):
+    """A controller that gives up after a number of steps known at run time only.
+
+    `diffeqsolve(max_steps=...)` is compiled in, which would cost a compilation for each rung
+    of a tolerance ladder.
+    """
+
+    controller: diffrax.AbstractAdaptiveStepSizeController
+    limit: Any
+
+    rtol = property(lambda self: self.controller.rtol)
+    atol = property(lambda self: self.controller.atol)
+    norm = property(lambda self: self.controller.norm)
+
+    def wrap(self, direction: Any) -> _StepLimit:
+        """Pass the direction of time on."""
+        return _StepLimit(self.controller.wrap(direction), self.limit)
+
+    def init(self, *inputs: Any) -> tuple:
+        """Start the count beside the inner controller's state."""
+        t1, inner = self.controller.init(*inputs)
+        return t1, (jnp.asarray(0), inner)
+
+    def adapt_step_size(self, *inputs: Any) -> tuple:
+        """Let the inner controller choose, and count."""
+        *inputs, (count, inner) = inputs
+        *choice, inner, result = self.controller.adapt_step_size(*inputs, inner)
+        count = count + 1
+        spent = (count >= self.limit) & diffrax.is_okay(result)
+        result = diffrax.RESULTS.where(spent, diffrax.RESULTS.max_steps_reached, result)
+        return *choice, (count, inner), result
+
+
+class _LongestSteps(diffrax.AbstractAdaptiveStepSizeController):
+    """A controller that takes no step longer than the frame in which it starts allows.
+
+    `PIDController(dtmax=...)` knows one length for all frames.
+    """
+
+    controller: diffrax.AbstractAdaptiveStepSizeController
+    ts: Any
+    longest: Any
+
+    rtol = property(lambda self: self.controller.rtol)
+    atol = property(lambda self: self.controller.atol)
+    norm = property(lambda self: self.controller.norm)
+
+    def wrap(self, direction: Any) -> _LongestSteps:
+        """Pass the direction of time on."""
+        return _LongestSteps(self.controller.wrap(direction), self.ts, self.longest)
+
+    def init(self, *inputs: Any) -> tuple:
+        """Shorten the first step."""
+        t1, inner = self.controller.init(*inputs)
+        return self._shortened(inputs[1], t1), inner
+
+    def adapt_step_size(self, *inputs: Any) -> tuple:
+        """Let the inner controller choose, and shorten the step."""
+        keep, t0, t1, *more = self.controller.adapt_step_size(*inputs)
+        return keep, t0, self._shortened(t0, t1), *more
+
+    def _shortened(self, t0: Any, t1: Any) -> Any:
+        frame = jnp.searchsorted(self.ts, t0, side="right") - 1
+        return jnp.minimum(t1, t0 + self.longest[jnp.clip(frame, 0, len(self.longest) - 1)])
+
+
+def solution_of(family: Family) -> Callable:
+    """The function that solves a problem of a family.
+
+    Steps are clipped onto the sample times, because the dense output of Dopri8 is of order 5
+    only, and end just before declared jump times.
+
+    Arguments:
+        family: what is to be solved, and with what.
+
+    Returns:
+        A function of the initial state, the problem's numbers, the sample times, the jump
+        times, the tolerances, the most steps, and the longest steps. It returns a number for
+        `failure`, the steps, and the states at the sample times, flat.
+    """
+
+    def run(
+        y0: Any, leaves: Any, ts: Any, jump_ts: Any, rtol: Any, atol: Any, limit: Any, longest: Any
+    ) -> Any:
+        if family.own_lengths:
+            inner = _LongestSteps(diffrax.PIDController(rtol=rtol, atol=atol), ts, longest)
+        else:
+            inner = diffrax.PIDController(rtol=rtol, atol=atol, dtmax=longest)
+        controller = diffrax.ClipStepSizeController(
+            inner,
+            step_ts=ts,
+            jump_ts=jump_ts if family.jumps else None,
+        )
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(family.field),
+            SOLVERS[family.solver](rtol, atol),
+            ts[0],
+            ts[-1],
+            None,
+            y0,
+            leaves,
+            saveat=diffrax.SaveAt(ts=ts),
+            stepsize_controller=_StepLimit(controller, limit),
+            max_steps=None,
+            adjoint=diffrax.ForwardMode(),
+            throw=False,
+        )
+        (result,) = jax.tree.leaves(solution.result)
+        return result, solution.stats["num_steps"], solution.ys
+
+    return run
+
+
+def failure(result: Any, max_steps: int) -> str:
+    """Why a run ended early, in words that do not speak of diffrax's own arguments.
+
+    Arguments:
+        result: the number that the run returned.
+        max_steps: that it was allowed.
+    """
+    found = jax.tree.unflatten(jax.tree.structure(diffrax.RESULTS.successful), [result])
+    if found == diffrax.RESULTS.max_steps_reached:
+        return f"{max_steps} steps did not suffice"
+    if diffrax.is_successful(found):
+        return "the state is not finite"
+    return str(diffrax.RESULTS[found]).strip().split(". ")[0]

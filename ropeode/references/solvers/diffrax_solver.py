@@ -1,0 +1,97 @@
+"""Adaptive diffrax solvers whose steps end on the sample times."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import jax
+import numpy as np
+
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.references.solvers.program_cache import Family, compiled
+from ropeode.references.solvers.solution import Solution, finite_samples
+
+
+@in_float64
+def solve(
+    problem: Problem,
+    solver: str,
+    rtol: float,
+    atol: float,
+    *,
+    max_steps: int,
+    longest_steps: np.ndarray | None = None,
+    y0: np.ndarray | None = None,
+) -> Solution:
+    """Solve with diffrax in float64.
+
+    Steps are clipped onto the sample times, and end just before declared jump times.
+
+    Arguments:
+        problem: what to solve.
+        solver: one of `diffrax_program.SOLVERS`.
+        rtol: relative tolerance.
+        atol: absolute tolerance.
+        max_steps: give up after so many steps.
+        longest_steps: no step that starts in a frame may be longer than its entry,
+            ``(frames,)``, in units of time.
+        y0: initial state, where it is not the problem's.
+    """
+    start = problem.y0 if y0 is None else y0
+    longest = np.float64(np.inf) if longest_steps is None else _one_or_each(longest_steps)
+    leaves, tree = jax.tree.flatten(problem.args)
+    started = time.perf_counter()
+    program, fresh = compiled(
+        Family(
+            solver,
+            problem.rhs,
+            problem.y0.shape,
+            tree,
+            tuple((leaf.shape, leaf.dtype) for leaf in leaves),
+            len(problem.ts),
+            len(problem.jump_times),
+            longest.ndim == 1,
+        )
+    )
+    compile_seconds = time.perf_counter() - started
+    started = time.perf_counter()
+    result, steps, saved = jax.block_until_ready(
+        program(
+            start.reshape(-1),
+            leaves,
+            problem.ts,
+            np.asarray(problem.jump_times, dtype=np.float64),
+            np.float64(rtol),
+            np.float64(atol),
+            np.int64(max_steps),
+            longest,
+        )
+    )
+    seconds = time.perf_counter() - started
+    states = np.asarray(saved).reshape(-1, *problem.y0.shape)
+    # diffrax can report success on a state that is not finite, so this is looked at as well.
+    states = states[: finite_samples(states)]
+    failure = None
+    if len(states) < len(problem.ts):
+        # Not above: it imports diffrax.
+        from ropeode.references.solvers import diffrax_program
+
+        reason = diffrax_program.failure(result, max_steps)
+        failure = f"stopped after t = {problem.ts[max(len(states) - 1, 0)]:g}: {reason}"
+    return Solution(
+        solver=f"diffrax {solver}",
+        rtol=rtol,
+        atol=atol,
+        states=states,
+        steps=int(steps),
+        seconds=seconds,
+        compile_seconds=compile_seconds if fresh else 0.0,
+        failure=failure,
+    )
+
+
+def _one_or_each(longest: np.ndarray) -> Any:
+    """One length where all are the same but for rounding."""
+    return np.mean(longest) if np.ptp(longest) <= 1e-9 * np.max(longest) else longest

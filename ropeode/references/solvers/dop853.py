@@ -1,0 +1,257 @@
+"""DOP853 for many problems of one family, each with a step size of its own.
+
+SciPy's solver calls the right-hand side from Python twelve times in each step, which takes much
+longer than evaluating it. Here problems stand side by side in lanes, and one call serves them
+all. The coefficients are SciPy's, and the step control is that of its solver.
+"""
+
+from __future__ import annotations
+
+import functools
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from scipy.integrate import DOP853
+
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.references.ladder import SIDE_BY_SIDE
+from ropeode.references.solvers.solution import Solution, finite_samples
+
+# SciPy warns about tolerances below 100 units of rounding and takes that.
+_TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
+_SAFETY, _LEAST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 10.0
+# Numbers in all lanes together: with all stages they stay in the processor's cache.
+_NUMBERS = 8192
+_MOST_LANES = 128
+# Problems enter when so many lanes are free.
+_FREE = 0.25
+_compiling = threading.Lock()
+
+
+@in_float64
+def solve(
+    problems: Sequence[Problem], rtols: Sequence[float], *, max_steps: Sequence[int]
+) -> list[Solution]:
+    """Solve problems, each sample time being the end of a step.
+
+    What becomes of a problem does not depend on the others, to the last bit: all that lanes
+    share is a right-hand side that is evaluated for so many at a time.
+
+    Arguments:
+        problems: of one family, without jump times.
+        rtols: relative tolerance of each; the absolute one is that of its scale.
+        max_steps: for each, give up after so many steps.
+
+    Returns:
+        A solution for each problem. Its seconds are an equal share of the whole.
+    """
+    first = problems[0]
+    started = time.perf_counter()
+    with _compiling:
+        before = _compiled.cache_info().misses
+        lanes = _Lanes(first, rtols, max_steps)
+        fresh = _compiled.cache_info().misses > before
+    compile_seconds = time.perf_counter() - started
+    started = time.perf_counter()
+    states = np.full((len(problems), len(first.ts), first.y0.size), np.nan)
+    waiting = list(range(len(problems)))[::-1]
+    with np.errstate(all="ignore"):
+        while waiting or np.any(lanes.busy):
+            free = np.flatnonzero(~lanes.busy)
+            if waiting and len(free) >= _FREE * len(lanes.busy):
+                entered = [(lane, waiting.pop()) for lane in free[: len(waiting)]]
+                lanes.enter(entered, problems)
+                for _, member in entered:
+                    states[member, 0] = problems[member].y0.reshape(-1)
+            for member, sample, y in lanes.step():
+                states[member, sample] = y
+    seconds = (time.perf_counter() - started) / len(problems)
+    return [
+        Solution(
+            solver=SIDE_BY_SIDE,
+            rtol=max(rtol, _TIGHTEST_RTOL),
+            atol=rtol * problem.scale,
+            states=own[: finite_samples(own)].reshape(-1, *first.y0.shape),
+            steps=lanes.steps[member],
+            seconds=seconds,
+            compile_seconds=compile_seconds if fresh and member == 0 else 0.0,
+            failure=lanes.failures.get(member),
+        )
+        for member, (problem, rtol, own) in enumerate(zip(problems, rtols, states, strict=True))
+    ]
+
+
+class _Lanes:
+    """Problems on their way; arrays have a row for each lane.
+
+    Arguments:
+        first: a problem of the family.
+        rtols: of all problems.
+        max_steps: of all problems.
+    """
+
+    def __init__(self, first: Problem, rtols: Sequence[float], max_steps: Sequence[int]):
+        count = max(1, min(_MOST_LANES, _NUMBERS // first.y0.size))
+        leaves, tree = jax.tree.flatten(first.args)
+        abstract = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+        self._rhs = _compiled(first.rhs, first.y0.shape, tree, abstract, count)
+        self._rtols, self._max_steps = rtols, max_steps
+        self._ts = first.ts
+        self._leaves = [np.repeat(leaf[None], count, axis=0) for leaf in leaves]
+        self._on_device: Any = self._leaves
+        self.steps: dict[int, int] = {}
+        self.failures: dict[int, str] = {}
+        self.busy = np.zeros(count, dtype=bool)
+        self._member = np.zeros(count, dtype=int)
+        self._t = np.full(count, first.ts[0])
+        self._y = np.repeat(first.y0.reshape(1, -1), count, axis=0)
+        self._slope = np.zeros_like(self._y)
+        self._h = np.zeros(count)
+        self._rtol, self._atol = np.ones((2, count, 1))
+        self._rejected = np.zeros(count, dtype=bool)
+        self._sample = np.ones(count, dtype=int)
+
+    def enter(self, entered: Iterable[tuple[int, int]], problems: Sequence[Problem]) -> None:
+        """Start problems in lanes that are free.
+
+        Arguments:
+            entered: lanes and indices of problems.
+            problems: all.
+        """
+        new = np.zeros_like(self.busy)
+        for lane, member in entered:
+            problem, rtol = problems[member], self._rtols[member]
+            new[lane], self._member[lane], self.steps[member] = True, member, 0
+            self._t[lane], self._sample[lane], self._rejected[lane] = self._ts[0], 1, False
+            self._y[lane] = problem.y0.reshape(-1)
+            self._rtol[lane], self._atol[lane] = max(rtol, _TIGHTEST_RTOL), rtol * problem.scale
+            for rows, leaf in zip(self._leaves, jax.tree.leaves(problem.args), strict=True):
+                rows[lane] = leaf
+        self._on_device = jax.device_put(self._leaves)
+        slope = self._rhs(self._t, self._y, self._on_device)
+        h = self._first_steps(slope)
+        self._slope = np.where(new[:, None], slope, self._slope)
+        self._h = np.where(new, h, self._h)
+        self.busy |= new
+
+    def _first_steps(self, slope: np.ndarray) -> np.ndarray:
+        """Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4."""
+        longest = self._ts[1] - self._ts[0]
+        scale = self._atol + np.abs(self._y) * self._rtol
+        size, rate = _norm(self._y / scale), _norm(slope / scale)
+        h = np.where((size < 1e-5) | (rate < 1e-5), 1e-6, 0.01 * size / rate)
+        h = np.minimum(h, longest)
+        there = self._rhs(self._t + h, self._y + h[:, None] * slope, self._on_device)
+        bend = _norm((there - slope) / scale) / h
+        still = (rate <= 1e-15) & (bend <= 1e-15)
+        aimed = np.where(
+            still, np.maximum(1e-6, h * 1e-3), _eighth_root(0.01 / np.maximum(rate, bend))
+        )
+        return np.minimum(np.minimum(100 * h, aimed), longest)
+
+    def step(self) -> list[tuple[int, int, np.ndarray]]:
+        """Try one step in each lane.
+
+        Returns:
+            For each problem that has come to a sample time its index, that of the sample, and
+            its flat state.
+        """
+        smallest = 10 * (np.nextafter(self._t, np.inf) - self._t)
+        stuck = self.busy & self._rejected & (self._h < smallest)
+        tried = np.where(self._rejected, self._h, np.maximum(self._h, smallest))
+        stop = self._ts[self._sample]
+        t_new = np.minimum(self._t + tried, stop)
+        h = np.where(self.busy, t_new - self._t, 0.0)
+        y_new, slope_new, error = self._attempt(h)
+        factor = _SAFETY / _eighth_root(error)
+        # Not so for NaN, which is no error within the tolerance.
+        accepted = self.busy & ~stuck & (error < 1)
+        growth = np.where(error == 0, _LARGEST_FACTOR, np.minimum(_LARGEST_FACTOR, factor))
+        growth = np.where(self._rejected, np.minimum(1.0, growth), growth)
+        shrinkage = np.fmax(_LEAST_FACTOR, factor)
+        self._h = np.abs(h) * np.where(accepted, growth, shrinkage)
+        self._rejected = self.busy & ~accepted
+        self._t = np.where(accepted, t_new, self._t)
+        self._y = np.where(accepted[:, None], y_new, self._y)
+        self._slope = np.where(accepted[:, None], slope_new, self._slope)
+        arrived = []
+        for lane in np.flatnonzero(accepted):
+            member = int(self._member[lane])
+            self.steps[member] += 1
+            if not np.all(np.isfinite(self._y[lane])):
+                self._leave(lane, "the state is not finite")
+            elif self._t[lane] == stop[lane]:
+                arrived.append((member, int(self._sample[lane]), self._y[lane].copy()))
+                if self._sample[lane] == len(self._ts) - 1:
+                    self.busy[lane] = False
+                else:
+                    self._sample[lane] += 1
+            if self.busy[lane] and self.steps[member] >= self._max_steps[member]:
+                self._leave(lane, f"{self._max_steps[member]} steps did not suffice")
+        for lane in np.flatnonzero(stuck):
+            self._leave(lane, "the step size has become too small")
+        return arrived
+
+    def _leave(self, lane: Any, reason: str) -> None:
+        self.busy[lane] = False
+        where = f"stopped after t = {self._t[lane]:g}: {reason}"
+        self.failures[int(self._member[lane])] = where
+
+    def _attempt(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The state and its slope after a step, and the error relative to the tolerance."""
+        apart = h[:, None]
+        stages = [self._slope]
+        for row, node in zip(DOP853.A[1:], DOP853.C[1:], strict=True):
+            y = self._y + apart * _combination(row, stages)
+            stages.append(self._rhs(self._t + node * h, y, self._on_device))
+        y_new = self._y + apart * _combination(DOP853.B, stages)
+        stages.append(self._rhs(self._t + h, y_new, self._on_device))
+        scale = self._atol + np.maximum(np.abs(self._y), np.abs(y_new)) * self._rtol
+        fifth = np.sum((_combination(DOP853.E5, stages) / scale) ** 2, axis=1)
+        third = np.sum((_combination(DOP853.E3, stages) / scale) ** 2, axis=1)
+        whole = np.sqrt((fifth + 0.01 * third) * self._y.shape[1])
+        error = np.where((fifth == 0) & (third == 0), 0.0, np.abs(h) * fifth / whole)
+        return y_new, stages[-1], error
+
+
+def _combination(weights: np.ndarray, stages: Sequence[np.ndarray]) -> np.ndarray:
+    """A sum of stages, term by term: what a matrix product rounds depends on its size."""
+    terms = [(w, stage) for w, stage in zip(weights, stages, strict=False) if w]
+    total = terms[0][0] * terms[0][1]
+    for weight, stage in terms[1:]:
+        total += weight * stage
+    return total
+
+
+def _norm(y: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(y * y, axis=1))
+
+
+def _eighth_root(x: np.ndarray) -> np.ndarray:
+    """By square roots, which are rounded alike wherever a number stands in an array."""
+    return np.sqrt(np.sqrt(np.sqrt(x)))
+
+
+@functools.lru_cache(maxsize=64)
+def _compiled(
+    rhs: Callable, shape: tuple[int, ...], args_tree: Any, args_leaves: tuple, lanes: int
+) -> Callable:
+    """The right-hand side of all lanes, on flat states."""
+
+    def field(t: Any, y: Any, leaves: Any) -> Any:
+        return rhs(t, y.reshape(shape), jax.tree.unflatten(args_tree, leaves)).reshape(-1)
+
+    def rows(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
+        return jax.ShapeDtypeStruct((lanes, *shape), dtype)
+
+    compiled = (
+        jax.jit(jax.vmap(field))
+        .lower(rows(()), rows((int(np.prod(shape)),)), [rows(*leaf) for leaf in args_leaves])
+        .compile()
+    )
+    return lambda t, y, leaves: np.asarray(compiled(t, y, leaves))

@@ -1,0 +1,1 @@
+"""What a sweep runs: cases from a grid or a random design."""

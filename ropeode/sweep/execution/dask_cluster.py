@@ -1,0 +1,91 @@
+"""The tasks of a sweep on a Dask cluster that is there already."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Future
+from typing import Any
+
+from ropeode.errors import InputError, RopeodeError
+from ropeode.sweep.execution.engines import AHEAD, Row, Work, on_one_core
+from ropeode.validation import complaint, require
+
+_CONNECT_S = 10.0
+_COUNT_EVERY_S = 1.0
+# A cluster that grows by need takes its time to give the first worker.
+NO_WORKERS_S = 300.0
+
+
+class DaskCluster:
+    """The workers of a Dask scheduler. Dask itself retries what died with a worker.
+
+    Arguments:
+        work: what to do with a task; the workers can import it.
+        address: of the scheduler, as in ``tcp://host:8786``.
+
+    Raises:
+        InputError: no scheduler answers there, or the extra `dask` is not installed.
+    """
+
+    def __init__(self, work: Work, address: str):
+        require("distributed", "dask", "Dask clusters")
+        import distributed
+
+        self.lost: tuple[type[BaseException], ...] = (distributed.KilledWorker,)
+        self._work, self._address = work, address
+        try:
+            self._client: Any = distributed.Client(
+                address, timeout=_CONNECT_S, set_as_default=False
+            )
+        except (OSError, ValueError, TypeError) as error:
+            why = " ".join(str(error).split())
+            allowed = f"the address of a Dask scheduler that answers ({why})"
+            fix = "for example tcp://host:8786"
+            raise InputError(complaint("scheduler", address, allowed, fix)) from error
+        self._executor = self._client.get_executor(pure=False)
+        self._threads, self._counted, self._seen = 0, -_COUNT_EVERY_S, time.monotonic()
+
+    def slots(self) -> int:
+        """A few more tasks than there are threads now, so that none of them has to wait."""
+        return AHEAD * max(1, self._count())
+
+    def submit(self, task: Any) -> Future[list[Row]]:
+        """Have a task worked on by any worker."""
+        return self._executor.submit(on_one_core, self._work, task)
+
+    def check(self) -> None:
+        """Raises:
+        RopeodeError: there have been no workers for five minutes, or the scheduler is gone.
+        """
+        self._count()
+        waited = time.monotonic() - self._seen
+        if waited > NO_WORKERS_S:
+            raise RopeodeError(
+                f"scheduler: {self._address} has had no workers for {waited:.0f} seconds; finished "
+                "cases are kept. Fix: start workers, and give the same command again"
+            )
+
+    def close(self) -> None:
+        """Take back what was given to the cluster, and leave it."""
+        self._executor.shutdown(wait=False)
+        self._client.close()
+
+    def _count(self) -> int:
+        """Threads of all workers, not asked for more than once a second."""
+        now = time.monotonic()
+        if now - self._counted >= _COUNT_EVERY_S:
+            try:
+                self._threads = sum(self._client.nthreads().values())
+            except (OSError, RuntimeError, ValueError) as error:
+                raise self.gone() from error
+            self._counted = now
+            if self._threads:
+                self._seen = now
+        return self._threads
+
+    def gone(self) -> RopeodeError:
+        """What to say when the scheduler does not answer any more."""
+        return RopeodeError(
+            f"scheduler: the connection to {self._address} is lost; finished cases are kept. Fix: "
+            "start the cluster again, and give the same command again"
+        )

@@ -1,0 +1,1 @@
+"""What a sweep leaves on disk: rows in Parquet files, an index and a lock."""

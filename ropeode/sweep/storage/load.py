@@ -1,0 +1,126 @@
+"""The rows of a sweep as a pandas or an xarray object."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from ropeode.errors import InputError
+from ropeode.sweep.design.columns import INPUTS
+from ropeode.sweep.storage.index import Index, read_index
+from ropeode.validation import complaint, require, unknown
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+Form = Literal["pandas", "xarray"]
+# Cells of an xarray object for each row there is.
+_MOST_CELLS = 4
+
+
+def load_sweep(
+    folder: str | Path, *, columns: Sequence[str] | None = None, form: Form = "pandas"
+) -> pd.DataFrame | xr.Dataset:
+    """The rows of a sweep, in the order of its spec, also while it is still running.
+
+    Arguments:
+        folder: of the sweep.
+        columns: to load; all by default. Steps, stepper and parameters always are for xarray.
+        form: ``pandas``: a `DataFrame` whose index is the number of the case, with types that
+            know missing values. ``xarray``: a `Dataset` whose dimensions are the inputs that
+            differ; what is missing is NaN.
+
+    Raises:
+        InputError: there is no sweep in the folder, or no such column; or the inputs that
+            differ are so many that most cells of an xarray object would be empty.
+        RopeodeError: a file is damaged.
+    """
+    require("pandas", "data", "sweeps")
+    require("pyarrow", "data", "sweeps")
+    index = sweep_in(folder)
+    for name in columns or ():
+        if name not in index.columns:
+            raise InputError(unknown("column", name, index.columns))
+    if form == "pandas":
+        return _frame(Path(folder), index, columns)
+    if form != "xarray":
+        raise InputError(unknown("form", str(form), ("pandas", "xarray")))
+    require("xarray", "data", "sweeps")
+    inputs = input_names(index)
+    wanted = None if columns is None else list(dict.fromkeys([*inputs, *columns]))
+    return _dataset(_frame(Path(folder), index, wanted), inputs)
+
+
+def sweep_in(folder: str | Path) -> Index:
+    """The index of a folder.
+
+    Raises:
+        InputError: there is no sweep in it.
+    """
+    if (index := read_index(Path(folder))) is None:
+        raise InputError(
+            complaint("folder", str(folder), "a folder of `ropeode sweep`", "check the path")
+        )
+    return index
+
+
+def input_names(index: Index) -> list[str]:
+    """The columns that say what was run, without those that say it all in one."""
+    from ropeode.sweep.design.columns import COLUMNS
+
+    inputs = [name for name in index.columns if name in INPUTS or name not in COLUMNS]
+    return [name for name in inputs if name not in ("key", "parameters")]
+
+
+def _frame(folder: Path, index: Index, columns: Sequence[str] | None) -> pd.DataFrame:
+    import pandas as pd
+    import pyarrow as pa
+
+    from ropeode.sweep.storage.row_files import NUMBER, Store, read_parts
+
+    schema = Store(folder / index.rows, index.columns).schema
+    if columns is not None:
+        schema = pa.schema([schema.field(name) for name in dict.fromkeys([NUMBER, *columns])])
+    tables = [table.select(schema.names) for table in read_parts(folder / index.rows, columns)]
+    types: dict[Any, Any] = {
+        pa.int64(): pd.Int64Dtype(),
+        pa.bool_(): pd.BooleanDtype(),
+        pa.string(): pd.StringDtype(),
+    }
+    # Tasks hold cases of one shape, which need not be neighbours.
+    table = pa.concat_tables([schema.empty_table(), *tables]).sort_by(NUMBER)
+    return table.to_pandas(types_mapper=types.get).set_index(NUMBER)
+
+
+def _dataset(frame: Any, inputs: Sequence[str]) -> xr.Dataset:
+    import pandas as pd
+
+    sizes = {name: frame[name].nunique(dropna=False) for name in inputs}
+    dims = [name for name, size in sizes.items() if size > 1]
+    if "draw" in dims:
+        # What is drawn differs from draw to draw and makes no dimension of its own.
+        drawn = frame.groupby(["seed", "draw"], dropna=False)
+        grid = [name for name in dims if drawn[name].nunique(dropna=False).max() > 1]
+        dims = [name for name in dims if name in ("seed", "draw", *grid)]
+    cells = math.prod(sizes[name] for name in dims)
+    if cells > _MOST_CELLS * max(1, len(frame)):
+        raise InputError(
+            complaint(
+                "form",
+                "xarray",
+                f"pandas for this sweep ({len(frame)} rows would be {cells} cells of "
+                f"{' x '.join(dims)})",
+                "form='pandas'",
+            )
+        )
+    plain = frame.copy()
+    for name in plain.columns:
+        if pd.api.types.is_integer_dtype(plain[name]) or pd.api.types.is_bool_dtype(plain[name]):
+            whole = "float64" if plain[name].isna().any() else plain[name].dtype.numpy_dtype
+            plain[name] = plain[name].astype(whole)
+        elif not pd.api.types.is_float_dtype(plain[name]):
+            plain[name] = plain[name].astype(object)
+    return plain.set_index(dims or inputs[:1]).to_xarray()

@@ -1,0 +1,198 @@
+"""The rows of a sweep on disk: Parquet files that are written whole, and few of them.
+
+A sweep's tasks, in their order, are cut into partitions of `PARTITION` tasks. While a partition
+is open, each result is a small file of its own, in the folder ``000012/``. When all its tasks are
+done they are merged into one, ``000012.parquet``: from the moment that this name is there, the
+folder counts no more. So a process that is killed at any moment leaves each row behind once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ropeode.errors import RopeodeError
+from ropeode.files import write_whole
+from ropeode.sweep.design.columns import Column
+from ropeode.sweep.execution.engines import Row
+from ropeode.sweep.storage.disk_errors import disk_named
+
+if TYPE_CHECKING:
+    from ropeode.sweep.design.cases import Case
+
+PARTITION = 256
+NUMBER = "case"
+_LOOKS = 5
+
+
+class Store:
+    """The rows in one folder.
+
+    Arguments:
+        folder: of the rows; it is made when the first are added.
+        columns: of a row, beside its number in the sweep.
+    """
+
+    def __init__(self, folder: Path, columns: Mapping[str, Column]):
+        self.folder = folder
+        types = {NUMBER: "int64", **{name: column.type for name, column in columns.items()}}
+        self.schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in types.items()])
+
+    def clean(self) -> None:
+        """Remove what a killed process has left: parts of files, and folders that are merged.
+
+        Raises:
+            RopeodeError: the operating system refuses.
+        """
+        with disk_named(self.folder):
+            for part in self.folder.glob("**/.*.part"):
+                part.unlink()
+            for folder in self.folder.glob("*/"):
+                if self._sealed(folder.name).exists():
+                    shutil.rmtree(folder)
+
+    def count(self) -> int:
+        """How many rows there are."""
+        return sum(pq.read_metadata(path).num_rows for path in self.folder.glob("**/*.parquet"))
+
+    def sealed(self, partition: int) -> bool:
+        """Whether all rows of a partition are there."""
+        return self._sealed(_name(partition)).exists()
+
+    def keys(self, partition: int) -> set[str]:
+        """The keys of the rows that an open partition has so far."""
+        return {
+            key
+            for part in files_of(self.folder, _name(partition))
+            for key in read_file(part, ["key"]).column("key").to_pylist()
+        }
+
+    def table(self, cases: Sequence[Case], rows: Sequence[Row]) -> pa.Table:
+        """Rows as a table, each with the number of its case."""
+        numbered = [{NUMBER: c.number, **row} for c, row in zip(cases, rows, strict=True)]
+        return pa.Table.from_pylist(numbered, schema=self.schema).sort_by(NUMBER)
+
+    def renewed(self, cases: Sequence[Case], rows: pa.Table) -> pa.Table:
+        """Rows of another sweep as rows of this one: what they say of inputs is said anew."""
+        inputs = pa.Table.from_pylist([{NUMBER: c.number, **c.values()} for c in cases])
+        own = [
+            (inputs if name in inputs.column_names else rows).column(name).cast(kind)
+            for name, kind in zip(self.schema.names, self.schema.types, strict=True)
+        ]
+        return pa.Table.from_arrays(own, schema=self.schema)
+
+    def add(self, partition: int, table: pa.Table) -> None:
+        """Write rows of an open partition, all or none.
+
+        Arguments:
+            partition: its number.
+            table: of rows none of which was added before, in the store's schema.
+
+        Raises:
+            RopeodeError: the operating system refuses.
+        """
+        folder = self.folder / _name(partition)
+        with disk_named(self.folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            write_whole(folder / f"{table[NUMBER][0].as_py():012d}.parquet", _parquet(table))
+
+    def seal(self, partition: int) -> None:
+        """Merge the files of a partition to which nothing will be added.
+
+        Raises:
+            RopeodeError: the operating system refuses.
+        """
+        parts = files_of(self.folder, _name(partition))
+        if not parts or self.sealed(partition):
+            return
+        table = pa.concat_tables(read_file(part) for part in parts).sort_by(NUMBER)
+        numbers = table[NUMBER].to_numpy()
+        if (numbers[1:] == numbers[:-1]).any():
+            raise RopeodeError(f"{parts[0].parent}: a case is there twice; nothing was removed")
+        with disk_named(self.folder):
+            write_whole(self._sealed(_name(partition)), _parquet(table))
+            _sync(self.folder)
+            shutil.rmtree(parts[0].parent)
+
+    def _sealed(self, name: str) -> Path:
+        return self.folder / f"{name}.parquet"
+
+
+def read_parts(folder: Path, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
+    """The rows of a folder, a partition at a time, each sorted by case.
+
+    A run may be at work in the folder: a partition is read as it is at one moment.
+
+    Arguments:
+        folder: of the rows.
+        columns: to read; all by default. The case's number is always read.
+
+    Raises:
+        RopeodeError: a file is damaged.
+    """
+    wanted = None if columns is None else list(dict.fromkeys([NUMBER, *columns]))
+    for name in partitions(folder):
+        for _ in range(_LOOKS):
+            with contextlib.suppress(FileNotFoundError):
+                tables = [read_file(path, wanted) for path in files_of(folder, name)]
+                break
+        else:
+            raise RopeodeError(f"{folder / name}: its files keep changing; try again")
+        if tables:
+            yield pa.concat_tables(tables).sort_by(NUMBER)
+
+
+def partitions(folder: Path) -> list[str]:
+    """The names of the partitions of a folder, which may not be there, in their order."""
+    names = {path.name.partition(".")[0] for path in folder.glob("*")}
+    return sorted(names - {""})
+
+
+def files_of(folder: Path, partition: str) -> list[Path]:
+    """The files that hold the rows of a partition."""
+    sealed = folder / f"{partition}.parquet"
+    return [sealed] if sealed.exists() else sorted((folder / partition).glob("*.parquet"))
+
+
+def read_file(path: Path, columns: list[str] | None = None) -> pa.Table:
+    """All of a file, or some columns of it.
+
+    Raises:
+        FileNotFoundError: it is not there.
+        RopeodeError: it is no Parquet file, or a damaged one.
+    """
+    contents = path.read_bytes()
+    try:
+        # From memory, in one thread: the files are small, and many.
+        return pq.read_table(pa.BufferReader(contents), columns=columns, use_threads=False)
+    except (pa.ArrowException, OSError) as error:
+        raise RopeodeError(
+            f"{path}: damaged ({' '.join(str(error).split())}). Fix: remove it; the same command "
+            "computes its cases again"
+        ) from error
+
+
+def _parquet(table: pa.Table) -> bytes:
+    contents = pa.BufferOutputStream()
+    pq.write_table(table, contents, compression="zstd")
+    return contents.getvalue().to_pybytes()
+
+
+def _sync(folder: Path) -> None:
+    """Let names reach the disk before others are removed."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _name(partition: int) -> str:
+    return f"{partition:06d}"

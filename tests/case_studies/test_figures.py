@@ -1,0 +1,86 @@
+"""The facts of the report, as they are packaged."""
+
+from __future__ import annotations
+
+import typing
+
+import numpy as np
+import pytest
+
+from ropeode.case_studies.comparisons import _MEASURES
+from ropeode.case_studies.figures import (
+    ENDS,
+    STEPPERS,
+    Claim,
+    Measure,
+    all_comparisons,
+    all_figures,
+    check_figures,
+)
+from ropeode.errors import InputError
+from ropeode.steppers import stepper
+
+
+def test_all_figures_are_there():
+    figures = all_figures()
+    assert list(figures) == list(range(1, 42))
+    for figure in figures.values():
+        assert figure.claim in typing.get_args(Claim)
+        assert figure.stepper in {"none", *STEPPERS}
+        assert (figure.run_as is None) == (figure.claim == "drawn")
+        assert figure.words
+
+
+def test_comparisons_name_figures_and_measures():
+    assert {each.measure for each in all_comparisons()} <= set(typing.get_args(Measure))
+    assert set(typing.get_args(Measure)) == set(_MEASURES)
+    for each in all_comparisons():
+        assert set(each.figures) <= set(all_figures())
+
+
+def test_settings_are_those_of_the_report():
+    """As its README gives them: start, ends, mass, stiffness, gravity, pin."""
+    for figure in all_figures().values():
+        if figure.run_as is None:
+            continue
+        for end in ENDS:
+            problem = figure.problem("words", end, 5)
+            assert problem.frames == 5
+            x, v = problem.y0
+            np.testing.assert_array_equal(x[:, 0], [0, 200])
+            np.testing.assert_array_equal(x[:, -1], end)
+            assert x.shape == (2, figure.num_nodes)
+            assert not np.any(v)
+            args = problem.args
+            np.testing.assert_array_equal(args.mass, 1)
+            np.testing.assert_array_equal(args.gravity[:, 0], [0, -1])
+            np.testing.assert_array_equal(args.free, [0] + [1] * (figure.num_nodes - 1))
+            np.testing.assert_array_equal(args.damping, figure.damping)
+            if figure.stepper != "constraint_verlet":
+                np.testing.assert_array_equal(args.stiffness, 100)
+
+
+def test_the_listing_of_the_force_verlet_damps_nothing():
+    for figure in all_figures().values():
+        both = figure.stepper == "force_verlet"
+        assert figure.meanings == (("words", "listing") if both else ("words",))
+        if both:
+            assert not np.any(figure.problem("listing", ENDS[0], 1).args.damping)
+
+
+def test_verlet_programs_start_at_rest_and_damp_per_step():
+    for name in ("constraint_verlet", "force_verlet"):
+        chosen = stepper(STEPPERS[name])
+        assert (chosen.start, chosen.damping) == ("rest", "per-step")
+    assert stepper(STEPPERS["constraint_verlet"]).sweeps == 1
+
+
+@pytest.mark.parametrize("given", [[0], [42], ["x"], [1.5], [None], []])
+def test_figures_that_do_not_exist(given):
+    with pytest.raises(InputError, match="figure: .*given; allowed: .*Fix: "):
+        check_figures(given)
+
+
+def test_figures_are_taken_once_and_in_order():
+    assert [each.figure for each in check_figures(["8", 3, 8.0])] == [3, 8]
+    assert len(check_figures(None)) == 41

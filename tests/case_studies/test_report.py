@@ -1,0 +1,112 @@
+"""The report, run again, as far as it is cheap."""
+
+from __future__ import annotations
+
+import pytest
+
+from ropeode.analysis.motion import classify_motion
+from ropeode.case_studies import claims
+from ropeode.case_studies import report as module
+from ropeode.case_studies.figures import all_comparisons
+from ropeode.case_studies.report import rope_report
+from ropeode.errors import InputError
+from ropeode.simulation import simulate
+
+CHEAP = (1, 2, 3, 4, 5, 28, 29, 31, 36, 37)
+
+
+@pytest.fixture(scope="module")
+def report():
+    return rope_report(CHEAP, 700)
+
+
+def judged(report, number):
+    return next(each for each in report.figures if each.figure.figure == number)
+
+
+def test_every_figure_that_was_asked_for(report):
+    assert [each.figure.figure for each in report.figures] == list(CHEAP)
+    for each in report.figures:
+        assert each.measured
+        assert each.verdict in (claims.HOLDS, claims.FAILS) or each.verdict.startswith(
+            "holds until frame "
+        )
+        assert each.frames == (700 if each.readings else 0)
+        assert len(each.readings) == (len(each.figure.meanings) if each.figure.run_as else 0)
+
+
+def test_verdicts_are_those_of_runs_made_here(report):
+    for each in report.figures:
+        for reading in each.readings:
+            problem = each.figure.problem(reading.meaning, (-400.0, 200.0), 700)
+            motion = classify_motion(
+                simulate(problem, each.figure.run_as, each.figure.steps_per_frame)
+            )
+            for name in ("verdict", "diverged_at", "settled_at", "unsettled_at", "swings"):
+                assert getattr(motion, name) == getattr(reading.motion, name)
+            assert reading.verdict == claims.verdict(each.figure.claim, motion, reading.growth)
+            assert reading.verdict_mirrored == reading.verdict
+            assert reading.mirrored
+
+
+def test_what_is_known_of_some_figures(report):
+    """Explicit Euler without damping explodes; semi-implicit Euler at 64 does not, whatever
+    the report says; a damping factor near one half per frame lets nothing swing."""
+    assert judged(report, 4).verdict == "holds"
+    assert judged(report, 4).motion.diverged_at < 13
+    assert judged(report, 5).verdict == "does not hold"
+    assert judged(report, 5).readings[0].growth.stable
+    assert judged(report, 36).verdict == "holds"
+    assert judged(report, 36).motion.swings == 0
+    for number in (1, 2, 3):
+        assert judged(report, number).verdict == "holds"
+
+
+def test_as_listed_the_force_verlet_never_rests(report):
+    words, listing = judged(report, 31).readings
+    assert (words.meaning, listing.meaning) == ("words", "listing")
+    assert words.verdict == "holds"
+    assert listing.verdict == "does not hold"
+    assert "listing" in judged(report, 31).measured
+
+
+def test_comparisons_need_all_their_figures(report):
+    assert [each.comparison.figures for each in report.comparisons] == [(36, 37)]
+    assert (36, 37) in [each.figures for each in all_comparisons()]
+    assert report.comparisons[0].verdict == "holds"
+
+
+def test_moved_thresholds_are_those_that_change_a_verdict(report):
+    for each in report.moved:
+        reading = next(r for r in judged(report, each.figure).readings if r.meaning == each.meaning)
+        assert module._kind(each.verdict) != module._kind(reading.verdict)
+
+
+def test_an_interrupted_report_goes_on(tmp_path, monkeypatch):
+    class Interrupted(Exception):
+        pass
+
+    def stop(text, fraction):
+        if text.startswith("judging"):
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        rope_report([4, 26], 10, folder=tmp_path, progress=stop)
+    assert len(list(tmp_path.glob("*/*.npz"))) == 2
+
+    from ropeode.case_studies import runs
+
+    def must_not_run(*inputs, **named):
+        raise AssertionError("it was to be read")
+
+    monkeypatch.setattr(runs, "simulate", must_not_run)
+    done = rope_report([4, 26], 10, folder=tmp_path)
+    assert [each.figure.figure for each in done.figures] == [4, 26]
+    # Done is done: the next report computes everything again.
+    assert not list(tmp_path.glob("*/*.npz"))
+
+
+@pytest.mark.parametrize("frames", [0, -3, 1.5, "many"])
+def test_bad_frames(frames):
+    with pytest.raises(InputError, match="frames: .*whole number >= 1"):
+        rope_report([4], frames)

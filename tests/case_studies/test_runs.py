@@ -1,0 +1,126 @@
+"""Runs side by side, kept on disk, and found again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ropeode.case_studies import runs as module
+from ropeode.case_studies.figures import ENDS, Figure, all_figures
+from ropeode.case_studies.runs import (
+    FRAMES,
+    MOST_FRAMES,
+    code_fingerprint,
+    frames_for,
+    growth_of,
+    run_all,
+    run_of,
+)
+from ropeode.simulation import simulate
+
+CHEAP = (4, 5, 26, 31)
+
+
+def wanted_for(figures: list[Figure], frames: int) -> dict:
+    return {
+        run_of(figure, meaning, frames): lambda end, figure=figure, meaning=meaning: figure.problem(
+            meaning, end, frames
+        )
+        for figure in figures
+        for meaning in figure.meanings
+    }
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    return wanted_for([all_figures()[number] for number in CHEAP], 12)
+
+
+@pytest.fixture(scope="module")
+def finished(wanted):
+    return run_all(wanted, None, lambda text, fraction: None)
+
+
+def same(one, other) -> bool:
+    return all(
+        np.array_equal(a.states, b.states, equal_nan=True)
+        and (a.status, a.diverged_at, a.steps_per_frame, a.stepper)
+        == (b.status, b.diverged_at, b.steps_per_frame, b.stepper)
+        and a.problem.parameters == b.problem.parameters
+        for a, b in zip(one.images, other.images, strict=True)
+    )
+
+
+def test_a_run_is_what_simulate_makes_of_the_figure(finished, wanted):
+    for run, done in finished.items():
+        *_, name, steps, _ = run.family
+        for end, image in zip(ENDS, done.images, strict=True):
+            alone = simulate(wanted[run](end), name, steps)
+            np.testing.assert_array_equal(image.states, alone.states)
+            assert image.diverged_at == alone.diverged_at
+
+
+def test_images_mirror_each_other(finished):
+    for done in finished.values():
+        assert done.mirrored
+        left, right = done.images
+        assert left.states[0, 0, 0, -1] == -400
+        assert right.states[0, 0, 0, -1] == 400
+
+
+def test_progress_grows_to_one(wanted):
+    seen = []
+    run_all(wanted, None, lambda text, fraction: seen.append(fraction))
+    assert seen == sorted(seen)
+    assert seen[-1] == pytest.approx(1.0)
+
+
+def test_runs_are_kept_and_found_again(tmp_path, wanted, finished, monkeypatch):
+    run_all(wanted, tmp_path, lambda text, fraction: None)
+    assert len(list(tmp_path.iterdir())) == len(wanted)
+
+    def must_not_run(*inputs, **named):
+        raise AssertionError("it was to be read")
+
+    monkeypatch.setattr(module, "simulate", must_not_run)
+    again = run_all(wanted, tmp_path, lambda text, fraction: None)
+    assert all(same(again[run], finished[run]) for run in wanted)
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "flipped", "gone"])
+def test_a_damaged_file_is_computed_again(damage, tmp_path, wanted, finished):
+    run_all(wanted, tmp_path, lambda text, fraction: None)
+    victim = sorted(tmp_path.iterdir())[0]
+    whole = bytearray(victim.read_bytes())
+    if damage == "gone":
+        victim.unlink()
+    else:
+        whole[len(whole) // 2] ^= 0x10
+        victim.write_bytes({"cut": whole[:500], "empty": b"", "flipped": bytes(whole)}[damage])
+    again = run_all(wanted, tmp_path, lambda text, fraction: None)
+    assert all(same(again[run], finished[run]) for run in wanted)
+
+
+def test_a_folder_that_cannot_be_written_only_keeps_nothing(tmp_path, wanted, finished):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    again = run_all(wanted, blocked / "runs", lambda text, fraction: None)
+    assert all(same(again[run], finished[run]) for run in wanted)
+
+
+def test_the_fingerprint_stays():
+    assert code_fingerprint() == code_fingerprint()
+    assert len(code_fingerprint()) == 20
+
+
+@pytest.mark.parametrize("number", [5, 10, 12, 21, 26, 27, 34])
+def test_frames_suffice_for_what_theory_predicts(number):
+    figure = all_figures()[number]
+    growths = [growth_of(figure, meaning) for meaning in figure.meanings]
+    frames = frames_for(figure, growths)
+    assert FRAMES <= frames <= MOST_FRAMES
+    needed = max(
+        growth.predicted_blow_up or np.log(1000) / max(-growth.rate, 1e-12) for growth in growths
+    )
+    longest = frames * figure.steps_per_frame > 0.99 * FRAMES * 65536
+    assert frames > 1.2 * needed or needed > 1e9 or longest or frames == MOST_FRAMES

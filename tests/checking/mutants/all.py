@@ -1,0 +1,62 @@
+"""Every mutant, by name, and how it is judged."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from ropeode.checking.check import check_stepper
+from ropeode.checking.checks import SLOW
+from ropeode.checking.report import CheckReport
+from ropeode.errors import InputError
+from tests.checking.mutants.loops import LOOPS, graded
+from tests.checking.mutants.mistakes import MISTAKES
+from tests.checking.mutants.mutant import Mutant
+from tests.checking.mutants.rare import RARE
+from tests.checking.mutants.rules import BY_RULE
+
+_ALL = (*MISTAKES, *RARE, *LOOPS, *BY_RULE)
+MUTANTS: dict[str, Mutant] = {mutant.name: mutant for mutant in _ALL}
+assert len(MUTANTS) == len(_ALL), "two mutants have one name"
+
+# The family of programs that write trajectories.
+PROGRAMS = "trajectory loop"
+# What is said of a stepper or program that is not judged but refused, with exit code 2.
+REFUSED = "refused"
+# Rejects nothing of which no method is claimed.
+UNCLAIMED = ("stability",)
+# These are long runs, or compile a stepper anew; they are made where others do not suffice.
+AT_LAST = ("energy", "float32")
+_ENOUGH = 2
+
+
+def rejected_by(mutant: Mutant, only: Sequence[str] | None = None) -> list[str]:
+    """The checks that reject a mutant, with all the claims of what it was made from.
+
+    Arguments:
+        mutant: a stepper, judged by `check_stepper`, or a program, by `grade`.
+        only: names of checks, for a stepper. By default all are made but those that cannot
+            reject it, and those in `AT_LAST` only where fewer than two others reject it, or no
+            other that quick mode makes too.
+    """
+    try:
+        if mutant.family == PROGRAMS:
+            with tempfile.TemporaryDirectory() as folder:
+                return _failed(graded(mutant, Path(folder), diagnose=False))
+        if only is not None:
+            return _failed(_checked(mutant, only=only))
+        found = _failed(_checked(mutant, skip=(*UNCLAIMED, *AT_LAST)))
+        if len(found) >= _ENOUGH and not set(found) <= set(SLOW):
+            return found
+        return _failed(_checked(mutant, skip=UNCLAIMED))
+    except InputError:
+        return [REFUSED]
+
+
+def _checked(mutant: Mutant, **chosen: Sequence[str]) -> CheckReport:
+    return check_stepper(mutant.make(), diagnose=False, **chosen, **mutant.claims)
+
+
+def _failed(report: CheckReport) -> list[str]:
+    return [finding.check for finding in report.failed]

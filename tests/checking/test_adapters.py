@@ -1,0 +1,241 @@
+"""Solvers of diffrax and SciPy have the orders that their documentation gives them."""
+
+from __future__ import annotations
+
+import functools
+
+import diffrax
+import jax
+import numpy as np
+import optimistix
+import pytest
+from scipy import integrate
+
+from ropeode.checking.adapters import adapted, diffrax_solvers, scipy_solvers
+from ropeode.checking.check_context import Examination
+from ropeode.checking.checks.symmetry import rotation, time_shift, translation
+from ropeode.checking.problems import convergence_problems
+from ropeode.checking.report import Claims
+from ropeode.checking.stepper_loading import brought, examined
+from ropeode.errors import InputError, UserCodeError
+
+# As the docstrings of the classes have it.
+DIFFRAX_ORDERS = {
+    "Bosh3": 3,
+    "Dopri5": 5,
+    "Dopri8": 8,
+    "Euler": 1,
+    "Heun": 2,
+    "ImplicitEuler": 1,
+    "KenCarp3": 3,
+    "KenCarp4": 4,
+    "KenCarp5": 5,
+    "Kvaerno3": 3,
+    "Kvaerno4": 4,
+    "Kvaerno5": 5,
+    "LeapfrogMidpoint": 2,
+    "Midpoint": 2,
+    "Ralston": 2,
+    "ReversibleHeun": 2,
+    "SemiImplicitEuler": 1,
+    # 3 in the explicit part and 2 in the implicit one.
+    "Sil3": 2,
+    "Tsit5": 5,
+}
+_NOISE = "noise term"
+DIFFRAX_REFUSED = {
+    "ALIGN": _NOISE,
+    "EulerHeun": _NOISE,
+    "GeneralShARK": _NOISE,
+    "HalfSolver": "cannot be made without arguments",
+    "ItoMilstein": _NOISE,
+    "QUICSORT": _NOISE,
+    "SEA": _NOISE,
+    "SPaRK": _NOISE,
+    "SRA1": _NOISE,
+    "ShARK": _NOISE,
+    "ShOULD": _NOISE,
+    "SlowRK": _NOISE,
+    "StratonovichMilstein": _NOISE,
+}
+SCIPY_ORDERS = {"RK23": 3, "RK45": 5, "DOP853": 8, "Radau": 5}
+
+
+@functools.cache
+def examination_of(given):
+    candidate, manners = examined(*brought(given))
+    return Examination(candidate, Claims(), manners)
+
+
+def holds(convergence, order) -> bool:
+    """Whether the observed orders are the documented one.
+
+    To 0.25 beyond their intervals: where the last of the errors that a reference can tell are
+    still bent, an interval may miss the order by that. The slower of positions and velocities
+    has the method's order; a method of another order is off by 1.
+    """
+    intervals = []
+    for found in convergence.orders.values():
+        assert found.ci95 is not None, (convergence.problem, found)
+        intervals.append(found.ci95)
+    low, high = min(intervals)[0], min(high for _, high in intervals)
+    return low - 0.25 <= order <= high + 0.25
+
+
+def test_every_solver_of_diffrax_is_graded_or_refused():
+    """Walks diffrax itself, so that a new solver fails here until it is listed."""
+
+    def below(solver):
+        return {solver}.union(*(below(each) for each in solver.__subclasses__()))
+
+    solvers = {each.__name__: each for each in below(diffrax.AbstractSolver)}
+    exported = {
+        name
+        for name, each in solvers.items()
+        if getattr(diffrax, name, None) is each and not name.startswith("Abstract")
+    }
+    assert exported == {*DIFFRAX_ORDERS, *DIFFRAX_REFUSED}
+    assert set(diffrax_solvers.names()) == exported
+
+
+def test_every_solver_of_scipy_is_graded_or_refused():
+    refused = {each.__name__ for each in scipy_solvers.REFUSED}
+    assert set(scipy_solvers.names()) == {*SCIPY_ORDERS, *refused}
+
+
+@pytest.mark.parametrize("name", DIFFRAX_ORDERS)
+@jax.enable_x64(True)
+def test_diffrax_has_its_documented_order(name):
+    examination = examination_of(f"diffrax:{name}")
+    order = DIFFRAX_ORDERS[name]
+    assert examination.candidate.form.documented_order == order
+    implicit = isinstance(examination.candidate.form.solver, diffrax.AbstractImplicitSolver)
+    # Each step of these solves equations, which takes its time.
+    for problem in ("textbook", "driven", "uneven") if implicit else convergence_problems():
+        found = examination.convergence(problem)
+        assert holds(found, order), (problem, found.orders)
+
+
+@pytest.mark.parametrize("name", SCIPY_ORDERS)
+@jax.enable_x64(True)
+def test_scipy_has_its_documented_order(name):
+    examination = examination_of(f"scipy:{name}")
+    order = SCIPY_ORDERS[name]
+    assert examination.candidate.form.documented_order == order
+    # What runs in Python takes its time: damped, driven and with frames of unequal length.
+    found = examination.convergence("uneven")
+    assert holds(found, order), found.orders
+
+
+@jax.enable_x64(True)
+def test_a_wrong_claim_about_a_solver_is_seen():
+    examination = examination_of("diffrax:Midpoint")
+    assert not holds(examination.convergence("unequal"), 3)
+    assert not holds(examination.convergence("unequal"), 1)
+
+
+@pytest.mark.parametrize("name", ["KenCarp4", "ImplicitEuler"])
+@jax.enable_x64(True)
+def test_what_a_root_finder_leaves_over_breaks_no_symmetry(name):
+    examination = examination_of(f"diffrax:{name}")
+    for check in (translation, rotation, time_shift):
+        found = check(examination)
+        assert found.status == "pass", found.line
+
+
+@jax.enable_x64(True)
+def test_a_solver_object_keeps_its_own_root_finder():
+    finder = optimistix.Chord(rtol=1e-3, atol=1e-3)
+    form = brought(diffrax.ImplicitEuler(root_finder=finder))[1]
+    assert form.solver.root_finder is finder
+    exact = examination_of(diffrax.ImplicitEuler).candidate
+    loose = examination_of(diffrax.ImplicitEuler(root_finder=finder)).candidate
+    problem = convergence_problems()["unequal"]
+    apart = np.max(np.abs(exact.run(problem, 8) - loose.run(problem, 8)))
+    assert 1e-9 < apart < 1e-2
+
+
+@jax.enable_x64(True)
+def test_a_wrapped_solver_takes_two_half_steps():
+    half = examination_of(diffrax.HalfSolver(diffrax.Euler())).candidate
+    problem = convergence_problems()["uneven"]
+    twice = examination_of(diffrax.Euler).candidate.run(problem, 20)
+    np.testing.assert_allclose(half.run(problem, 10), twice, atol=1e-13)
+    assert half.label == "HalfSolver"
+
+
+@pytest.mark.parametrize(
+    ("solver", "other", "same"),
+    [
+        ("diffrax:Dopri5", integrate.RK45, True),
+        ("diffrax:Bosh3", integrate.RK23, True),
+        ("diffrax:Tsit5", integrate.RK45, False),
+    ],
+)
+@jax.enable_x64(True)
+def test_both_libraries_make_the_same_of_the_same_method(solver, other, same):
+    """Dormand and Prince's method of order 5, and Bogacki and Shampine's, are in both."""
+    problem = convergence_problems()["uneven"]
+    first, second = (examination_of(each).candidate.run(problem, 6) for each in (solver, other))
+    assert (np.max(np.abs(first - second)) < 1e-13) == same
+
+
+@jax.enable_x64(True)
+def test_a_semi_implicit_solver_is_not_told_of_damping():
+    examination = examination_of("diffrax:SemiImplicitEuler")
+    assert not np.any(examination.problem("damped").args.damping)
+    assert np.any(examination.problem("driven").args.drive)
+
+
+@jax.enable_x64(True)
+def test_a_step_that_scipy_would_shorten_is_no_step():
+    """Radau's iteration does not converge across a spring without length."""
+    problem = convergence_problems()["textbook"]
+    y0 = problem.y0.copy()
+    y0[0, 3] = y0[0, 2]
+    states = examination_of("scipy:Radau").candidate.run(problem.changed(y0=y0), 4)
+    assert np.all(np.isnan(states[1:]))
+
+
+@pytest.mark.parametrize("name", DIFFRAX_REFUSED)
+def test_refused_by_diffrax(name):
+    with pytest.raises(InputError, match=DIFFRAX_REFUSED[name]):
+        adapted("diffrax", name)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("diffrax:Huen", "did you mean 'Heun'"),
+        ("diffrax:heum", "did you mean 'Heun'"),
+        ("diffrax:", "does not exist"),
+        ("diffrax:AbstractERK", "does not exist"),
+        ("scipy:RK54", "does not exist; allowed: BDF, DOP853"),
+        ("scipy:BDF", "orders 1 to 5"),
+        ("scipy:LSODA", "among methods"),
+        ("numpy:RK45", "diffrax:NAME"),
+        (integrate.BDF, "orders 1 to 5"),
+        (diffrax.HalfSolver, "without arguments"),
+        (integrate.RK45(lambda t, y: y, 0.0, [1.0], 1.0), "give the class"),
+    ],
+)
+def test_bad_names_and_objects(given, words):
+    with pytest.raises(InputError, match=words):
+        brought(given)
+
+
+def test_an_unknown_library():
+    with pytest.raises(InputError, match="library"):
+        adapted("numpy", "RK45")
+
+
+class Broken(diffrax.Euler):
+    """A user's own solver that does not work."""
+
+    def step(self, *given, **named):
+        raise RuntimeError("not yet written")
+
+
+def test_a_solver_that_raises():
+    with pytest.raises(UserCodeError, match="not yet written"):
+        examined(*brought(Broken()))

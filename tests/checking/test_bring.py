@@ -1,0 +1,223 @@
+"""What is brought: the ways in, and everything that can be wrong with it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.checking.candidate import Compiled, Interpreted
+from ropeode.checking.check import check_stepper
+from ropeode.checking.problems import convergence_problems
+from ropeode.checking.stepper_loading import brought, examined
+from ropeode.errors import InputError, UserCodeError
+from ropeode.precision import in_float64
+from ropeode.simulation import simulate
+from tests.checking import steps
+
+
+def candidate_of(step):
+    return examined(*brought(step))
+
+
+def in_jax(acceleration, t, x, v, dt, args):
+    v = v + dt * acceleration(t, x, v, args)
+    return x + dt * v, v
+
+
+@pytest.mark.parametrize(
+    ("step", "kind"),
+    [(in_jax, Compiled), (steps.in_loops, Interpreted), (steps.rk4, Compiled)],
+)
+def test_what_jax_can_trace_is_compiled(step, kind):
+    assert type(candidate_of(step)[0]) is kind
+
+
+@pytest.mark.parametrize("name", ["uneven", "driven"])
+def test_compiled_and_interpreted_runs_are_those_of_the_driver(name):
+    """Three drivers, one stepper: to rounding the same states."""
+    problem = convergence_problems()[name]
+    known = simulate(problem, "semi-implicit-euler", 12).states
+    for step in (in_jax, steps.in_loops, "semi-implicit-euler"):
+        states = in_float64(candidate_of(step)[0].run)(problem, 12)
+        assert np.max(np.abs(states - known)) < 1e-13
+
+
+def test_own_forces_are_found_out():
+    assert candidate_of(steps.own_forces)[0].own_forces
+    assert not candidate_of(steps.in_loops)[0].own_forces
+
+
+def test_a_file_and_a_name(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("def step(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n")
+    report = check_stepper(f"{file}:step", 1, only=["order-driven"])
+    assert report.passed
+    assert report.label.endswith("mine.py:step")
+
+
+def raises(acceleration, t, x, v, dt, args):
+    return undefined_name  # noqa: F821
+
+
+def leaves(acceleration, t, x, v, dt, args):
+    raise SystemExit(3)
+
+
+def too_few_nodes(acceleration, t, x, v, dt, args):
+    return x[:-1], v
+
+
+def positions_only(acceleration, t, x, v, dt, args):
+    return x
+
+
+def three_things(acceleration, t, x, v, dt, args):
+    return x, v, v
+
+
+def single_precision(acceleration, t, x, v, dt, args):
+    return x.astype(np.float32), v
+
+
+def whole_numbers(acceleration, t, x, v, dt, args):
+    return np.zeros(x.shape, dtype=np.int64), v
+
+
+def not_a_number(acceleration, t, x, v, dt, args):
+    return np.nan * x, v
+
+
+def too_late(acceleration, t, x, v, dt, args):
+    if t > 0.5:
+        raise ValueError("too late")
+    v = v + dt * acceleration(t, x, v, args)
+    return x + dt * v, v
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (raises, "NameError: name 'undefined_name' is not defined"),
+        (leaves, "SystemExit: 3"),
+        (too_few_nodes, r"x of shape \(4, 3\); allowed: .*\(5, 3\)"),
+        (positions_only, r"ndarray of shape \(5, 3\)"),
+        (three_things, "tuple of length 3"),
+        (single_precision, "x of type float32; allowed: float64"),
+        (whole_numbers, "x of type int64; allowed: float64"),
+        (not_a_number, "not finite"),
+        (too_late, "ValueError: too late"),
+    ],
+)
+def test_what_is_no_step_is_refused(step, words):
+    with pytest.raises(UserCodeError, match=words) as raised:
+        check_stepper(step, 1)
+    assert "Fix:" in str(raised.value)
+
+
+def hangs(acceleration, t, x, v, dt, args):
+    while True:
+        pass
+
+
+def hangs_later(acceleration, t, x, v, dt, args):
+    while t > 0.9:
+        pass
+    v = v + dt * acceleration(t, x, v, args)
+    return x + dt * v, v
+
+
+@pytest.mark.parametrize("step", [hangs, hangs_later])
+def test_a_step_that_never_returns_is_given_up(step):
+    with pytest.raises(UserCodeError, match="did not return within 1 s"):
+        check_stepper(step, 1, time_limit=1.0)
+
+
+def test_a_process_may_end_while_references_are_made_ahead():
+    """It was aborted, where a thread was compiling one."""
+    code = (
+        "import time\n"
+        "from ropeode import UserCodeError, check_stepper\n"
+        "def step(rhs, t, y, dt, args): return 0 * y / 0\n"
+        "try: check_stepper(step)\n"
+        "except UserCodeError: time.sleep(1.5)\n"
+    )
+    without_cache = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120, env=without_cache)
+
+
+def prints(acceleration, t, x, v, dt, args):
+    print("at", t)  # noqa: T201
+    v = v + dt * acceleration(t, x, v, args)
+    return x + dt * v, v
+
+
+def test_what_a_step_prints_is_kept_from_the_report(capsys):
+    report = check_stepper(prints, 1, only=["pins"])
+    assert report.passed
+    assert "its first line: 'at 0.4'" in report.notes[0]
+    assert capsys.readouterr().out == ""
+
+
+def test_writing_to_args_is_found():
+    report = check_stepper(steps.writes_to_args, 1, only=["purity"])
+    assert "args" in report.findings[0].line
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (3, "a step function or a Stepper"),
+        (int, "a step function or a Stepper"),
+        (lambda a, b: a, r"its parameters are \(a, b\)"),
+        (lambda acceleration, x, v, t, dt, args: x, "Fix: write one of these"),
+        ("rk5", "did you mean 'rk4'"),
+        ("constraint-verlet", "keeps the distances of nodes in a row"),
+        ("nowhere.py:step", "No such file"),
+        ("x.py", "FILE.py:NAME"),
+    ],
+)
+def test_what_cannot_be_a_stepper_is_refused(given, words):
+    with pytest.raises(InputError, match=words):
+        check_stepper(given)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"expected_order": 0}, "expected_order: 0"),
+        ({"expected_order": "two"}, "expected_order: 'two'"),
+        ({"expected_order": 2, "method": "rk4"}, "none beside a method"),
+        ({"method": "rk5"}, "did you mean 'rk4'"),
+        ({"only": ["pin"]}, "did you mean 'pins'"),
+        ({"skip": "nonsense"}, "check: 'nonsense'"),
+        ({"only": ["pins"], "skip": ["pins"]}, "at least one check"),
+        ({"time_limit": -1}, "time_limit: -1"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_anything_runs(settings, words):
+    with pytest.raises(InputError, match=words):
+        check_stepper(raises, **settings)
+
+
+def test_a_file_that_raises_shows_whose_fault_it_is(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(textwrap.dedent("import nonexistent_package\n"))
+    with pytest.raises(UserCodeError, match="nonexistent_package"):
+        check_stepper(f"{file}:step")
+
+
+def test_jax_arrays_are_float64_inside():
+    seen = []
+
+    def step(rhs, t, y, dt, args):
+        seen.append(jnp.asarray(y).dtype)
+        return y + dt * rhs(t, y, args)
+
+    check_stepper(step, 1, only=["pins"])
+    assert set(map(str, seen)) == {"float64"}

@@ -1,0 +1,114 @@
+"""The report of a check, in every format, and the command that prints it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from ropeode.checking.check import check_stepper
+from ropeode.checking.checks import CHECKS, SLOW
+from ropeode.cli import main as cli
+from ropeode.render.formats import CHECK_FORMATS, format_check
+from tests.checking import steps
+
+PAGE = Path(__file__).parents[2] / "docs/check.md"
+
+
+@pytest.fixture(scope="module")
+def report():
+    only = ["purity", "order-driven", "pins", "stability", "units"]
+    return check_stepper(steps.euler, 2, only=only)
+
+
+@pytest.mark.parametrize("form", CHECK_FORMATS)
+def test_every_format_says_what_was_found(report, form):
+    text = format_check(report, form)
+    for finding in report.findings:
+        assert finding.check in text.replace("\\_", "_")
+    assert text.endswith("\n")
+
+
+def test_text_fits_a_terminal(report):
+    lines = format_check(report).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[-1] == "Wrong: 1 of 4 checks fail (order-driven)."
+    assert any(line.startswith("-      stability") for line in lines)
+
+
+def test_json_and_csv_hold_the_same(report):
+    whole = json.loads(format_check(report, "json"))
+    rows = list(csv.DictReader(io.StringIO(format_check(report, "csv"))))
+    assert [row["status"] for row in rows] == [each["status"] for each in whole["findings"]]
+    found = next(each for each in whole["findings"] if each["check"] == "order-driven")
+    position = found["convergence"]["quantities"]["position"]
+    assert position["observed"] == pytest.approx(1.0, abs=0.2)
+    assert len(position["errors"]) == len(found["convergence"]["dt"])
+    assert not whole["passed"]
+
+
+def test_every_key_of_the_json_form_is_described(report):
+    described = set(re.findall(r"`([a-z_0-9]+)`", PAGE.read_text()))
+
+    def keys(value):
+        if isinstance(value, list):
+            return set().union(*map(keys, value)) if value else set()
+        if not isinstance(value, dict):
+            return set()
+        free = {"evidence", "quantities"}
+        below = [keys(v) for k, v in value.items() if k not in free]
+        of_quantity = [keys(v) for v in value.get("quantities", {}).values()]
+        return set(value).union(*below, *of_quantity)
+
+    assert keys(json.loads(format_check(report, "json"))) <= described
+
+
+def test_every_check_is_described():
+    text = PAGE.read_text()
+    assert set(SLOW) <= set(CHECKS)
+    for name in CHECKS:
+        assert f"`{name}`" in text, name
+        assert (f"`{name}`*" in text) == (name in SLOW), name
+
+
+def run(capsys, monkeypatch, *arguments):
+    codes = []
+    monkeypatch.setattr(cli, "_leave", lambda code: codes.append(code))
+    cli.main(["check", *arguments])
+    out, err = capsys.readouterr()
+    return codes[0], out, err
+
+
+FILE = str(Path(steps.__file__))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ((f"{FILE}:euler", "--order", "1", "--only", "order-driven"), 0, "Right, as far as"),
+        ((f"{FILE}:euler", "--order", "2", "--only", "order-driven"), 1, "Wrong: 1 of 1"),
+        (("rk4", "--only", "pins, units"), 0, "2 checks"),
+        ((f"{FILE}:euler", "--order", "two"), 2, "expected_order: 'two'"),
+        ((f"{FILE}:elur",), 2, "did you mean 'euler'"),
+        (("nowhere.py:step",), 2, "No such file"),
+        (("rk4", "--only", "pin"), 2, "did you mean 'pins'"),
+        ((f"{FILE}:COUNT",), 2, "a step function or a Stepper"),
+    ],
+)
+def test_the_command_and_its_exit_codes(capsys, monkeypatch, arguments, code, words):
+    found, out, err = run(capsys, monkeypatch, *arguments)
+    assert found == code
+    assert words in (err if code == 2 else out)
+    assert "Traceback" not in err
+
+
+def test_the_command_writes_a_file(capsys, monkeypatch, tmp_path):
+    path = tmp_path / "report.json"
+    arguments = (f"{FILE}:euler", "--only", "pins", "--out", str(path))
+    code, out, _ = run(capsys, monkeypatch, *arguments)
+    assert (code, out) == (0, "")
+    assert json.loads(path.read_text())["passed"]

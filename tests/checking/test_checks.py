@@ -1,0 +1,205 @@
+"""Each check passes what is right and fails what it is there for."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ropeode.checking.check import check_stepper
+from ropeode.checking.checks import CHECKS, SLOW
+from ropeode.checking.checks.stability import LIMITS
+from ropeode.checking.drift import drift_of
+from ropeode.checking.problems import convergence_problems, hanging
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.steppers import STEPPERS
+from ropeode.steppers.base import Stepper
+from ropeode.steppers.phase import Phase
+from tests.checking import steps
+
+RIGHT = {
+    steps.velocity_verlet: {"expected_order": 2},
+    steps.rk4: {"expected_order": 4, "symplectic": False},
+    steps.euler: {"expected_order": 1, "conserves_energy": False, "reversible": False},
+    steps.own_forces: {"expected_order": 1, "symplectic": True},
+    steps.in_loops: {"expected_order": 1, "symplectic": True},
+}
+
+
+@pytest.mark.parametrize("step", RIGHT, ids=lambda step: step.__name__)
+def test_right_steppers_pass_every_check(step):
+    report = check_stepper(step, **RIGHT[step])
+    assert report.passed, report.failed
+    assert {finding.check for finding in report.findings} == set(CHECKS)
+
+
+@dataclasses.dataclass(frozen=True)
+class StartsElsewhere(Stepper):
+    """A stepper whose samples lag a step behind."""
+
+    name = "starts-elsewhere"
+    needs = "any ODE"
+    symplectic = False
+    source = "none"
+
+    def order(self, problem_class):
+        return 1
+
+    def step(self, system, t, carried, dt):
+        return carried + dt * system.rhs(t, carried)
+
+    def state(self, system, t, carried, dt):
+        return self.step(system, t, carried, dt)
+
+
+@dataclasses.dataclass(frozen=True)
+class InNumPy(Stepper):
+    """A stepper that JAX cannot trace, with options of its own."""
+
+    name = "in-numpy"
+    needs = "second order"
+    symplectic = True
+    source = "none"
+
+    def order(self, problem_class):
+        return 1
+
+    def step(self, system, t, carried, dt):
+        v = np.array(carried.v)
+        v += dt * np.array(system.acceleration(t, carried.x, carried.v))
+        return Phase(carried.x + dt * v, v)
+
+
+# For each check a stepper that fails it, and what is claimed of that.
+WRONG = {
+    "determinism": (steps.draws, {"expected_order": 1}),
+    "purity": (steps.writes, {"expected_order": 1}),
+    "first-sample": (StartsElsewhere, {}),
+    "order-textbook": (steps.euler, {"expected_order": 2}),
+    "order-damped": (steps.without_damping, {"expected_order": 2}),
+    "order-unequal": (steps.leapfrog, {"expected_order": 2}),
+    "order-driven": (steps.at_its_own_time, {"expected_order": 2}),
+    "order-uneven": (steps.at_its_own_time, {"expected_order": 2}),
+    "order-free": (steps.euler, {"expected_order": 2}),
+    "free-flight": (steps.at_most_a_sixtieth, {}),
+    "pins": (steps.moves_pins, {}),
+    "momentum": (steps.pulls_at_one_end, {}),
+    "translation": (steps.drag_by_place, {}),
+    "boost": (steps.speed_limit, {}),
+    "rotation": (steps.only_two_components, {}),
+    "mirror": (steps.handed, {}),
+    "node-order": (steps.in_place, {}),
+    "time-shift": (steps.begins_softly, {}),
+    "units": (steps.whole_lengths, {}),
+    "stability": (steps.euler, {"method": "semi-implicit-euler"}),
+    "energy": (steps.rk4, {"conserves_energy": True}),
+    "symplectic": (steps.rk4, {"symplectic": True}),
+    "reversible": (steps.in_loops, {"reversible": True}),
+    "float32": (steps.single, {}),
+    "zero-length": (steps.divides_by_length, {}),
+}
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_each_check_fails_what_it_is_there_for(check):
+    step, claims = WRONG[check]
+    report = check_stepper(step, **claims, only=[check], diagnose=False)
+    (finding,) = report.findings
+    assert (finding.check, finding.status) == (check, "fail"), finding.line
+    assert not report.passed
+
+
+def test_handed_is_not_told_by_rotation():
+    """So that mirror and rotation are not the same check twice."""
+    assert check_stepper(steps.handed, only=["rotation"]).passed
+
+
+@pytest.mark.parametrize("step", [steps.remembers, steps.counts], ids=lambda step: step.__name__)
+def test_what_keeps_something_is_not_judged_further(step):
+    steps.BEFORE = None
+    report = check_stepper(step, 1, diagnose=False)
+    assert [finding.check for finding in report.failed] == ["determinism"]
+    assert {f.status for f in report.findings[1:]} == {"skip"}
+
+
+def test_a_stepper_class_in_numpy_is_held_against_what_it_declares():
+    report = check_stepper(InNumPy)
+    assert report.passed, report.failed
+    judged = {finding.check for finding in report.findings if finding.status == "pass"}
+    assert {"symplectic", "energy", "order-damped"} <= judged
+    wrong = check_stepper(InNumPy, 2, only=["order-damped"], diagnose=False)
+    assert not wrong.passed
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_limits_of_stability_are_those_of_theory(name):
+    report = check_stepper(name, only=["stability"])
+    assert report.passed, report.findings
+
+
+def test_every_stepper_for_forces_has_a_limit():
+    assert set(LIMITS) == {name for name, cls in STEPPERS.items() if cls.needs != "nodes in a row"}
+
+
+def test_quick_leaves_out_what_takes_long():
+    report = check_stepper(steps.velocity_verlet, 2, quick=True)
+    assert report.passed
+    assert {finding.check for finding in report.findings} == set(CHECKS) - set(SLOW)
+
+
+def test_the_hanging_rope_hangs_still():
+    problem = hanging()
+    assert problem.mechanics is not None
+    x, v = problem.y0
+    a = in_float64(lambda: np.asarray(problem.mechanics.acceleration(0.0, x, v, problem.args)))()
+    # Weights and pulls are of size 5 and cancel to rounding.
+    assert np.max(np.abs(a)) < 1e-14
+
+
+def test_the_problems_tell_mistakes_apart():
+    """What the names promise: each feature is there, and each is missing somewhere."""
+    args = [problem.args for problem in convergence_problems().values()]
+    for name in ("damping", "drive", "gravity"):
+        present = {bool(np.any(getattr(each, name))) for each in args}
+        assert present == {True, False}, name
+    masses = [each.mass for each in args]
+    assert any(np.ptp(mass) == 0 and mass[0] == 1 for mass in masses)
+    assert any(np.ptp(mass) == 0 and mass[0] != 1 for mass in masses)
+    assert any(np.ptp(mass) > 0 for mass in masses)
+    problems = list(convergence_problems().values())
+    assert {problem.equal_frames for problem in problems} == {True, False}
+    assert {bool(np.any(problem.y0[1])) for problem in problems} == {True, False}
+    assert {tuple(np.flatnonzero(each.free == 0)) for each in args} == {(), (0,), (1,)}
+    assert any(np.any(each.rest_length % 1 != 0) for each in args)
+    assert any(problem.ts[0] not in (0.0,) for problem in problems)
+
+
+@pytest.mark.parametrize(
+    ("energy", "verdict", "words"),
+    [
+        (lambda s: 0.01 * np.sin(40 * s), "bounded", "stays within"),
+        (lambda s: 0.01 * np.sin(40 * s) + 0.1 * s, "drifting", "rises by"),
+        (lambda s: -0.05 * s, "drifting", "falls by"),
+        (lambda s: -0.9 * (1 - np.exp(-30 * s)), "drifting", "falls by"),
+        (lambda s: 1e-3 * np.exp(9 * s), "growing", "grows to"),
+        (lambda s: np.where(s < 0.7, 0.0, np.nan), "growing", "diverges at t = 280"),
+    ],
+)
+def test_energies_are_bounded_drifting_or_growing(energy, verdict, words):
+    """A mass that moves along a line, whose speed makes its energy what is asked for."""
+    ts = np.linspace(0.0, 400.0, 401)
+    problem = Problem.second_order(
+        lambda t, x, v, args: 0.0 * x,
+        [[0.0]],
+        [[1.0]],
+        ts,
+        energy=lambda t, y, args: 0.5 * y[1, 0, 0] ** 2 + 0.5 * y[0, 0, 0] ** 2,
+    )
+    whole = 1.0 + energy(ts / 400.0)
+    angle = 0.9 * ts
+    states = np.stack([np.sin(angle), np.cos(angle)], axis=1) * np.sqrt(2.0 * whole)[:, None]
+    found = drift_of(problem, states.reshape(-1, 2, 1, 1))
+    assert found.verdict == verdict, found.line
+    assert words in found.line

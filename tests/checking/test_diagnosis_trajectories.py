@@ -1,0 +1,112 @@
+"""Trajectories of other programs: given runs, and no more of them."""
+
+import jax
+import numpy as np
+import pytest
+
+from ropeode import Rope, simulate
+from ropeode.checking.diagnosis.parameters import explicable
+from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
+from ropeode.checking.problems import convergence_problems
+from ropeode.problems.library import PROBLEMS
+from ropeode.references.reference import reference
+
+FRAMES = 6
+STEPS = (64, 128, 256, 512)
+CLAIMED = {"num_nodes": 6, "end": (90.0, 0.0), "gravity": (0.0, -0.7), "damping": 0.01}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _float64():
+    with jax.enable_x64(True):
+        yield
+
+
+@pytest.fixture(scope="module")
+def known():
+    problem = Rope(**CLAIMED).problem(FRAMES)
+    return reference(problem)
+
+
+def runs(stepper, digits=None, **changes):
+    """Runs of another rope than the claimed one, maybe printed and read again."""
+    made = []
+    for steps in STEPS:
+        run = simulate(Rope(**{**CLAIMED, **changes}).problem(FRAMES), stepper, steps)
+        states = run.states
+        if digits is not None:
+            printed = [float(f"{value:.{digits}g}") for value in states.ravel()]
+            states = np.array(printed).reshape(states.shape)
+        made.append((run.dt, states))
+    return made
+
+
+def found(known, given, quantities=("position", "velocity")):
+    (diagnosis,) = diagnose_trajectories(known.problem, known, given, quantities)
+    return diagnosis
+
+
+def test_the_rope_that_was_solved_instead(known):
+    given = runs("semi-implicit-euler", damping=0.0, gravity=(0.0, -0.49))
+    without_velocities = [(dt, states.copy()) for dt, states in given]
+    for _, states in without_velocities:
+        states[:, 1] = np.nan
+    both = ((given, known.problem.quantities), (without_velocities, ("position",)))
+    for each, quantities in both:
+        diagnosis = found(known, each, quantities)
+        assert diagnosis.cause == "parameters"
+        assert (
+            "the rope with gravity (0, -0.49) instead of (0, -0.7) and damping 0 instead of 0.01"
+            in diagnosis.line
+        )
+        assert diagnosis.evidence["orders"]["position"]["observed"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_numbers_printed_with_six_digits_are_known_less_well(known):
+    given = runs("semi-implicit-euler", digits=6, damping=0.0, gravity=(0.0, -0.49))
+    diagnosis = found(known, given)
+    damping = diagnosis.evidence["parameters"]["damping"]
+    assert abs(damping["found"]) <= damping["spread"]
+    assert 1e-7 < damping["spread"] < 0.005
+    exact = found(known, runs("semi-implicit-euler", damping=0.0, gravity=(0.0, -0.49)))
+    assert exact.evidence["parameters"]["damping"]["spread"] < damping["spread"]
+
+
+def test_initial_velocities_that_nobody_asked_for(known):
+    diagnosis = found(known, runs("stormer-verlet", initial_velocity=(1.0, 0.5)))
+    assert diagnosis.evidence["parameters"]["velocity"]["found"] == pytest.approx([1.0, 0.5])
+
+
+def test_damping_per_step(known):
+    diagnosis = found(known, runs("stormer-verlet:damping=per-step"))
+    assert diagnosis.cause == "damping-per-step"
+    assert diagnosis.evidence["lost_per_step"] == pytest.approx(0.01, rel=0.1)
+
+
+@pytest.mark.parametrize("stepper", ["stormer-verlet", "semi-implicit-euler"])
+def test_right_runs_have_no_wrong_numbers(known, stepper):
+    diagnosis = found(known, runs(stepper))
+    assert diagnosis.cause == "unknown"
+    assert "tend to the right solution" in diagnosis.line
+
+
+def test_another_mass_at_each_node_is_no_number(known):
+    diagnosis = found(known, runs("stormer-verlet", node_mass=[1.0, 2.0, 0.5, 1.0, 3.0, 0.7]))
+    assert diagnosis.cause == "unknown"
+
+
+def test_two_runs_say_nothing(known):
+    diagnosis = found(known, runs("stormer-verlet", damping=0.0)[:2])
+    assert diagnosis.cause == "unknown"
+    assert "at least three step sizes" in diagnosis.line
+
+
+def test_what_is_no_rope_has_no_such_numbers(known):
+    problem = PROBLEMS["pendulum"]()
+    (diagnosis,) = diagnose_trajectories(problem, known, [], problem.quantities)
+    assert diagnosis.cause == "unknown"
+    assert "none are known" in diagnosis.line
+
+
+def test_the_ropes_of_a_check_are_ropes_too():
+    assert all(explicable(problem) for problem in convergence_problems().values())

@@ -1,0 +1,22 @@
+"""Right steppers pass every check, on ropes that are drawn at random."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.checking.random_ropes import findings, ropes
+
+# Of each kind one or two, with other ropes than benchmarks/false_alarms.py draws by default.
+HERE = (
+    "dormand-prince5",
+    "yoshida4",
+    "ropeode stormer-verlet:damping=lagged",
+)
+
+
+@pytest.mark.parametrize("name", HERE)
+def test_right_steppers_are_not_rejected_on_random_ropes(name):
+    drawn, _ = ropes(2, 0)
+    found = findings(name, drawn)
+    assert [f"{check}: {each.line}" for check, each in found.items() if each.status == "fail"] == []
+    assert sum(each.status == "pass" for each in found.values()) >= 12

@@ -1,0 +1,77 @@
+"""The judge rejects wrong steppers: those of a stored record, and a part of them once more here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ropeode.checking.checks import CHECKS
+from tests.checking.mutants.all import AT_LAST, MUTANTS, REFUSED, UNCLAIMED, rejected_by
+from tests.checking.mutants.loops import LOOPS
+from tests.checking.mutants.mutant import from_source, source_of
+from tests.checking.mutants.originals import trajectory
+from tests.checking.mutants.rare import KEPT
+from tests.checking.mutants.survivors import SURVIVORS
+
+# Made by benchmarks/mutants.py, with all checks.
+RECORD = {
+    line["name"]: line
+    for line in map(
+        json.loads,
+        (Path(__file__).parents[2] / "docs/mutants.jsonl").read_text().splitlines(),
+    )
+}
+# The gate judges every so many-th again, by the one check of those that reject it which costs
+# least: a few steps, or runs of one problem, before long runs and derivatives.
+EVERY = 9
+LAST = ("symplectic", *AT_LAST)
+CHEAP_FIRST = (
+    *(name for name in CHECKS if not name.startswith("order-") and name not in LAST),
+    *(name for name in CHECKS if name.startswith("order-")),
+    *LAST,
+)
+CHEAP = [name for name in CHEAP_FIRST if name not in (*LAST, *UNCLAIMED)]
+AGAIN = [
+    name for name in list(MUTANTS)[::EVERY] if name not in SURVIVORS and MUTANTS[name] not in LOOPS
+]
+
+
+def test_the_record_is_of_these_mutants():
+    assert set(RECORD) == set(MUTANTS)
+    for name, mutant in MUTANTS.items():
+        assert (mutant.family, mutant.change) == (RECORD[name]["family"], RECORD[name]["change"])
+    assert len(MUTANTS) >= 300
+
+
+def test_what_survives_is_listed_with_its_reason():
+    assert {name for name, line in RECORD.items() if not line["rejected_by"]} == set(SURVIVORS)
+    assert all(reason.endswith(".") for reason in SURVIVORS.values())
+
+
+@pytest.mark.parametrize("name", AGAIN)
+def test_wrong_steppers_are_rejected(name):
+    by = RECORD[name]["rejected_by"]
+    if by == [REFUSED]:
+        assert rejected_by(MUTANTS[name]) == by
+    elif MUTANTS[name] in KEPT:
+        # What it does depends on what it was asked before.
+        assert rejected_by(MUTANTS[name], CHEAP)
+    else:
+        only = [next(check for check in CHEAP_FIRST if check in by)]
+        assert rejected_by(MUTANTS[name], only) == only
+
+
+@pytest.mark.parametrize("name", SURVIVORS)
+def test_survivors_are_not_rejected_by_the_checks_that_take_little_time(name):
+    assert rejected_by(MUTANTS[name], CHEAP) == []
+
+
+@pytest.mark.parametrize("mutant", LOOPS, ids=lambda mutant: mutant.name)
+def test_wrong_programs_are_rejected(mutant):
+    assert rejected_by(mutant) == RECORD[mutant.name]["rejected_by"] != []
+
+
+def test_the_right_program_is_not():
+    assert rejected_by(from_source(trajectory, "right", "nothing", source_of(trajectory))) == []

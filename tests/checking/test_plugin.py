@@ -1,0 +1,137 @@
+"""The pytest plugin, in a project that knows nothing else of ropeode."""
+
+from __future__ import annotations
+
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+STEPS = """
+def verlet(acceleration, t, x, v, dt, args):
+    a = acceleration(t, x, v, args)
+    x_new = x + dt * v + dt**2 / 2 * a
+    a_new = acceleration(t + dt, x_new, v + dt * a, args)
+    return x_new, v + dt / 2 * (a + a_new)
+
+def euler(acceleration, t, x, v, dt, args):
+    return x + dt * v, v + dt * acceleration(t, x, v, args)
+
+def broken(acceleration, t, x, v, dt, args):
+    return y, v
+"""
+TESTS = (
+    STEPS
+    + """
+import pytest
+
+def test_order(ropeode):
+    assert ropeode.assert_order(verlet, 2, only=["order-driven"]).passed
+
+@pytest.mark.ropeode(only=["order-driven"])
+def test_wrong_order(ropeode):
+    ropeode.assert_order(euler, 2)
+
+@pytest.mark.ropeode(only=["order-driven"])
+def test_converges(ropeode):
+    ropeode.assert_converges(euler)
+
+def test_energy(ropeode):
+    ropeode.assert_conserves_energy(verlet)
+
+def test_energy_grows(ropeode):
+    ropeode.assert_conserves_energy(euler)
+
+def test_user_error(ropeode):
+    ropeode.assert_order(broken, 2)
+
+def test_wrong_argument(ropeode):
+    ropeode.check(verlet, 2, only=["pin"])
+
+@pytest.mark.ropeode(only=["pins", "float32"], skip=["float32"])
+class TestMarkers:
+    def test_all(self, ropeode):
+        names = [finding.check for finding in ropeode.check(verlet, 2).findings]
+        assert names == ["pins"]
+
+    @pytest.mark.ropeode(skip=[])
+    def test_the_nearer_one_counts(self, ropeode):
+        assert len(ropeode.check(verlet, 2).findings) == 2
+"""
+)
+
+
+@pytest.fixture
+def project(pytester):
+    pytester.makepyfile(test_steps=TESTS)
+    return pytester
+
+
+def test_verdicts_reports_and_properties(project):
+    result = project.runpytest("--strict-markers", "-W", "error", "--junitxml=found.xml")
+    result.assert_outcomes(passed=5, failed=4)
+    result.stdout.fnmatch_lines(
+        [
+            "Check of euler: claimed to be of order 2",
+            "WRONG  order-driven  positions order 1.*",
+            "      dt * position * velocity*",
+            "Wrong: 1 of 1 checks fail (order-driven).",
+        ]
+    )
+    text = result.stdout.str()
+    assert "energy grows to" in text
+    assert "it is claimed to stay bounded" in text
+    # The user's own line, and none of ours.
+    assert "return y, v" in text
+    assert "NameError: name 'y' is not defined" in text
+    assert "site-packages" not in text
+    assert "ropeode/checking" not in text
+    assert "did you mean 'pins'" in text
+    tree = ElementTree.parse(project.path / "found.xml")
+    found = {
+        (case.get("name"), each.get("name")): each.get("value")
+        for case in tree.iter("testcase")
+        for each in case.iter("property")
+    }
+    order = found["test_order", "ropeode.verlet.order-driven.position"]
+    assert abs(float(order) - 2.0) < 0.05
+    wrong = found["test_wrong_order", "ropeode.euler.order-driven.velocity"]
+    assert abs(float(wrong) - 1.0) < 0.2
+
+
+def test_options(pytester):
+    pytester.makepyfile(
+        test_steps=STEPS
+        + """
+def test_quick(ropeode):
+    names = {finding.check for finding in ropeode.check(verlet, 2).findings}
+    assert "energy" not in names and "pins" not in names and "order-driven" in names
+
+def test_format(ropeode):
+    ropeode.assert_order(euler, 2, only=["order-driven"])
+"""
+    )
+    result = pytester.runpytest(
+        "--ropeode-quick", "--ropeode-skip", "pins,float32", "--ropeode-format", "markdown"
+    )
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["# Check of euler*", "| WRONG*"])
+
+
+def test_it_costs_nothing_where_it_is_not_used(pytester):
+    pytester.makepyfile(
+        """
+        import sys
+        def test_nothing():
+            assert "jax" not in sys.modules
+            assert not [name for name in sys.modules if name.startswith("ropeode.checking")]
+        """
+    )
+    # In a process of its own, found by its entry point alone.
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(passed=1)
+    assert "jax" in sys.modules  # here it is, so that the test above can fail
+    result = pytester.runpytest_subprocess("--markers")
+    result.stdout.fnmatch_lines(["@pytest.mark.ropeode(*"])

@@ -1,0 +1,168 @@
+"""The stored library: recipes, manifest and files agree, and each file is reproduced."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+
+from ropeode import load
+from ropeode.errors import InputError
+from ropeode.references.extended.solution import extended_solution
+from ropeode.references.files import library
+from ropeode.references.files.checksum import check_seal
+from ropeode.references.files.library import entries, find, folder
+from ropeode.references.files.recipes import read_recipe
+
+MOST_BYTES = 20 * 2**20
+NAMES = sorted(entries())
+RECIPES = {name: read_recipe(folder() / f"{name}.toml") for name in NAMES}
+PUBLISHED = [name for name, (recipe, _) in RECIPES.items() if recipe.published]
+EXACT = [name for name, (recipe, _) in RECIPES.items() if recipe.build().exact is not None]
+EXTENDED = [name for name, (recipe, _) in RECIPES.items() if recipe.level == "extended"]
+# Those that a test makes again as far as this; the others as far as the default says. A sample
+# of times, since making all of them takes a quarter of an hour.
+FIRST_SAMPLES = {
+    "lorenz": 40,
+    "robertson": 2,
+    "rope-stiff": 2,
+    "rope-undamped": 8,
+    "van-der-pol": 2,
+    "oregonator": 2,
+}
+
+
+def test_recipes_manifest_and_files_agree():
+    assert {path.stem for path in folder().glob("*.toml")} == set(NAMES)
+    assert {path.stem for path in folder().glob("*.nc")} == set(NAMES)
+    assert sum(path.stat().st_size for path in folder().iterdir()) < MOST_BYTES
+    for name, entry in entries().items():
+        recipe, digest = RECIPES[name]
+        assert entry.recipe_sha256 == digest, f"{name}: make it again, `make references`"
+        assert entry.sha256 == check_seal(folder() / f"{name}.nc")
+        assert (entry.title, entry.problem, entry.level) == (
+            recipe.title,
+            recipe.problem,
+            recipe.level,
+        )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_loaded_is_what_the_manifest_says(name):
+    known, entry = load(name), entries()[name]
+    assert dict(known.problem.parameters) == dict(RECIPES[name][0].build().parameters)
+    assert known.trusted == entry.samples == len(known.problem.ts)
+    assert known.horizon is entry.horizon is None
+    assert known.bound()[-1] == entry.bound
+    assert known.times[-1] == entry.end
+    assert known.certificate.level == entry.level
+
+
+@pytest.mark.parametrize("name", EXTENDED)
+def test_extended_ones_are_reproduced_to_the_last_bit(name):
+    pytest.importorskip("heyoka")
+    known, (recipe, _) = load(name), RECIPES[name]
+    samples = FIRST_SAMPLES.get(name, max(2, known.trusted // 10))
+    problem = dataclasses.replace(known.problem, ts=known.problem.ts[:samples])
+    found = extended_solution(problem, digits=recipe.digits)
+    assert found.agreed == samples
+    np.testing.assert_array_equal(found.states, known.states[:samples])
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMES) - set(EXTENDED)))
+def test_others_are_reproduced_within_their_bounds(name):
+    known, (recipe, _) = load(name), RECIPES[name]
+    samples = FIRST_SAMPLES.get(name, max(2, known.trusted // 10))
+    problem = dataclasses.replace(known.problem, ts=known.problem.ts[:samples])
+    again = recipe.make(problem)
+    apart = np.max(np.abs(again.states - known.states[:samples]), axis=1)
+    assert np.all(apart <= known.bound()[:samples] + again.bound())
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_ends_where_others_have_found_it_to_end(name):
+    known, (recipe, _) = load(name), RECIPES[name]
+    assert recipe.off_published(known) <= known.bound()[-1] + recipe.published.uncertainty
+
+
+def test_much_of_what_has_been_published_is_there():
+    assert len(NAMES) >= 18
+    assert {"arenstorf", "pleiades", "van-der-pol", "robertson", "hires", "oregonator"} == set(
+        PUBLISHED
+    )
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_exact_solutions_agree_to_the_last_digit(name):
+    known = load(name)
+    problem = known.problem
+    exact = problem.exact(problem.ts)
+    for quantity in problem.quantities:
+        one, other = problem.quantity(quantity, known.states), problem.quantity(quantity, exact)
+        # Either is rounded to float64; the exact solution's own rounding in extended
+        # precision grows with what becomes of an error at the start (Kepler, near the sun).
+        assert np.max(np.abs(one - other)) <= 2 * np.spacing(np.max(np.abs(other)))
+
+
+def test_the_undamped_rope_is_right_to_the_last_bit_to_the_end():
+    known = load("rope-undamped")
+    assert known.times[-1] == 300
+    runs = known.certificate.witnesses[0]
+    for quantity in known.problem.quantities:
+        # What two runs are apart, against the distance of neighbouring numbers of float64.
+        values = known.problem.quantity(quantity, known.states)[1:]
+        spacing = np.spacing(np.median(np.abs(values)))
+        assert np.max(runs.differences[quantity]) <= 1e-4 * spacing
+    # Another witness, up to the end: the energy, which rounding to float64 alone changes.
+    energies = known.problem.energies(known.states)
+    size = np.max(np.abs(known.problem.energies(known.states * (1 + 1e-6)) - energies)) / 1e-6
+    assert np.ptp(energies) <= 4 * np.finfo(np.float64).eps * size
+
+
+def test_the_rope_at_rest_obeys_statics():
+    known = load("rope-at-rest")
+    args = known.problem.args
+    mass, stiffness, rest_length = (
+        np.asarray(values, dtype=np.longdouble)
+        for values in (args.mass, args.stiffness, args.rest_length)
+    )
+    # Each spring carries the masses below it; gravity is 1.
+    below = np.cumsum(mass[::-1])[::-1][1:]
+    depth = np.append(np.longdouble(0), np.cumsum(rest_length + below / stiffness))
+    expected = np.stack([np.zeros(16), 200 - depth], axis=1)
+    # Each mode is weakly damped and decays with half the damping.
+    swing = 400.0 * np.exp(-0.5 * 0.1 * known.times[-1])
+    assert np.max(np.abs(known.positions[-1] - expected)) <= swing + known.bound()[-1]
+    assert swing < 1e-14
+
+
+def test_lengths_of_rigid_links_are_kept():
+    for name in ("inextensible-rope", "inextensible-rope-undamped"):
+        known = load(name)
+        drift = known.certificate.drift["position"]
+        assert np.max(drift) <= np.max(known.bound())
+
+
+def test_a_file_comes_before_a_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert find("kepler") == folder() / "kepler.nc"
+    shutil.copy(folder() / "lorenz.nc", tmp_path / "kepler")
+    assert find("kepler").resolve() == tmp_path / "kepler"
+    assert load("kepler").problem.name == "Kepler"
+    assert find("nothing-here.nc").name == "nothing-here.nc"
+
+
+@pytest.mark.parametrize("look", [load, find])
+def test_what_is_not_there_is_told(look):
+    with pytest.raises(InputError, match=r"did you mean 'kepler'"):
+        look("keplr")
+
+
+def test_a_file_that_is_not_the_manifests_is_refused(tmp_path, monkeypatch):
+    shutil.copy(folder() / "manifest.json", tmp_path)
+    shutil.copy(folder() / "lorenz.nc", tmp_path / "kepler.nc")
+    monkeypatch.setattr(library, "folder", lambda: tmp_path)
+    with pytest.raises(InputError, match=r"sha256 is another one.*install ropeode again"):
+        load("kepler")

@@ -1,0 +1,335 @@
+"""References in files: what comes back, what is refused, and what no fault leaves behind."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5netcdf
+import h5py
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray
+
+from ropeode.errors import InputError
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.files.checksum import seal
+from ropeode.references.files.encoding import arrays_of, words_of
+from ropeode.references.files.netcdf import content_hash, write
+from ropeode.references.files.store import load_reference, save_reference, stored_facts
+from ropeode.references.files.verify import verify_reference
+from ropeode.references.reference import reference
+from tests.problems.shorter import SHORTER
+
+
+def riccati(t, y, args):
+    return -y * y + jnp.sin(t) * args["drive"]
+
+
+def own_problem(drive: float = 0.5) -> Problem:
+    ts = [0.0, 0.3, 1.0, 1.1]
+    return Problem(riccati, [[0.5, 0.25]], ts, {"drive": np.float64(drive)}, name="own")
+
+
+@pytest.fixture(scope="module")
+def rope():
+    return reference(Rope(num_nodes=4, node_mass=(1, 2, 1, 0.3), damping=0.1).problem(3))
+
+
+@pytest.fixture(scope="module")
+def saved(rope, tmp_path_factory):
+    return save_reference(rope, tmp_path_factory.mktemp("stored") / "rope.nc")
+
+
+def same(one, other) -> None:
+    """All that a reference holds is the same, to the last bit."""
+    assert one.states.dtype == other.states.dtype == np.float64
+    np.testing.assert_array_equal(one.states, other.states)
+    for field in dataclasses.fields(one.certificate):
+        mine, its = (getattr(each.certificate, field.name) for each in (one, other))
+        if field.name in ("bounds", "drift"):
+            assert set(mine) == set(its)
+            for quantity in mine:
+                np.testing.assert_array_equal(mine[quantity], its[quantity])
+        elif field.name == "witnesses":
+            for w, v in zip(mine, its, strict=True):
+                assert (w.solver, w.tolerance, w.role, w.steps, w.seconds, w.difference) == (
+                    v.solver,
+                    v.tolerance,
+                    v.role,
+                    v.steps,
+                    v.seconds,
+                    v.difference,
+                )
+                for quantity in w.differences:
+                    np.testing.assert_array_equal(w.differences[quantity], v.differences[quantity])
+        else:
+            assert mine == its, field.name
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_every_problem_of_the_library_comes_back(name, tmp_path):
+    known = reference(PROBLEMS[name](frames=2, **SHORTER.get(name, {})))
+    found = load_reference(save_reference(known, tmp_path / "x.nc"))
+    same(found, known)
+    assert found.problem.parameters == known.problem.parameters
+    assert found.trusted == known.trusted
+
+
+def test_a_cut_reference_comes_back(tmp_path):
+    """The horizon ends it before its problem does."""
+    known = reference(Rope(num_nodes=4, damping=0.0).problem(6), rtol=1e-6, accuracy=3e-4)
+    assert known.horizon is not None
+    same(load_reference(save_reference(known, tmp_path / "x.nc")), known)
+
+
+def test_a_problem_of_ones_own(tmp_path):
+    known = reference(own_problem())
+    path = save_reference(known, tmp_path / "own.nc")
+    same(load_reference(path, own_problem()), known)
+    with pytest.raises(InputError, match=r"problem: 'own' given.*--problem FILE.py:NAME"):
+        load_reference(path)
+    with pytest.raises(InputError, match="right-hand side"):
+        load_reference(path, own_problem(drive=0.5000001))
+
+
+def test_xarray_reads_it_with_names(saved, rope):
+    with xarray.open_dataset(saved) as data:
+        assert data.position.dims == ("time", "node", "component")
+        assert data.velocity.dims == ("time", "node", "component")
+        assert data.bound.dims == ("time",)
+        assert data.mass.dims == ("node",)
+        assert data.stiffness.dims == data.rest_length.dims == ("spring",)
+        assert data.attrs["Conventions"].startswith("CF-")
+        for name in data.variables:
+            assert "units" in data[name].attrs or name == "time"
+            assert "long_name" in data[name].attrs
+        np.testing.assert_array_equal(data.position, rope.positions)
+        np.testing.assert_array_equal(data.velocity, rope.velocities)
+        np.testing.assert_array_equal(data.mass, [1, 2, 1, 0.3])
+        np.testing.assert_array_equal(data.pinned, [1, 0, 0, 0])
+        np.testing.assert_array_equal(data.gravity, [0, -1])
+
+
+def test_another_program_can_solve_the_same_problem(saved, rope):
+    """From the file alone, with other code and another solver."""
+    from scipy.integrate import solve_ivp
+
+    with h5netcdf.File(saved) as file:
+        value = {name: file[name][...] for name in file.variables}
+
+    def rhs(t, y):
+        x, v = y.reshape(2, -1, 2)
+        d = np.diff(x, axis=0)
+        length = np.linalg.norm(d, axis=1, keepdims=True)
+        k, rest = value["stiffness"][:, None], value["rest_length"][:, None]
+        pull = np.pad(k * (length - rest) / length * d, ((1, 1), (0, 0)))
+        force = np.diff(pull, axis=0) - value["damping"][:, None] * v
+        a = force / value["mass"][:, None] + value["gravity"]
+        return np.stack([v, np.where(value["pinned"][:, None] == 1, 0, a)]).ravel()
+
+    start = np.stack([value["position"][0], value["velocity"][0]]).ravel()
+    found = solve_ivp(rhs, (0, 3), start, "DOP853", value["time"], rtol=1e-12, atol=1e-10)
+    apart = found.y.T.reshape(4, 2, 4, 2)[:, 0] - value["position"]
+    assert np.max(np.abs(apart)) < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        (Rope(num_nodes=4, node_mass=(1, 2, 1, 0.3), damping=0.2).problem(3), "damping: 0.2 given"),
+        (Rope(num_nodes=4, node_mass=(1, 2, 1, 0.31), damping=0.1).problem(3), "node_mass: "),
+        (Rope(num_nodes=4, node_mass=(1, 2, 1, 0.3), damping=0.1).problem(4), "frames: 4 given"),
+        (PROBLEMS["kepler"](frames=3), "kind: 'kepler' given; allowed: 'rope'"),
+    ],
+)
+def test_another_problem_is_refused_by_name(saved, other, words):
+    with pytest.raises(InputError) as fault:
+        load_reference(saved, other)
+    assert len(fault.value.problems) == 1
+    assert words in str(fault.value)
+
+
+def test_a_changed_right_hand_side_is_refused(saved, rope):
+    def stiffer(t, y, args):
+        return rope.problem.rhs(t, y, args._replace(stiffness=args.stiffness * (1 + 1e-9)))
+
+    with pytest.raises(InputError, match="right-hand side"):
+        load_reference(saved, dataclasses.replace(rope.problem, rhs=stiffer))
+
+
+def test_a_flipped_bit_anywhere_is_refused(saved, tmp_path):
+    whole = saved.read_bytes()
+    victim = tmp_path / "flipped.nc"
+    random = np.random.default_rng(0)
+    places = {0, len(whole) - 1, len(whole) - 70, *random.integers(0, len(whole), 400).tolist()}
+    for place in places:
+        changed = bytearray(whole)
+        changed[place] ^= 1 << int(random.integers(8))
+        victim.write_bytes(bytes(changed))
+        with pytest.raises(InputError, match="reference: "):
+            stored_facts(victim)
+
+
+@pytest.mark.parametrize("cut", [0, 1, 100, 0.5, -1])
+def test_a_cut_file_is_refused(saved, tmp_path, cut):
+    whole = saved.read_bytes()
+    victim = tmp_path / "cut.nc"
+    victim.write_bytes(whole[: int(cut * len(whole)) if isinstance(cut, float) else cut])
+    with pytest.raises(InputError, match="seal at its end is missing"):
+        load_reference(victim)
+
+
+def resealed(path: Path, change) -> Path:
+    """A file that was changed by someone who knows how to seal it."""
+    path.write_bytes(path.read_bytes()[: -(len(b"\nropeode sha256 ") + 65)])
+    with h5py.File(path, "r+") as file:
+        change(file)
+    seal(path)
+    return path
+
+
+def test_changed_numbers_do_not_pass_for_the_old_ones(saved, tmp_path):
+    def change(file):
+        file["position"][1, 1, 1] += 1e-9
+
+    victim = resealed(Path(shutil.copy(saved, tmp_path / "x.nc")), change)
+    with pytest.raises(InputError, match="sha256 that stands beside"):
+        load_reference(victim)
+
+
+@pytest.mark.parametrize("trick", ["huge", "object", "external", "chunked", "link"])
+def test_what_is_declared_is_not_believed(saved, tmp_path, trick):
+    """Nothing is read that is not in the file, and no memory taken for what is only claimed."""
+
+    def change(file):
+        if trick == "huge":
+            file.create_dataset("huge", (2**20, 2**20), dtype="<f8", chunks=(64, 64))
+        elif trick == "object":
+            file.create_dataset("words", data=["a", "b"])
+        elif trick == "external":
+            file.create_dataset("out", (4,), dtype="<f8", external=[("/etc/hostname", 0, 32)])
+        elif trick == "chunked":
+            file.create_dataset("small", data=np.zeros(4), chunks=(2,))
+        else:
+            file["elsewhere"] = h5py.ExternalLink(str(saved), "position")
+
+    victim = resealed(Path(shutil.copy(saved, tmp_path / "x.nc")), change)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputError, match="reference: "):
+        load_reference(victim)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000
+
+
+def test_other_schemas_are_refused(rope, tmp_path):
+    words = words_of(rope) | {"schema": "ropeode.reference/99"}
+    path = tmp_path / "x.nc"
+    write(path, arrays_of(rope), words)
+    seal(path)
+    with pytest.raises(InputError, match="schema 'ropeode.reference/1'"):
+        load_reference(path)
+
+
+def test_the_content_hash_sees_everything(rope):
+    arrays, words = arrays_of(rope), words_of(rope)
+    usual = content_hash(arrays, words)
+    for name, array in arrays.items():
+        changed = array.values.copy()
+        changed.flat[-1] = changed.flat[-1] + 1
+        assert content_hash({**arrays, name: array._replace(values=changed)}, words) != usual
+        assert content_hash({**arrays, name: array._replace(units="x")}, words) != usual
+    for name in words:
+        assert content_hash(arrays, {**words, name: "x"}) != usual
+
+
+SAVE = """
+import sys
+from ropeode.references.files.store import load_reference, save_reference
+known = load_reference(sys.argv[1])
+print("ready", flush=True)
+for _ in range(10000):
+    save_reference(known, sys.argv[2])
+"""
+
+
+def test_kill_at_any_moment_leaves_a_whole_file(saved, tmp_path):
+    target = tmp_path / "target.nc"
+    shutil.copy(saved, target)
+    random = np.random.default_rng(1)
+    process = None
+    for _ in range(5):
+        process = subprocess.Popen(
+            [sys.executable, "-c", SAVE, str(saved), str(target)], stdout=subprocess.PIPE
+        )
+        process.stdout.readline()
+        time.sleep(float(random.uniform(0.0, 0.15)))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        process.stdout.close()
+        same(load_reference(target), load_reference(saved))
+
+
+FULL = """
+import resource, signal, sys
+from ropeode.references.files.store import load_reference, save_reference
+known = load_reference(sys.argv[1])
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
+try:
+    save_reference(known, sys.argv[2])
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+
+
+@pytest.mark.parametrize("room", [0, 100, 4096, 20_000])
+def test_a_full_disk_leaves_the_old_file(saved, tmp_path, room):
+    target = tmp_path / "target.nc"
+    target.write_bytes(b"old")
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(saved), str(target), str(room)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.stdout.startswith("InputError out: "), (done.stdout, done.stderr)
+    assert target.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == ["target.nc"]
+
+
+def test_a_reference_verifies_itself(saved, rope):
+    found = verify_reference(saved)
+    assert found.agrees
+    assert found.samples == rope.trusted
+    assert set(found.distances) == {"position", "velocity"}
+
+
+def test_a_wrong_reference_does_not_verify(rope, tmp_path):
+    states = rope.states.copy()
+    states[2:, 0, 1, 2] += 1e-6
+    path = save_reference(dataclasses.replace(rope, states=states), tmp_path / "wrong.nc")
+    found = verify_reference(path)
+    assert not found.agrees
+    assert found.outside == {"position": 2.0}
+    assert found.distances["position"] == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_attributes_are_plain_json(saved):
+    with h5netcdf.File(saved) as file:
+        problem, certificate = (json.loads(file.attrs[n]) for n in ("problem", "certificate"))
+    assert problem["parameters"]["kind"] == "rope"
+    assert certificate["level"] == "consensus"
+    assert {each["role"] for each in certificate["witnesses"]} >= {"tighter", "independent"}
+    assert "versions" in certificate

@@ -1,0 +1,159 @@
+"""Tasks and their rows, when processes die: every case has one row, and the right one."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ropeode.errors import InputError, RopeodeError
+from ropeode.sweep.execution.dispatch import Piece, dispatched
+from tests.sweep.stand_in import Sweep, row
+
+
+class Gone(Exception):
+    """What this engine's futures raise when a process is gone."""
+
+
+class Scripted:
+    """An engine of one process per slot, in which what is under way together dies together.
+
+    Arguments:
+        slots: tasks under way.
+        deadly: cases that kill their process, and all that is under way with them.
+        accidents: which submissions die for no reason of theirs.
+        raising: cases that raise.
+        order: where in the list of those under way the next one to be done stands.
+    """
+
+    lost = (Gone,)
+
+    def __init__(self, slots=1, deadly=(), accidents=(), raising=(), order=(0,)):
+        self._slots, self.deadly, self.raising = slots, set(deadly), set(raising)
+        self.accidents, self.order = set(accidents), order
+        self.given, self.most, self.waiting = 0, 0, []
+
+    def slots(self):
+        self._advance()
+        return self._slots
+
+    def submit(self, task):
+        future = Future()
+        self.given += 1
+        self.waiting.append((future, task, self.given in self.accidents))
+        self.most = max(self.most, len(self.waiting))
+        if len(self.waiting) >= self._slots:
+            self._advance()
+        return future
+
+    def check(self):
+        self._advance()
+
+    def _advance(self):
+        """Finish the next one, or all, if one of them kills."""
+        if not self.waiting:
+            return
+        at = self.order[self.given % len(self.order)] % len(self.waiting)
+        future, task, accident = self.waiting.pop(at)
+        numbers = {case.number for case in task.cases}
+        if numbers & self.deadly or accident:
+            for each in [future, *(other[0] for other in self.waiting)]:
+                each.set_exception(Gone())
+            self.waiting.clear()
+        elif numbers & self.raising:
+            future.set_exception(ArithmeticError("nonsense"))
+        else:
+            future.set_result([row(case) for case in task.cases])
+
+
+def rows_of(sweep, engine):
+    pieces = (Piece(task, n) for n, task in enumerate(sweep.tasks()))
+    found = {}
+    for piece, rows in dispatched(pieces, engine):
+        for case, each in zip(piece.task.cases, rows, strict=True):
+            assert case.number not in found
+            assert case.number // sweep.per_task == piece.partition
+            found[case.number] = each
+    return found
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    monkeypatch.setattr("ropeode.sweep.execution.dispatch._CHECK_EVERY_S", 0.001)
+
+
+@given(
+    slots=st.integers(1, 5),
+    deadly=st.sets(st.integers(0, 39), max_size=4),
+    raising=st.sets(st.integers(0, 39), max_size=4),
+    accidents=st.sets(st.integers(1, 40), max_size=3),
+    order=st.lists(st.integers(0, 4), min_size=1, max_size=5),
+)
+@settings(deadline=None, max_examples=60)
+def test_every_case_has_one_row_and_only_the_guilty_a_bad_one(
+    slots, deadly, raising, accidents, order
+):
+    """Accidents that strike one case three times in a row would be no accidents."""
+    sweep = Sweep(count=40, per_task=8)
+    close = [a for a in accidents if {a + 1, a + 2} & accidents]
+    engine = Scripted(slots, deadly, accidents - set(close), raising - deadly, order)
+    found = rows_of(sweep, engine)
+    assert set(found) == set(range(40))
+    assert {n for n in found if found[n]["status"] == "worker-died"} == deadly
+    assert {n for n in found if found[n]["status"] == "failed"} == raising - deadly
+    assert engine.most <= slots
+    for number in raising - deadly:
+        assert found[number]["reason"] == "ArithmeticError: nonsense"
+
+
+def test_no_more_tasks_are_made_than_there_is_room_for():
+    """A hundred million tasks do not fit into memory."""
+    made = []
+
+    def pieces():
+        for n, task in enumerate(Sweep(count=4000).tasks()):
+            made.append(n)
+            yield Piece(task, n)
+
+    for done, _ in enumerate(dispatched(pieces(), Scripted(slots=3))):
+        assert len(made) <= done + 1 + 3
+
+
+@pytest.mark.parametrize(
+    "error", [OSError(28, "No space left on device"), InputError("out: full.")]
+)
+def test_what_would_happen_to_every_case_ends_the_sweep(error):
+    class Full(Scripted):
+        def submit(self, task):
+            future = Future()
+            future.set_exception(error)
+            return future
+
+    with pytest.raises(RopeodeError, match="a worker cannot go on .*finished cases are kept"):
+        rows_of(Sweep(count=4), Full())
+
+
+def test_a_lost_connection_ends_the_sweep():
+    class Lost(Scripted):
+        def submit(self, task):
+            future = Future()
+            future.cancel()
+            future.set_running_or_notify_cancel()
+            return future
+
+    with pytest.raises(RopeodeError, match="finished cases are kept"):
+        rows_of(Sweep(count=4), Lost())
+
+
+def test_an_engine_that_nobody_works_for_ends_the_sweep():
+    class Empty(Scripted):
+        def submit(self, task):
+            return Future()
+
+        def check(self):
+            raise RopeodeError("no workers")
+
+    with pytest.raises(RopeodeError, match="no workers"):
+        rows_of(Sweep(count=4), Empty())

@@ -1,0 +1,310 @@
+"""Rows of a sweep: what the functions of the package give one by one, and what goes wrong."""
+
+import dataclasses
+import importlib
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ropeode.analysis.motion import classify_motion
+from ropeode.analysis.stability import stability_limit
+from ropeode.errors import InputError, ReferenceRefused
+from ropeode.norms import NORMS, distance
+from ropeode.problems.ensemble import Ensemble
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.ensemble import each_reference
+from ropeode.references.reference import motion
+from ropeode.simulation import simulate
+from ropeode.study.accuracy_table import accuracy_table
+from ropeode.sweep.design.columns import STATUSES
+from ropeode.sweep.design.spec import SweepSpec, read_sweep
+from ropeode.sweep.execution import references
+from ropeode.sweep.execution.evaluate import evaluate
+from ropeode.sweep.execution.references import reference_path
+from ropeode.sweep.execution.runs import _apart, subject
+
+evaluation = importlib.import_module("ropeode.sweep.execution.evaluate")
+
+VALUES = {
+    "steppers": ["explicit-euler", "velocity-verlet"],
+    "steps_per_frame": [1, 4, 8],
+    "frames": 4,
+    "rope": {"num_nodes": 3, "gravity": [0.0, -50.0]},
+    "grid": {"damping": [0.0, 2.0]},
+    "random": {"count": 1, "node_mass": {"uniform": [0.5, 2.0], "for_each": "node"}},
+    "largest_stable_dt": True,
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("sweep")
+
+
+def rows_of(spec: SweepSpec, folder: Path) -> list[dict]:
+    return [row for task in spec.tasks() for row in evaluate(task, folder)]
+
+
+@pytest.fixture(scope="module")
+def small(folder):
+    spec = SweepSpec(VALUES)
+    return spec, rows_of(spec, folder)
+
+
+@pytest.fixture(scope="module")
+def known(small):
+    """References of the problems, each made alone and apart from the sweep."""
+    spec, _ = small
+    problems = {case.problem_key: PROBLEMS["rope"](**case.parameters) for case in spec.cases()}
+    alone = {key: Ensemble.of([problem]) for key, problem in problems.items()}
+    return {key: next(each_reference(ensemble)) for key, ensemble in alone.items()}
+
+
+def test_each_row_has_its_columns(small):
+    spec, rows = small
+    assert len(rows) == spec.count
+    types = {"string": str, "int64": int, "double": float, "bool": bool}
+    for row in rows:
+        assert set(row) == set(spec.columns)
+        assert row["status"] in STATUSES
+        for name, value in row.items():
+            assert value is None or type(value) is types[spec.columns[name].type], name
+    for case, row in zip(spec.cases(), rows, strict=True):
+        assert {name: row[name] for name in case.values()} == case.values()
+        assert json.loads(row["parameters"]) == case.parameters
+
+
+def test_rows_are_those_of_the_accuracy_table(small, known):
+    spec, rows = small
+    factors = spec.fields.order_factors
+    for case, row in zip(spec.cases(), rows, strict=True):
+        n, own = case.steps_per_frame, known[case.problem_key]
+        table = accuracy_table(own, [case.stepper], [n * factor for factor in factors])
+        first, found = table.rows[0], table.orders[0].order
+        for name in (
+            *("status", "dt", "diverged_at", "error_final", "error_max", "error_rms"),
+            *("resolved", "resolution", "round_off", "rhs_evaluations"),
+        ):
+            assert row[name] == getattr(first, name), name
+        assert row["observed_order"] == found.observed
+        low, high = found.ci95 or (None, None)
+        assert (row["order_low"], row["order_high"]) == (low, high)
+        assert row["order_verdict"] == found.verdict
+        assert row["order_why"] == found.why
+        assert row["expected_order"] == table.orders[0].expected
+        frame = row["dt"] * n
+        used = [round(frame / dt) for dt in found.used]
+        assert row["order_used"] == ", ".join(map(str, sorted(used)))
+        for each in found.left_out:
+            reasons = dict(part.split(": ") for part in row["order_left_out"].split("; "))
+            assert str(round(frame / each.dt)) in reasons[each.reason].split(", ")
+
+
+def test_rows_tell_motion_and_stability(small, known):
+    spec, rows = small
+    verdicts = set()
+    for case, row in zip(spec.cases(), rows, strict=True):
+        own = known[case.problem_key]
+        seen = classify_motion(simulate(own.problem, case.stepper, case.steps_per_frame))
+        assert (row["motion"], row["swings"], row["settled_at"]) == (
+            seen.verdict,
+            seen.swings,
+            seen.settled_at,
+        )
+        verdicts.add(seen.verdict)
+        limit = stability_limit(own.problem, case.stepper)
+        assert row["stability_limit"] == limit
+        assert row["largest_stable_dt"] == (None if limit is None else 1.0 / limit)
+        assert (row["reason"] is None) == (limit is not None)
+        assert row["trusted"] == own.trusted
+        assert row["horizon"] == own.horizon
+        assert row["motion_size"] == motion(own.problem, own.states)[own.trusted - 1]
+    assert {"diverges", "never_settles"} <= verdicts
+
+
+def test_rows_do_not_depend_on_what_they_are_computed_with(small, folder, tmp_path):
+    spec, rows = small
+    by_key = {row["key"]: row for row in rows}
+    (task,) = spec.tasks()
+    shuffled = dataclasses.replace(task, cases=task.cases[::-1])
+    assert evaluate(shuffled, folder) == rows[::-1]
+    # The second problem alone, with a reference of its own.
+    for case in (task.cases[-1], task.cases[-3]):
+        (alone,) = evaluate(dataclasses.replace(task, cases=(case,)), tmp_path)
+        assert alone == by_key[case.key]
+
+
+def test_a_reference_is_made_once(small, folder, monkeypatch):
+    spec, rows = small
+    monkeypatch.setattr(references, "each_reference", None)
+    assert rows_of(spec, folder) == rows
+    files = [path for path in (folder / references.FOLDER).rglob("*") if path.is_file()]
+    assert {path.stem for path in files} == {case.problem_key for case in spec.cases()}
+
+
+def test_a_huge_sweep_keeps_no_references(small, tmp_path):
+    spec, rows = small
+    (task,) = spec.tasks()
+    one = dataclasses.replace(task, cases=task.cases[:1], keep=False)
+    assert task.keep
+    assert evaluate(one, tmp_path) == rows[:1]
+    assert not list(tmp_path.iterdir())
+    many = SweepSpec({**VALUES, "random": {**VALUES["random"], "count": 100_000}})
+    assert not next(many.tasks()).keep
+
+
+def test_what_a_solver_raises_is_told_and_not_kept(small, tmp_path, monkeypatch):
+    spec, rows = small
+    (task,) = spec.tasks()
+
+    def raising(ensemble, **asked):
+        for problem in ensemble:
+            if problem.parameters["damping"] == 2.0:
+                raise RuntimeError("no luck")
+            yield from each_reference(Ensemble.of([problem]), **asked)
+
+    monkeypatch.setattr(references, "each_reference", raising)
+    for row, before in zip(evaluate(task, tmp_path), rows, strict=True):
+        if row["damping"] == 2.0:
+            assert row["status"] == "no-reference"
+            assert "RuntimeError: no luck" in row["reason"]
+            continue
+        assert row == before
+    keys = {case.problem_key for case in task.cases if case.parameters["damping"] == 0.0}
+    assert {path.stem for path in tmp_path.rglob("*.npz")} == keys
+
+
+@pytest.mark.parametrize("harm", ["cut", "changed", "another's", "empty"])
+def test_a_reference_that_is_not_as_it_was_written_is_made_again(small, folder, tmp_path, harm):
+    spec, rows = small
+    shutil.copytree(folder / references.FOLDER, tmp_path / references.FOLDER)
+    first, *_, last = spec.cases()
+    path = reference_path(tmp_path, first.problem_key)
+    whole = path.read_bytes()
+    other = reference_path(tmp_path, last.problem_key).read_bytes()
+    middle = len(whole) // 2
+    changed = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
+    harmed = {"cut": whole[:-100], "changed": changed, "another's": other, "empty": b""}[harm]
+    path.write_bytes(harmed)
+    (task,) = spec.tasks()
+    assert evaluate(dataclasses.replace(task, cases=(first,)), tmp_path) == rows[:1]
+    assert path.read_bytes() == whole
+
+
+def test_a_run_that_diverges_is_a_row(tmp_path, monkeypatch):
+    def refusing(ensemble, **asked):
+        return iter([ReferenceRefused("it is too stiff")] * len(ensemble))
+
+    # Explicit Euler multiplies velocities by 1 - damping dt.
+    monkeypatch.setattr(references, "each_reference", refusing)
+    values = {**VALUES, "steppers": ["explicit-euler"], "grid": {"damping": [1.0, 1e150]}}
+    rows = rows_of(SweepSpec({**values, "largest_stable_dt": False}), tmp_path)
+    assert [row["status"] for row in rows] == ["no-reference"] * 3 + ["diverged"] * 3
+    for row in rows[3:]:
+        told = f"no longer finite at frame {row['diverged_at']}; it is too stiff"
+        assert row["reason"] == told
+        assert row["motion"] == "diverges"
+        assert row["error_max"] is row["resolved"] is row["order_verdict"] is None
+
+
+def test_no_reference_is_a_row(folder):
+    spec = SweepSpec({**VALUES, "accuracy": 1e-300, "largest_stable_dt": False})
+    rows = rows_of(spec, folder)
+    for row in rows:
+        assert row["status"] == "no-reference"
+        assert row["reason"].startswith("no reference for 'rope': ")
+        missing = ("error_max", "resolved", "observed_order", "order_verdict", "reference")
+        assert {row[name] for name in missing} == {None}
+        assert row["motion"] is not None
+    # A refusal is kept like a reference.
+    for case in spec.cases():
+        assert reference_path(folder, case.problem_key).exists()
+    assert rows_of(spec, folder) == rows
+
+
+def test_a_users_file_that_changes_meanwhile(folder, tmp_path):
+    text = Path("docs/examples/pendulum.py").read_text()
+    (tmp_path / "own.py").write_text(text)
+    spec_file = tmp_path / "sweep.toml"
+    spec_file.write_text('problem = "own.py:pendulum"\nsteppers = ["rk4"]\nframes = 2')
+    (task,) = read_sweep(spec_file).tasks()
+    (tmp_path / "own.py").write_text(text + "# changed\n")
+    with pytest.raises(InputError, match="has been changed since the sweep was started"):
+        evaluate(task, folder)
+
+
+def test_a_case_that_cannot_be_built_fails_alone(folder):
+    # Each value is fine with the first value of the other, and the last two are not together.
+    values = {
+        **VALUES,
+        "steppers": ["velocity-verlet"],
+        "steps_per_frame": [4],
+        "grid": {
+            "pinned": [[0], [1]],
+            "initial_velocity": [[0.0, 0.0], [[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]],
+        },
+    }
+    rows = rows_of(SweepSpec(values), folder)
+    assert [row["status"] for row in rows] == ["ok", "ok", "ok", "failed"]
+    assert rows[-1]["reason"].startswith("initial_velocity: ")
+    assert "\n" not in rows[-1]["reason"]
+    assert set(rows[-1]) == set(rows[0])
+
+
+def test_what_a_problem_raises_while_it_runs_is_told(small, folder, monkeypatch):
+    spec, rows = small
+    (task,) = spec.tasks()
+
+    def raising(subjects, stepper, steps, words):
+        damped = any(of.problem.parameters["damping"] == 2.0 for of in subjects)
+        if steps == 64 and stepper.name == "velocity-verlet" and damped:
+            raise RuntimeError("out of\n room")
+        return run_all(subjects, stepper, steps, words)
+
+    run_all = evaluation.run_all
+    monkeypatch.setattr(evaluation, "run_all", raising)
+    found = evaluate(task, folder)
+    for row, before in zip(found, rows, strict=True):
+        # 64 is 8 times 8, and no other case's order needs it.
+        if (row["stepper"], row["damping"], row["steps_per_frame"]) == ("velocity-verlet", 2.0, 8):
+            assert (row["status"], row["reason"]) == ("failed", "RuntimeError: out of room")
+        else:
+            assert row == before
+
+
+def test_other_software_than_the_keys_were_made_with(small, folder):
+    (task,) = small[0].tasks()
+    elsewhere = dataclasses.replace(task, surroundings={**task.surroundings, "jax": "0.0.1"})
+    with pytest.raises(InputError, match=r"worker: it has jax .* and not 0.0.1; allowed: "):
+        evaluate(elsewhere, folder)
+
+
+@pytest.fixture(scope="module")
+def shapes():
+    """Problems with one, few and many nodes, mechanical and not."""
+    sizes = (1, 2, 9)
+    return {
+        "state": [Problem(lambda t, y, args: -y, np.ones(size), [0.0, 1.0]) for size in sizes],
+        "other": [Rope(num_nodes=size).problem(1) for size in sizes],
+    }
+
+
+@given(st.sampled_from(sorted(NORMS)), st.integers(0, 2), st.integers(0, 10**6))
+@settings(max_examples=30, deadline=None)
+def test_distances_all_in_one_go_are_those_one_by_one(shapes, name, size, seed):
+    rng, norm = np.random.default_rng(seed), NORMS[name]
+    problem = shapes.get(norm.quantity, shapes["other"])[size]
+    lengths = rng.integers(1, 6, size=(3, 2))
+    some, others = (
+        [rng.normal(size=(times, *problem.y0.shape)) for times in column] for column in lengths.T
+    )
+    of = subject(problem, norm, None)
+    for found, a, b in zip(_apart([of] * 3, some, others), some, others, strict=True):
+        assert np.array_equal(found, distance(problem, norm, a, b))

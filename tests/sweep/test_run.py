@@ -1,0 +1,324 @@
+"""A sweep as a whole: the same rows wherever they are computed, and however often it is ended."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.sweep.run import run_sweep
+from ropeode.sweep.storage.load import load_sweep
+from ropeode.sweep.storage.lock import locked
+
+# Parameters of this name say how large a problem is; here, so that each makes a task of its own.
+PROBLEM = """
+import multiprocessing
+import os
+
+import numpy as np
+
+from ropeode import LinearDamping, Problem
+
+
+def acceleration(t, x, v, rate):
+    return -x - rate * v
+
+
+def linear(rate):
+    return LinearDamping(rate=rate, coefficient=rate)
+
+
+def oscillator(rate=0.1, num_nodes=1, frames=2):
+    if rate == 13.0 and multiprocessing.parent_process():
+        os.kill(os.getpid(), 9)
+    return Problem.second_order(
+        acceleration,
+        x0=[1.0],
+        v0=[0.0],
+        ts=np.arange(frames + 1.0),
+        args=rate,
+        damping=linear,
+        name="oscillator",
+    )
+"""
+SPEC = """
+problem = "problem.py:oscillator"
+steppers = ["semi-implicit-euler", "rk4"]
+steps_per_frame = [4, 8]
+order_factors = []
+[grid]
+num_nodes = {nodes}
+rate = {rates}
+"""
+
+
+@pytest.fixture(scope="module")
+def specs(tmp_path_factory):
+    """Where specs are, and their problem: one file for all, so that it is compiled once."""
+    folder = tmp_path_factory.mktemp("specs")
+    (folder / "problem.py").write_text(PROBLEM)
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, specs):
+    """Where sweeps are; a link leads to the specs."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "specs").symlink_to(specs)
+    return tmp_path
+
+
+def spec(folder, name="spec.toml", nodes=(1, 2), rates=(0.1, 0.3)):
+    path = folder / "specs" / name
+    path.write_text(SPEC.format(nodes=list(nodes), rates=list(rates)))
+    return path
+
+
+def rows_of(folder) -> dict[str, bytes]:
+    """The files of the rows of a finished sweep."""
+    [rows] = folder.glob("rows-*")
+    return {path.name: path.read_bytes() for path in rows.iterdir()}
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory):
+    """What is compiled in one process need not be in the next."""
+    return str(tmp_path_factory.mktemp("cache"))
+
+
+def test_three_engines_make_the_same_files(folder, cache, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setenv("XDG_CACHE_HOME", cache)
+    path = spec(folder)
+    seen = []
+    found = run_sweep(path, "here", progress=lambda done, total: seen.append((done, total)))
+    assert (found.done, found.total, dict(found.statuses)) == (16, 16, {"ok": 16})
+    assert seen == [(0, 16), (8, 16), (16, 16)]
+    run_sweep(path, "local", workers=1)
+    # Workers of a cluster keep what they compile where they are told to; here, to save time.
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", f"{cache}/ropeode/compiled")
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, dashboard_address=":0", silence_logs=60
+    ) as cluster:
+        run_sweep(path, "dask", scheduler=cluster.scheduler_address)
+    assert rows_of(folder / "here") == rows_of(folder / "local") == rows_of(folder / "dask")
+    assert list(rows_of(folder / "here")) == ["000000.parquet"]
+
+
+def test_a_poisoned_case_is_a_row_and_its_neighbours_have_theirs(folder, cache, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", cache)
+    run_sweep(spec(folder, nodes=[1]), "healthy")
+    path = spec(folder, "poison.toml", nodes=[1], rates=[0.1, 13.0])
+    path.write_text(
+        path.read_text().replace("[4, 8]", "[4]").replace('"rk4"', "").replace(",]", "]")
+    )
+    found = run_sweep(path, "out", workers=1)
+    assert dict(found.statuses) == {"ok": 1, "worker-died": 1}
+    rows, healthy = load_sweep("out"), load_sweep("healthy").set_index("key")
+    assert list(rows["rate"]) == [0.1, 13.0]
+    assert "died each time" in rows["reason"][1]
+    for name in rows.columns.drop("key"):
+        one, other = rows[name][0], healthy[name][rows["key"][0]]
+        assert (pd.isna(one) and pd.isna(other)) or one == other
+
+
+class Command:
+    """`ropeode sweep` as a process."""
+
+    def __init__(self, cache, *arguments, limit=None):
+        limiting = f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))"
+        code = (
+            f"import resource\n{limiting if limit else ''}\n"
+            f"from ropeode.cli.main import main\nmain({['sweep', *arguments]!r})"
+        )
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", code],
+            env={**os.environ, "XDG_CACHE_HOME": cache},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def wait_for(self, folder, files):
+        """Until there are so many files of rows."""
+        while self.process.poll() is None and len([*folder.glob("rows-1/**/*.parquet")]) < files:
+            time.sleep(0.005)
+        return self
+
+    def end(self, number=None):
+        """How it ended: exit code and what it said on standard error."""
+        if number is not None:
+            self.process.send_signal(number)
+        error = self.process.communicate(timeout=120)[1]
+        return self.process.returncode, error
+
+
+def test_a_command_ended_in_many_ways_goes_on_and_makes_the_same_files(folder, cache):
+    """A full disk, SIGKILL and Ctrl-C, one after the other; meanwhile nobody else gets in."""
+    path, out = spec(folder, nodes=range(1, 13), rates=[0.1]), folder / "out"
+    command = [str(path), "-o", str(out)]
+    run_sweep(path, "undisturbed")
+    code, said = Command(cache, *command, limit=9_000).end()
+    assert code in (1, 2)
+    assert len(said.splitlines()) == 1, said
+    assert "finished cases are kept" in said
+    assert "File too large" in said
+
+    killed = Command(cache, *command).wait_for(out, 2)
+    assert killed.end(signal.SIGKILL) == (-signal.SIGKILL, "")
+    kept = set(load_sweep(out)["key"])
+    assert kept
+
+    running = Command(cache, *command, "--workers", "1").wait_for(out, len(kept) // 4 + 2)
+    with pytest.raises(InputError, match=rf"no other run .*process {running.process.pid}"):
+        run_sweep(path, out)
+    assert running.end(signal.SIGINT) == (
+        130,
+        "ropeode: interrupted; finished cases are kept; the same command goes on from there.\n",
+    )
+    assert kept < set(load_sweep(out)["key"])
+
+    assert run_sweep(path, out).done == 48
+    assert rows_of(out) == rows_of(folder / "undisturbed")
+    assert sorted(p.name for p in out.iterdir()) == ["index.json", "lock", "references", "rows-1"]
+
+
+def test_a_lock_that_a_dead_process_left_is_not_in_the_way(folder):
+    """Not even if its number belongs to another process by now."""
+    folder.joinpath("lock").touch()
+    folder.joinpath("lock.json").write_text(json.dumps({"process": os.getpid(), "host": "here"}))
+    with locked(folder):
+        pass
+
+
+def test_an_extended_sweep_computes_what_is_new_and_equals_one_made_at_once(folder):
+    small, large = spec(folder), spec(folder, "large.toml", (1, 3, 2), (0.05, 0.1, 0.3))
+    run_sweep(small, "grown")
+    with pytest.raises(InputError) as refused:
+        run_sweep(large, "grown")
+    [line] = refused.value.problems
+    assert "grid.num_nodes: [3] added; grid.rate: [0.05] added" in line
+    seen = []
+    found = run_sweep(large, "grown", extend=True, progress=lambda done, total: seen.append(done))
+    assert seen[0] == 16
+    assert found.done == 36
+    run_sweep(large, "at_once")
+    assert rows_of(folder / "grown") == rows_of(folder / "at_once")
+    # And once more is no extension.
+    assert run_sweep(large, "grown", extend=True).done == 36
+
+
+def test_an_extension_that_was_killed_is_made_again(folder, monkeypatch):
+    small, large = spec(folder), spec(folder, "large.toml", (1, 2), (0.1, 0.2, 0.3))
+    run_sweep(small, "out")
+    before = load_sweep("out")
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("ropeode.sweep.storage.row_files.Store.clean", killed)
+        patch.setattr("ropeode.sweep.run._remove_other_rows", lambda *_: None)
+        with pytest.raises(KeyboardInterrupt):
+            run_sweep(large, "out", extend=True)
+    assert len([*folder.glob("out/rows-*")]) == 2
+    assert set(load_sweep("out")["key"]) == set(before["key"])
+    assert run_sweep(large, "out").done == 24
+    assert len([*folder.glob("out/rows-*")]) == 1
+
+
+def test_an_extension_that_would_lose_rows_is_refused(folder):
+    run_sweep(spec(folder), "out")
+    before = rows_of(folder / "out")
+    with pytest.raises(InputError, match=r"8 of its rows are of no case .*grid.rate: \[0.3\] gone"):
+        run_sweep(spec(folder, rates=[0.1, 0.7]), "out", extend=True)
+    assert rows_of(folder / "out") == before
+
+
+def test_other_software_is_told_of(folder):
+    path = spec(folder)
+    run_sweep(path, "out")
+    index = folder / "out/index.json"
+    told = json.loads(index.read_text())
+    told["software"]["jax"] = "0.0.1"
+    index.write_text(json.dumps(told))
+    with pytest.raises(InputError, match=r"software.jax: was '0.0.1', now '"):
+        run_sweep(path, "out")
+
+
+def test_what_a_sweep_cannot_be_run_into(folder):
+    path = spec(folder)
+    (folder / "taken").mkdir()
+    (folder / "taken/file").touch()
+    (folder / "damaged").mkdir()
+    (folder / "damaged/index.json").write_text("{")
+    for out, words in [
+        ("none/out", "Fix: create 'none'"),
+        ("specs/problem.py", "allowed: a folder"),
+        ("taken", "a sweep's folder, an empty one, or a new one"),
+        ("damaged", "allowed: a sweep's folder"),
+    ]:
+        with pytest.raises(InputError, match=f"^folder: .*{words}"):
+            run_sweep(path, out)
+    for named, words in [
+        ({"workers": 0}, "^workers: 0 given; allowed: a whole number >= 1"),
+        ({"workers": 2, "scheduler": "tcp://a:1"}, "^workers: 2 given; allowed: none with a sched"),
+    ]:
+        with pytest.raises(InputError, match=words):
+            run_sweep(path, "out", **named)
+    assert not (folder / "out").exists()
+
+
+def test_a_table_as_pandas_and_as_xarray(folder):
+    run_sweep(spec(folder), "out")
+    frame = load_sweep("out")
+    assert list(frame.index) == list(range(16))
+    assert list(frame["rate"][::4]) == [0.1, 0.3, 0.1, 0.3]
+    assert frame["diverged_at"].isna().all()
+    assert frame["steps_per_frame"].dtype == "Int64"
+    pd.testing.assert_frame_equal(load_sweep("out", columns=["error_max"]), frame[["error_max"]])
+    cube = load_sweep("out", columns=["error_max"], form="xarray")
+    assert dict(cube.sizes) == {"stepper": 2, "steps_per_frame": 2, "num_nodes": 2, "rate": 2}
+    one = frame[(frame["stepper"] == "rk4") & (frame["steps_per_frame"] == 8)]
+    np.testing.assert_array_equal(
+        cube["error_max"]
+        .sel(stepper="rk4", steps_per_frame=8)
+        .transpose("num_nodes", "rate")
+        .values.ravel(),
+        one.sort_values(["num_nodes", "rate"])["error_max"],
+    )
+    for named, words in [
+        ({"columns": ["eror_max"]}, "did you mean 'error_max'"),
+        ({"form": "numpy"}, "allowed: pandas, xarray"),
+    ]:
+        with pytest.raises(InputError, match=words):
+            load_sweep("out", **named)
+    with pytest.raises(InputError, match="a folder of `ropeode sweep`"):
+        load_sweep("nowhere")
+
+
+def test_a_table_can_be_read_while_it_is_written(folder):
+    """Each time it is a part of what it is in the end."""
+    seen = []
+
+    def look(done, total):
+        with contextlib.suppress(FileNotFoundError):
+            seen.append(load_sweep("out"))
+        assert len(seen[-1]) == done
+
+    run_sweep(spec(folder, nodes=[1, 2, 3]), "out", progress=look)
+    whole = load_sweep("out")
+    for part in seen:
+        pd.testing.assert_frame_equal(part, whole.loc[part.index])
+    assert Path("out/rows-1/000000.parquet").exists()

@@ -1,0 +1,35 @@
+"""docs/sweep-spec.md says what the schema says."""
+
+import re
+import tomllib
+from pathlib import Path
+
+from ropeode.sweep.design.columns import INPUTS, RESULTS, STATUSES, failed_row
+from ropeode.sweep.design.distributions import Distribution
+from ropeode.sweep.design.spec import SweepFields, SweepSpec
+
+PAGE = (Path(__file__).parents[2] / "docs" / "sweep-spec.md").read_text()
+
+
+def test_every_column_and_status_is_described():
+    rows = re.findall(r"^\| `(.+?)` \| (\w+) \| (.+) \|$", PAGE, re.MULTILINE)
+    assert rows == [(name, *column) for name, column in (INPUTS | RESULTS).items()]
+    rows = re.findall(r"^\| `([a-z-]+)` \| ([^|]+) \|$", PAGE, re.MULTILINE)
+    assert rows == list(STATUSES.items())
+
+
+def test_every_word_of_a_spec_is_described():
+    for name in {*SweepFields.model_fields, *Distribution.model_fields, "seeds", "count"}:
+        assert name in PAGE
+
+
+def test_the_example_has_as_many_cases_as_it_says():
+    text = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0]
+    assert SweepSpec(tomllib.loads(text)).count == 7200
+    assert "7200 cases" in PAGE
+
+
+def test_a_row_without_results_has_all_columns():
+    row = failed_row(dict.fromkeys(INPUTS, 1), "worker-died", "it died")
+    assert set(row) == {*INPUTS, *RESULTS}
+    assert (row["status"], row["reason"], row["error_max"]) == ("worker-died", "it died", None)

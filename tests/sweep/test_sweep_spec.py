@@ -1,0 +1,267 @@
+"""What a sweep's spec asks for: all of it, once, lazily, and the same when it grows."""
+
+import itertools
+import json
+import tomllib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ropeode.errors import InputError
+from ropeode.study.spec import TableJob
+from ropeode.sweep.design.spec import COMMENTED_SWEEP, SweepSpec, read_sweep
+from ropeode.sweep.execution.tasks import MOST_PROBLEMS
+
+SMALL = """
+steppers = ["rk4", "semi-implicit-euler"]
+steps_per_frame = [8, 16]
+frames = 3
+[rope]
+num_nodes = 3
+[grid]
+damping = [0.0, 0.1]
+gravity = [[0.0, -1.0], [0.0, -2.0]]
+[random]
+count = 3
+seeds = [4, 7]
+stiffness = { log_uniform = [10.0, 100.0] }
+node_mass = { uniform = [0.5, 2.0], for_each = "node" }
+"""
+
+
+def sweep(text: str, **more) -> SweepSpec:
+    return SweepSpec({**tomllib.loads(text), **more})
+
+
+def keys(spec: SweepSpec) -> list[str]:
+    return [case.key for case in spec.cases()]
+
+
+def test_every_combination_comes_once():
+    spec = sweep(SMALL)
+    cases = list(spec.cases())
+    assert [case.number for case in cases] == list(range(spec.count)) == list(range(2 * 2 * 24))
+    assert len({case.key for case in cases}) == spec.count
+    found = {
+        (
+            case.parameters["damping"],
+            case.parameters["gravity"][1],
+            case.seed,
+            case.draw,
+            case.stepper,
+            case.steps_per_frame,
+        )
+        for case in cases
+    }
+    assert found == set(
+        itertools.product(
+            (0.0, 0.1), (-1.0, -2.0), (4, 7), range(3), ("rk4", "semi-implicit-euler"), (8, 16)
+        )
+    )
+    # Each draw is the same at every point of the grid.
+    drawn = {(case.seed, case.draw, case.parameters["stiffness"]) for case in cases}
+    assert len(drawn) == 6
+    assert len({stiffness for *_, stiffness in drawn}) == 6
+
+
+@given(start=st.integers(0, 110), stop=st.integers(0, 110))
+@settings(max_examples=20, deadline=None)
+def test_cases_by_number(small, start, stop):
+    spec, cases = small
+    assert list(spec.cases(start, stop)) == cases[start:stop]
+
+
+@pytest.fixture(scope="module")
+def small():
+    spec = sweep(SMALL)
+    return spec, list(spec.cases())
+
+
+def test_tasks_hold_every_case_once_and_one_shape_each():
+    text = SMALL.replace("num_nodes = 3\n", "").replace(
+        "[random]", "frames = [2, 3]\n[random]\nnum_nodes = { integers = [2, 3] }"
+    )
+    spec = sweep(text.replace("frames = 3\n", ""))
+    tasks = list(spec.tasks())
+    assert sorted(case.number for task in tasks for case in task.cases) == list(range(spec.count))
+    for task in tasks:
+        shapes = {(c.parameters["num_nodes"], c.parameters["frames"]) for c in task.cases}
+        assert len(shapes) == 1
+        assert len({case.problem_key for case in task.cases}) <= MOST_PROBLEMS
+    assert len({task.key for task in tasks}) == len(tasks)
+    assert list(spec.tasks(2)) == tasks[2:]
+    first, *rest = tasks[0].cases
+    left = tasks[0].without({first.key})
+    assert left is not None
+    assert list(left.cases) == rest
+    assert left.key != tasks[0].key
+    assert tasks[0].without({case.key for case in tasks[0].cases}) is None
+
+
+def test_a_design_of_hundred_million_cases_takes_no_room():
+    values = [round(0.001 * k, 3) for k in range(100)]
+    spec = sweep(SMALL.replace("[0.0, 0.1]", str(values)).replace("count = 3", "count = 62500"))
+    assert spec.count == 100 * 2 * 2 * 62500 * 4 == 100_000_000
+    last = list(spec.cases(spec.count - 2))
+    assert [case.number for case in last] == [spec.count - 2, spec.count - 1]
+    assert last[-1].parameters["damping"] == values[-1]
+    assert (last[-1].seed, last[-1].draw) == (7, 62499)
+    assert len(next(spec.tasks()).cases) == 4 * MOST_PROBLEMS
+
+
+MORE = {
+    "draws": ("count = 3", "count = 5"),
+    "seeds": ("seeds = [4, 7]", "seeds = [9, 7, 4]"),
+    "values": ("damping = [0.0, 0.1]", "damping = [0.3, 0.1, 0.0]"),
+    "steppers": ('["rk4", ', '["velocity-verlet", "rk4", '),
+    "steps": ("[8, 16]", "[8, 12, 16]"),
+}
+
+
+@pytest.mark.parametrize("what", MORE)
+def test_a_sweep_that_grows_keeps_its_cases(what, small):
+    _, before = small
+    after = {case.key: case for case in sweep(SMALL.replace(*MORE[what])).cases()}
+    assert len(after) > len(before)
+    for case in before:
+        assert after[case.key].values() == case.values()
+
+
+def test_how_it_is_written_does_not_matter(small):
+    spec, cases = small
+    turned = """
+    [random]
+    node_mass = { for_each = "node", uniform = [0.5, 2] }
+    stiffness = { log_uniform = [10, 100.0] }
+    seeds = [4, 7]
+    count = 3
+    [grid]
+    gravity = [[0, -1], [0, -2.0]]
+    damping = [0, 0.1]
+    [rope]
+    pinned = [0]
+    num_nodes = 3.0
+    """
+    head = 'frames = 3\nsteps_per_frame = [8, 16]\nsteppers = ["rk4:", "semi-implicit-euler"]\n'
+    other = sweep(head + turned)
+    assert set(keys(other)) == {case.key for case in cases}
+    assert json.loads(json.dumps(spec.values)) == spec.values
+
+
+def test_steppers_and_steps_may_be_drawn():
+    text = SMALL.replace(
+        "[random]",
+        '[random]\nstepper = { choice = ["rk4", "velocity-verlet"] }\n'
+        "steps_per_frame = { integers = [4, 40] }",
+    )
+    spec = sweep(text)
+    cases = list(spec.cases())
+    assert len(cases) == spec.count == 2 * 2 * 6
+    assert {case.stepper for case in cases} == {"rk4", "velocity-verlet"}
+    assert len({case.steps_per_frame for case in cases}) > 3
+    assert all(4 <= case.steps_per_frame <= 40 for case in cases)
+
+
+def test_no_velocity_is_drawn_for_a_pinned_node():
+    text = SMALL.replace(
+        "[random]",
+        '[random]\ninitial_velocity = { uniform = [[-1, 0], [1, 2]], for_each = "node" }',
+    )
+    for case in sweep(text).cases(0, 8):
+        velocity = case.parameters["initial_velocity"]
+        assert velocity[0] == [0.0, 0.0]
+        assert all(-1 <= x <= 1 and 0 <= y <= 2 and x != y for x, y in velocity[1:])
+
+
+BAD = {
+    "stepers": 'stepers = ["rk4"]',
+    "steps_per_frame": "steps_per_frame = [0]",
+    "order_factors": "order_factors = [1, 2]",
+    "foo": "[grid]\nfoo = [1]",
+    "damping": "[grid]\ndamping = [0.1, -1.0]",
+    "num_nodes": "[grid]\nnum_nodes = [0, 3]",
+    "grid.damping": "[grid]\ndamping = 0.1",
+    "grid.stiffness": "[grid]\nstiffness = [1.0, 1]",
+    "grid.node_mass": "[grid]\nnode_mass = [inf]",
+    "grid.steps_per_frame": "[grid]\nsteps_per_frame = [4]",
+    "gravity": "[rope]\ngravity = [0, -1]\n[grid]\ngravity = [[0, -1]]",
+    "frames": "frames = 3\n[grid]\nframes = [3]",
+    "random": "[random]\ncount = 3",
+    "random.count": "[random]\nstiffness = { uniform = [1, 2] }",
+    "random.seeds": "[random]\ncount = 1\nseeds = [1, 1]\nstiffness = { uniform = [1, 2] }",
+    "stiffness": "[random]\ncount = 1\nstiffness = { uniform = [0, 2] }",
+    "random.stiffness": "[random]\ncount = 1\nstiffness = 3",
+    "random.damping": "[random]\ncount = 1\ndamping = { uniform = [2, 1] }",
+    "random.end": "[random]\ncount = 1\nend = { uniform = [1, 2], choice = [3] }",
+    "random.start": "[random]\ncount = 1\nstart = { normal = [1, 2] }",
+    "random.stepper": "[random]\ncount = 1\nstepper = { uniform = [1, 2] }",
+    "rk5": '[random]\ncount = 1\nstepper = { choice = ["rk5"] }',
+    "velocity-verlet": 'problem = "lorenz"\nsteppers = ["velocity-verlet"]',
+    "rope": 'problem = "lorenz"\n[rope]\ndamping = 1.0',
+    "kind": 'problem = "lorenz"\nkind = "inextensible-rope"',
+    "largest_stable_dt": 'problem = "lorenz"\nlargest_stable_dt = true',
+    "norm": 'problem = "lorenz"\nnorm = "position-max"',
+    "lorentz": 'problem = "lorentz"',
+    "eccentricity": 'problem = "kepler"\n[random]\ncount = 1\neccentricity = { uniform = [0, 2] }',
+    "random.periods": 'problem = "kepler"\n[random]\ncount = 1\n'
+    'periods = { uniform = [1, 2], for_each = "node" }',
+    "pinned": 'kind = "inextensible-rope"\n[grid]\npinned = [[0], [0, 15]]',
+    "grid": "grid = 3",
+    "digits": "digits = 3",
+    "problem": 'problem = "missing.py:foo"',
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_what_cannot_be_used_is_named_before_anything_runs(what):
+    with pytest.raises(InputError) as caught:
+        sweep(BAD[what])
+    lines = caught.value.problems
+    assert any(what in line.partition(" given;")[0] for line in lines)
+    assert len(set(lines)) == len(lines)
+    for line in lines:
+        assert "\n" not in line
+        assert "; allowed: " in line or ", which does not exist" in line
+        assert "Fix: " in line
+
+
+def test_all_faults_are_told_at_once():
+    with pytest.raises(InputError) as caught:
+        sweep("norm = 'big'\nsteps_per_frame = []\n[grid]\ndamping = 1\n[random]\ncount = -1")
+    assert len(caught.value.problems) == 4
+
+
+def test_a_values_fault_is_told_for_each_value():
+    with pytest.raises(InputError) as caught:
+        sweep("[grid]\ndamping = [-1.0, 0.1, -2.0]\nstiffness = [1.0, 0.0]")
+    assert [line.split(" given")[0] for line in caught.value.problems] == [
+        "damping: -1.0",
+        "damping: -2.0",
+        "stiffness: 0.0",
+    ]
+
+
+def test_the_commented_spec(tmp_path):
+    path = tmp_path / "sweep.toml"
+    path.write_text(COMMENTED_SWEEP)
+    spec = read_sweep(path)
+    assert spec.count == 2 * 2 * 2 * 2 * 3
+    # The lines that are commented out can be used as well.
+    path.write_text(COMMENTED_SWEEP.replace("# accuracy", "accuracy").replace("# rtol", "rtol"))
+    assert read_sweep(path).fields.accuracy == 1e-6
+
+
+def test_a_spec_of_a_table_says_the_same_of_its_problem():
+    values = {"problem": "inextensible-rope", "frames": 2, "rope": {"num_nodes": 4}}
+    (case, *_) = SweepSpec(values).cases()
+    assert {"kind": case.problem, **case.parameters} == TableJob(values).problem.parameters
+
+
+def test_parameters_of_the_library_have_one_form():
+    spec = sweep('problem = "kepler"\nsteppers = ["rk4"]\n[grid]\neccentricity = [0, 0.5]')
+    (first, *_) = spec.cases()
+    assert first.parameters == {"frames": 20, "eccentricity": 0.0, "periods": 1.0}
+    assert type(first.parameters["eccentricity"]) is float
+    assert spec.columns["eccentricity"].type == "double"
+    assert spec.columns["frames"].type == "int64"
