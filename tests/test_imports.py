@@ -14,7 +14,7 @@ import ropeode
 PACKAGE = Path(ropeode.__file__).parent
 
 # From the ground up; a room imports from the rooms that it names, and from the ground floor.
-GROUND = {"errors", "precision", "validation", "files", "threads"}
+GROUND = {"errors", "precision", "progress", "validation", "files", "threads"}
 ALLOWED = {
     "problems": set(),
     "norms": {"problems"},

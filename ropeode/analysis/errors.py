@@ -84,11 +84,35 @@ def error_series(
             "status 'ok'. Fix: look at its status first, and take more steps per frame."
         )
     measure = norm_for(reference.problem, norm)
-    inside = slice(1, reference.trusted)
-    apart = distance(reference.problem, measure, trajectory.states, reference.states)
     return ErrorSeries(
         norm=measure,
-        times=reference.times[inside],
-        values=apart[inside],
-        resolution=RESOLUTION_FACTOR * reference.bound(measure)[inside],
+        times=reference.times[1 : reference.trusted],
+        values=distances(trajectory.states, reference, measure)[1:],
+        resolution=resolution(reference, measure)[1:],
     )
+
+
+def distances(states: np.ndarray, reference: Reference, norm: Norm) -> np.ndarray:
+    """How far states are from the reference at each sample that it is trusted at.
+
+    Arguments:
+        states: at the first sample times of the reference's problem, ``(times, *state)``; not
+            a number where a run diverged.
+        reference: of the problem.
+        norm: in which the distance is measured.
+
+    Returns:
+        Distances, ``(samples,)``: as many as there are states, up to the trust horizon.
+    """
+    samples = min(len(states), reference.trusted)
+    return distance(reference.problem, norm, states[:samples], reference.states[:samples])
+
+
+def resolution(reference: Reference, norm: Norm) -> np.ndarray:
+    """The smallest error that the reference can tell at each trusted sample, ``(samples,)``.
+
+    Arguments:
+        reference: of a problem.
+        norm: in which the error is measured.
+    """
+    return RESOLUTION_FACTOR * reference.bound(norm)[: reference.trusted]
