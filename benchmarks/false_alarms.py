@@ -29,9 +29,8 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from ropeode.checking.candidate import Interpreted
 from ropeode.checking.checks import CHECKS
-from tests.checking.random_ropes import brought_once, findings, ropes
+from tests.checking.random_ropes import findings, ropes, tried_once
 from tests.checking.right_steppers import RIGHT
 
 CONFIDENCE = 0.95
@@ -44,7 +43,7 @@ def judged(seed: int, index: int) -> dict[str, Any]:
     counts: Counter[str] = Counter()
     rejected = []
     for name in RIGHT:
-        if isinstance(brought_once(name)[0], Interpreted) and index % INTERPRETED_EVERY:
+        if not tried_once(name)[0].method.trial.compiled and index % INTERPRETED_EVERY:
             continue
         for check, finding in findings(name, drawn).items():
             counts[f"{check} {finding.status}"] += 1

@@ -30,10 +30,9 @@ from ropeode.case_studies.growth import growth_scan
 from ropeode.case_studies.report import Report, rope_report
 from ropeode.case_studies.rest_time import rest_times
 from ropeode.case_studies.sweeps import sweep_study
-from ropeode.checking.adapters import adapter
+from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.report import Claims
-from ropeode.checking.stepper_loading import brought, examined
 from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.precision import in_float64
@@ -42,6 +41,8 @@ from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
 from ropeode.render.plots.report import plot_contact_sheets
 from ropeode.render.report import measured_words, summary, theory_words, threshold_words
+from ropeode.steppers.base import ProblemClass
+from ropeode.steppers.stepper_loading import library as library_named
 
 IMAGES = Path(__file__).parent / "images"
 # Enough for lines and text, and a third of the size.
@@ -199,19 +200,18 @@ def solver_orders(*libraries: str) -> str:
     """The orders that the solvers of libraries say they have, and those that they show."""
     rows = []
     for given in [
-        f"{library}:{name}" for library in libraries for name in adapter(library).names()
+        f"{library}:{name}" for library in libraries for name in library_named(library).names()
     ]:
         try:
-            label, form = brought(given)
+            candidate = Candidate.of(given)
         except InputError:
             continue
-        candidate, manners = examined(label, form)
-        found = Examination(candidate, Claims(), manners).convergence("uneven")
+        found = Examination(candidate, Claims()).convergence("uneven")
         shown = [
             f"{order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}]"
             for order in found.orders.values()
         ]
-        rows.append([f"`{label}`", str(form.documented_order), *shown])
+        rows.append([f"`{given}`", str(candidate.stepper.order(ProblemClass())), *shown])
     return table(["solver", "documented", "positions", "velocities"], rows, words=1)
 
 

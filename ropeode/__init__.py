@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from ropeode.render.plots.sweep_map import plot_sweep
     from ropeode.simulation import Trajectories, Trajectory, simulate, simulate_chunks
     from ropeode.steppers.base import ProblemClass, Stepper, System
+    from ropeode.steppers.phase import Phase
+    from ropeode.steppers.stepper_loading import as_stepper
     from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
     from ropeode.study.curves import energy_curves, error_curves
     from ropeode.study.horizon import Horizon, horizon
@@ -92,6 +94,8 @@ _MODULES = {
     "render.plots.sweep_map": ("plot_sweep",),
     "simulation": ("Trajectories", "Trajectory", "simulate", "simulate_chunks"),
     "steppers.base": ("ProblemClass", "Stepper", "System"),
+    "steppers.phase": ("Phase",),
+    "steppers.stepper_loading": ("as_stepper",),
     "study.accuracy_table": ("AccuracyTable", "accuracy_table"),
     "study.curves": ("energy_curves", "error_curves"),
     "study.horizon": ("Horizon", "horizon"),
@@ -117,6 +121,7 @@ __all__ = [
     "LyapunovExponent",
     "Motion",
     "ObservedOrder",
+    "Phase",
     "Problem",
     "ProblemClass",
     "Reference",
@@ -135,6 +140,7 @@ __all__ = [
     "Verification",
     "accuracy_table",
     "animate",
+    "as_stepper",
     "check_stepper",
     "classify_motion",
     "each_reference",

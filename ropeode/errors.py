@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import traceback
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 
 class RopeodeError(Exception):
@@ -26,6 +27,29 @@ class InputError(RopeodeError, ValueError):
 
 class UserCodeError(InputError):
     """Code that the user brought raised; the user's exception is the ``__cause__``."""
+
+
+def call_user_code(what: str, function: Callable, *args: Any, **named: Any) -> Any:
+    """Call code of the user's; what it raises becomes the cause of a `UserCodeError`.
+
+    Arguments:
+        what: begins the message, as in ``step``.
+        function: to be called.
+        args: its arguments.
+        named: its named arguments.
+
+    Raises:
+        UserCodeError: the code raised, or tried to end the process.
+    """
+    try:
+        return function(*args, **named)
+    except RopeodeError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise UserCodeError(
+            f"{what}: it raised {type(error).__name__}: {' '.join(str(error).split())}; allowed: "
+            "code that runs. Fix: mend the error above."
+        ) from error
 
 
 class ReferenceRefused(RopeodeError):

@@ -12,11 +12,16 @@ from ropeode.norms import Norm, distance
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.problem import FirstOrderForm, Mechanics, Problem
 from ropeode.simulation import Trajectory, simulate
+from ropeode.simulation.method import Method, method_of
+from ropeode.simulation.system import InUnits
+from ropeode.steppers.base import BuiltIn
 
 # The ratio of the units. Any number does whose binary digits have no pattern; near 1, so that
 # the last place of most numbers stays worth about the same.
 _INVERSE = 0.8414709848078965
 _RATIO = 1.0 / _INVERSE
+# Steps per frame, of which few are unstable, and how closely a frame with them has to agree.
+_FINE, _SAME = 256, 1e-6
 
 
 def in_other_units(problem: Problem) -> Problem:
@@ -42,7 +47,7 @@ def in_other_units(problem: Problem) -> Problem:
     return problem.changed(
         rhs=rhs,
         y0=problem.y0 * _RATIO,
-        args=(_units(in_turn), problem.args),
+        args=InUnits(_units(in_turn), problem.args),
         mechanics=mechanics,
         # What is said of the problem in its own units.
         energy=None,
@@ -52,7 +57,13 @@ def in_other_units(problem: Problem) -> Problem:
     )
 
 
-def round_off(trajectory: Trajectory, rescaled: Problem, samples: int, norm: Norm) -> float:
+def round_off(
+    trajectory: Trajectory,
+    rescaled: Problem,
+    samples: int,
+    norm: Norm,
+    method: Method | None = None,
+) -> float | None:
     """The size of the round-off in a trajectory: its largest distance from its double.
 
     The double is the same run in other units. Both hold round-off of the same size, but not
@@ -66,13 +77,32 @@ def round_off(trajectory: Trajectory, rescaled: Problem, samples: int, norm: Nor
         rescaled: its problem `in_other_units`.
         samples: look at so many leading samples.
         norm: how distances are measured.
+        method: the trajectory's stepper, ready to run, where somebody has it.
+
+    Returns:
+        None where the double differs by more than rounding: the stepper computes forces of its
+        own and knows nothing of other units.
     """
-    double = simulate(rescaled, trajectory.stepper, trajectory.steps_per_frame)
+    method = method or method_of(trajectory.stepper, trajectory.problem)
+    if not _keeps_units(trajectory.problem, method, rescaled):
+        return None
+    double = simulate(rescaled, method, trajectory.steps_per_frame)
     if double.status != "ok":
         return np.inf
     states = in_own_units(double.states[:samples])
     apart = distance(trajectory.problem, norm, states, trajectory.states[:samples])
     return float(np.max(apart))
+
+
+def _keeps_units(problem: Problem, method: Method, rescaled: Problem) -> bool:
+    """Whether a frame of fine steps is the same in other units, but for rounding."""
+    if isinstance(method.stepper, BuiltIn):
+        return True
+    first = {"ts": problem.ts[:2]}
+    own = simulate(problem.changed(**first), method, _FINE).states
+    other = in_own_units(simulate(rescaled.changed(**first), method, _FINE).states)
+    size = np.max(np.abs(own)) if len(own) == len(other) else np.nan
+    return bool(np.max(np.abs(own - other)) <= _SAME * size)
 
 
 def in_own_units(states: np.ndarray) -> np.ndarray:

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
-from collections.abc import Callable
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from scipy import linalg
@@ -17,16 +13,17 @@ from scipy import linalg
 from ropeode.analysis.equilibrium import free_coordinates, hanging_equilibrium
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
-from ropeode.problems.problem import FirstOrderForm, Mechanics, Problem
-from ropeode.simulation import step_size, system
-from ropeode.steppers import stepper as stepper_named
-from ropeode.steppers.base import Stepper, System
-from ropeode.steppers.phase import Phase
+from ropeode.problems.problem import Problem
+from ropeode.simulation import step_size
+from ropeode.simulation.method import method_of
+from ropeode.simulation.step_map import StepMap
 from ropeode.validation import check_whole, complaint
 
 # No more steps per frame than this are tried.
 MOST_STEPS = 2**24
 _EPS = float(np.finfo(np.float64).eps)
+# The relative error of a derivative by differences, in place of a rounding.
+_DIFFERENCE = 1e-11
 # How many roundings an entry of the map's matrix may hold, and how many of the largest
 # eigenvalue the method that finds eigenvalues may add.
 _ROUNDINGS, _EIG_ROUNDINGS = 4.0, 16.0
@@ -68,7 +65,7 @@ class Growth:
 
 @in_float64
 def growth_per_frame(
-    problem: Problem, stepper: str | Stepper, steps_per_frame: int, y: np.ndarray | None = None
+    problem: Problem, stepper: Any, steps_per_frame: int, y: np.ndarray | None = None
 ) -> Growth:
     """The growth of small disturbances, from the stepper's own step.
 
@@ -85,7 +82,7 @@ def growth_per_frame(
 
     Arguments:
         problem: a mechanical problem.
-        stepper: a stepper or its name with options.
+        stepper: whatever `ropeode.as_stepper` takes.
         steps_per_frame: of equal size.
         y: a state to linearise at, as it is. By default `hanging_equilibrium`, moved to
             where this stepper stands still: with `constraint-verlet` links hang a little
@@ -100,9 +97,7 @@ def growth_per_frame(
 
 
 @in_float64
-def stability_limit(
-    problem: Problem, stepper: str | Stepper, y: np.ndarray | None = None
-) -> int | None:
+def stability_limit(problem: Problem, stepper: Any, y: np.ndarray | None = None) -> int | None:
     """The smallest number of steps per frame from which on the stepper is stable.
 
     Found by doubling and halving, and tried at twice and four times the number as well: a
@@ -112,7 +107,7 @@ def stability_limit(
 
     Arguments:
         problem: a mechanical problem.
-        stepper: a stepper or its name with options.
+        stepper: whatever `ropeode.as_stepper` takes.
         y: as for `growth_per_frame`.
 
     Returns:
@@ -144,16 +139,15 @@ def stability_limit(
 class _Linearised:
     """A stepper about an equilibrium of a problem, at any number of steps per frame."""
 
-    def __init__(self, problem: Problem, stepper: str | Stepper, y: np.ndarray | None):
-        stepper = stepper_named(stepper)
-        mechanics = problem.require_mechanics("problem")
-        if refusal := stepper.refusal(problem):
-            raise InputError(refusal)
+    def __init__(self, problem: Problem, stepper: Any, y: np.ndarray | None):
+        problem.require_mechanics("problem")
+        method = method_of(stepper, problem)
         self._problem = problem
-        self._name = stepper.label
+        self._name = method.stepper.label
         self._stands_still = y is None
         self._y = hanging_equilibrium(problem) if y is None else np.asarray(y, dtype=np.float64)
-        self._start, self._step, self._derivative = _maps(stepper, mechanics)
+        self._map = StepMap(problem, method)
+        self._rounding = _EPS if self._map.exact else _DIFFERENCE
         self._free = free_coordinates(problem)
 
     def growth(self, steps: int) -> Growth:
@@ -171,7 +165,9 @@ class _Linearised:
             moved = np.sum(np.abs(left) * (np.abs(matrix) @ np.abs(right)), axis=0) / across
             apart = np.sum(np.abs(left) * np.abs(right), axis=0) / across
             largest = dt * np.max(np.abs(eigenvalues))
-            tolerances = steps * _EPS * (_ROUNDINGS * moved + _EIG_ROUNDINGS * largest * apart)
+            tolerances = (
+                steps * self._rounding * (_ROUNDINGS * moved + _EIG_ROUNDINGS * largest * apart)
+            )
             fastest = int(np.argmax(np.nan_to_num(rates - tolerances, nan=-np.inf)))
         rate, tolerance = float(rates[fastest]), float(tolerances[fastest])
         return Growth(
@@ -186,30 +182,19 @@ class _Linearised:
 
     def _matrix(self, dt: float) -> np.ndarray:
         """The derivative of one step, over what can move of what is carried."""
-        t, args = self._problem.ts[0], self._problem.args
-        carried = self._start(args, t, self._y, dt)
-        free = np.concatenate(
-            [
-                np.broadcast_to(self._free, leaf.shape).ravel()
-                if leaf.shape == self._free.shape
-                else np.ones(leaf.size, dtype=bool)
-                for leaf in jax.tree.leaves(carried)
-            ]
-        )
+        carried = self._map.start(self._y, dt)
+        free = self._map.moving(carried, self._free)
         flattened, unravel = ravel_pytree(carried)
         flat: Any = np.asarray(flattened)
-
-        def derivative(flat: Any) -> np.ndarray:
-            return np.asarray(self._derivative(args, t, unravel(flat), dt))[free][:, free]
-
         if not self._stands_still:
-            return derivative(flat)
+            return self._map.derivative(carried, dt, free)
         for _ in range(_MOST_CORRECTIONS):
-            moved = (self._step(args, t, unravel(flat), dt) - flat)[free]
-            matrix = derivative(flat)
+            carried = unravel(flat)
+            moved = (np.asarray(ravel_pytree(self._map.step(carried, dt))[0]) - flat)[free]
+            matrix = self._map.derivative(carried, dt, free)
             size = np.abs(flat[free])
             terms = np.max(np.abs(matrix) @ size + size)
-            if np.max(np.abs(moved)) <= _STILL_ROUNDINGS * _EPS * terms:
+            if np.max(np.abs(moved)) <= _STILL_ROUNDINGS * self._rounding * terms:
                 return matrix
             flat = flat.copy()
             flat[free] -= np.linalg.lstsq(matrix - np.eye(len(matrix)), moved, rcond=None)[0]
@@ -221,23 +206,3 @@ class _Linearised:
                 "choose another one, or give the state to linearise at as y",
             )
         )
-
-
-@functools.lru_cache(maxsize=64)
-def _maps(stepper: Stepper, mechanics: Mechanics) -> tuple[Callable, Callable, Callable]:
-    """Start, one step and its derivative, the latter two flattened."""
-
-    def bound(args: Any) -> System:
-        return system(FirstOrderForm(mechanics.acceleration), mechanics, args)
-
-    def start(args: Any, t: Any, y: Any, dt: Any) -> Any:
-        return stepper.init(bound(args), t, Phase(jnp.asarray(y[0]), jnp.asarray(y[1])), dt)
-
-    def step(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        return ravel_pytree(stepper.step(bound(args), t, carried, dt))[0]
-
-    def derivative(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        flat, unravel = ravel_pytree(carried)
-        return jax.jacfwd(lambda flat: step(args, t, unravel(flat), dt))(flat)
-
-    return jax.jit(start), jax.jit(step), jax.jit(derivative)

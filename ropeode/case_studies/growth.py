@@ -16,7 +16,7 @@ from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers import as_stepper
 
 STEPPERS = ("explicit-euler", "semi-implicit-euler")
 STEPS_PER_FRAME = tuple(2**k for k in range(2, 17))
@@ -65,7 +65,7 @@ def growth_scan(
         for steps in steps_per_frame:
             growth = growth_per_frame(problem, name, steps, still)
             measured = _measured(problem, still, mode, name, steps, growth.rate)
-            found.append(MeasuredGrowth(stepper_named(name).label, steps, growth.rate, measured))
+            found.append(MeasuredGrowth(as_stepper(name).label, steps, growth.rate, measured))
     return found
 
 

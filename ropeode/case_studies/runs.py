@@ -24,7 +24,7 @@ from ropeode.files import write_whole
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.simulation import Trajectory, simulate
-from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers import as_stepper
 from ropeode.threads import cores, threads
 
 FRAMES = 4000
@@ -227,7 +227,7 @@ def _read(path: Path, problems: Sequence[Problem], name: str, steps: int) -> Fin
         tuple(
             Trajectory(
                 problem=problem,
-                stepper=stepper_named(name),
+                stepper=as_stepper(name),
                 steps_per_frame=steps,
                 times=problem.ts[: len(own)],
                 states=own,

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
+from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination, references_ahead
 from ropeode.checking.checks import CHECKS, SLOW
-from ropeode.checking.problems import convergence_problems
+from ropeode.checking.problems import convergence_problems, undamped
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding
-from ropeode.checking.step_signatures import Form
-from ropeode.checking.stepper_loading import brought, examined
 from ropeode.checking.time_limit import kept_output, within
-from ropeode.errors import InputError
+from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
-from ropeode.steppers import stepper
-from ropeode.steppers.base import Stepper
+from ropeode.progress import Progress, silent
+from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
+from ropeode.steppers import as_stepper
+from ropeode.steppers.base import ProblemClass, Stepper
+from ropeode.steppers.functions import StepFunction
+from ropeode.steppers.stepper_loading import LIBRARIES
+from ropeode.steppers.templates import template
 from ropeode.validation import check_positive, check_whole, complaint, unknown
 
-Progress = Callable[[str, float], None]
 TIME_LIMIT = 60.0
+_LIBRARIES = tuple(f"{library}:" for library in LIBRARIES)
 # The checks whose failure a diagnosis may explain.
 EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {"node-order", "float32"}
 
@@ -38,15 +42,13 @@ def check_stepper(
     quick: bool = False,
     diagnose: bool = True,
     time_limit: float = TIME_LIMIT,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
 ) -> CheckReport:
     """Check a stepper: does it solve the right equation, and how well?
 
     Arguments:
-        step: a function ``step(rhs, t, y, dt, args)`` that returns the new state ``(2, nodes,
-            dim)``, or ``step(acceleration, t, x, v, dt, args)`` that returns the new positions
-            and velocities ``(nodes, dim)``, in NumPy or JAX; a `Stepper`, class or object; a
-            name, as on the command line. `args` is a `CheckArgs`.
+        step: whatever `ropeode.as_stepper` takes. Step functions are handed a `CheckArgs` as
+            `args`.
         expected_order: that its author claims.
         method: the stepper of ropeode that it is meant to be, such as ``velocity-verlet``; it
             must then have that one's order on each problem, limit of stability, and structure.
@@ -72,42 +74,66 @@ def check_stepper(
     names = chosen_checks(only, skip, quick)
     limit = check_positive("time_limit", time_limit, example="60")
     started = time.perf_counter()
-    label, form = brought(step)
-    if claims == Claims() and isinstance(form, Stepper):
-        claims = Claims(method=form.label)
-    if claims == Claims() and isinstance(form, Form):
-        claims = Claims(order=form.documented_order)
-    needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
-    references_ahead(needed)
     with kept_output() as printed:
-        candidate, manners = within(limit, lambda: examined(label, form))
-        examination = Examination(candidate, claims, manners, _declared(claims, form))
-        findings = []
-        for done, name in enumerate(names):
-            progress(name, done / len(names))
-            findings.append(_made(examination, name, limit))
-            if name == "determinism" and findings[-1].status == "fail":
-                # What does not repeat cannot be judged by its runs.
-                findings += [Finding(each, "skip", "does not repeat") for each in names[1:]]
-                break
-        failed = {finding.check for finding in findings if finding.status == "fail"}
+        stepper = as_stepper(step)
+        # Without damping: some steppers cannot be told of it, and are checked without.
+        stepper.require(undamped())
+        claims = claims if claims != Claims() else _own_claims(stepper)
+        needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
+        references_ahead(needed)
+        trial = within(limit, lambda: trial_of(stepper, convergence_problems()["driven"]))
+        findings: list[Finding] = []
         diagnosis: tuple[Diagnosis, ...] = ()
-        if diagnose and not quick and failed & EXPLAINED:
-            progress("diagnosis", 1.0)
-            diagnosis = within(limit, lambda: _diagnosed(examination))
-    notes = []
-    if text := manners.printed or printed.getvalue():
-        first = text.strip().splitlines()[0] if text.strip() else ""
-        notes.append(f"the step prints, which costs time (its first line: {first[:60]!r})")
+        if not trial.repeatable:
+            line = HIDDEN_STATE[0].upper() + HIDDEN_STATE[1:]
+            rest = [name for name in names if name != "determinism"]
+            findings = [Finding("determinism", "fail", line)]
+            findings += [Finding(each, "skip", "not deterministic") for each in rest]
+        else:
+            examination = _examination(stepper, trial, claims)
+            for done, name in enumerate(names):
+                progress(name, done / len(names))
+                findings.append(_made(examination, name, limit))
+            failed = {finding.check for finding in findings if finding.status == "fail"}
+            if diagnose and not quick and failed & EXPLAINED:
+                progress("diagnosis", 1.0)
+                diagnosis = within(limit, lambda: _diagnosed(examination))
     progress("done", 1.0)
     return CheckReport(
-        label=label,
+        label=stepper.label,
         claims=claims,
         findings=tuple(findings),
         diagnosis=diagnosis,
-        notes=tuple(notes),
+        notes=tuple(_notes(trial, printed.getvalue())),
         seconds=time.perf_counter() - started,
     )
+
+
+def _own_claims(stepper: Stepper) -> Claims:
+    """What a stepper declares of itself: a class all its facts, others their order."""
+    if isinstance(stepper, StepFunction) or stepper.label.startswith(_LIBRARIES):
+        return Claims(order=stepper.order(ProblemClass()))
+    return Claims(method=stepper.label)
+
+
+def _examination(stepper: Stepper, trial: Trial, claims: Claims) -> Examination:
+    if not trial.finite:
+        raise UserCodeError(
+            "step: its first step from a regular state is not finite; allowed: finite positions "
+            "and velocities. Fix: look for a division by zero or an overflow."
+        )
+    return Examination(Candidate.of(stepper), claims, _declared(claims, stepper))
+
+
+def _notes(trial: Trial, printed: str) -> Iterator[str]:
+    if printed.strip():
+        first = printed.strip().splitlines()[0]
+        yield f"the step prints, which costs time (its first line: {first[:60]!r})"
+    if not trial.repeatable:
+        yield (
+            "carry what the step remembers in a class, as in this file (ropeode check --template "
+            f"two-step):\n\n{template('two-step')}"
+        )
 
 
 def _diagnosed(examination: Examination) -> tuple[Diagnosis, ...]:
@@ -122,11 +148,11 @@ def _made(examination: Examination, name: str, limit: float) -> Finding:
     return within(limit, lambda: in_float64(CHECKS[name])(examination))
 
 
-def _declared(claims: Claims, form: Form | Stepper) -> Stepper | None:
-    """The stepper whose declared facts are claimed: a method by name, or what was brought."""
-    if isinstance(form, Stepper) and claims.method in (None, form.label):
-        return form
-    return None if claims.method is None else stepper(claims.method)
+def _declared(claims: Claims, stepper: Stepper) -> Stepper | None:
+    """The stepper whose declared facts are claimed: a method by name, or what is checked."""
+    if claims.method is None:
+        return None
+    return stepper if claims.method == stepper.label else as_stepper(claims.method)
 
 
 def checked_claims(
@@ -151,7 +177,7 @@ def checked_claims(
                     "expected_order", order, "none beside a method, which has its own", "drop one"
                 )
             )
-        method = stepper(method).label
+        method = as_stepper(method).label
     return Claims(order, method, symplectic, reversible, conserves_energy)
 
 

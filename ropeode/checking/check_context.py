@@ -14,7 +14,6 @@ from ropeode.checking.candidate import Candidate
 from ropeode.checking.convergence import converging, ladder, steps_to_dts
 from ropeode.checking.problems import UNITS, convergence_problems, generic, in_other_units
 from ropeode.checking.report import Claims, Convergence
-from ropeode.checking.stepper_loading import Manners
 from ropeode.errors import RopeodeError
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, reference
@@ -35,7 +34,6 @@ class Examination:
     Arguments:
         candidate: what is judged.
         claims: what is said of it.
-        manners: how its step behaves.
         declared: the stepper whose declared facts are claimed of it; None where none is.
     """
 
@@ -43,17 +41,16 @@ class Examination:
         self,
         candidate: Candidate,
         claims: Claims,
-        manners: Manners,
         declared: Stepper | None = None,
     ):
-        self.candidate, self.claims, self.manners = candidate, claims, manners
+        self.candidate, self.claims = candidate, claims
         self._declared = declared
         self._found: dict[str, Convergence] = {}
         self._simpler: dict[str, Problem] = {}
 
     def refusal(self, problem: Problem) -> str | None:
         """Why the candidate cannot be run on a problem; None if it can."""
-        if self.candidate.equal_frames and not problem.equal_frames:
+        if self.candidate.stepper.equal_frames and not problem.equal_frames:
             return "a two-step method needs equal frames"
         return None
 
@@ -74,7 +71,7 @@ class Examination:
         found = {}
         if self.candidate.own_forces:
             found["drive"] = "it computes its own forces"
-        if not self.candidate.form.takes_damping:
+        if self.candidate.stepper.needs == "second order, no damping":
             found["damping"] = "it takes forces that depend on time and positions only"
         return found
 

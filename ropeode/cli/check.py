@@ -8,13 +8,16 @@ from ropeode.cli.formats import format_for, format_option
 from ropeode.cli.running import interruptible, put_out, set_up_jax, show_progress
 from ropeode.files import check_writable
 
+# The names in ropeode.steppers.templates; a test holds the two together.
+TEMPLATES = ("acceleration", "rhs", "two-step")
+
 
 def _names(value: str | None) -> list[str] | None:
     return None if value is None else [part.strip() for part in value.split(",") if part.strip()]
 
 
 @click.command()
-@click.argument("step")
+@click.argument("step", required=False)
 @click.option("--order", metavar="N", help="The order that its author claims.")
 @click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
 @click.option("--symplectic", is_flag=True, help="Its author claims that it is.")
@@ -24,10 +27,15 @@ def _names(value: str | None) -> list[str] | None:
 @click.option("--skip", metavar="CHECK[,...]", help="Leave these checks out.")
 @click.option("--quick", is_flag=True, help="Leave out what takes long.")
 @click.option("--time-limit", metavar="S", help="Seconds for each check. [60]")
+@click.option(
+    "--template",
+    type=click.Choice(TEMPLATES),
+    help="Print a stepper to begin with, and check nothing.",
+)
 @format_option
 @click.option("--out", metavar="FILE", help="Write the report to FILE and print nothing.")
 def check(
-    step: str,
+    step: str | None,
     order: str | None,
     method: str | None,
     symplectic: bool,
@@ -37,17 +45,26 @@ def check(
     skip: str | None,
     quick: bool,
     time_limit: str | None,
+    template: str | None,
     form: str | None,
     out: str | None,
 ) -> int:
     """Check a stepper: does it solve the right equation, and how well?
 
-    STEP is FILE.py:NAME, a function step(rhs, t, y, dt, args) that returns the new y, or
-    step(acceleration, t, x, v, dt, args) that returns the new x and v, in NumPy or JAX; or a
-    Stepper class; or the name of a stepper of ropeode. The exit code is 0 if every check that
+    STEP is FILE.py:NAME, or FILE.py with one stepper in it: a function step(rhs, t, y, dt, args)
+    that returns the new y, or step(acceleration, t, x, v, dt, args) that returns the new x and
+    v, in NumPy or JAX, or a Stepper class. It may also be diffrax:NAME, scipy:NAME, or the name
+    of a stepper of ropeode. The exit code is 0 if every check that
     applies passes, 1 if the stepper is wrong, and 2 if it cannot be checked.
     """
     path = check_writable("out", out) if out else None
+    if template is not None:
+        from ropeode.steppers.templates import template as text_of
+
+        put_out(text_of(template), path)
+        return 0
+    if step is None:
+        raise click.MissingParameter(param_hint="STEP", param_type="argument")
     set_up_jax()
     from ropeode.checking.check import TIME_LIMIT, check_stepper
     from ropeode.render.formats import format_check

@@ -59,7 +59,12 @@ TABLE: dict[str, tuple[str, Callable[[str], Any], str, str]] = {
         "A file, or a name of the library; says the problem too.",
     ),
     "frames": ("frames", _text, "N", "Frames to solve. [20]"),
-    "steppers": ("steppers", _steppers, "S[,S...]", "Names; see `ropeode steppers`."),
+    "steppers": (
+        "steppers",
+        _steppers,
+        "S[,S...]",
+        "Names (see `ropeode steppers`), FILE.py:NAME, diffrax:NAME, scipy:NAME.",
+    ),
     "steps_per_frame": ("steps", _list, "N[,N...]", "Steps per frame. [16,32,...,16384]"),
     "norm": ("norm", _text, "NAME", "position-max, position-rms, velocity-max, ..."),
     "accuracy": ("accuracy", _text, "E", "Largest error bound still trusted. [by the motion]"),

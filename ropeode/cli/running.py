@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import click
 
 from ropeode.files import write_whole
+from ropeode.progress import Progress
 
 T = TypeVar("T")
 
@@ -66,23 +67,24 @@ def set_up_jax() -> None:
 
 
 @contextlib.contextmanager
-def show_progress() -> Iterator[Callable[[str, float], None]]:
+def show_progress() -> Iterator[Progress]:
     """A bar on standard error, if that is a terminal; gone when the work is done."""
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    with Progress(
-        BarColumn(bar_width=20),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}"),
+    with rich.Progress(
+        rich.BarColumn(bar_width=20),
+        rich.TaskProgressColumn(),
+        rich.TimeElapsedColumn(),
+        rich.TextColumn("{task.description}"),
         console=Console(stderr=True),
         transient=True,
         disable=not sys.stderr.isatty(),
     ) as bar:
         task = bar.add_task("starting", total=1.0)
 
-        def update(text: str, fraction: float) -> None:
+        def update(text: str, fraction: float | None) -> None:
+            # Rich leaves the bar where it is if it is told nothing.
             bar.update(task, description=text, completed=fraction)
 
         yield update

@@ -5,11 +5,10 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ropeode.errors import InputError, RopeodeError, UserCodeError
+from ropeode.errors import InputError, call_user_code
 from ropeode.files import read_text
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
@@ -54,7 +53,7 @@ def named_in_file(where: str, folder: Path | None = None, what: str = "problem")
         UserCodeError: the file raised.
     """
     path, name = file_and_name(where, folder, what)
-    found = _names_of(path, what)
+    found = names_in_file(path, what)
     if name not in found:
         public = [
             key
@@ -86,7 +85,17 @@ def file_and_name(
     return (folder or Path()) / file, name
 
 
-def _names_of(path: Path, what: str) -> dict[str, Any]:
+def names_in_file(path: Path, what: str) -> dict[str, Any]:
+    """All names of a Python file, which is run.
+
+    Arguments:
+        path: of the file.
+        what: it holds, for messages.
+
+    Raises:
+        InputError: there is no such file, or it is no Python file.
+        UserCodeError: the file raised.
+    """
     read_text(what, path)
     spec = importlib.util.spec_from_file_location(f"ropeode_user_{what}", path)
     if spec is None or spec.loader is None:
@@ -94,7 +103,7 @@ def _names_of(path: Path, what: str) -> dict[str, Any]:
     module = importlib.util.module_from_spec(spec)
     # Dataclasses and pickles look their module up by its name.
     sys.modules[spec.name] = module
-    _user_code(f"{what}: the file {path} raised", spec.loader.exec_module, module)
+    call_user_code(f"{what}: the file {path}", spec.loader.exec_module, module)
     return vars(module)
 
 
@@ -115,7 +124,7 @@ def as_problem(found: Any, where: str, frames: int | None, **parameters: Any) ->
     if callable(found) and not isinstance(found, (Problem, Rope)):
         takes_frames = "frames" in inspect.signature(found).parameters
         given = {"frames": frames} if takes_frames and frames is not None else {}
-        found = _user_code(f"problem: {where} raised", found, **given, **parameters)
+        found = call_user_code(f"problem: {where}", found, **given, **parameters)
         frames = None if takes_frames else frames
     if isinstance(found, Rope):
         return found.problem(**({} if frames is None else {"frames": frames}))
@@ -139,16 +148,3 @@ def as_problem(found: Any, where: str, frames: int | None, **parameters: Any) ->
             )
         )
     return found
-
-
-def _user_code(what: str, function: Callable, *args: Any, **named: Any) -> Any:
-    """Call code of the user's; what it raises becomes the cause of a `UserCodeError`."""
-    try:
-        return function(*args, **named)
-    except RopeodeError:
-        raise
-    except Exception as error:
-        raise UserCodeError(
-            f"{what} {type(error).__name__}: {error}; allowed: code that runs. Fix: mend the "
-            "error above."
-        ) from error

@@ -7,13 +7,13 @@ import itertools
 
 from tabulate import tabulate
 
-from ropeode.steppers import STEPPERS, option_value, options
-from ropeode.steppers.base import ProblemClass, Stepper
+from ropeode.steppers.base import BuiltIn, ProblemClass
+from ropeode.steppers.registry import STEPPERS, option_value, options
 
 HEADERS = ("stepper", "order", "damped", "moving", "symplectic")
 
 
-def variants(cls: type[Stepper]) -> list[Stepper]:
+def variants(cls: type[BuiltIn]) -> list[BuiltIn]:
     """A stepper with every combination of its options, the defaults first."""
     choices = options(cls)
     return [
@@ -55,13 +55,13 @@ def as_text() -> str:
     )
 
 
-def _order(stepper: Stepper, *, damped: bool, at_rest: bool) -> str:
+def _order(stepper: BuiltIn, *, damped: bool, at_rest: bool) -> str:
     """The order on the problems that the stepper is for."""
     classes = [ProblemClass(damped, at_rest, rigid) for rigid in (False, True)]
     return str(next(stepper.order(each) for each in classes if stepper.solves(each)))
 
 
-def _note(cls: type[Stepper]) -> str:
+def _note(cls: type[BuiltIn]) -> str:
     lines = [cls.name, f"    runs on: {cls.needs}", f"    source: {cls.source}"]
     numbers = {field.name for field in dataclasses.fields(cls) if field.type == "int"}
     for option, choices in options(cls).items():

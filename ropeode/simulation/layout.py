@@ -16,6 +16,7 @@ import numpy as np
 
 from ropeode.problems.ensemble import Numbers
 from ropeode.problems.problem import Problem
+from ropeode.steppers.base import Stepper
 
 # Numbers in the state of a block: 4 ropes of 16 nodes.
 _BLOCK = 256
@@ -38,10 +39,11 @@ class Layout:
     nodes: int | None
 
     @classmethod
-    def of(cls, problem: Problem) -> Layout:
+    def of(cls, problem: Problem, stepper: Stepper) -> Layout:
         """The layout for problems like this one, on this machine's processor."""
         mechanics = problem.mechanics
-        nodes = problem.y0.shape[-1] if mechanics is not None and mechanics.in_turn else None
+        in_turn = mechanics is not None and mechanics.in_turn and stepper.any_layout
+        nodes = problem.y0.shape[-1] if in_turn else None
         if jax.default_backend() != "cpu":
             return cls(_LANES_OF_A_GPU, nodes)
         lanes = 1 << (max(_BLOCK // problem.y0.size, 1).bit_length() - 1)

@@ -11,11 +11,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import get_opaque_trace_state
 
 from ropeode.problems.problem import Mechanics
 from ropeode.simulation.kernel_fusion import in_one_kernel
+from ropeode.simulation.method import Method
 from ropeode.simulation.system import stored, system
-from ropeode.steppers.base import Stepper
+from ropeode.simulation.transposes import on_stored
 from ropeode.steppers.phase import Phase
 
 
@@ -30,7 +32,7 @@ class Family(NamedTuple):
     """What runs have in common that one program can make; hashable.
 
     Fields:
-        stepper: with its options.
+        method: the stepper, ready to run.
         rhs: of the problem.
         mechanics: of the problem.
         y0: the initial state of a block.
@@ -41,7 +43,7 @@ class Family(NamedTuple):
             where there are several.
     """
 
-    stepper: Stepper
+    method: Method
     rhs: Callable
     mechanics: Mechanics | None
     y0: Abstract
@@ -73,7 +75,8 @@ class Program:
         capacity: the most frames of a segment.
         blocks: the most blocks.
         nothing_carried: stands for what is carried where there is nothing yet.
-        calls: of the right-hand side, to start, in a step, and for a sample.
+        calls: of the right-hand side, to start, in a step, and for a sample; None where they are
+            made in a loop, whose length nobody knows.
         compile_seconds: that compiling took.
     """
 
@@ -83,13 +86,13 @@ class Program:
         capacity: int,
         blocks: int,
         nothing_carried: Any,
-        calls: tuple[int, int, int],
+        calls: tuple[int, int, int] | None,
         compile_seconds: float,
     ):
         self._compiled = compiled
         self.capacity, self.blocks = capacity, blocks
         self._nothing_carried = nothing_carried
-        self._to_start, self._per_step, self._per_sample = calls
+        self._calls = calls
         self._compile_seconds = compile_seconds
 
     def run(
@@ -129,9 +132,12 @@ class Program:
         )
         return Segment(np.asarray(frames), np.asarray(states), carried)
 
-    def calls(self, steps: int, frames: np.ndarray) -> np.ndarray:
-        """How often runs of so many frames each evaluate the right-hand side."""
-        return self._to_start + (self._per_step * steps + self._per_sample) * frames
+    def calls(self, steps: int, frames: np.ndarray) -> np.ndarray | None:
+        """How often runs of so many frames each evaluate the right-hand side, if it is known."""
+        if self._calls is None:
+            return None
+        to_start, per_step, per_sample = self._calls
+        return to_start + (per_step * steps + per_sample) * frames
 
     def take_compile_seconds(self) -> float:
         """The seconds that compiling took; 0 for every later use of the program."""
@@ -209,7 +215,7 @@ def _compiled(family: Family, capacity: int, blocks: int) -> Program:
                 dt = lengths[frame] / steps
                 carried = in_one_kernel(steps_of, carried, args, ts[frame], dt, steps)
                 y = methods.state(args, ts[frame + 1], carried, dt)
-                y = jnp.stack(y) if isinstance(y, Phase) else y
+                y = jnp.stack(tuple(y)) if isinstance(y, Phase) else y
                 states = jax.lax.dynamic_update_index_in_dim(states, y, frame, 0)
                 return frame + 1, carried, states, going_on(y)
 
@@ -265,50 +271,68 @@ class _Methods:
 
     def __init__(self, family: Family):
         self._family = family
-        self._calls = 0
+        self._calls, self._looped = 0, False
         leaves = [_shape(*leaf) for leaf in family.args_leaves]
         self.args = jax.tree.unflatten(family.args_tree, leaves)
-        stepper = family.stepper
+        stepper = family.method.stepper
+        mechanics = family.mechanics
+        self._nodes_first = not stepper.any_layout
+        self._turned = self._nodes_first and mechanics is not None and mechanics.node_axis == 1
         self.init = self._on_blocks(stepper.init)
         self.step = self._on_blocks(stepper.step)
         self.state = self._on_blocks(stepper.state)
 
-    def calls(self) -> tuple[tuple[int, int, int], Any]:
+    def calls(self) -> tuple[tuple[int, int, int] | None, Any]:
         """How often each calls the right-hand side, and the shapes of what is carried."""
         shape, dtype = self._family.y0
         y0: Any = _shape(shape, dtype)
         if self._family.mechanics:
             y0 = Phase(_shape(shape[1:], dtype), _shape(shape[1:], dtype))
-        found = []
+        counts: list[int] = []
 
         def shapes_of(method: Callable, y: Any) -> Any:
             result = jax.eval_shape(method, self.args, _shape(()), y, _shape(()))
-            found.append(self._calls)
+            counts.append(self._calls)
             return result
 
         carried = shapes_of(self.init, y0)
         shapes_of(self.step, carried)
         shapes_of(self.state, carried)
-        to_start, per_step, per_sample = found
-        return (to_start, per_step, per_sample), carried
+        to_start, per_step, per_sample = counts
+        return None if self._looped else (to_start, per_step, per_sample), carried
 
     def _on_blocks(self, method: Callable) -> Callable:
         family = self._family
 
         def on_one(args: Any, t: Any, y: Any, dt: Any) -> Any:
             self._calls = 0
+            outside = get_opaque_trace_state()
 
             def counted(function: Callable) -> Callable:
-                def call(t: Any, state: Any, *velocity: Any) -> Any:
+                def call(t: Any, state: Any, *others: Any) -> Any:
                     self._calls += 1
+                    self._looped |= get_opaque_trace_state() != outside
                     # What the first stage reads is stored anyway, as the step's input.
-                    state = stored(state, dt > 0) if self._calls > 1 else state
-                    return function(t, state, *velocity)
+                    state = stored(state, always) if self._calls > 1 else state
+                    return function(t, state, *others)
 
                 return call
 
-            return method(system(family.rhs, family.mechanics, args, counted), t, y, dt)
+            always = dt > 0
+            bound = system(
+                family.rhs,
+                family.mechanics,
+                args,
+                counted=counted,
+                nodes_first=self._nodes_first,
+            )
+            return method(bound, t, y, dt)
 
+        def turned(args: Any, t: Any, y: Any, dt: Any) -> Any:
+            dim, nodes = family.y0.shape[1:]
+            return on_stored(on_one, (nodes, dim))(args, t, y, dt)
+
+        on_one_state = turned if self._turned else on_one
         if family.lanes == 1 or family.in_turn:
-            return on_one
-        return jax.vmap(on_one, in_axes=(-1, None, -1, None), out_axes=-1)
+            return on_one_state
+        return jax.vmap(on_one_state, in_axes=(-1, None, -1, None), out_axes=-1)

@@ -6,26 +6,26 @@ import collections
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future
 from typing import Any, NamedTuple, overload
 
 import jax
 import numpy as np
 
-from ropeode.errors import InputError
+from ropeode.errors import InputError, call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems.ensemble import Ensemble, Numbers
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.simulation.layout import Layout
+from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.program import Abstract, Family, Program, program
+from ropeode.simulation.python_driver import PythonRun, run_in_python
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
-from ropeode.steppers import stepper as stepper_named
-from ropeode.steppers.base import Stepper
+from ropeode.steppers.base import BuiltIn
 from ropeode.threads import cores, threads
 from ropeode.validation import check_whole, complaint
-
-Progress = Callable[[float], None]
 
 # States that one call of a program writes, and that a chunk of an ensemble holds, in bytes.
 _SEGMENT = 2**23
@@ -35,18 +35,18 @@ _MOST_FRAMES, _MOST_BLOCKS = 128, 64
 
 @overload
 def simulate(
-    given: Problem, stepper: str | Stepper, steps_per_frame: int, *, progress: Progress = ...
+    given: Problem, stepper: Any, steps_per_frame: int, *, progress: Progress = ...
 ) -> Trajectory: ...
 @overload
 def simulate(
-    given: Ensemble, stepper: str | Stepper, steps_per_frame: int, *, progress: Progress = ...
+    given: Ensemble, stepper: Any, steps_per_frame: int, *, progress: Progress = ...
 ) -> Trajectories: ...
 def simulate(
     given: Problem | Ensemble,
-    stepper: str | Stepper,
+    stepper: Any,
     steps_per_frame: int,
     *,
-    progress: Progress = lambda fraction: None,
+    progress: Progress = silent,
 ) -> Trajectory | Trajectories:
     """Run a stepper over all frames of a problem, or of each member of an ensemble.
 
@@ -56,30 +56,32 @@ def simulate(
 
     Arguments:
         given: what to solve.
-        stepper: a stepper or its name with options.
+        stepper: whatever `ropeode.as_stepper` takes.
         steps_per_frame: equal steps in each interval between sample times.
-        progress: called with the fraction that is done.
+        progress: called with the stepper's label and the fraction that is done.
 
     Raises:
         InputError: the stepper does not exist or cannot run on a problem, `steps_per_frame` is
             not a whole number >= 1, or the states of an ensemble do not fit into memory.
+        UserCodeError: a user's step raised, returned something that is no state, or keeps hidden
+            state.
     """
-    stepper = stepper_named(stepper)
     if isinstance(given, Ensemble):
         _check_memory(given)
         return _joined(list(simulate_chunks(given, stepper, steps_per_frame, progress=progress)))
-    steps = _check(given, stepper, steps_per_frame)
+    steps = _check_steps(steps_per_frame)
+    method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))
-    job = _Job(Ensemble.of([given]), stepper, steps, Layout(1, None), 1)
+    job = _Job(Ensemble.of([given]), method, steps, Layout(1, None), 1)
     return job.trajectories(0, own, progress)[0]
 
 
 def simulate_chunks(
     ensemble: Ensemble,
-    stepper: str | Stepper,
+    stepper: Any,
     steps_per_frame: int,
     *,
-    progress: Progress = lambda fraction: None,
+    progress: Progress = silent,
 ) -> Iterator[Trajectories]:
     """Run a stepper over an ensemble of any size, some members at a time.
 
@@ -87,9 +89,9 @@ def simulate_chunks(
 
     Arguments:
         ensemble: what to solve.
-        stepper: a stepper or its name with options.
+        stepper: whatever `ropeode.as_stepper` takes.
         steps_per_frame: equal steps in each interval between sample times.
-        progress: called with the fraction that is done.
+        progress: called with the stepper's label and the fraction that is done.
 
     Returns:
         Trajectories of the first members, of the next ones, and so on.
@@ -97,24 +99,21 @@ def simulate_chunks(
     Raises:
         InputError: as for `simulate`.
     """
-    stepper = stepper_named(stepper)
-    first = ensemble.first
-    for each in ensemble.built_apart or [first]:
-        steps = _check(each, stepper, steps_per_frame)
-    layout, count = Layout.of(first), cores()
+    first, steps = ensemble.first, _check_steps(steps_per_frame)
+    method = method_of(stepper, first)
+    for each in ensemble.built_apart:
+        method.stepper.require(each)
+    layout, count = Layout.of(first, method.stepper), cores()
     needed = layout.blocks(len(ensemble))
     block = (first.frames + 1) * first.y0.nbytes * layout.lanes
     # As many as fill a chunk, unless that would leave a core idle.
     blocks = min(max(_CHUNK // block, 1), _MOST_BLOCKS, -(-needed // count))
-    job = _Job(ensemble, stepper, steps, layout, blocks)
+    job = _Job(ensemble, method, steps, layout, blocks)
     return job.in_chunks(count, progress)
 
 
-def _check(problem: Problem, stepper: Stepper, steps_per_frame: int) -> int:
-    steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
-    if refusal := stepper.refusal(problem):
-        raise InputError(refusal)
-    return steps
+def _check_steps(steps_per_frame: int) -> int:
+    return check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
 
 
 def _check_memory(ensemble: Ensemble) -> None:
@@ -141,6 +140,7 @@ def _joined(chunks: list[Trajectories]) -> Trajectories:
     if len(chunks) == 1:
         return chunks[0]
     first = chunks[0]
+    counts = [each.rhs_evaluations for each in chunks if each.rhs_evaluations is not None]
     return Trajectories(
         ensemble=first.ensemble,
         start=first.start,
@@ -149,7 +149,7 @@ def _joined(chunks: list[Trajectories]) -> Trajectories:
         states=np.concatenate([each.states for each in chunks], axis=-1),
         frames=np.concatenate([each.frames for each in chunks]),
         finite=np.concatenate([each.finite for each in chunks]),
-        rhs_evaluations=np.concatenate([each.rhs_evaluations for each in chunks]),
+        rhs_evaluations=np.concatenate(counts) if len(counts) == len(chunks) else None,
         seconds=sum(each.seconds for each in chunks),
         compile_seconds=sum(each.compile_seconds for each in chunks),
     )
@@ -160,14 +160,14 @@ class _Job(NamedTuple):
 
     Fields:
         ensemble: what is solved.
-        stepper: with what.
+        method: with what.
         steps: in each frame.
         layout: of the blocks.
         blocks: of a chunk.
     """
 
     ensemble: Ensemble
-    stepper: Stepper
+    method: Method
     steps: int
     layout: Layout
     blocks: int
@@ -181,10 +181,10 @@ class _Job(NamedTuple):
         def chunk(start: int) -> Trajectories:
             numbers = self.ensemble.numbers(start, min(start + members, size))
 
-            def seen(fraction: float) -> None:
+            def seen(text: str, fraction: float | None) -> None:
                 with lock:
-                    shares[start] = fraction * numbers.y0.shape[-1]
-                    progress(sum(shares.values()) / size)
+                    shares[start] = (fraction or 0.0) * numbers.y0.shape[-1]
+                    progress(text, sum(shares.values()) / size)
 
             return self.trajectories(start, numbers, seen)
 
@@ -202,6 +202,8 @@ class _Job(NamedTuple):
     @in_float64
     def trajectories(self, start: int, numbers: Numbers, progress: Progress) -> Trajectories:
         """Run the members from `start` on whose numbers these are."""
+        if not self.method.trial.compiled:
+            return self._in_python(start, numbers.y0.shape[-1], progress)
         first, members = self.ensemble.first, numbers.y0.shape[-1]
         y0, args = self.layout.fold(numbers, self.blocks)
         made = self._program(y0, args)
@@ -214,7 +216,7 @@ class _Job(NamedTuple):
         return Trajectories(
             ensemble=self.ensemble,
             start=start,
-            stepper=self.stepper,
+            stepper=self.method.stepper,
             steps_per_frame=self.steps,
             states=states,
             frames=frames,
@@ -224,11 +226,39 @@ class _Job(NamedTuple):
             compile_seconds=made.take_compile_seconds(),
         )
 
+    def _in_python(self, start: int, members: int, progress: Progress) -> Trajectories:
+        """Run the members from `start` on one after the other."""
+        started = time.perf_counter()
+
+        def run(index: int) -> PythonRun:
+            def seen(text: str, fraction: float | None) -> None:
+                progress(text, (index + (fraction or 0.0)) / members)
+
+            return run_in_python(
+                self.ensemble[start + index], self.method.stepper, self.steps, seen
+            )
+
+        runs = [run(index) for index in range(members)]
+        states = np.stack([each.states for each in runs], axis=-1)
+        frames, finite = _ends(states, np.array([each.frame for each in runs]))
+        return Trajectories(
+            ensemble=self.ensemble,
+            start=start,
+            stepper=self.method.stepper,
+            steps_per_frame=self.steps,
+            states=states,
+            frames=frames,
+            finite=finite,
+            rhs_evaluations=np.array([each.calls for each in runs]),
+            seconds=time.perf_counter() - started,
+            compile_seconds=0.0,
+        )
+
     def _program(self, y0: np.ndarray, args: Any) -> Program:
         first = self.ensemble.first
         leaves, tree = jax.tree.flatten(args)
         family = Family(
-            stepper=self.stepper,
+            method=self.method,
             rhs=first.rhs,
             mechanics=first.mechanics,
             y0=Abstract(y0.shape[1:], y0.dtype),
@@ -240,7 +270,10 @@ class _Job(NamedTuple):
         # Powers of two, so that few programs serve all lengths.
         frames = min(max(_SEGMENT // y0.nbytes, 1), _MOST_FRAMES)
         frames = 1 << (frames.bit_length() - 1)
-        return program(family, min(frames, 1 << (first.frames - 1).bit_length()), self.blocks)
+        frames = min(frames, 1 << (first.frames - 1).bit_length())
+        if isinstance(self.method.stepper, BuiltIn):
+            return program(family, frames, self.blocks)
+        return call_user_code("step", program, family, frames, self.blocks)
 
     def _segments(
         self, made: Program, y0: np.ndarray, args: Any, count: int, progress: Progress
@@ -266,7 +299,7 @@ class _Job(NamedTuple):
             states[:, done + 1 : done + 1 + frames] = segment.states[:count, :frames]
             reached[reached == done] += segment.frames[:count][reached == done]
             carried, done = segment.carried, done + frames
-            progress(done / first.frames)
+            progress(self.method.stepper.label, done / first.frames)
         for block in np.flatnonzero(reached < first.frames):
             states[block, reached[block] + 1 :] = np.nan
         return states, reached

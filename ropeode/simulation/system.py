@@ -2,22 +2,43 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple, NoReturn
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 
+from ropeode.errors import InputError
+from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Mechanics
-from ropeode.steppers.base import System
+from ropeode.steppers.base import Equations, System
 from ropeode.steppers.phase import Phase
+from ropeode.validation import complaint
+
+
+class InUnits(NamedTuple):
+    """Arguments of a problem that is measured in other units.
+
+    Fields:
+        units: for its functions alone; step functions do not see them.
+        args: of the problem in its own units.
+    """
+
+    units: Any
+    args: Any
 
 
 def system(
     rhs: Callable,
     mechanics: Mechanics | None,
     args: Any,
+    *,
     counted: Callable[[Callable], Callable] = lambda function: function,
+    nodes_first: bool = False,
+    in_numpy: bool = False,
 ) -> System:
     """A problem with its numbers bound, as a stepper sees it.
 
@@ -25,18 +46,101 @@ def system(
         rhs: of the problem.
         mechanics: of the problem.
         args: of the problem.
-        counted: wraps each function whose calls are to be counted.
+        counted: wraps the function whose calls are to be counted.
+        nodes_first: whether positions are to be ``(nodes, dim)``, however they are stored.
+        in_numpy: whether the functions are to take and return NumPy arrays.
     """
+    own = args.args if isinstance(args, InUnits) else args
+
+    def whole(own: Any) -> Any:
+        return args._replace(args=own) if isinstance(args, InUnits) else own
+
     if mechanics is None:
-        return System(counted(lambda t, y: rhs(t, y, args)))
-    damping, links, every_force = mechanics.damping, mechanics.links, mechanics.acceleration
-    acceleration = counted(lambda t, x, v: every_force(t, x, v, args))
+        slope = counted(_numpy_version(rhs) if in_numpy else rhs)
+
+        def rhs_of_args(t: Any, y: Any, own: Any) -> Any:
+            return slope(t, y, whole(own))
+
+        rhs_of_args.__wrapped__ = rhs  # type: ignore[attr-defined]
+        return System(
+            rhs=lambda t, y: slope(t, y, args),
+            acceleration=_no_acceleration,
+            damping=None,
+            links=None,
+            equations=Equations(rhs_of_args, _no_acceleration, own),
+            mechanical=False,
+        )
+    turned = nodes_first and mechanics.node_axis == 1
+    own_force = mechanics.acceleration
+    force = counted(_numpy_version(own_force) if in_numpy else own_force)
+    if turned:
+        force = _turned(force)
+
+    def first_order(t: Any, y: Any, own: Any) -> Any:
+        a = force(t, y[0], y[1], whole(own))
+        if isinstance(y, Phase):
+            return Phase(y.v, a)
+        # NumPy's own, where it will do: `jnp.stack` of NumPy arrays costs a hundred times as much.
+        return (np if isinstance(a, np.ndarray) else jnp).stack([y[1], a])
+
+    first_order.__wrapped__ = _first_order(own_force, turned)  # type: ignore[attr-defined]
+    damping = mechanics.damping(args) if mechanics.damping else None
     return System(
-        lambda t, y: Phase(y.v, acceleration(t, y.x, y.v)),
-        acceleration,
-        damping(args) if damping else None,
-        links(args) if links else None,
+        rhs=lambda t, y: Phase(y.v, force(t, y.x, y.v, args)),
+        acceleration=lambda t, x, v: force(t, x, v, args),
+        damping=_turned_damping(damping) if turned and damping else damping,
+        links=mechanics.links(args) if mechanics.links else None,
+        equations=Equations(first_order, lambda t, x, v, own: force(t, x, v, whole(own)), own),
+        mechanical=True,
     )
+
+
+def _no_acceleration(*_: Any) -> NoReturn:
+    raise InputError(
+        complaint(
+            "stepper",
+            "one that asks for an acceleration",
+            "steppers for any ODE, on a first-order problem",
+            'write needs = "second order" into its class, or use system.rhs',
+        )
+    )
+
+
+def _turned(force: Callable) -> Callable:
+    """An acceleration of positions ``(nodes, dim)``, where they are stored ``(dim, nodes)``."""
+    return lambda t, x, v, args: force(t, x.T, v.T, args).T
+
+
+@functools.lru_cache(maxsize=64)
+def _first_order(force: Callable, turned: bool) -> Callable:
+    """The right-hand side in JAX, on stacked states."""
+    force = _turned(force) if turned else force
+    return lambda t, y, args: jnp.stack([y[1], force(t, y[0], y[1], args)])
+
+
+def _turned_damping(damping: LinearDamping) -> LinearDamping:
+    """Damping that broadcasts against positions ``(nodes, dim)``."""
+
+    def turned(leaf: Any) -> Any:
+        return leaf[:, None] if np.ndim(leaf) == 1 else jnp.transpose(leaf)
+
+    return LinearDamping(*map(turned, damping))
+
+
+@functools.lru_cache(maxsize=64)
+def _numpy_version(function: Callable) -> Callable:
+    """The same function, which takes NumPy arrays and returns one.
+
+    Inside a loop of JAX's own it is traced, as such a loop wants it.
+    """
+    compiled = jax.jit(function)
+
+    def plain(*given: Any) -> Any:
+        value = compiled(*given)
+        # A copy: what JAX hands out must not be written to.
+        return value if isinstance(value, Tracer) else np.array(value)
+
+    return plain
 
 
 def stored(state: Any, always: Any) -> Any:

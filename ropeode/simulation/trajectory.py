@@ -25,7 +25,8 @@ class Trajectory:
         states: the states there, ``(times, *state)``; the first is the initial state.
         status: `ok`, or `diverged` if a state was not finite.
         diverged_at: the frame (index of the sample time) of the first state that was not.
-        rhs_evaluations: of the right-hand side (or acceleration), for the steps made.
+        rhs_evaluations: of the right-hand side (or acceleration), for the steps made; None where
+            the step makes them in a loop, whose length nobody knows.
         seconds: to run, without compiling.
         compile_seconds: to trace and compile; 0 if that had been done before.
     """
@@ -37,7 +38,7 @@ class Trajectory:
     states: np.ndarray
     status: Literal["ok", "diverged"]
     diverged_at: int | None
-    rhs_evaluations: int
+    rhs_evaluations: int | None
     seconds: float
     compile_seconds: float
 
@@ -73,7 +74,8 @@ class Trajectories:
         frames: the index of the last sample time that was looked at for each member,
             ``(members,)``.
         finite: whether its state there was finite, ``(members,)``.
-        rhs_evaluations: of the right-hand side, for each member, ``(members,)``.
+        rhs_evaluations: of the right-hand side, for each member, ``(members,)``; None as for a
+            `Trajectory`.
         seconds: to run all these members, without compiling.
         compile_seconds: to trace and compile; 0 if that had been done before.
     """
@@ -85,7 +87,7 @@ class Trajectories:
     states: np.ndarray
     frames: np.ndarray
     finite: np.ndarray
-    rhs_evaluations: np.ndarray
+    rhs_evaluations: np.ndarray | None
     seconds: float
     compile_seconds: float
 
@@ -111,7 +113,9 @@ class Trajectories:
             states=np.ascontiguousarray(self.states[:kept, ..., index]),
             status="ok" if finite else "diverged",
             diverged_at=None if finite else frame,
-            rhs_evaluations=int(self.rhs_evaluations[index]),
+            rhs_evaluations=None
+            if self.rhs_evaluations is None
+            else int(self.rhs_evaluations[index]),
             seconds=self.seconds / len(self),
             compile_seconds=self.compile_seconds if index == 0 else 0.0,
         )

@@ -1,98 +1,28 @@
-"""Handwritten steppers, and their registry: every subclass of `Stepper` in this folder."""
+"""One-step methods: those of ropeode by name, and whatever else advances a state by dt."""
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any, get_args, get_type_hints
-
-from ropeode.errors import InputError
-from ropeode.steppers.base import Stepper
+from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.constraint import ConstraintVerlet, Rattle
 from ropeode.steppers.euler import ExplicitEuler, SemiImplicitEuler
+from ropeode.steppers.phase import Phase
+from ropeode.steppers.registry import STEPPERS
 from ropeode.steppers.runge_kutta import RungeKutta4
+from ropeode.steppers.stepper_loading import as_stepper
 from ropeode.steppers.verlet import StormerVerlet, VelocityVerlet
-from ropeode.validation import check_whole, complaint, unknown
 
-STEPPERS: dict[str, type[Stepper]] = {
-    stepper.name: stepper
-    for stepper in (
-        ExplicitEuler,
-        SemiImplicitEuler,
-        StormerVerlet,
-        VelocityVerlet,
-        RungeKutta4,
-        ConstraintVerlet,
-        Rattle,
-    )
-}
-
-
-def options(stepper: type[Stepper]) -> dict[str, tuple[str, ...]]:
-    """The options of a stepper and the choices of each, the default first.
-
-    An option that is a number has its default for its only choice; any whole number from 1 on
-    may be given.
-    """
-    hints = get_type_hints(stepper)
-    return {
-        option.name: (
-            str(option.default),
-            *(choice for choice in get_args(hints[option.name]) if choice != option.default),
-        )
-        for option in dataclasses.fields(stepper)
-    }
-
-
-def option_value(stepper: type[Stepper], option: str, text: str) -> str | int:
-    """The value of an option, from its text.
-
-    Raises:
-        InputError: it is none of the choices, or no whole number from 1 on.
-    """
-    name = f"{stepper.name}:{option}"
-    if get_type_hints(stepper)[option] is int:
-        return check_whole(name, text, at_least=1, example="4")
-    choices = options(stepper)[option]
-    if text not in choices:
-        raise InputError(unknown(name, text, choices))
-    return text
-
-
-def stepper(given: str | Stepper) -> Stepper:
-    """A stepper from its name with options, as in ``stormer-verlet:start=rest,damping=lagged``.
-
-    Arguments:
-        given: the name; or a `Stepper`, which is returned as it is.
-
-    Raises:
-        InputError: there is no such stepper, option or choice.
-    """
-    if isinstance(given, Stepper):
-        return given
-    if not isinstance(given, str):
-        raise InputError(
-            complaint(
-                "stepper",
-                given,
-                "a name or a Stepper",
-                f"give a name: {', '.join(STEPPERS)}",
-            )
-        )
-    name, _, tail = given.strip().partition(":")
-    if name not in STEPPERS:
-        raise InputError(unknown("stepper", name, STEPPERS))
-    cls = STEPPERS[name]
-    choices = options(cls)
-    chosen: dict[str, Any] = {}
-    for part in filter(None, tail.split(",")):
-        key, _, value = (word.strip() for word in part.partition("="))
-        if key not in choices:
-            if not choices:
-                raise InputError(
-                    complaint(name, part, "no options", f"write {name} without options")
-                )
-            raise InputError(unknown(f"option of {name}", key, choices))
-        if key in chosen:
-            raise InputError(complaint(f"{name}:{key}", part, "each option once", "drop one"))
-        chosen[key] = option_value(cls, key, value)
-    return cls(**chosen)
+__all__ = [
+    "STEPPERS",
+    "ConstraintVerlet",
+    "ExplicitEuler",
+    "Phase",
+    "ProblemClass",
+    "Rattle",
+    "RungeKutta4",
+    "SemiImplicitEuler",
+    "Stepper",
+    "StormerVerlet",
+    "System",
+    "VelocityVerlet",
+    "as_stepper",
+]

@@ -8,7 +8,9 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
+from ropeode.errors import InputError
 from ropeode.problems.links import LinearDamping, Links, taut_between
 from ropeode.problems.problem import Problem
 
@@ -27,59 +29,94 @@ class ProblemClass(NamedTuple):
     rigid: bool = False
 
 
+class Equations(NamedTuple):
+    """A problem's functions as step functions are handed them, with `args` last.
+
+    Fields:
+        rhs: ``rhs(t, y, args)``.
+        acceleration: ``acceleration(t, x, v, args)``, of positions and velocities ``(nodes, dim)``.
+        args: of the problem.
+    """
+
+    rhs: Callable[[Any, Any, Any], Any]
+    acceleration: Callable[[Any, Any, Any, Any], Any]
+    args: Any
+
+
 @dataclasses.dataclass(frozen=True)
 class System:
     """A problem as a stepper sees it: functions of time and state alone.
 
     Arguments:
         rhs: ``rhs(t, y)``. For a mechanical problem `y` and the result are `Phase` values.
-        acceleration: ``acceleration(t, x, v)``; None for a problem that is not mechanical.
+        acceleration: ``acceleration(t, x, v)``, of positions and velocities ``(nodes, dim)``. For
+            a problem that is not mechanical it raises `InputError`.
         damping: the `LinearDamping` inside the acceleration; None if it is not known.
         links: the `Links` between neighbours; None if nodes do not stand in a row.
+        equations: the same functions with `args` last, as step functions take them.
+        mechanical: whether the problem has positions and velocities.
     """
 
     rhs: Callable[[Any, Any], Any]
-    acceleration: Callable[[Any, Any, Any], Any] | None = None
-    damping: LinearDamping | None = None
-    links: Links | None = None
+    acceleration: Callable[[Any, Any, Any], Any]
+    damping: LinearDamping | None
+    links: Links | None
+    equations: Equations
+    mechanical: bool
 
     def undamped_acceleration(self, t: Any, x: Any) -> Any:
         """The acceleration without its damping part, which is linear in the velocity."""
-        assert self.acceleration is not None
         return self.acceleration(t, x, jnp.zeros_like(x))
 
 
-@dataclasses.dataclass(frozen=True)
 class Stepper(abc.ABC):
-    """A method with a fixed step size.
+    """A method with a fixed step size. Derive from it what a function cannot say.
 
-    Subclasses are frozen dataclasses whose fields are their options, each a `Literal` of
-    the choices, or an `int` for a number from 1 on. The driver calls `init` once and then
-    `step` for each step; `state` is called where a sample is due. What is carried from step
-    to step is the stepper's own affair. By default it is the state.
+    The driver calls `init` once and then `step` for each step; `state` is called where a sample
+    is due. What is carried from step to step is the stepper's own affair: any nesting of tuples,
+    named tuples and arrays. By default it is the state. `t` and `dt` are numbers; for a
+    mechanical problem the state is a `Phase`, whose ``y.x`` and ``y.v`` are arrays
+    ``(nodes, dim)``; for any other it is an array. ``ropeode check --template two-step`` prints an
+    example.
 
-    Class attributes:
-        name: as it is typed on the command line.
+    Class attributes, all with defaults:
+        name: as it is typed on the command line; by default that of the class.
         needs: the kind of problem that it can run on.
         symplectic: whether it is, on problems without damping.
         source: the paper or book that it is from.
         equal_frames: whether all sample times must be equally far apart (two-step methods).
         iterates: whether a step iterates until it has converged; side by side all ropes make as
             many iterations as the slowest needs, which shows in their last digits.
+        compiled: whether JAX compiles its runs. None leaves that to a trial: what JAX can trace,
+            with the same results, is compiled, and the rest runs in Python.
+        any_layout: whether it works whichever axis counts the nodes, and on several ropes whose
+            nodes stand in turn (see `Links`). If not, it is handed ``(nodes, dim)``.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str] = ""
     needs: ClassVar[
-        Literal["any ODE", "second order", "second order, linear damping", "nodes in a row"]
-    ]
-    symplectic: ClassVar[bool]
-    source: ClassVar[str]
+        Literal[
+            "any ODE",
+            "second order",
+            "second order, linear damping",
+            "second order, no damping",
+            "nodes in a row",
+        ]
+    ] = "any ODE"
+    symplectic: ClassVar[bool] = False
+    source: ClassVar[str] = ""
     equal_frames: ClassVar[bool] = False
     iterates: ClassVar[bool] = False
+    compiled: ClassVar[bool | None] = None
+    any_layout: ClassVar[bool] = False
 
-    @abc.abstractmethod
-    def order(self, problem_class: ProblemClass) -> int:
-        """The order of convergence; 0 if the stepper converges to another solution."""
+    def order(self, problem_class: ProblemClass) -> int | None:
+        """The order of convergence that it declares; None where it declares none.
+
+        0 stands for a stepper that converges to another solution.
+        """
+        del problem_class
+        return None
 
     def init(self, system: System, t: Any, y: Any, dt: Any) -> Any:
         """What is carried into the first step.
@@ -108,13 +145,17 @@ class Stepper(abc.ABC):
 
     @property
     def label(self) -> str:
-        """The name with the options that differ from their defaults."""
-        chosen = [
-            f"{option.name}={getattr(self, option.name)}"
-            for option in dataclasses.fields(self)
-            if getattr(self, option.name) != option.default
-        ]
-        return self.name + (":" + ",".join(chosen) if chosen else "")
+        """What it is called in tables and plots."""
+        return self.name or type(self).__name__
+
+    def require(self, problem: Problem) -> None:
+        """See that this stepper can run on a problem.
+
+        Raises:
+            InputError: it cannot, and why.
+        """
+        if refusal := self.refusal(problem):
+            raise InputError(refusal)
 
     def refusal(self, problem: Problem) -> str | None:
         """Why this stepper cannot run on a problem; None if it can."""
@@ -149,6 +190,15 @@ class Stepper(abc.ABC):
                 "explicit-euler and rk4. Fix: choose one of them, or build the problem with "
                 "Problem.second_order(acceleration, x0, v0, ts)."
             )
+        if self.needs == "second order, no damping" and (
+            mechanics.damping is None or np.any(mechanics.damping(problem.args).rate)
+        ):
+            return (
+                f"stepper: {self.label!r} given, which takes forces that depend on time and "
+                f"positions only, and the acceleration of {problem.name!r} depends on the "
+                "velocities; allowed: steppers for any second-order problem. Fix: choose another "
+                "one, such as semi-implicit-euler, or set the damping to 0."
+            )
         if self.needs == "second order, linear damping" and mechanics.damping is None:
             return (
                 f"stepper: {self.label!r} given, which treats damping on its own, and the "
@@ -158,3 +208,25 @@ class Stepper(abc.ABC):
                 "Problem.second_order(..., damping=...)."
             )
         return None
+
+
+@dataclasses.dataclass(frozen=True)
+class BuiltIn(Stepper):
+    """A stepper of ropeode.
+
+    Subclasses are frozen dataclasses whose fields are their options, each a `Literal` of the
+    choices, or an `int` for a number from 1 on.
+    """
+
+    compiled = True
+    any_layout = True
+
+    @property
+    def label(self) -> str:
+        """The name with the options that differ from their defaults."""
+        chosen = [
+            f"{option.name}={getattr(self, option.name)}"
+            for option in dataclasses.fields(self)
+            if getattr(self, option.name) != option.default
+        ]
+        return self.name + (":" + ",".join(chosen) if chosen else "")

@@ -16,7 +16,7 @@ from ropeode.problems.links import (
     impulses,
     tensions,
 )
-from ropeode.steppers.base import ProblemClass, Stepper, System
+from ropeode.steppers.base import BuiltIn, ProblemClass, System
 from ropeode.steppers.phase import Phase
 from ropeode.steppers.verlet import Damping, TwoPositions, advance
 from ropeode.validation import check_whole
@@ -28,7 +28,7 @@ _SMALLEST = float(jnp.finfo(jnp.float64).tiny)
 
 
 @dataclasses.dataclass(frozen=True)
-class ConstraintVerlet(Stepper):
+class ConstraintVerlet(BuiltIn):
     """Links put back to their lengths one after the other, then a Verlet step without them.
 
     The course assignment's constraint rope. Each sweep goes from the first link to the last
@@ -129,7 +129,7 @@ def sweep(x: Any, links: Links) -> Any:
 
 
 @dataclasses.dataclass(frozen=True)
-class Rattle(Stepper):
+class Rattle(BuiltIn):
     """Velocity Verlet with links: lengths exact at each step, and no link being stretched.
 
     The first half kick includes pulls along the links as they are before the step, such that

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from ropeode.steppers.base import ProblemClass, Stepper, System
+from ropeode.steppers.base import BuiltIn, ProblemClass, System
 from ropeode.steppers.phase import Phase
 
 
 @dataclasses.dataclass(frozen=True)
-class ExplicitEuler(Stepper):
+class ExplicitEuler(BuiltIn):
     """``y(t + dt) = y + dt f(t, y)``.
 
     Source: L. Euler, Institutionum calculi integralis I (1768); Hairer, Lubich, Wanner,
@@ -32,7 +32,7 @@ class ExplicitEuler(Stepper):
 
 
 @dataclasses.dataclass(frozen=True)
-class SemiImplicitEuler(Stepper):
+class SemiImplicitEuler(BuiltIn):
     """``v += dt a(t, x, v)``, then ``x += dt v`` with the new velocity.
 
     Symplectic where the acceleration depends on the positions alone.
@@ -50,6 +50,5 @@ class SemiImplicitEuler(Stepper):
 
     def step(self, system: System, t: Any, y: Phase, dt: Any) -> Phase:
         """The velocity first, then the positions with it."""
-        assert system.acceleration is not None
         v = y.v + dt * system.acceleration(t, y.x, y.v)
         return Phase(y.x + dt * v, v)

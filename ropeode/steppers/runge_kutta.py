@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from ropeode.steppers.base import ProblemClass, Stepper, System
+from ropeode.steppers.base import BuiltIn, ProblemClass, System
 
 
 @dataclasses.dataclass(frozen=True)
-class RungeKutta4(Stepper):
+class RungeKutta4(BuiltIn):
     """The classical method of order 4.
 
     Source: W. Kutta, Z. Math. Phys. 46 (1901); Hairer, Norsett, Wanner, Solving Ordinary

@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any, Literal, NamedTuple
 
 from ropeode.problems.links import LinearDamping
-from ropeode.steppers.base import ProblemClass, Stepper, System
+from ropeode.steppers.base import BuiltIn, ProblemClass, System
 from ropeode.steppers.phase import Phase
 
 
@@ -43,7 +43,7 @@ def advance(choice: Damping, damping: LinearDamping, moved: Any, a: Any, dt: Any
 
 
 @dataclasses.dataclass(frozen=True)
-class StormerVerlet(Stepper):
+class StormerVerlet(BuiltIn):
     """The position form, ``x(t + dt) = 2 x(t) - x(t - dt) + dt^2 a(t, x)``.
 
     It is a two-step method: both its start and its damping have to be chosen, and the usual
@@ -86,7 +86,6 @@ class StormerVerlet(Stepper):
 
     def init(self, system: System, t: Any, y: Phase, dt: Any) -> TwoPositions:
         """``x(0)`` and ``x(-dt)``."""
-        assert system.acceleration is not None
         if self.start == "rest":
             return TwoPositions(y.x, y.x)
         a = system.acceleration(t, y.x, y.v)
@@ -114,7 +113,7 @@ class Kicked(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class VelocityVerlet(Stepper):
+class VelocityVerlet(BuiltIn):
     """Half a kick, a drift, half a kick; one evaluation of the acceleration per step.
 
     With damping rate r the first half kick takes the damping from the old velocity and the

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import as_completed
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -12,13 +13,16 @@ import numpy as np
 from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.analysis.roundoff import in_other_units, round_off
-from ropeode.errors import InputError
+from ropeode.errors import InputError, UserCodeError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.reference import Reference, motion, problem_of, reference_for
 from ropeode.simulation import simulate
-from ropeode.steppers import stepper as stepper_named
+from ropeode.simulation.method import Method, method_of
+from ropeode.steppers import as_stepper
 from ropeode.steppers.base import ProblemClass, Stepper
+from ropeode.steppers.functions import StepFunction
 from ropeode.threads import cores, threads
 from ropeode.validation import complaint, whole_number
 
@@ -35,8 +39,6 @@ DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
 
 # Of the states of runs that are made side by side.
 _MOST_BYTES = 2**28
-
-Progress = Callable[[str, float], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,8 +57,9 @@ class Row:
         error_rms: the root mean square over them; likewise.
         resolved: whether `error_max` is a number that the reference can tell.
         resolution: ten times the reference's estimated bound.
-        round_off: estimated from the same run in other units; None if diverged.
-        rhs_evaluations: of the right-hand side.
+        round_off: estimated from the same run in other units; None if it diverged, or if the
+            stepper computes forces of its own, in units of its own.
+        rhs_evaluations: of the right-hand side; None where nobody can count them.
         seconds: to run, without compiling, beside another run on each other processor.
     """
 
@@ -71,7 +74,7 @@ class Row:
     resolved: bool
     resolution: float
     round_off: float | None
-    rhs_evaluations: int
+    rhs_evaluations: int | None
     seconds: float
 
 
@@ -82,7 +85,7 @@ class StepperOrder:
     Arguments:
         stepper: its name with options.
         expected: what it declares for this class of problem (0: it converges to another
-            solution); None where the right-hand side jumps.
+            solution); None where it declares nothing, or where the right-hand side jumps.
         order: what was observed.
         solves: whether the stepper is meant for this kind of problem; if not, the table says
             that it solves another one.
@@ -115,13 +118,13 @@ class AccuracyTable:
 
 def accuracy_table(
     problem: Problem | Reference,
-    steppers: Sequence[str | Stepper] | None = None,
+    steppers: Any = None,
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
     accuracy: float | None = None,
     rtol: float | None = None,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
     **asked: Any,
 ) -> AccuracyTable:
     """Run steppers at several step sizes and hold them against a reference.
@@ -131,7 +134,7 @@ def accuracy_table(
 
     Arguments:
         problem: what to solve, or a reference of it that exists already.
-        steppers: steppers, or their names with options; by default those of
+        steppers: a list of whatever `ropeode.as_stepper` takes; by default those of
             `DEFAULT_STEPPERS` that can run on the problem and are meant for it.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
@@ -145,14 +148,15 @@ def accuracy_table(
         ReferenceRefused: no reference can be had for the problem.
     """
     given, problem = problem, problem_of(problem)
-    chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
+    chosen, steps_per_frame = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
     # Each run is made twice; the second time in other units, to find its round-off.
     rescaled = in_other_units(problem)
     with threads(_side_by_side(problem)) as pool:
+        methods = [method_of(stepper, problem) for stepper in chosen]
         compiled = [
-            pool.submit(simulate, each, stepper, 1)
-            for stepper in chosen
+            pool.submit(simulate, each, method, 1)
+            for method in methods
             for each in (problem, rescaled)
         ]
         reference = reference_for(
@@ -162,17 +166,17 @@ def accuracy_table(
             each.result()
         # Those that take longest first, so that no processor is left without work at the end.
         running = {
-            pool.submit(_row, problem, rescaled, stepper, steps, reference, measure): steps
-            for steps in sorted(ladder, reverse=True)
-            for stepper in chosen
+            pool.submit(_row, problem, rescaled, method, steps, reference, measure): steps
+            for steps in sorted(steps_per_frame, reverse=True)
+            for method in methods
         }
         found, done = {}, 0
         for each in as_completed(running):
             row, done = each.result(), done + running[each]
             found[row.stepper, row.steps_per_frame] = row
             text = f"{row.stepper}: {row.steps_per_frame} steps per frame"
-            progress(text, done / (len(chosen) * sum(ladder)))
-    rows = [found[stepper.label, steps] for stepper in chosen for steps in ladder]
+            progress(text, done / (len(chosen) * sum(steps_per_frame)))
+    rows = [found[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
     size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
     progress("done", 1.0)
     return AccuracyTable(
@@ -204,12 +208,12 @@ def default_steppers(problem: Problem) -> list[str]:
     return [
         name
         for name in DEFAULT_STEPPERS
-        if (stepper := stepper_named(name)).refusal(problem) is None
+        if (stepper := as_stepper(name)).refusal(problem) is None
         and stepper.solves(problem_class(problem))
     ]
 
 
-def chosen_steppers(problem: Problem, given: Sequence[str | Stepper] | None) -> list[Stepper]:
+def chosen_steppers(problem: Problem, given: Any) -> list[Stepper]:
     """Steppers that can run on a problem; where none are given, those that a table has.
 
     Raises:
@@ -221,22 +225,31 @@ def chosen_steppers(problem: Problem, given: Sequence[str | Stepper] | None) -> 
     return chosen
 
 
-def check_steppers(given: Sequence[str | Stepper]) -> list[Stepper]:
-    """Steppers from names, each once.
+def check_steppers(given: Any, folder: Path | None = None) -> list[Stepper]:
+    """Steppers from whatever `ropeode.as_stepper` takes, each once.
+
+    Arguments:
+        given: a list; one stepper may stand alone.
+        folder: that relative file names start from; the current one by default.
 
     Raises:
         InputError: one line for each that does not exist or is repeated.
     """
     found: dict[str, Stepper] = {}
     problems: list[str] = []
-    for each in [given] if isinstance(given, (str, Stepper)) else given:
+    for each in given if isinstance(given, (list, tuple)) else [given]:
         try:
-            stepper = stepper_named(each)
+            stepper = as_stepper(each, folder=folder)
+        except UserCodeError:
+            # Its cause is shown with it.
+            raise
         except InputError as error:
             problems.extend(error.problems)
             continue
         if stepper.label in found:
-            problems.append(complaint("steppers", stepper.label, "each stepper once", "drop one"))
+            another = found[stepper.label] is not stepper and isinstance(stepper, StepFunction)
+            fix = "name them apart with as_stepper(function, label=...)" if another else "drop one"
+            problems.append(complaint("steppers", stepper.label, "each stepper once", fix))
         found[stepper.label] = stepper
     if not found and not problems:
         problems.append(complaint("steppers", [], "at least one stepper", "name one, such as rk4"))
@@ -272,12 +285,12 @@ def check_steps(given: Sequence[int]) -> list[int]:
 def _row(
     problem: Problem,
     rescaled: Problem,
-    stepper: Stepper,
+    method: Method,
     steps: int,
     reference: Reference,
     norm: Norm,
 ) -> Row:
-    run = simulate(problem, stepper, steps)
+    run = simulate(problem, method, steps)
     found: dict[str, Any] = dict.fromkeys(("error_final", "error_max", "error_rms", "round_off"))
     if run.status == "ok":
         series = error_series(run, reference, norm.name)
@@ -285,10 +298,10 @@ def _row(
             "error_final": series.final,
             "error_max": series.max,
             "error_rms": series.rms,
-            "round_off": round_off(run, rescaled, reference.trusted, norm),
+            "round_off": round_off(run, rescaled, reference.trusted, norm, method),
         }
     return Row(
-        stepper=stepper.label,
+        stepper=run.stepper.label,
         steps_per_frame=steps,
         dt=run.dt,
         status=run.status,

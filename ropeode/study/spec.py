@@ -18,12 +18,13 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.progress import Progress
 from ropeode.references.certificate import Level
 from ropeode.references.reference import Reference, problem_of
+from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
     AccuracyTable,
-    Progress,
     accuracy_table,
     check_steppers,
     check_steps,
@@ -42,6 +43,10 @@ def _steppers(value: Any) -> tuple[str, ...] | None:
     if value is None:
         return None
     return tuple(stepper.label for stepper in check_steppers(value))
+
+
+def _themselves(value: Any) -> tuple[Stepper, ...] | None:
+    return None if value is None else tuple(check_steppers(value))
 
 
 def _steps(value: Any) -> tuple[int, ...]:
@@ -156,6 +161,7 @@ class TableSpec(StudySpec):
     """Everything in a table's spec file except the rope's own table.
 
     Arguments:
+        steppers: themselves, from whatever `ropeode.as_stepper` takes.
         reference: a file with a reference, or a name of the stored library; either says the
             problem as well.
         dense: whether a reference that is written is to have states between the samples.
@@ -164,6 +170,9 @@ class TableSpec(StudySpec):
         InputError: one line for each that cannot be used.
     """
 
+    steppers: Annotated[Any, BeforeValidator(_themselves)] = field(
+        None, allowed="names of steppers", example='["rk4", "steps.py:verlet", "diffrax:Heun"]'
+    )
     reference: str | None = field(
         None, allowed="a file with a reference, or a name of the library", example='"rope.nc"'
     )
@@ -227,7 +236,7 @@ class TableJob:
 
     Arguments:
         values: the spec's values; a table `rope` holds the rope's parameters.
-        folder: that the problem's file name starts from.
+        folder: that names of files start from.
 
     Raises:
         InputError: one line for each value that cannot be used.
@@ -240,6 +249,8 @@ class TableJob:
         found: dict[str, Any] = {}
 
         def check_spec() -> None:
+            if rest.get("steppers") is not None:
+                rest["steppers"] = check_steppers(rest["steppers"], folder)
             found["spec"] = TableSpec(**rest)
 
         def check_rope() -> None:

@@ -15,7 +15,7 @@ from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.simulation import Trajectory, simulate
-from ropeode.steppers import stepper
+from ropeode.steppers import as_stepper
 
 NODES = 5
 LENGTH = 100.0
@@ -29,7 +29,7 @@ def trajectory(problem: Problem, x: np.ndarray, v: np.ndarray) -> Trajectory:
     states = np.stack([np.moveaxis(x, 1, 2), np.moveaxis(v, 1, 2)], axis=1)
     return Trajectory(
         problem=problem,
-        stepper=stepper("rk4"),
+        stepper=as_stepper("rk4"),
         steps_per_frame=1,
         times=problem.ts[: len(states)],
         states=states,

@@ -16,7 +16,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.reference import reference
 from ropeode.simulation import simulate
-from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers import as_stepper
 from ropeode.steppers.verlet import StormerVerlet, TwoPositions
 from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import EVERY_VARIANT
@@ -96,7 +96,7 @@ def test_errors_that_repeat_from_step_to_step_are_seen():
     # Noise that is added to the steps does not show these: they do not average out.
     problem = Rope().problem(frames=20)
     grouped, ungrouped = (
-        simulate(problem, stepper, 16384) for stepper in (stepper_named(LAGGED), Ungrouped())
+        simulate(problem, stepper, 16384) for stepper in (as_stepper(LAGGED), Ungrouped())
     )
     norm = norm_for(problem)
     rescaled = in_other_units(problem)

@@ -18,7 +18,6 @@ from ropeode.case_studies.figures import (
     check_figures,
 )
 from ropeode.errors import InputError
-from ropeode.steppers import stepper
 
 
 def test_all_figures_are_there():
@@ -70,9 +69,9 @@ def test_the_listing_of_the_force_verlet_damps_nothing():
 
 def test_verlet_programs_start_at_rest_and_damp_per_step():
     for name in ("constraint_verlet", "force_verlet"):
-        chosen = stepper(STEPPERS[name])
+        chosen = as_stepper(STEPPERS[name])
         assert (chosen.start, chosen.damping) == ("rest", "per-step")
-    assert stepper(STEPPERS["constraint_verlet"]).sweeps == 1
+    assert as_stepper(STEPPERS["constraint_verlet"]).sweeps == 1
 
 
 @pytest.mark.parametrize("given", [[0], [42], ["x"], [1.5], [None], []])

@@ -26,12 +26,12 @@ from ropeode.checking.checks import (
 )
 from ropeode.checking.problems import DIM, NODES, check_rope
 from ropeode.checking.report import Claims, Finding
-from ropeode.checking.stepper_loading import Manners, brought, examined
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.steppers import stepper
+from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
+from ropeode.steppers.functions import StepFunction
 from tests.checking.right_steppers import RIGHT
 
 # Whose ropes are replaced.
@@ -175,21 +175,21 @@ def in_place(drawn: dict[str, Any]) -> Iterator[None]:
 
 
 @functools.cache
-def brought_once(name: str) -> tuple[Candidate, Manners, Claims, Stepper | None]:
+def tried_once(name: str) -> tuple[Candidate, Claims, Stepper | None]:
     """What `check_stepper` makes of a right stepper; compiled once for all ropes."""
     given, said = RIGHT[name]
-    label, form = brought(given)
+    candidate = Candidate.of(given)
     claims = checked_claims(
         said.get("expected_order"), **{k: v for k, v in said.items() if k != "expected_order"}
     )
-    declared = stepper(claims.method) if claims.method else form
-    return *examined(label, form), claims, declared if isinstance(declared, Stepper) else None
+    declared = as_stepper(claims.method) if claims.method else candidate.stepper
+    return candidate, claims, None if isinstance(declared, StepFunction) else declared
 
 
 def findings(name: str, drawn: dict[str, Any]) -> dict[str, Finding]:
     """Those of every check, by its name, of a right stepper on drawn ropes."""
-    candidate, manners, claims, declared = brought_once(name)
-    this = Examination(candidate, claims, manners, declared)
+    candidate, claims, declared = tried_once(name)
+    this = Examination(candidate, claims, declared)
     checks = {**CHECKS}
     if claims.method is None:
         # It judges nothing of which no method is claimed, and takes long.

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.steppers import stepper
+from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase
 from tests.checking.mutants.originals import ORIGINALS, trajectory
@@ -287,5 +287,5 @@ RIGHT: dict[str, tuple[Any, dict[str, Any]]] = {
     "rk4 with lists": (rk4_with_lists, {"expected_order": 4}),
     "adams-bashforth-2": (AdamsBashforth2, {}),
     "beeman": (Beeman, {}),
-    **{f"ropeode {name}": (stepper(name), {"method": name}) for name in _OWN},
+    **{f"ropeode {name}": (as_stepper(name), {"method": name}) for name in _OWN},
 }

@@ -11,13 +11,14 @@ import optimistix
 import pytest
 from scipy import integrate
 
-from ropeode.checking.adapters import adapted, diffrax_solvers, scipy_solvers
+from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.checks.symmetry import rotation, time_shift, translation
-from ropeode.checking.problems import convergence_problems
+from ropeode.checking.problems import convergence_problems, undamped
 from ropeode.checking.report import Claims
-from ropeode.checking.stepper_loading import brought, examined
 from ropeode.errors import InputError, UserCodeError
+from ropeode.simulation import simulate
+from ropeode.steppers import ProblemClass, as_stepper, diffrax_solvers, scipy_solvers
 
 # As the docstrings of the classes have it.
 DIFFRAX_ORDERS = {
@@ -63,8 +64,7 @@ SCIPY_ORDERS = {"RK23": 3, "RK45": 5, "DOP853": 8, "Radau": 5}
 
 @functools.cache
 def examination_of(given):
-    candidate, manners = examined(*brought(given))
-    return Examination(candidate, Claims(), manners)
+    return Examination(Candidate.of(given), Claims())
 
 
 def holds(convergence, order) -> bool:
@@ -108,8 +108,8 @@ def test_every_solver_of_scipy_is_graded_or_refused():
 def test_diffrax_has_its_documented_order(name):
     examination = examination_of(f"diffrax:{name}")
     order = DIFFRAX_ORDERS[name]
-    assert examination.candidate.form.documented_order == order
-    implicit = isinstance(examination.candidate.form.solver, diffrax.AbstractImplicitSolver)
+    assert examination.candidate.stepper.order(ProblemClass()) == order
+    implicit = isinstance(examination.candidate.stepper.solver, diffrax.AbstractImplicitSolver)
     # Each step of these solves equations, which takes its time.
     for problem in ("textbook", "driven", "uneven") if implicit else convergence_problems():
         found = examination.convergence(problem)
@@ -121,7 +121,7 @@ def test_diffrax_has_its_documented_order(name):
 def test_scipy_has_its_documented_order(name):
     examination = examination_of(f"scipy:{name}")
     order = SCIPY_ORDERS[name]
-    assert examination.candidate.form.documented_order == order
+    assert examination.candidate.stepper.order(ProblemClass()) == order
     # What runs in Python takes its time: damped, driven and with frames of unequal length.
     found = examination.convergence("uneven")
     assert holds(found, order), found.orders
@@ -146,8 +146,8 @@ def test_what_a_root_finder_leaves_over_breaks_no_symmetry(name):
 @jax.enable_x64(True)
 def test_a_solver_object_keeps_its_own_root_finder():
     finder = optimistix.Chord(rtol=1e-3, atol=1e-3)
-    form = brought(diffrax.ImplicitEuler(root_finder=finder))[1]
-    assert form.solver.root_finder is finder
+    stepper = as_stepper(diffrax.ImplicitEuler(root_finder=finder))
+    assert stepper.solver.root_finder is finder
     exact = examination_of(diffrax.ImplicitEuler).candidate
     loose = examination_of(diffrax.ImplicitEuler(root_finder=finder)).candidate
     problem = convergence_problems()["unequal"]
@@ -161,7 +161,7 @@ def test_a_wrapped_solver_takes_two_half_steps():
     problem = convergence_problems()["uneven"]
     twice = examination_of(diffrax.Euler).candidate.run(problem, 20)
     np.testing.assert_allclose(half.run(problem, 10), twice, atol=1e-13)
-    assert half.label == "HalfSolver"
+    assert half.stepper.label == "diffrax:HalfSolver"
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_a_step_that_scipy_would_shorten_is_no_step():
 @pytest.mark.parametrize("name", DIFFRAX_REFUSED)
 def test_refused_by_diffrax(name):
     with pytest.raises(InputError, match=DIFFRAX_REFUSED[name]):
-        adapted("diffrax", name)
+        as_stepper(f"diffrax:{name}")
 
 
 @pytest.mark.parametrize(
@@ -221,12 +221,7 @@ def test_refused_by_diffrax(name):
 )
 def test_bad_names_and_objects(given, words):
     with pytest.raises(InputError, match=words):
-        brought(given)
-
-
-def test_an_unknown_library():
-    with pytest.raises(InputError, match="library"):
-        adapted("numpy", "RK45")
+        as_stepper(given)
 
 
 class Broken(diffrax.Euler):
@@ -238,4 +233,4 @@ class Broken(diffrax.Euler):
 
 def test_a_solver_that_raises():
     with pytest.raises(UserCodeError, match="not yet written"):
-        examined(*brought(Broken()))
+        simulate(undamped(), Broken(), 4)

@@ -11,18 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.checking.candidate import Compiled, Interpreted
 from ropeode.checking.check import check_stepper
 from ropeode.checking.problems import convergence_problems
-from ropeode.checking.stepper_loading import brought, examined
 from ropeode.errors import InputError, UserCodeError
-from ropeode.precision import in_float64
 from ropeode.simulation import simulate
+from ropeode.simulation.method import method_of
 from tests.checking import steps
 
 
-def candidate_of(step):
-    return examined(*brought(step))
+def method(step, name="driven"):
+    return method_of(step, convergence_problems()[name])
 
 
 def in_jax(acceleration, t, x, v, dt, args):
@@ -31,26 +29,25 @@ def in_jax(acceleration, t, x, v, dt, args):
 
 
 @pytest.mark.parametrize(
-    ("step", "kind"),
-    [(in_jax, Compiled), (steps.in_loops, Interpreted), (steps.rk4, Compiled)],
+    ("step", "compiled"), [(in_jax, True), (steps.in_loops, False), (steps.rk4, True)]
 )
-def test_what_jax_can_trace_is_compiled(step, kind):
-    assert type(candidate_of(step)[0]) is kind
+def test_what_jax_can_trace_is_compiled(step, compiled):
+    assert method(step).trial.compiled is compiled
 
 
 @pytest.mark.parametrize("name", ["uneven", "driven"])
-def test_compiled_and_interpreted_runs_are_those_of_the_driver(name):
-    """Three drivers, one stepper: to rounding the same states."""
+def test_both_drivers_make_the_same_states(name):
+    """One stepper, written three times, in JAX and in Python."""
     problem = convergence_problems()[name]
     known = simulate(problem, "semi-implicit-euler", 12).states
     for step in (in_jax, steps.in_loops, "semi-implicit-euler"):
-        states = in_float64(candidate_of(step)[0].run)(problem, 12)
+        states = simulate(problem, step, 12).states
         assert np.max(np.abs(states - known)) < 1e-13
 
 
 def test_own_forces_are_found_out():
-    assert candidate_of(steps.own_forces)[0].own_forces
-    assert not candidate_of(steps.in_loops)[0].own_forces
+    assert not method(steps.own_forces).trial.asks_for_forces
+    assert method(steps.in_loops).trial.asks_for_forces
 
 
 def test_a_file_and_a_name(tmp_path):
@@ -172,14 +169,14 @@ def test_writing_to_args_is_found():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (3, "a step function or a Stepper"),
-        (int, "a step function or a Stepper"),
+        (3, "a step function, a Stepper"),
+        (int, "a step function, a Stepper"),
         (lambda a, b: a, r"its parameters are \(a, b\)"),
         (lambda acceleration, x, v, t, dt, args: x, "Fix: write one of these"),
         ("rk5", "did you mean 'rk4'"),
         ("constraint-verlet", "keeps the distances of nodes in a row"),
         ("nowhere.py:step", "No such file"),
-        ("x.py", "FILE.py:NAME"),
+        ("x.py", "No such file"),
     ],
 )
 def test_what_cannot_be_a_stepper_is_refused(given, words):

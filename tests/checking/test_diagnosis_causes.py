@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.diagnose import diagnose
 from ropeode.checking.report import Claims
-from ropeode.checking.stepper_loading import brought, examined
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -21,8 +21,7 @@ def _float64():
 
 @functools.cache
 def diagnosed(step, order):
-    candidate, manners = examined(*brought(step))
-    return diagnose(Examination(candidate, Claims(order), manners))
+    return diagnose(Examination(Candidate.of(step), Claims(order)))
 
 
 def causes(step, order):

@@ -11,7 +11,6 @@ from ropeode.checking.diagnosis.fit import explanations, observed
 from ropeode.checking.diagnosis.fitted_numbers import numbers_of
 from ropeode.checking.diagnosis.heterogeneous_parameters import wrong_where_unlike
 from ropeode.checking.diagnosis.runs import runs_of
-from ropeode.checking.stepper_loading import brought, examined
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -24,16 +23,13 @@ class WithOther(Candidate):
     """A right stepper that is handed other numbers: it solves the rope that these make."""
 
     def __init__(self, stepper, change):
-        self.inner = STEPPERS.setdefault(stepper, examined(*brought(stepper))[0])
-        super().__init__(stepper, self.inner.form)
+        self.inner = STEPPERS.setdefault(stepper, Candidate.of(stepper))
+        super().__init__(self.inner.method)
         self.change = change
 
     def run(self, problem, steps_per_frame):
         y0, args = self.change(problem.y0, problem.args)
         return self.inner.run(problem.changed(y0=y0, args=args), steps_per_frame)
-
-    def first_step(self, problem, dt):
-        raise NotImplementedError
 
 
 STEPPERS: dict[str, Candidate] = {}

@@ -14,7 +14,7 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate, simulate_chunks
-from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers import as_stepper
 from tests.steppers.every_variant import EVERY_VARIANT
 
 
@@ -243,7 +243,7 @@ def test_every_problem(name):
     """Different starts; where a sum is taken in another order, the last digits may differ."""
     problem = SMOOTH[name](frames=2)
     stepper = "rk4" if problem.mechanics is None else "velocity-verlet"
-    if stepper_named(stepper).refusal(problem):
+    if as_stepper(stepper).refusal(problem):
         stepper = "semi-implicit-euler"
     # A whole frame of a stiff one would take many steps.
     short = problem.ts[0] + 1e-4 * np.arange(3)

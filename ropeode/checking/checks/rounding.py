@@ -8,11 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.problems import check_rope, convergence_problems, generic
 from ropeode.checking.report import Finding
-from ropeode.checking.step_signatures import Equations, Form
 from ropeode.problems.problem import Problem
+from ropeode.simulation.method import Method
+from ropeode.steppers.base import Stepper, System
 
 _STEPS = 12
 # Of the rope's size: far above the rounding of float64, far below that of float32.
@@ -52,29 +54,23 @@ def float32(examination: Examination) -> Finding:
 def _cost_of_storing(examination: Examination, problem: Problem) -> float:
     """How far a run ends from where it should, if what is carried is float32 after each step."""
     own = examination.candidate
-    options = {"own_forces": own.own_forces, "equal_frames": own.equal_frames}
-    stored = type(own)(own.label, _StoredIn32(own.form), **options)
+    method = own.method
+    stored = Candidate(Method(("float32", method.key), _StoredIn32(own.stepper), method.trial))
     apart = stored.run(problem, _STEPS) - own.run(problem, _STEPS)
     return float(np.max(np.abs(apart))) / problem.scale
 
 
-class _StoredIn32(Form):
-    """Another form, whose floating-point numbers pass through float32 after each step."""
+class _StoredIn32(Stepper):
+    """Another stepper, whose floating-point numbers pass through float32 after each step."""
 
-    def __init__(self, form: Form):
-        self._form = form
+    def __init__(self, stepper: Stepper):
+        self._stepper = stepper
+        self.init, self.state = stepper.init, stepper.state
+        self.any_layout = stepper.any_layout  # type: ignore[misc]
 
-    def init(self, equations: Equations, args: Any, t: Any, y: Any, dt: Any) -> Any:
-        """As the form does."""
-        return self._form.init(equations, args, t, y, dt)
-
-    def step(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        """As the form does, rounded."""
-        return jax.tree.map(_through_32, self._form.step(equations, args, t, carried, dt))
-
-    def state(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        """As the form does."""
-        return self._form.state(equations, args, t, carried, dt)
+    def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
+        """As the stepper does, rounded."""
+        return jax.tree.map(_through_32, self._stepper.step(system, t, carried, dt))
 
 
 def _through_32(leaf: Any) -> Any:

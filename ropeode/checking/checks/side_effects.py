@@ -17,7 +17,7 @@ _ROUNDINGS = 4.0
 def determinism(examination: Examination) -> Finding:
     """The same input gives the same output, in one step and in a run, to the last bit."""
     check = "determinism"
-    if not examination.manners.repeats:
+    if not examination.candidate.method.trial.repeatable:
         return Finding(
             check,
             "fail",
@@ -34,7 +34,7 @@ def determinism(examination: Examination) -> Finding:
 
 def purity(examination: Examination) -> Finding:
     """A step writes to nothing that it is given."""
-    check, mutated = "purity", examination.manners.mutates
+    check, mutated = "purity", examination.candidate.method.trial.writes_to
     if mutated:
         names = " and ".join(mutated)
         return Finding(
@@ -53,7 +53,7 @@ def first_sample(examination: Examination) -> Finding:
     first = examination.candidate.run(problem, _STEPS)[0]
     off = np.abs(first - problem.y0)
     # A two-step method takes its velocities from differences, which are as good as its order.
-    apart = float(np.max(off[0] if examination.candidate.equal_frames else off))
+    apart = float(np.max(off[0] if examination.candidate.stepper.equal_frames else off))
     rounding = _ROUNDINGS * np.finfo(np.float64).eps * problem.scale
     if not apart <= rounding:
         return Finding(

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 
-import jax
 import numpy as np
 
 from ropeode.analysis.equilibrium import frequencies
 from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
-from ropeode.checking.jacobian import jacobian
 from ropeode.checking.problems import hanging
 from ropeode.checking.report import Finding
 from ropeode.problems.problem import Problem
+from ropeode.simulation.step_map import StepMap
 
 # The largest dt omega of each method in theory: where its stability function leaves the unit
 # disc on the imaginary axis (Hairer, Wanner, Solving Ordinary Differential Equations II, section
@@ -72,10 +71,11 @@ def stability_limit(candidate: Candidate) -> float:
         largest.
     """
     problem = hanging()
+    one_step = StepMap(problem, candidate.method)
     omega = float(frequencies(problem, problem.y0)[-1])
 
     def stable(z: float) -> bool:
-        return _largest_factor(candidate, problem, z / omega) <= 1.0 + _GROWTH
+        return _largest_factor(one_step, problem, z / omega) <= 1.0 + _GROWTH
 
     if not stable(_SMALLEST):
         return 0.0
@@ -93,37 +93,11 @@ def stability_limit(candidate: Candidate) -> float:
     return 0.5 * (low + high)
 
 
-def _largest_factor(candidate: Candidate, problem: Problem, dt: float) -> float:
+def _largest_factor(one_step: StepMap, problem: Problem, dt: float) -> float:
     """The spectral radius of one step, over what can move of what is carried."""
-    carried, step = candidate.first_step(problem, dt)
-    leaves, tree = jax.tree.flatten(jax.tree.map(np.array, carried))
+    carried = one_step.start(problem.y0, dt)
     free = np.broadcast_to((problem.args.free > 0.0)[:, None], problem.y0.shape[1:])
-    moving = [
-        np.broadcast_to(free, leaf.shape)
-        if leaf.shape[-2:] == free.shape
-        else np.ones(leaf.shape, dtype=bool)
-        for leaf in leaves
-    ]
-    # What counts, and is no number that could be disturbed, stays as it is.
-    moving = [
-        mask & np.issubdtype(leaf.dtype, np.floating)
-        for mask, leaf in zip(moving, leaves, strict=True)
-    ]
-
-    def of_moving(z: np.ndarray) -> np.ndarray:
-        given, at = [], 0
-        for leaf, mask in zip(leaves, moving, strict=True):
-            new, count = leaf.copy(), int(np.sum(mask))
-            new[mask] = z[at : at + count]
-            given.append(new)
-            at += count
-        after = jax.tree.leaves(step(jax.tree.unflatten(tree, given)))
-        return np.concatenate(
-            [np.asarray(leaf)[mask] for leaf, mask in zip(after, moving, strict=True)]
-        )
-
-    start = np.concatenate([leaf[mask] for leaf, mask in zip(leaves, moving, strict=True)])
-    matrix = jacobian(of_moving, start, 1e-2)
+    matrix = one_step.derivative(carried, dt, one_step.moving(carried, free))
     if not np.all(np.isfinite(matrix)):
         return np.inf
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))

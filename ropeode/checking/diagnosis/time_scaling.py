@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.checking.candidate import Candidate, in_numpy
+from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import reference_of
 from ropeode.checking.diagnosis.diagnostic_ropes import alike, alike_again
 from ropeode.checking.diagnosis.equation import misfit_of
@@ -12,10 +12,10 @@ from ropeode.checking.diagnosis.fit import Observed, observed
 from ropeode.checking.diagnosis.fitted_numbers import shortest
 from ropeode.checking.diagnosis.runs import runs_of
 from ropeode.checking.report import Diagnosis
-from ropeode.checking.step_signatures import Equations
 from ropeode.errors import ReferenceRefused
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
+from ropeode.simulation.system import system
 
 # Gauss-Newton: iterations, and the paces that are looked at.
 _MOST_ITERATIONS = 8
@@ -69,7 +69,8 @@ def _paced(problem: Problem, pace: float) -> Reference:
 def _fitted(seen: Observed) -> tuple[float, float]:
     """The pace that comes closest to a limit, and how far it may be off."""
     problem, pace, spread = seen.problem, 1.0, np.inf
-    rhs = in_numpy(Equations.of(problem)).rhs
+    own = system(problem.rhs, problem.mechanics, problem.args, in_numpy=True)
+    rhs = own.equations.rhs
     passed = problem.ts - problem.ts[0]
     for _ in range(_MOST_ITERATIONS):
         states = _paced(problem, pace).states

@@ -15,7 +15,7 @@ from ropeode.errors import InputError
 from ropeode.norms import norm_for
 from ropeode.problems.checks import run as run_checks
 from ropeode.problems.problem import Problem
-from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import check_steppers, check_steps, default_steppers
 from ropeode.study.spec import StudySpec, kind_apart, read_spec
 from ropeode.sweep.design.cases import Case, Design, Settings
@@ -386,9 +386,9 @@ def _checked(design: Design) -> Design:
     run_checks(*(lambda each=each: built.append(maker.build(each)) for each in tried[:_MOST_BUILT]))
     steppers = tuple(design.steppers)
     if not steppers and "stepper" not in design.drawn:
-        steppers = tuple(stepper_named(name).label for name in default_steppers(built[0]))
+        steppers = tuple(as_stepper(name).label for name in default_steppers(built[0]))
     drawn = design.drawn.get("stepper")
-    every = [stepper_named(name) for name in (drawn.extremes if drawn else steppers)]
+    every = [as_stepper(name) for name in (drawn.extremes if drawn else steppers)]
     refusals = [refusal for p in built for each in every if (refusal := each.refusal(p))]
     if refusals:
         raise InputError(list(dict.fromkeys(refusals)))

@@ -11,7 +11,7 @@ from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.simulation import step_size
-from ropeode.steppers import stepper as stepper_named
+from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import order_of
 from ropeode.sweep.design.cases import Case
@@ -63,7 +63,7 @@ def evaluate(task: Task, folder: Path) -> list[Row]:
     }
     left = [case for case in task.cases if case.problem_key in subjects]
     for label, cases in _grouped(left, lambda case: case.stepper).items():
-        rows |= _of_stepper(stepper_named(label), cases, subjects)
+        rows |= _of_stepper(as_stepper(label), cases, subjects)
     for case in left:
         row = rows[case.key]
         if row["status"] != "failed":

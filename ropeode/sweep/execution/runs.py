@@ -84,7 +84,7 @@ class Run:
     dt: float
     status: Literal["ok", "diverged"]
     diverged_at: int | None
-    rhs_evaluations: int
+    rhs_evaluations: int | None
     words: Words | None
     error_final: float | None = None
     error_max: float | None = None

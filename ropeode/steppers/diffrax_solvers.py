@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
-from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import diffrax
 import jax
 import jax.numpy as jnp
 import optimistix
 
-from ropeode.checking.step_signatures import Equations, Form
 from ropeode.errors import InputError
+from ropeode.steppers.base import ProblemClass, Stepper, System
+from ropeode.steppers.phase import Phase
 from ropeode.validation import complaint, unknown
 
 # The root finder of implicit solvers that were given none with a tolerance: their own takes it
@@ -25,72 +26,76 @@ _NEWTON = optimistix.Newton(rtol=1e-9, atol=1e-9)
 _UNSET = diffrax.Kvaerno3().root_finder.rtol
 
 
-@dataclasses.dataclass(frozen=True)
-class DiffraxForm(Form):
+@dataclasses.dataclass(frozen=True, eq=False)
+class DiffraxStepper(Stepper):
     """A solver that takes the whole right-hand side as one term.
 
     Arguments:
         solver: a diffrax solver.
     """
 
-    in_jax_only: ClassVar[bool] = True
+    compiled = True
     solver: diffrax.AbstractSolver
 
     @property
-    def documented_order(self) -> int | None:
+    def label(self) -> str:
+        """As on the command line."""
+        return f"diffrax:{type(self.solver).__name__}"
+
+    def order(self, problem_class: ProblemClass) -> int | None:
         """What the solver says of itself, for ordinary differential equations."""
         return self.solver.order(diffrax.ODETerm(lambda t, y, args: y))
 
-    def init(self, equations: Equations, args: Any, t: Any, y: Any, dt: Any) -> Any:
-        """The state, and the solver's own."""
+    def init(self, system: System, t: Any, y: Any, dt: Any) -> Any:
+        """The state as the solver wants it, and what the solver carries itself."""
         y = self.split(y)
-        return y, self.solver.init(self.terms(equations), t, t + dt, y, args)
+        own = self.solver.init(self.terms(system), t, t + dt, y, system.equations.args)
+        return y, own
 
-    def step(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:
+    def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
         """One step; not-a-number where an implicit equation was not solved."""
         y, own = carried
         y, _, _, own, result = self.solver.step(
-            self.terms(equations), t, t + dt, y, args, own, made_jump=False
+            self.terms(system), t, t + dt, y, system.equations.args, own, made_jump=False
         )
         solved = result == diffrax.RESULTS.successful
         return jax.tree.map(lambda leaf: jnp.where(solved, leaf, jnp.nan), y), own
 
-    def state(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:
+    def state(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
         """The state alone."""
-        del equations, args, t, dt
-        return self.joined(carried[0])
+        y = carried[0]
+        return Phase(y[0], y[1]) if system.mechanical else y
 
-    def terms(self, equations: Equations) -> Any:
+    def terms(self, system: System) -> Any:
         """The equations as this solver wants them."""
-        return diffrax.ODETerm(equations.rhs)
+        return diffrax.ODETerm(system.equations.rhs)
 
     def split(self, y: Any) -> Any:
-        """The state as this solver wants it."""
-        return y
-
-    def joined(self, y: Any) -> Any:
-        """The opposite of `split`."""
-        return y
+        """The state as this solver wants it: one array."""
+        return jnp.stack(tuple(y)) if isinstance(y, Phase) else y
 
 
-class ExplicitImplicitForm(DiffraxForm):
+class ExplicitImplicitStepper(DiffraxStepper):
     """A solver that takes a slow term explicitly and a fast one implicitly (IMEX).
 
     The force at rest at time 0 is implicit, along with ``x' = v``: springs and gravity. What
     velocity and time change of it is explicit: damping and drive.
     """
 
-    def terms(self, equations: Equations) -> Any:
+    needs = "second order"
+
+    def terms(self, system: System) -> Any:
         """Both terms, in the order of the solver's tableaus."""
+        acceleration = system.equations.acceleration
 
         def springs(t: Any, y: Any, args: Any) -> Any:
-            return _mechanical(equations)(jnp.zeros_like(t), y[0], jnp.zeros_like(y[1]), args)
+            return acceleration(jnp.zeros_like(t), y[0], jnp.zeros_like(y[1]), args)
 
         def implicit(t: Any, y: Any, args: Any) -> Any:
             return jnp.stack([y[1], springs(t, y, args)])
 
         def explicit(t: Any, y: Any, args: Any) -> Any:
-            forces = _mechanical(equations)(t, y[0], y[1], args)
+            forces = acceleration(t, y[0], y[1], args)
             return jnp.stack([jnp.zeros_like(y[1]), forces - springs(t, y, args)])
 
         return diffrax.MultiTerm(
@@ -101,12 +106,12 @@ class ExplicitImplicitForm(DiffraxForm):
         )
 
 
-class PositionVelocityForm(DiffraxForm):
+class PositionVelocityStepper(DiffraxStepper):
     """A solver that takes ``x' = f(t, v)`` and ``v' = g(t, x)`` as two terms."""
 
-    takes_damping: ClassVar[bool] = False
+    needs = "second order, no damping"
 
-    def terms(self, equations: Equations) -> Any:
+    def terms(self, system: System) -> Any:
         """Both terms."""
 
         def velocity(t: Any, v: Any, args: Any) -> Any:
@@ -114,22 +119,13 @@ class PositionVelocityForm(DiffraxForm):
             return v
 
         def force(t: Any, x: Any, args: Any) -> Any:
-            return _mechanical(equations)(t, x, jnp.zeros_like(x), args)
+            return system.equations.acceleration(t, x, jnp.zeros_like(x), args)
 
         return diffrax.ODETerm(velocity), diffrax.ODETerm(force)
 
     def split(self, y: Any) -> Any:
         """Positions and velocities."""
-        return y[0], y[1]
-
-    def joined(self, y: Any) -> Any:
-        """One state."""
-        return jnp.stack(y)
-
-
-def _mechanical(equations: Equations) -> Callable:
-    assert equations.acceleration is not None
-    return equations.acceleration
+        return tuple(y)
 
 
 def names() -> list[str]:
@@ -143,7 +139,8 @@ def names() -> list[str]:
     )
 
 
-def by_name(name: str) -> DiffraxForm:
+@functools.cache
+def by_name(name: str) -> DiffraxStepper:
     """A solver by the name that diffrax exports it under.
 
     Arguments:
@@ -155,12 +152,12 @@ def by_name(name: str) -> DiffraxForm:
     """
     if name not in names():
         raise InputError(unknown("solver of diffrax", name, names()))
-    form = by_object(getattr(diffrax, name))
-    assert form is not None
-    return form
+    stepper = by_object(getattr(diffrax, name))
+    assert stepper is not None
+    return stepper
 
 
-def by_object(given: Any) -> DiffraxForm | None:
+def by_object(given: Any) -> DiffraxStepper | None:
     """A solver object, or a class that is made without arguments; None if it is neither.
 
     Arguments:
@@ -174,7 +171,7 @@ def by_object(given: Any) -> DiffraxForm | None:
         given = _made(given)
     if not isinstance(given, diffrax.AbstractSolver):
         return None
-    return _form_class(given)(_with_root_finder(given))
+    return _stepper_class(given)(_with_root_finder(given))
 
 
 def _made(solver: type[diffrax.AbstractSolver]) -> diffrax.AbstractSolver:
@@ -188,15 +185,15 @@ def _made(solver: type[diffrax.AbstractSolver]) -> diffrax.AbstractSolver:
         ) from None
 
 
-def _form_class(solver: diffrax.AbstractSolver) -> type[DiffraxForm]:
+def _stepper_class(solver: diffrax.AbstractSolver) -> type[DiffraxStepper]:
     structure = solver.term_structure
     tableaus = _tableaus(solver)
     if len(tableaus) == 2 and sum(bool(tableau.implicit) for tableau in tableaus) == 1:
-        return ExplicitImplicitForm
+        return ExplicitImplicitStepper
     if structure is diffrax.AbstractTerm or structure is diffrax.ODETerm:
-        return DiffraxForm
+        return DiffraxStepper
     if structure == (diffrax.AbstractTerm, diffrax.AbstractTerm):
-        return PositionVelocityForm
+        return PositionVelocityStepper
     name = type(solver).__name__
     raise InputError(
         complaint(

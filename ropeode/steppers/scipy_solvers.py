@@ -6,15 +6,15 @@ import dataclasses
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy import integrate
 
-from ropeode.checking.step_signatures import Equations, Form
 from ropeode.errors import InputError
+from ropeode.steppers.base import ProblemClass, Stepper, System
+from ropeode.steppers.phase import Phase
 from ropeode.validation import complaint, unknown
 
 # Why a solver cannot be graded.
@@ -36,8 +36,8 @@ _NEWTON = 1e-14
 _LOOSE = 1e6
 
 
-@dataclasses.dataclass(frozen=True)
-class ScipyForm(Form):
+@dataclasses.dataclass(frozen=True, eq=False)
+class ScipyStepper(Stepper):
     """A solver class, of which each step makes a new solver that takes one step.
 
     The first step is as long as the largest one and all there is to go, and any error is
@@ -48,30 +48,37 @@ class ScipyForm(Form):
         method: the class.
     """
 
-    in_python_only: ClassVar[bool] = True
+    compiled = False
     method: Callable[..., integrate.OdeSolver]
 
     @property
-    def documented_order(self) -> int | None:
+    def label(self) -> str:
+        """As on the command line."""
+        return f"scipy:{getattr(self.method, '__name__', 'solver')}"
+
+    def order(self, problem_class: ProblemClass) -> int | None:
         """As in SciPy's documentation; None for classes from elsewhere."""
         return _ORDERS.get(self.method)
 
-    def step(self, equations: Equations, args: Any, t: Any, carried: Any, dt: Any) -> Any:
+    def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
         """One step; not-a-number where the solver would have taken a shorter one."""
-        if not np.all(np.isfinite(carried)):
+        y = np.stack(tuple(carried)) if isinstance(carried, Phase) else carried
+        if not np.all(np.isfinite(y)):
             return carried
+        rhs, args = system.equations.rhs, system.equations.args
 
-        def field(since: float, y: np.ndarray) -> np.ndarray:
-            return equations.rhs(t + since, y.reshape(carried.shape), args).reshape(-1)
+        def field(since: float, flat: np.ndarray) -> np.ndarray:
+            return rhs(t + since, flat.reshape(y.shape), args).reshape(-1)
 
-        solver = self.solver(field, carried.reshape(-1), dt, **self.options(equations, t, args))
+        solver = self.solver(field, y.reshape(-1), dt, **self.options(system, t, y.shape))
         solver.step()
         taken = solver.status == "finished" and solver.step_size == dt
-        return solver.y.reshape(carried.shape) if taken else np.full_like(carried, np.nan)
+        new = solver.y.reshape(y.shape) if taken else np.full_like(y, np.nan)
+        return Phase(new[0], new[1]) if isinstance(carried, Phase) else new
 
-    def options(self, equations: Equations, t: float, args: Any) -> dict[str, Any]:
+    def options(self, system: System, t: float, shape: tuple[int, ...]) -> dict[str, Any]:
         """What else the class takes."""
-        del equations, t, args
+        del system, t, shape
         return {}
 
     def solver(
@@ -83,22 +90,22 @@ class ScipyForm(Form):
         )
 
 
-class RadauForm(ScipyForm):
+class RadauStepper(ScipyStepper):
     """Radau, whose Newton iteration converges in a norm that is made of the tolerances.
 
     With the tolerances that let any error pass it would end at once. So they are finite, and
     the limit of the iteration is set on the solver.
     """
 
-    def options(self, equations: Equations, t: float, args: Any) -> dict[str, Any]:
+    def options(self, system: System, t: float, shape: tuple[int, ...]) -> dict[str, Any]:
         """The exact Jacobian: differences across a spring without length have no limit."""
-        slope = _jacobian(inspect.unwrap(_mechanical(equations)))
+        slope, args = _jacobian(inspect.unwrap(system.equations.rhs), shape), system.equations.args
         return {"jac": lambda since, y: np.asarray(slope(t + since, y, args))}
 
     def solver(
         self, field: Callable, y: np.ndarray, dt: float, *, atol: float = np.inf, **options: Any
     ) -> integrate.OdeSolver:
-        """As in `ScipyForm`, with a limit of its own for the iteration."""
+        """As in `ScipyStepper`, with a limit of its own for the iteration."""
         loose = min(atol, _LOOSE * max(1.0, float(np.max(np.abs(y)))))
         solver = super().solver(field, y, dt, atol=loose, **options)
         assert isinstance(solver, integrate.Radau)
@@ -106,18 +113,12 @@ class RadauForm(ScipyForm):
         return solver
 
 
-def _mechanical(equations: Equations) -> Callable:
-    assert equations.acceleration is not None
-    return equations.acceleration
-
-
 @functools.lru_cache(maxsize=16)
-def _jacobian(acceleration: Callable) -> Callable:
-    """That of ``(x, v)' = (v, a)``, in JAX, on flat states."""
+def _jacobian(rhs: Callable, shape: tuple[int, ...]) -> Callable:
+    """That of a right-hand side in JAX, on flat states."""
 
     def field(t: Any, y: Any, args: Any) -> Any:
-        x, v = y.reshape(2, len(args.mass), -1)
-        return jnp.concatenate([v.reshape(-1), acceleration(t, x, v, args).reshape(-1)])
+        return rhs(t, y.reshape(shape), args).reshape(-1)
 
     return jax.jit(jax.jacfwd(field, argnums=1))
 
@@ -133,7 +134,8 @@ def names() -> list[str]:
     )
 
 
-def by_name(name: str) -> ScipyForm:
+@functools.cache
+def by_name(name: str) -> ScipyStepper:
     """A solver class by the name that SciPy exports it under.
 
     Arguments:
@@ -144,12 +146,12 @@ def by_name(name: str) -> ScipyForm:
     """
     if name not in names():
         raise InputError(unknown("solver of scipy", name, names()))
-    form = by_object(getattr(integrate, name))
-    assert form is not None
-    return form
+    stepper = by_object(getattr(integrate, name))
+    assert stepper is not None
+    return stepper
 
 
-def by_object(given: Any) -> ScipyForm | None:
+def by_object(given: Any) -> ScipyStepper | None:
     """The form of an `OdeSolver` class; None if it is none.
 
     Arguments:
@@ -181,4 +183,4 @@ def by_object(given: Any) -> ScipyForm | None:
                     "take another, such as scipy:RK45",
                 )
             )
-    return (RadauForm if issubclass(given, integrate.Radau) else ScipyForm)(given)
+    return (RadauStepper if issubclass(given, integrate.Radau) else ScipyStepper)(given)

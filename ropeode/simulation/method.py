@@ -1,0 +1,80 @@
+"""A stepper that is ready to run: tried, and identified by what it computes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Hashable
+from typing import Any
+
+import jax
+
+from ropeode.errors import UserCodeError
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.simulation.system import system
+from ropeode.simulation.traced_digest import digest
+from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
+from ropeode.steppers import as_stepper
+from ropeode.steppers.base import Stepper
+from ropeode.steppers.phase import Phase
+from ropeode.steppers.templates import template
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """A stepper that is ready to run; equal to others that compute the same.
+
+    Arguments:
+        key: what decides what it computes. For a user's stepper that is what JAX sees of it at
+            the time: a variable that its code reads may change later.
+        stepper: that computes it.
+        trial: how it behaves.
+    """
+
+    key: Hashable
+    stepper: Stepper = dataclasses.field(compare=False)
+    trial: Trial = dataclasses.field(compare=False)
+
+
+@in_float64
+def method_of(stepper: Any, problem: Problem) -> Method:
+    """A stepper, ready to run on a problem and on others with the same kind of state.
+
+    Arguments:
+        stepper: whatever `ropeode.as_stepper` takes; a `Method` is returned as it is.
+        problem: that it is tried on.
+
+    Raises:
+        InputError: there is no such stepper, or it cannot run on the problem.
+        UserCodeError: a user's step raised, returned something that is no state, or keeps hidden
+            state.
+    """
+    if isinstance(stepper, Method):
+        return stepper
+    stepper = as_stepper(stepper)
+    stepper.require(problem)
+    trial = trial_of(stepper, problem)
+    if not trial.repeatable:
+        raise UserCodeError(
+            f"stepper: {stepper.label!r} is {HIDDEN_STATE}; allowed: a step whose output depends "
+            "on its input alone. Fix: carry what it remembers in a class, as this file does "
+            f"(ropeode check --template two-step):\n\n{template('two-step')}"
+        )
+    traced = trial.compiled and stepper.compiled is None
+    return Method(_digest(stepper, problem) if traced else stepper, stepper, trial)
+
+
+def _digest(stepper: Stepper, problem: Problem) -> Hashable:
+    mechanics = problem.mechanics
+
+    # A new function at each call: JAX finds the traces of functions again.
+    def steps(args: Any, y: Any, t: Any, dt: Any) -> Any:
+        bound = system(problem.rhs, mechanics, args, nodes_first=not stepper.any_layout)
+        y = Phase(y[0], y[1]) if mechanics else y
+        if mechanics and mechanics.node_axis == 1:
+            y = Phase(y.x.T, y.v.T)
+        carried = stepper.step(bound, t, stepper.init(bound, t, y, dt), dt)
+        return stepper.state(bound, t, carried, dt)
+
+    traced = jax.make_jaxpr(steps)(problem.args, problem.y0, 0.0, 1.0)
+    return type(stepper), digest(traced)

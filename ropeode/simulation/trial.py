@@ -1,0 +1,189 @@
+"""The first steps of a user's stepper: how it behaves, and whether JAX can compile it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Hashable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Mechanics, Problem, Rhs
+from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
+from ropeode.simulation.system import system
+from ropeode.simulation.trajectory import frame_lengths
+from ropeode.steppers.base import Stepper
+from ropeode.steppers.phase import Phase
+
+# Compiled and uncompiled steps have to agree for so many, that a step which counts how often it is
+# called has counted to a hundred; and so closely, relative to the state.
+_STEPS, _SAME = 144, 1e-11
+# With loops of JAX's own inside, which are slow where they are not compiled.
+_STEPS_WITH_LOOPS = 6
+# The size of a step, of a frame: small, so that no stepper is unstable.
+_FRACTION = 1.0 / 4096.0
+
+HIDDEN_STATE = (
+    "not deterministic: the same input gave different output; the step keeps hidden state (a "
+    "global variable or a closure), or draws random numbers"
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """How a stepper behaves, apart from what it computes.
+
+    Arguments:
+        compiled: whether JAX can trace it, with the same results.
+        repeatable: whether the same input gives the same output, to the last bit.
+        writes_to: the names of the arguments that it writes to.
+        finite: whether its first steps from a regular state are finite.
+        asks_for_forces: whether it calls the right-hand side or acceleration that it is handed.
+    """
+
+    compiled: bool
+    repeatable: bool = True
+    finite: bool = True
+    writes_to: tuple[str, ...] = ()
+    asks_for_forces: bool = True
+
+
+def trial_of(stepper: Stepper, problem: Problem) -> Trial:
+    """How a stepper behaves in its first steps on a problem.
+
+    Arguments:
+        stepper: any.
+        problem: that it can run on.
+
+    Raises:
+        UserCodeError: the step raised, or returned something that is no state.
+    """
+    if stepper.compiled is not None:
+        return Trial(stepper.compiled)
+    shapes = tuple((np.shape(leaf), np.result_type(leaf)) for leaf in jax.tree.leaves(problem.args))
+    asked = _Asked(stepper, problem.rhs, problem.mechanics, problem.y0.shape, shapes)
+    return _tried(asked, _Unhashed(problem))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Asked:
+    """What the outcome of a trial depends on."""
+
+    stepper: Stepper
+    rhs: Rhs
+    mechanics: Mechanics | None
+    shape: tuple[int, ...]
+    args: Hashable
+
+
+@dataclasses.dataclass(frozen=True)
+class _Unhashed:
+    """A value that plays no part in finding a result again."""
+
+    value: Any = dataclasses.field(compare=False)
+
+
+@functools.lru_cache(maxsize=256)
+@in_float64
+def _tried(asked: _Asked, unhashed: _Unhashed) -> Trial:
+    stepper, problem = asked.stepper, unhashed.value
+    t, dt = float(problem.ts[0]), float(frame_lengths(problem)[0]) * _FRACTION
+    nudge = 0.125 * problem.scale * np.cos(np.arange(problem.y0.size)).reshape(problem.y0.shape)
+
+    def fresh() -> PythonStepper:
+        # A step may have written to the arguments that the last one had.
+        return PythonStepper(problem, stepper)
+
+    with one_at_a_time, np.errstate(all="ignore"):
+        own = fresh()
+        first, writes_to = _two_steps(own, t, problem.y0, dt)
+        asks_for_forces, finite = own.calls > 0, bool(np.all(np.isfinite(first)))
+        _two_steps(fresh(), t, problem.y0 + nudge, dt)
+        again, _ = _two_steps(fresh(), t, problem.y0, dt)
+        if not _same(first, again):
+            # It must not be traced: it would keep a tracer.
+            return Trial(False, False, finite, writes_to, asks_for_forces)
+        loops, fast = _compiled_steps(stepper, problem, t, dt)
+        steps = _STEPS_WITH_LOOPS if loops else _STEPS
+        # Such a loop would be compiled anew at each step.
+        with jax.disable_jit(loops):
+            slow = _python_steps(fresh(), t, dt, steps)
+            if fast is not None and _agree(fast(steps), slow):
+                return Trial(True, True, finite, writes_to, asks_for_forces)
+            repeatable = _same(slow, _python_steps(fresh(), t, dt, steps))
+    return Trial(False, repeatable, finite, writes_to, asks_for_forces)
+
+
+def _two_steps(
+    own: PythonStepper, t: float, y: np.ndarray, dt: float
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The state after two steps, and the names of the arguments that the second one writes to.
+
+    Two, so that what the first one carries is not lost on the second.
+    """
+    carried = own.step(t, own.init(t, y, dt), dt)
+    args = own.system.equations.args
+    before = jax.tree.map(np.array, (carried, args))
+    after = own.step(t + dt, carried, dt)
+    names = ("x or v" if own.system.mechanical else "y", "args")
+    writes_to = tuple(
+        name
+        for name, was, now in zip(names, before, (carried, args), strict=True)
+        if not _same(was, now)
+    )
+    return own.state(t + 2 * dt, after, dt), writes_to
+
+
+def _same(a: Any, b: Any) -> bool:
+    same = jax.tree.map(lambda a, b: np.array_equal(a, b, equal_nan=True), a, b)
+    return all(jax.tree.leaves(same))
+
+
+def _python_steps(own: PythonStepper, t: float, dt: float, steps: int) -> np.ndarray:
+    carried = own.init(t, own.problem.y0, dt)
+    for i in range(steps):
+        carried = own.step(t + i * dt, carried, dt)
+    return own.state(t + steps * dt, carried, dt)
+
+
+def _compiled_steps(
+    stepper: Stepper, problem: Problem, t: float, dt: float
+) -> tuple[bool, Callable[[int], np.ndarray] | None]:
+    """Whether there are loops of JAX's own in a step, and the state after a number of steps.
+
+    None where JAX cannot trace it.
+    """
+    mechanics, nodes_first = problem.mechanics, not stepper.any_layout
+    turned = nodes_first and mechanics is not None and mechanics.node_axis == 1
+
+    def run(args: Any, y: Any, t: Any, dt: Any, steps: Any) -> Any:
+        bound = system(problem.rhs, mechanics, args, nodes_first=nodes_first)
+        if mechanics is not None:
+            y = Phase(y[0].T, y[1].T) if turned else Phase(y[0], y[1])
+        carried = stepper.init(bound, t, y, dt)
+        carried = jax.lax.fori_loop(
+            0, steps, lambda i, carried: stepper.step(bound, t + i * dt, carried, dt), carried
+        )
+        y = stepper.state(bound, t + steps * dt, carried, dt)
+        return jnp.stack([half.T if turned else half for half in y]) if mechanics else y
+
+    try:
+        traced = jax.jit(run).trace(problem.args, problem.y0, t, dt, _STEPS)
+        text = str(traced.jaxpr)
+        loops = text.count("while[") + text.count("scan[") > 1
+        compiled = traced.lower().compile()
+    except Exception:
+        # Whatever it is: in Python it shows for what it is.
+        return False, None
+    return loops, lambda steps: np.asarray(compiled(problem.args, problem.y0, t, dt, steps))
+
+
+def _agree(fast: np.ndarray, slow: np.ndarray) -> bool:
+    if not np.array_equal(np.isnan(fast), np.isnan(slow)):
+        return False
+    difference = np.max(np.abs(np.nan_to_num(fast - slow)), initial=0.0)
+    return bool(difference <= _SAME * np.max(np.abs(np.nan_to_num(slow)), initial=0.0))

@@ -1,0 +1,183 @@
+"""Step functions of users as steppers."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import inspect
+from collections.abc import Callable, Hashable
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+from ropeode.errors import InputError, UserCodeError
+from ropeode.steppers.base import ProblemClass, Stepper, System
+from ropeode.steppers.phase import Phase
+
+
+@dataclasses.dataclass(frozen=True)
+class StepFunction(Stepper):
+    """A stepper that is a function from a state to the next one.
+
+    Arguments:
+        function: of the user, in JAX or NumPy.
+        name: for tables and plots.
+        declared_order: that its author claims; None where nothing is claimed.
+    """
+
+    PARAMETERS: ClassVar[tuple[str, ...]]
+
+    function: Callable
+    name: str  # type: ignore[misc]
+    declared_order: int | None = None
+
+    def order(self, problem_class: ProblemClass) -> int | None:
+        """What its author claims, on every problem."""
+        return self.declared_order
+
+    @abc.abstractmethod
+    def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
+        """One call of the function."""
+
+
+class RhsFunction(StepFunction):
+    """A function ``step(rhs, t, y, dt, args)`` that returns the new state.
+
+    `y` is an array: for a mechanical problem ``stack([x, v])``, ``(2, nodes, dim)``.
+    """
+
+    PARAMETERS = ("rhs", "t", "y", "dt", "args")
+
+    def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
+        """One call of the function."""
+        if not isinstance(carried, Phase):
+            return checked_array("y", self._called(system, t, carried, dt), np.shape(carried))
+        shape = carried.shape
+        if isinstance(carried.x, Tracer):
+            # While JAX traces it, the state is a `Phase` wherever that will do as an array: two
+            # arrays apart make faster code than a stacked one.
+            try:
+                new = self._called(system, t, carried, dt)
+            except Exception:
+                new = self._called(system, t, jnp.stack(tuple(carried)), dt)
+        else:
+            new = self._called(system, t, np.stack(tuple(carried)), dt)
+        if isinstance(new, Phase):
+            x, v = (checked_array("y", each, shape[1:]) for each in new)
+        else:
+            x, v = checked_array("y", new, shape)
+        return Phase(x, v)
+
+    def _called(self, system: System, t: Any, y: Any, dt: Any) -> Any:
+        return self.function(system.equations.rhs, t, y, dt, system.equations.args)
+
+
+class AccelerationFunction(StepFunction):
+    """A function ``step(acceleration, t, x, v, dt, args)`` that returns the new x and v."""
+
+    PARAMETERS = ("acceleration", "t", "x", "v", "dt", "args")
+    needs = "second order"
+
+    def step(self, system: System, t: Any, carried: Phase, dt: Any) -> Phase:
+        """One call of the function."""
+        own = system.equations
+        new = self.function(own.acceleration, t, carried.x, carried.v, dt, own.args)
+        if isinstance(new, tuple | list) and len(new) == 2:
+            shape = np.shape(carried.x)
+            x, v = (checked_array(name, each, shape) for name, each in zip("xv", new, strict=True))
+            return Phase(x, v)
+        if isinstance(new, tuple | list):
+            returned = f"{type(new).__name__} of length {len(new)}"
+        else:
+            returned = f"{type(new).__name__} of shape {np.shape(new)}"
+        raise UserCodeError(
+            f"step: it returned {returned}; allowed: the new positions and the new velocities. "
+            "Fix: end it with `return x_new, v_new`."
+        )
+
+
+SIGNATURES: tuple[type[StepFunction], ...] = (RhsFunction, AccelerationFunction)
+
+
+def signature_of(function: Callable) -> type[StepFunction] | None:
+    """Which of `SIGNATURES` a function has; None if it has neither.
+
+    Other names of parameters will do, but not the right names in another order.
+
+    Arguments:
+        function: anything that can be called.
+    """
+    parameters = parameters_of(function)
+    needed = [each.name for each in parameters if each.default is each.empty]
+    names = tuple(each.name for each in parameters)
+    for signature in SIGNATURES:
+        wanted = signature.PARAMETERS
+        fits = len(needed) <= len(wanted) <= len(names)
+        shuffled = set(names) == set(wanted) and names != wanted
+        if fits and not shuffled:
+            return signature
+    return None
+
+
+def parameters_of(function: Callable) -> list[inspect.Parameter]:
+    """The positional parameters of a function; none where nobody can tell."""
+    try:
+        return [
+            each
+            for each in inspect.signature(function).parameters.values()
+            if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
+        ]
+    except (TypeError, ValueError):
+        return []
+
+
+def step_function(function: Callable, label: str, order: int | None) -> StepFunction:
+    """A step function as a stepper.
+
+    Arguments:
+        function: with one of `SIGNATURES`.
+        label: for tables and plots.
+        order: that its author claims.
+
+    Raises:
+        InputError: its parameters are others.
+    """
+    signature = signature_of(function)
+    if signature is None:
+        names = ", ".join(each.name for each in parameters_of(function))
+        raise InputError(
+            f"step: its parameters are ({names}); allowed: ({', '.join(RhsFunction.PARAMETERS)}), "
+            f"which returns the new y, or ({', '.join(AccelerationFunction.PARAMETERS)}), which "
+            "returns the new x and v. Fix: write one of these."
+        )
+    # What was compiled for it is found again by its hash.
+    hashable = function if isinstance(function, Hashable) else lambda *given: function(*given)
+    return signature(hashable, label, order)
+
+
+def checked_array(name: str, value: Any, shape: tuple[int, ...]) -> Any:
+    """An array that a user's step returned.
+
+    Arguments:
+        name: of what it is.
+        value: what was returned.
+        shape: that it must have.
+
+    Raises:
+        UserCodeError: it has another shape, or is not of type float64.
+    """
+    if not hasattr(value, "dtype"):
+        value = np.asarray(value)
+    if value.shape != shape:
+        raise UserCodeError(
+            f"step: it returned {name} of shape {value.shape}; allowed: the shape of its input, "
+            f"{shape}. Fix: return the new {name}, for all nodes and components."
+        )
+    if value.dtype != np.float64:
+        raise UserCodeError(
+            f"step: it returned {name} of type {value.dtype}; allowed: float64. Fix: compute with "
+            "the arrays as they come, without converting them."
+        )
+    return value
