@@ -7,6 +7,7 @@ import functools
 import importlib
 import math
 from collections.abc import Iterable, Mapping
+from types import ModuleType
 from typing import Annotated, Any
 
 from pydantic import (
@@ -249,21 +250,21 @@ def check_positive(name: str, value: Any, *, example: str) -> float:
         ) from None
 
 
-def require(package: str, extra: str, purpose: str) -> None:
-    """See whether a package that not every user needs can be imported.
+def require(package: str, extra: str, purpose: str) -> ModuleType:
+    """A package that not every user needs, imported.
 
     Arguments:
         package: its name in `import`.
-        extra: of ropeode, that installs it.
-        purpose: what it is needed for, as a plural noun.
+        extra: the extra of ropeode that installs it.
+        purpose: what needs it, as a plural noun.
 
     Raises:
-        InputError: it cannot.
+        InputError: it cannot be imported.
     """
     try:
-        importlib.import_module(package)
+        return importlib.import_module(package)
     except ImportError as error:
         raise InputError(
-            f"{package}: it cannot be imported ({error}); allowed: {purpose} with the extra "
-            f"{extra!r} only. Fix: pip install 'ropeode[{extra}]'"
+            f"{package}: it cannot be imported ({error}); allowed: {purpose} only with the extra "
+            f"{extra!r}. Fix: in the folder of ropeode's source, pip install '.[{extra}]'"
         ) from None

@@ -75,6 +75,12 @@ def test_every_page_is_in_the_index():
         assert page.name == "index.md" or f"({page.name})" in index
 
 
+def test_nobody_is_sent_to_a_package_index():
+    """ropeode is not published there: `pip install '.[plots]'` works, 'ropeode[plots]' does not."""
+    for path in [*PAGES, *ROOT.glob("ropeode/**/*.py"), *ROOT.glob("benchmarks/**/*.py")]:
+        assert not re.search(r"pip install \S*ropeode", path.read_text()), path
+
+
 def test_readme_has_the_commands_and_a_ten_line_example():
     text = README.read_text()
     assert "make table" in text.split("```")[1]

@@ -42,7 +42,7 @@ def plot(
     step size with the observed orders (convergence), error against time (error), energy
     against time (energy). If SPEC is the folder of a sweep, it is a map of one of its columns
     over two of its inputs, with a panel for each stepper. Needs matplotlib: pip install
-    'ropeode[plots]'.
+    '.[plots]'.
     """
     of_sweep = {key: options.pop(key) for key in _OF_SWEEP}
     if spec is not None and spec.is_dir():
@@ -113,8 +113,8 @@ def animate(spec: Path | None, fps: str, out: str | None, **options: str | None)
 
     Takes its settings from SPEC and the options as `ropeode table` does: the steppers are
     shown beside the reference, all at the first of the steps per frame. Where none are given,
-    that is semi-implicit-euler at 64. Needs matplotlib: pip install 'ropeode[plots]', and for
-    MP4 pip install 'ropeode[video]'.
+    that is semi-implicit-euler at 64. Needs matplotlib: pip install '.[plots]', and for
+    MP4 pip install '.[video]'.
     """
     from ropeode.render.plots.animation import check_film, check_fps, film_bytes
 

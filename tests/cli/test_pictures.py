@@ -121,7 +121,7 @@ def test_missing_packages_are_a_line(arguments, package, extra, run, tmp_path):
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"ropeode: {package}: it cannot be imported")
-    assert line.endswith(f"Fix: pip install 'ropeode[{extra}]'")
+    assert line.endswith(f"pip install '.[{extra}]'")
     assert os.listdir(tmp_path) == []
 
 
