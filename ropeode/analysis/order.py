@@ -33,8 +33,11 @@ _EXTRAPOLATION = (1.0, 3.0)
 # Three points that happen to lie on a line have no scatter and little bend; no slope is known
 # better than this.
 _LEAST_HALF_WIDTH = 0.01
-# A slope that cannot be told from one below this is not convergence of any use.
+# A slope that may be below this is not convergence of any use.
 _LEAST_ORDER = 0.5
+# An interval whose upper end is more than so many times its lower end allows an order and its
+# double, and so does not even distinguish order 1 from order 2, or 2 from 4.
+WIDEST_RATIO = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,6 +77,7 @@ def observed_order(
     resolution: ArrayLike = 0.0,
     rounding: ArrayLike = 0.0,
     motion: float = np.inf,
+    widest: float = WIDEST_RATIO,
 ) -> ObservedOrder:
     """Find the observed order from errors at step sizes of any ratio.
 
@@ -83,11 +87,11 @@ def observed_order(
     coarser ones are taken in as long as all lie on one power law to 10%; the others are
     pre-asymptotic. The slope is fitted by least squares.
 
-    The interval is Student's for the fitted slope, widened to hold what the local slopes at
+    The interval is Student's for the fitted slope, widened to contain what the local slopes at
     the fine end extrapolate to at dt = 0, give or take twice what is missing there: what is
     left of the pre-asymptotic part bends the points instead of scattering them, and of that
     Student's interval knows nothing. It is never narrower than 0.01 to each side.
-    See docs/table.md for how often it holds the order.
+    docs/table.md says how often it contains the order.
 
     Arguments:
         dts: step sizes, different, above zero, in any order.
@@ -95,6 +99,8 @@ def observed_order(
         resolution: below it an error is unresolved; one number or one for each.
         rounding: the round-off in each run; one number or one for each.
         motion: the size of the motion that is solved for.
+        widest: the order is undetermined if the upper end of its interval is more than so many
+            times the lower end.
 
     Raises:
         InputError: step sizes are not positive and different, or there are more or fewer
@@ -133,22 +139,19 @@ def observed_order(
         return ObservedOrder(None, None, "undetermined", (), left_out, why)
 
     slope, low, high = _slope(dt[kept], error[kept])
-    verdict: Verdict = "undetermined"
-    why = None
-    if low > 0 and high >= _LEAST_ORDER:
-        verdict = "converges"
-    elif high < _LEAST_ORDER:
-        verdict = "does not converge"
-    else:
-        why = f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which holds 0"
-        return ObservedOrder(None, None, verdict, (), (*left_out, *_all_left(dt[kept])), why)
+    if high >= _LEAST_ORDER and (low <= 0 or high > widest * low):
+        why = (
+            f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which is too wide to "
+            "tell an order from its double"
+        )
+        left_out = (*left_out, *_all_left(dt[kept]))
+        return ObservedOrder(None, None, "undetermined", (), left_out, why)
     return ObservedOrder(
         observed=slope,
         ci95=(low, high),
-        verdict=verdict,
+        verdict="converges" if high >= _LEAST_ORDER else "does not converge",
         used=tuple(float(dt[i]) for i in reversed(kept)),
         left_out=left_out,
-        why=why,
     )
 
 
