@@ -1,4 +1,4 @@
-"""Threads for compiled programs, which run beside each other as they do not hold Python's lock."""
+"""Threads that run compiled programs side by side."""
 
 from __future__ import annotations
 
