@@ -28,9 +28,10 @@ BAD_INPUT, FAILED, BROKEN = 2, 1, 3
 @click.version_option(package_name="ropeode", message="%(package)s %(version)s")
 @click.option("--debug", is_flag=True, help="Show the traceback of every error.")
 def cli(debug: bool) -> None:
-    """Hold ODE steppers against certified reference solutions.
+    """Check ODE steppers against certified reference solutions.
 
-    `ropeode table` prints the accuracy table of the default rope.
+    `ropeode check FILE.py:NAME` checks a stepper of yours. `ropeode table` prints the errors and
+    orders of several steppers on the default problem, a mass-spring rope.
     """
 
 
