@@ -24,7 +24,7 @@ check: $(VENV)/.installed-dev
 	$(VENV)/bin/pyright --pythonpath $(VENV)/bin/python
 
 docs: $(VENV)/.installed-dev
-	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -l '\[\[\[cog' *.md ../CONTRIBUTING.md)
+	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -l '\[\[\[cog' *.md ../*.md)
 
 references: $(VENV)/.installed-dev
 	$(VENV)/bin/python reference/make.py

@@ -16,7 +16,7 @@ from ropeode.cli import main as cli_main
 from ropeode.references.files.library import entries
 
 RUN = [sys.executable, "-m", "ropeode"]
-QUICK = ["table", "--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "8,12,18"]
+QUICK = ["table", "--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "16,32,64"]
 
 
 def test_help_does_not_import_jax(environment):
