@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
+import subprocess
 import tempfile
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import settings
 
+from ropeode.cli.main import main
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
@@ -20,6 +24,14 @@ settings.register_profile("repeatable", derandomize=True)
 settings.register_profile("random", derandomize=False)
 settings.load_profile("repeatable")
 
+
+# What `set_up_jax` changes; a process that is the command's own keeps it.
+JAX_SETTINGS = (
+    "jax_enable_x64",
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+    "jax_persistent_cache_min_entry_size_bytes",
+)
 
 _FOLDER = pytest.StashKey[str]()
 
@@ -65,3 +77,37 @@ def driven_pendulum() -> Problem:
         damping=pendulum_damping,
         name="driven pendulum",
     )
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory):
+    """A folder of the tests' own for what a command keeps in the user's cache folder."""
+    return str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture
+def command_surroundings(cache, tmp_path, monkeypatch):
+    """An empty folder; and what a command changes in its process is restored after it."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", cache)
+    # Programs with Equinox's checks, which a process of the command leaves out, cannot be kept.
+    monkeypatch.setattr("ropeode.references.jax_setup.keep_traces_in", lambda folder: None)
+    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
+    handler = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, handler)
+    for name, value in settings.items():
+        jax.config.update(name, value)
+
+
+@pytest.fixture
+def run(command_surroundings, capsys):
+    """Run ropeode in an empty folder, in this process."""
+
+    def call(*arguments):
+        capsys.readouterr()
+        code = main(list(arguments))
+        out, err = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, code, out, err)
+
+    return call
