@@ -8,6 +8,11 @@ import signal
 import subprocess
 import tempfile
 
+# As for a command: with Equinox's checks at run time no program of diffrax can be kept, and each
+# process compiles its own. tests/verification/test_runtime_checks.py holds runs with them against
+# runs without. Equinox reads this when it is imported.
+os.environ.setdefault("EQX_ON_ERROR", "off")
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +23,7 @@ from ropeode.cli.main import main
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.solvers import program_cache
 
 # The gate draws the same examples each time; `pytest --hypothesis-profile=random` searches on.
 settings.register_profile("repeatable", derandomize=True)
@@ -38,11 +44,14 @@ _FOLDER = pytest.StashKey[str]()
 
 def pytest_configure(config):
     """What one process has compiled is there for the others, as long as the tests run."""
-    if "PYTEST_XDIST_WORKER" not in os.environ:
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         config.stash[_FOLDER] = tempfile.mkdtemp(prefix="ropeode-tests-")
         os.environ["JAX_COMPILATION_CACHE_DIR"] = config.stash[_FOLDER]
         os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
         os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
+        jax.config.update("jax_compilation_cache_dir", config.stash[_FOLDER])
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 def pytest_unconfigure(config):
@@ -90,8 +99,7 @@ def command_surroundings(cache, tmp_path, monkeypatch):
     """An empty folder; and what a command changes in its process is restored after it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
-    # Programs with Equinox's checks, which a process of the command leaves out, cannot be kept.
-    monkeypatch.setattr("ropeode.references.jax_setup.keep_traces_in", lambda folder: None)
+    monkeypatch.setattr(program_cache, "_folder", program_cache._folder)
     settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
     handler = signal.getsignal(signal.SIGINT)
     yield
