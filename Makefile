@@ -1,5 +1,6 @@
 # make table   the accuracy table of the default rope
-# make test    the whole test suite
+# make test    the tests that each change has to pass
+# make test-all  the slow ones too, which guard against rare regressions: before a release
 # make check   lint and types
 # make references  the stored library again (a quarter of an hour)
 # make docs    the computed parts of the documentation (ten minutes or so)
@@ -9,14 +10,18 @@
 PYTHON ?= python3
 VENV := .venv$(if $(filter-out python3,$(notdir $(PYTHON))),-$(notdir $(PYTHON)))
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
+PYTEST := $(VENV)/bin/python -m pytest -n auto --dist loadfile
 
-.PHONY: table test check docs references old-releases clean
+.PHONY: table test test-all check docs references old-releases clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
 
 test: $(VENV)/.installed-dev
-	$(VENV)/bin/python -m pytest -n auto --dist loadfile
+	$(PYTEST) -m "not slow"
+
+test-all: $(VENV)/.installed-dev
+	$(PYTEST)
 
 check: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff check .
@@ -24,7 +29,7 @@ check: $(VENV)/.installed-dev
 	$(VENV)/bin/pyright --pythonpath $(VENV)/bin/python
 
 docs: $(VENV)/.installed-dev
-	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -l '\[\[\[cog' *.md)
+	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -l '\[\[\[cog' *.md ../*.md)
 
 references: $(VENV)/.installed-dev
 	$(VENV)/bin/python reference/make.py
@@ -55,10 +60,12 @@ $(VENV)/bin/python:
 
 $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	@echo "Installing ropeode into $(VENV) (once; a minute or two) ..."
-	@$(PIP) install -e .
+	@$(PIP) install -e '.[plots]'
+	@echo "The command is $(VENV)/bin/ropeode; try $(VENV)/bin/ropeode plot"
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml | $(VENV)/bin/python
 	@echo "Installing ropeode with its development tools into $(VENV) (once) ..."
 	@$(PIP) install -e '.[dev]'
+	@echo "The command is $(VENV)/bin/ropeode; try $(VENV)/bin/ropeode plot"
 	@touch $@ $(VENV)/.installed

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import io
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -329,6 +330,16 @@ def judged(program: str, *show: str) -> str:
     return subprocess.run(
         [sys.executable, *made, "--show", *show], check=True, capture_output=True, text=True
     ).stdout.rstrip()
+
+
+def failed_checks(example: str) -> str:
+    """What `ropeode check` prints of a wrong example, without the checks that pass."""
+    here = Path(__file__).parent
+    run = [sys.executable, "-m", "ropeode", "check", f"examples/{example}", "--order", "2"]
+    text = subprocess.run(run, cwd=here, capture_output=True, text=True).stdout
+    findings, _, rest = text.partition("\n\nLargest errors")
+    wrong = [each for each in re.split(r"\n(?=\S)", findings) if each.startswith("WRONG")]
+    return "\n".join(["```text", *wrong, rest[rest.index("\nDiagnosis") :].rstrip(), "```"])
 
 
 def judged_inside() -> str:

@@ -1,5 +1,5 @@
 """``python -m ropeode`` is the command `ropeode`."""
 
-from ropeode.cli.main import main
+from ropeode.cli.main import run_process
 
-main()
+run_process()

@@ -13,11 +13,11 @@ class RopeodeError(Exception):
 
 
 class InputError(RopeodeError, ValueError):
-    """Something that was given cannot be used.
+    """Input that cannot be used.
 
     Arguments:
-        problems: one line for each thing that is wrong; each names the field, what was
-            given, what is allowed and how to mend it.
+        problems: one line for each fault; it names the field, its value, what is allowed, and
+            a fix.
     """
 
     def __init__(self, problems: str | Iterable[str]):
@@ -26,7 +26,7 @@ class InputError(RopeodeError, ValueError):
 
 
 class UserCodeError(InputError):
-    """Code that the user brought raised; the user's exception is the ``__cause__``."""
+    """The user's code raised an exception, which is the ``__cause__``."""
 
 
 def call_user_code(what: str, function: Callable, *args: Any, **named: Any) -> Any:
@@ -53,11 +53,11 @@ def call_user_code(what: str, function: Callable, *args: Any, **named: Any) -> A
 
 
 class ReferenceRefused(RopeodeError):
-    """No certificate can be given for this problem; the message says why."""
+    """No reference of this problem can be certified; the message says why."""
 
 
 def users_traceback(error: BaseException) -> str:
-    """The traceback of an exception of the user's, without the frames of ropeode and libraries."""
+    """The traceback of an exception in the user's code, without frames of ropeode and libraries."""
     own = os.path.dirname(__file__)
     shown = traceback.TracebackException.from_exception(error)
     users = [

@@ -29,7 +29,7 @@ def check_writable(name: str, path: str | Path) -> Path:
             complaint(name, str(path), "a file in a folder that exists", f"create {str(folder)!r}")
         )
     if path.is_dir():
-        raise InputError(complaint(name, str(path), "a file", "add a file name, it is a folder"))
+        raise InputError(complaint(name, str(path), "a file", "add a file name; this is a folder"))
     if not os.access(folder, os.W_OK):
         raise InputError(
             complaint(name, str(path), "a folder that you may write to", "choose another folder")
@@ -38,7 +38,7 @@ def check_writable(name: str, path: str | Path) -> Path:
 
 
 def write_whole(path: Path, contents: str | bytes) -> None:
-    """Write a file so that at any moment either the old one or the new one is there.
+    """Write a file so that at any moment the old one or the new one is there, whole.
 
     Arguments:
         path: of the file, which may exist.
@@ -52,7 +52,7 @@ def write_whole(path: Path, contents: str | bytes) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """A folder, with those that it is in, if it does not exist.
+    """Create a folder, and those above it, if they do not exist.
 
     Raises:
         InputError: the operating system refuses.
@@ -60,16 +60,16 @@ def make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        allowed = f"a folder that can be made ({error.strerror})"
+        allowed = f"a folder that can be created ({error.strerror})"
         raise InputError(complaint("out", str(path), allowed, "choose another")) from error
 
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A new empty file beside `path`, to be written; at the end it takes the place of `path`.
+    """A new empty file beside `path`, for the block to write; then it replaces `path`.
 
-    At any moment either the old file or the new one is there, whole. If the block raises, the
-    new one is gone.
+    At any moment the old file or the new one is there, whole. If the block raises, the new file
+    is removed.
 
     Arguments:
         path: of the file, which may exist.
@@ -119,7 +119,7 @@ def read_text(name: str, path: str | Path) -> str:
 
 
 def read_bytes(name: str, path: str | Path) -> bytes:
-    """What is in a file.
+    """The contents of a file.
 
     Raises:
         InputError: it cannot be read.

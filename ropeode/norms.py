@@ -15,14 +15,14 @@ _BLOCK_BYTES = 2**24
 
 
 class Norm(NamedTuple):
-    """A distance of two states.
+    """A distance between two states.
 
     Fields:
         name: as it is typed on the command line.
-        quantity: what is compared: position, velocity, or state.
-        over_nodes: makes one number of the nodes' distances, ``(times, nodes)`` to
-            ``(times,)``; never more than their largest, so that a bound on that one holds.
-        words: what it is, for the head of a table.
+        quantity: what it compares: position, velocity, or state.
+        over_nodes: reduces the distances of the nodes, ``(times, nodes)``, to ``(times,)``; never
+            to more than the largest of them, so that a bound on that one holds.
+        words: a description, for the head of a table.
     """
 
     name: str
@@ -55,10 +55,10 @@ NORMS: dict[str, Norm] = {
 
 
 def norm_for(problem: Problem, name: str | None = None) -> Norm:
-    """A norm that fits a problem; where no name is given, its first ``-max`` norm.
+    """The norm of this name, or the default of the problem: its first ``-max`` norm.
 
     Raises:
-        InputError: there is no such norm, or it does not fit the problem.
+        InputError: there is no such norm, or the problem has no such quantity.
     """
     fitting = [norm for norm in NORMS.values() if norm.quantity in problem.quantities]
     if name is None:
@@ -76,16 +76,16 @@ def norm_for(problem: Problem, name: str | None = None) -> Norm:
 
 
 def distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The distance of two trajectories at each sample that both have, ``(times,)``.
+    """The distance between two trajectories at each sample that both have, ``(times,)``.
 
-    Works through the samples in blocks, so that no third trajectory is held in memory, and
-    on scaled differences, so that large numbers do not overflow.
+    Works on blocks of samples, so that no third trajectory is held in memory, and on scaled
+    differences, so that large numbers do not overflow.
 
     Arguments:
-        problem: whose states these are.
-        norm: how to measure.
+        problem: of the two trajectories.
+        norm: the measure.
         a: states, ``(times, *state)``.
-        b: states, ``(times, *state)``; the longer one is cut.
+        b: states, ``(times, *state)``; the longer of the two is cut.
     """
     times = min(len(a), len(b))
     block = max(1, _BLOCK_BYTES // max(1, problem.y0.nbytes))
@@ -104,9 +104,9 @@ def distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> np.n
 def _node_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Euclidean distance of each node, ``(times, nodes)``."""
     with np.errstate(over="ignore", invalid="ignore"):
-        apart = np.abs(a - b)
-        largest = np.max(apart, axis=2, keepdims=True)
-        scaled = apart / np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
+        difference = np.abs(a - b)
+        largest = np.max(difference, axis=2, keepdims=True)
+        scaled = difference / np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
         result = largest[..., 0] * np.sqrt(np.sum(scaled**2, axis=2))
-    # What does not fit is as far as can be, and still a number: no sum or table breaks on it.
+    # What overflows becomes the largest float64, so that no sum or table breaks on it.
     return np.where(np.isfinite(result), result, np.finfo(np.float64).max)

@@ -1,4 +1,4 @@
-"""Threads for compiled programs, which run beside each other as they do not hold Python's lock."""
+"""Threads that run compiled programs side by side."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _most: int | None = None
 
 
 def use_cores(most: int | None) -> None:
-    """Use no more than so many processors from now on, in this process; None for all.
+    """Limit this process to so many processors; None removes the limit.
 
-    For workers of which there are several on a machine.
+    For worker processes that share a machine.
     """
     global _most
     _most = most
@@ -24,17 +24,17 @@ def use_cores(most: int | None) -> None:
 def cores() -> int:
     """The number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
-        there = len(os.sched_getaffinity(0))
+        available = len(os.sched_getaffinity(0))
     else:
-        there = os.cpu_count() or 1
-    return there if _most is None else min(there, _most)
+        available = os.cpu_count() or 1
+    return available if _most is None else min(available, _most)
 
 
 @contextlib.contextmanager
 def threads(count: int) -> Iterator[ThreadPoolExecutor]:
-    """So many threads, on the JAX device of the caller.
+    """A pool of threads that use the JAX device of the caller.
 
-    If the block raises, what has not been started is not run.
+    If the block raises, tasks that have not started are dropped.
 
     Arguments:
         count: 1 or more.

@@ -1,4 +1,4 @@
-"""Checked input: each field says what it allows, and all its faults are told at once."""
+"""Checked input: each field says what it allows, and all faults are reported at once."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import functools
 import importlib
 import math
 from collections.abc import Iterable, Mapping
+from types import ModuleType
 from typing import Annotated, Any
 
 from pydantic import (
@@ -30,9 +31,9 @@ def field(default: Any, *, allowed: str, example: str) -> Any:
     """A field of an `Input`, with the words that its error message needs.
 
     Arguments:
-        default: the value when nothing is given.
-        allowed: what may be given, as the end of the sentence "allowed: ...".
-        example: a value that works, as it is typed.
+        default: the value if the field is left out.
+        allowed: what is allowed, as it ends the sentence "allowed: ...".
+        example: a valid value, as the user types it.
     """
     return Field(default, json_schema_extra={"allowed": allowed, "example": example})
 
@@ -61,7 +62,7 @@ class Input(BaseModel):
 
 
 def fault_of(name: str, given: Any, why: str) -> PydanticCustomError:
-    """A fault that a field's check finds in a field before it.
+    """A fault that the check of one field reports about another.
 
     Arguments:
         name: the field to blame.
@@ -72,7 +73,7 @@ def fault_of(name: str, given: Any, why: str) -> PydanticCustomError:
 
 
 def _lines(model: type[Input], error: ValidationError) -> list[str]:
-    """One line per field; a field that fails in several ways is told once."""
+    """One line per field; a field with several faults is reported once."""
     lines: dict[str, str] = {}
     for fault in error.errors():
         context = fault.get("ctx", {})
@@ -112,8 +113,8 @@ def shown(value: Any) -> str:
 
 
 def in_one_line(error: Exception) -> str:
-    """What an exception says, in one line; of what is not ropeode's own, its type as well."""
-    text = " ".join(str(error).split()) or "without a word"
+    """The message of an exception in one line, with its type unless it is one of ropeode's own."""
+    text = " ".join(str(error).split()) or "no message"
     return text if isinstance(error, RopeodeError) else f"{type(error).__name__}: {text}"
 
 
@@ -165,28 +166,26 @@ def whole_number(value: Any, *, at_least: int) -> int:
     return int(number)
 
 
-def finite_numbers(value: Any) -> tuple[float, ...]:
+def finite_numbers(
+    value: Any, *, count: int | None = None, above_zero: bool = False
+) -> tuple[float, ...]:
     """A sequence of finite floats as a tuple.
 
+    Arguments:
+        value: the sequence.
+        count: how many there must be; None for any number.
+        above_zero: whether each must be above zero.
+
     Raises:
-        ValueError: it is not a sequence, or an entry is not a finite number.
+        ValueError: it is not such a sequence.
     """
     value = plain(value)
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise ValueError(f"{shown(value)} is not a list of numbers")
-    return tuple(finite_number(entry) for entry in value)
-
-
-def so_many_numbers(value: Any, *, count: int, above_zero: bool = False) -> tuple[float, ...]:
-    """A sequence of so many finite floats as a tuple.
-
-    Raises:
-        ValueError: it is none, or (where that is asked for) an entry is not above zero.
-    """
-    numbers = finite_numbers(value)
-    if len(numbers) != count:
+    numbers = tuple(finite_number(entry) for entry in value)
+    if count is not None and len(numbers) != count:
         raise ValueError(f"{len(numbers)} given in place of {count}")
-    if above_zero and min(numbers) <= 0:
+    if above_zero and min(numbers, default=1.0) <= 0:
         raise ValueError(f"{min(numbers)} is not above zero")
     return numbers
 
@@ -196,23 +195,29 @@ Positive = Annotated[PositiveFloat, BeforeValidator(finite_number)]
 NonNegative = Annotated[NonNegativeFloat, BeforeValidator(finite_number)]
 FiniteTuple = Annotated[tuple[float, ...], BeforeValidator(finite_numbers)]
 FinitePair = Annotated[
-    tuple[float, ...], BeforeValidator(functools.partial(so_many_numbers, count=2))
+    tuple[float, ...], BeforeValidator(functools.partial(finite_numbers, count=2))
 ]
 PositivePair = Annotated[
     tuple[float, ...],
-    BeforeValidator(functools.partial(so_many_numbers, count=2, above_zero=True)),
+    BeforeValidator(functools.partial(finite_numbers, count=2, above_zero=True)),
 ]
 FiniteTriple = Annotated[
-    tuple[float, ...], BeforeValidator(functools.partial(so_many_numbers, count=3))
+    tuple[float, ...], BeforeValidator(functools.partial(finite_numbers, count=3))
 ]
 WholePositive = Annotated[int, BeforeValidator(functools.partial(whole_number, at_least=1))]
 
 
 def check_whole(name: str, value: Any, *, at_least: int, example: str) -> int:
-    """A whole number given as a plain argument.
+    """A plain argument that must be a whole number.
+
+    Arguments:
+        name: of the argument.
+        value: of the argument.
+        at_least: the smallest number allowed.
+        example: a valid value, as the user types it.
 
     Raises:
-        InputError: it is none, or too small.
+        InputError: it is not a whole number, or too small.
     """
     try:
         return whole_number(value, at_least=at_least)
@@ -228,10 +233,15 @@ def check_whole(name: str, value: Any, *, at_least: int, example: str) -> int:
 
 
 def check_positive(name: str, value: Any, *, example: str) -> float:
-    """A positive finite number given as a plain argument.
+    """A plain argument that must be a positive finite number.
+
+    Arguments:
+        name: of the argument.
+        value: of the argument.
+        example: a valid value, as the user types it.
 
     Raises:
-        InputError: it is none.
+        InputError: it is not one.
     """
     try:
         number = finite_number(value)
@@ -249,21 +259,21 @@ def check_positive(name: str, value: Any, *, example: str) -> float:
         ) from None
 
 
-def require(package: str, extra: str, purpose: str) -> None:
-    """See whether a package that not every user needs can be imported.
+def require(package: str, extra: str, purpose: str) -> ModuleType:
+    """A package that not every user needs, imported.
 
     Arguments:
         package: its name in `import`.
-        extra: of ropeode, that installs it.
-        purpose: what it is needed for, as a plural noun.
+        extra: the extra of ropeode that installs it.
+        purpose: what needs it, as a plural noun.
 
     Raises:
-        InputError: it cannot.
+        InputError: it cannot be imported.
     """
     try:
-        importlib.import_module(package)
+        return importlib.import_module(package)
     except ImportError as error:
         raise InputError(
-            f"{package}: it cannot be imported ({error}); allowed: {purpose} with the extra "
-            f"{extra!r} only. Fix: pip install 'ropeode[{extra}]'"
+            f"{package}: it cannot be imported ({error}); allowed: {purpose} only with the extra "
+            f"{extra!r}. Fix: in the folder of ropeode's source, pip install '.[{extra}]'"
         ) from None

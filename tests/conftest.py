@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
+import subprocess
 import tempfile
 
+# As for a command: with Equinox's checks at run time no program of diffrax can be kept, and each
+# process compiles its own. tests/verification/test_runtime_checks.py holds runs with them against
+# runs without. Equinox reads this when it is imported.
+os.environ.setdefault("EQX_ON_ERROR", "off")
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import settings
 
+from ropeode.cli.main import main
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.solvers import program_cache
 
 # The gate draws the same examples each time; `pytest --hypothesis-profile=random` searches on.
 settings.register_profile("repeatable", derandomize=True)
@@ -21,16 +31,27 @@ settings.register_profile("random", derandomize=False)
 settings.load_profile("repeatable")
 
 
+# What `set_up_jax` changes; a process that is the command's own keeps it.
+JAX_SETTINGS = (
+    "jax_enable_x64",
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+    "jax_persistent_cache_min_entry_size_bytes",
+)
+
 _FOLDER = pytest.StashKey[str]()
 
 
 def pytest_configure(config):
     """What one process has compiled is there for the others, as long as the tests run."""
-    if "PYTEST_XDIST_WORKER" not in os.environ:
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         config.stash[_FOLDER] = tempfile.mkdtemp(prefix="ropeode-tests-")
         os.environ["JAX_COMPILATION_CACHE_DIR"] = config.stash[_FOLDER]
         os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
         os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
+        jax.config.update("jax_compilation_cache_dir", config.stash[_FOLDER])
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 def pytest_unconfigure(config):
@@ -65,3 +86,36 @@ def driven_pendulum() -> Problem:
         damping=pendulum_damping,
         name="driven pendulum",
     )
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory):
+    """A folder of the tests' own for what a command keeps in the user's cache folder."""
+    return str(tmp_path_factory.mktemp("cache"))
+
+
+@pytest.fixture
+def command_surroundings(cache, tmp_path, monkeypatch):
+    """An empty folder; and what a command changes in its process is restored after it."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", cache)
+    monkeypatch.setattr(program_cache, "_folder", program_cache._folder)
+    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
+    handler = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, handler)
+    for name, value in settings.items():
+        jax.config.update(name, value)
+
+
+@pytest.fixture
+def run(command_surroundings, capsys):
+    """Run ropeode in an empty folder, in this process."""
+
+    def call(*arguments):
+        capsys.readouterr()
+        code = main(list(arguments))
+        out, err = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, code, out, err)
+
+    return call

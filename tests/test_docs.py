@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,27 @@ def test_every_page_is_in_the_index():
     index = (ROOT / "docs/index.md").read_text()
     for page in ROOT.glob("docs/*.md"):
         assert page.name == "index.md" or f"({page.name})" in index
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_imports():
+    rooms = runpy.run_path(str(ROOT / "docs/rooms.py"))
+    shown = (ROOT / "CONTRIBUTING.md").read_text()
+    assert rooms["picture"]() in shown, "run: cd docs && cog -P -r -I . ../CONTRIBUTING.md"
+
+
+def test_a_picture_has_a_line_for_each_import_that_no_other_way_replaces():
+    rooms = runpy.run_path(str(ROOT / "docs/rooms.py"))
+    imports = {"a": {"b", "c", "d"}, "b": {"d"}, "c": {"d"}, "d": set(), "e": {"c"}}
+    reduced = rooms["reduced"](imports)
+    assert reduced == {"a": {"b", "c"}, "b": {"d"}, "c": {"d"}, "d": set(), "e": {"c"}}
+    drawn = " / ".join(rooms["drawn"](reduced))
+    assert drawn == "● e / │ ● a / │ ├─╮ / ├─┼─╯ / ● │ c / │ ● b / ├─╯ / ● d"
+
+
+def test_nobody_is_sent_to_a_package_index():
+    """ropeode is not published there: `pip install '.[plots]'` works, 'ropeode[plots]' does not."""
+    for path in [*PAGES, *ROOT.glob("ropeode/**/*.py"), *ROOT.glob("benchmarks/**/*.py")]:
+        assert not re.search(r"pip install \S*ropeode", path.read_text()), path
 
 
 def test_readme_has_the_commands_and_a_ten_line_example():

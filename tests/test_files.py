@@ -49,7 +49,7 @@ def test_targets_are_checked(tmp_path):
     assert check_writable("out", tmp_path / "a.txt") == tmp_path / "a.txt"
     with pytest.raises(InputError, match="out: .* folder that exists"):
         check_writable("out", tmp_path / "missing" / "a.txt")
-    with pytest.raises(InputError, match="out: .* it is a folder"):
+    with pytest.raises(InputError, match="out: .* this is a folder"):
         check_writable("out", tmp_path)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -101,21 +102,35 @@ def test_import_is_light(module):
     assert run_python(f"import sys, {module}; print({heavy} & set(sys.modules))") == "set()\n"
 
 
-def test_public_names_exist_and_types_see_them():
-    tree = ast.parse((PACKAGE / "__init__.py").read_text())
-    seen = {
-        alias.asname or alias.name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If)
-        for inner in ast.walk(node)
-        if isinstance(inner, ast.ImportFrom)
-        for alias in inner.names
+def test_public_names_exist_and_type_checkers_see_them():
+    stub = ast.parse((PACKAGE / "__init__.pyi").read_text())
+    # Without `as`, an import in a stub is private to it.
+    exported = {
+        alias.asname
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
     }
-    assert seen == set(ropeode.__all__)
+    assert exported == set(ropeode.__all__)
     for name in ropeode.__all__:
-        assert getattr(ropeode, name).__name__ == name
+        assert getattr(ropeode, name).__name__.split(".")[-1] == name
     with pytest.raises(AttributeError, match="nonsense"):
         ropeode.nonsense  # noqa: B018
+
+
+def test_version():
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
+    assert ropeode.__version__ == project["version"]
+
+
+def test_stepper_classes_are_there_after_importing_the_package():
+    code = (
+        "import ropeode\n"
+        "print(ropeode.steppers.StormerVerlet(start='rest').label)\n"
+        "from ropeode.steppers import RungeKutta4\n"
+        "print(ropeode.steppers.RungeKutta4 is RungeKutta4)"
+    )
+    assert run_python(code) == "stormer-verlet:start=rest\nTrue\n"
 
 
 def test_float64_is_not_switched_on_for_the_caller():

@@ -35,6 +35,7 @@ def against(monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_constant_steps_without_other_packages(against):
     methods = (("semi-implicit-euler", 0.0),)
     small = against.stepping.Size((3,), methods, node_steps=48, slow_node_steps=24, rounds=3)
@@ -55,12 +56,14 @@ def test_what_ends_elsewhere_is_not_timed(against):
         step.check("a rope", [known, known, wrong], 32)
 
 
+@pytest.mark.slow
 def test_many_ropes_without_other_packages(against):
     small = against.many.Size((2,), 32, 16, ("semi-implicit-euler",), rounds=1)
     (case,) = against.many.run(small, against.nobody, None)
     assert [row["by"] for row in case["rows"]] == ["ropeode", "lax.scan", "NumPy"]
 
 
+@pytest.mark.slow
 def test_references_reach_the_true_error(against):
     """At the loosest tolerance: the next looser one of the ladder does not reach it."""
     module = against.references

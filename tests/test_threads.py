@@ -6,6 +6,7 @@ import threading
 
 from ropeode.sweep.execution.engines import LocalProcesses, on_one_core
 from ropeode.threads import cores, threads, use_cores
+from tests.time_limit import HANGS_AFTER_S
 
 
 def told(task):
@@ -39,5 +40,5 @@ def test_a_worker_uses_one():
 def test_as_many_threads_as_are_asked_for():
     together = threading.Barrier(3)
     with threads(3) as pool:
-        for each in [pool.submit(together.wait, 10) for _ in range(3)]:
+        for each in [pool.submit(together.wait, HANGS_AFTER_S) for _ in range(3)]:
             each.result()

@@ -24,17 +24,19 @@ TOO_FEW = "too few to fit"
 FEWEST_POINTS = 3
 # Where an error is larger than this many times the motion itself, the run has blown up.
 _UNSTABLE_FROM = 2.0
-# Round-off adds itself to the error; from this factor on it moves no digit that matters.
+# Round-off adds to the error; from this factor on it changes no digit that matters.
 _ROUND_OFF_FACTOR = 30.0
 # Points belong to one power law if none is further from it than this, in log(error).
 _LARGEST_RESIDUAL = 0.1
 # Bounds on 1/(ratio - 1) for ratios of step sizes that are very small or very large.
 _EXTRAPOLATION = (1.0, 3.0)
-# Three points that happen to lie on a line have no scatter and little bend; no slope is known
-# better than this.
+# Three points may happen to lie on a line; that does not make the slope more certain than this.
 _LEAST_HALF_WIDTH = 0.01
-# A slope that cannot be told from one below this is not convergence of any use.
+# A slope that may be below this is not convergence of any use.
 _LEAST_ORDER = 0.5
+# An interval whose upper end is more than so many times its lower end allows an order and its
+# double, and so does not even distinguish order 1 from order 2, or 2 from 4.
+WIDEST_RATIO = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +55,7 @@ class ObservedOrder:
         observed: the slope; negative where errors grow as dt shrinks; None if undetermined.
         ci95: its 95% confidence interval; None if undetermined.
         verdict: `converges`; `does not converge`: the error stays (or grows) while dt
-            shrinks, so that the stepper solves another equation; `undetermined`.
+            shrinks: the stepper solves another equation; `undetermined`.
         used: the step sizes that the fit used, from coarse to fine.
         left_out: the others, with reasons.
         why: for `undetermined`, what is missing.
@@ -74,27 +76,30 @@ def observed_order(
     resolution: ArrayLike = 0.0,
     rounding: ArrayLike = 0.0,
     motion: float = np.inf,
+    widest: float = WIDEST_RATIO,
 ) -> ObservedOrder:
     """Find the observed order from errors at step sizes of any ratio.
 
     Step sizes whose error is not finite or larger than twice the motion (unstable), below
     the resolution of the reference, or below 30 times the run's round-off are left out.
-    What counts is the limit of small steps: starting from the three finest of the rest,
-    coarser ones are taken in as long as all lie on one power law to 10%; the others are
+    The order is a limit for small steps. So the fit starts from the three finest of the rest and
+    takes in coarser ones as long as all lie on one power law to 10%; the others are
     pre-asymptotic. The slope is fitted by least squares.
 
-    The interval is Student's for the fitted slope, widened to hold what the local slopes at
-    the fine end extrapolate to at dt = 0, give or take twice what is missing there: what is
-    left of the pre-asymptotic part bends the points instead of scattering them, and of that
-    Student's interval knows nothing. It is never narrower than 0.01 to each side.
-    See docs/table.md for how often it holds the order.
+    The interval starts as Student's for the fitted slope. Student's interval assumes that the
+    points scatter, but the rest of the pre-asymptotic part bends them. So it is widened to
+    contain the local slope at the fine end, plus or minus twice what that slope lacks of its
+    limit at dt = 0. It is never narrower than 0.01 to each side.
+    docs/table.md says how often it contains the order.
 
     Arguments:
-        dts: step sizes, different, above zero, in any order.
+        dts: step sizes in any order; all different and above zero.
         errors: the error at each; None or not finite where a run diverged.
-        resolution: below it an error is unresolved; one number or one for each.
-        rounding: the round-off in each run; one number or one for each.
-        motion: the size of the motion that is solved for.
+        resolution: an error below it is unresolved; one number, or one per step size.
+        rounding: the round-off of the runs; one number, or one per step size.
+        motion: the size of the motion.
+        widest: the order is undetermined if the upper end of its interval is more than so many
+            times the lower end.
 
     Raises:
         InputError: step sizes are not positive and different, or there are more or fewer
@@ -133,22 +138,19 @@ def observed_order(
         return ObservedOrder(None, None, "undetermined", (), left_out, why)
 
     slope, low, high = _slope(dt[kept], error[kept])
-    verdict: Verdict = "undetermined"
-    why = None
-    if low > 0 and high >= _LEAST_ORDER:
-        verdict = "converges"
-    elif high < _LEAST_ORDER:
-        verdict = "does not converge"
-    else:
-        why = f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which holds 0"
-        return ObservedOrder(None, None, verdict, (), (*left_out, *_all_left(dt[kept])), why)
+    if high >= _LEAST_ORDER and (low <= 0 or high > widest * low):
+        why = (
+            f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which is too wide to "
+            "tell an order from its double"
+        )
+        left_out = (*left_out, *_all_left(dt[kept]))
+        return ObservedOrder(None, None, "undetermined", (), left_out, why)
     return ObservedOrder(
         observed=slope,
         ci95=(low, high),
-        verdict=verdict,
+        verdict="converges" if high >= _LEAST_ORDER else "does not converge",
         used=tuple(float(dt[i]) for i in reversed(kept)),
         left_out=left_out,
-        why=why,
     )
 
 
@@ -168,14 +170,13 @@ def _asymptotic_range(log_dt: np.ndarray, log_error: np.ndarray) -> int:
 
 
 def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """The slope of the line of least squares, and what it leaves over.
+    """The slope of the least-squares line, and the residuals.
 
-    By its formula: general fits take many times as long, and sweeps make millions of them.
+    Computed by the formula: general fits take many times as long, and sweeps need millions.
     """
-    aside = x - np.sum(x) / len(x)
-    up = y - np.sum(y) / len(y)
-    slope = float(np.dot(aside, up) / np.dot(aside, aside))
-    return slope, up - slope * aside
+    x, y = x - np.sum(x) / len(x), y - np.sum(y) / len(y)
+    slope = float(np.dot(x, y) / np.dot(x, x))
+    return slope, y - slope * x
 
 
 def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
@@ -187,8 +188,8 @@ def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
     # Student's t; `scipy.stats`, which has it too, takes long to import.
     half = max(float(special.stdtrit(degrees, 0.975)) * stderr, _LEAST_HALF_WIDTH)
     local = np.diff(log_error) / np.diff(log_dt)
-    # Where local slopes approach the order like dt, what is still missing at the finest one
-    # is its last change times 1/(ratio - 1).
+    # Where local slopes approach the order like dt, the finest one still lacks its last change
+    # times 1/(ratio - 1).
     ratio = np.exp(np.mean(np.diff(log_dt)))
     missing = np.clip(1.0 / (ratio - 1.0), *_EXTRAPOLATION) * np.max(
         np.abs(local[1:3] - local[0]) / (1.0, 2.0)[: len(local) - 1]

@@ -1,4 +1,4 @@
-"""How much of a run is round-off, found by making it again in other units."""
+"""The round-off in a run, measured by repeating the run in other units."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.system import InUnits
 from ropeode.steppers.base import BuiltIn
 
-# The ratio of the units. Any number does whose binary digits have no pattern; near 1, so that
-# the last place of most numbers stays worth about the same.
+# The ratio of the units. Any number will do whose binary digits have no pattern. It is near 1, so
+# that the last place of most numbers keeps about the same value.
 _INVERSE = 0.8414709848078965
 _RATIO = 1.0 / _INVERSE
 # Steps per frame, of which few are unstable, and how closely a frame with them has to agree.
@@ -27,8 +27,8 @@ _FINE, _SAME = 256, 1e-6
 def in_other_units(problem: Problem) -> Problem:
     """The same problem with its state measured in a unit that is not a power of two.
 
-    In exact arithmetic every stepper makes the same trajectory of it, times the ratio; in
-    floating point every single rounding differs.
+    In exact arithmetic every stepper gives the same trajectory, times the ratio; in floating
+    point every rounding differs.
     """
     mechanics = problem.mechanics
     in_turn = mechanics is not None and mechanics.in_turn
@@ -49,7 +49,7 @@ def in_other_units(problem: Problem) -> Problem:
         y0=problem.y0 * _RATIO,
         args=InUnits(_units(in_turn), problem.args),
         mechanics=mechanics,
-        # What is said of the problem in its own units.
+        # These are in the units of the problem itself.
         energy=None,
         exact=None,
         constraints=None,
@@ -64,34 +64,32 @@ def round_off(
     norm: Norm,
     method: Method | None = None,
 ) -> float | None:
-    """The size of the round-off in a trajectory: its largest distance from its double.
+    """The size of the round-off in a trajectory: its distance from the same run in other units.
 
-    The double is the same run in other units. Both hold round-off of the same size, but not
-    the same one, so that their distance shows how large it is, up to a small factor. This
-    sees what no formula does: how stepper and problem let round-off grow, and errors that
-    repeat from step to step instead of averaging out (noise added to each step does not see
-    those).
+    Both runs have round-off of the same size, but different round-off, so that their distance
+    shows the size up to a small factor. It includes what no formula gives: how stepper and
+    problem amplify round-off, and errors that repeat from step to step instead of averaging
+    out. (Noise added to each step does not show those.)
 
     Arguments:
         trajectory: a run that did not diverge.
         rescaled: its problem `in_other_units`.
-        samples: look at so many leading samples.
-        norm: how distances are measured.
-        method: the trajectory's stepper, ready to run, where somebody has it.
+        samples: how many samples, from the first on, count.
+        norm: the measure of the distance.
+        method: the trajectory's stepper, ready to run, where the caller has it.
 
     Returns:
-        None where the double differs by more than rounding: the stepper computes forces of its
-        own and knows nothing of other units.
+        The distance; infinity where the other run diverges; None where the stepper computes
+        forces of its own, which do not know the other units.
     """
     method = method or method_of(trajectory.stepper, trajectory.problem)
     if not _keeps_units(trajectory.problem, method, rescaled):
         return None
-    double = simulate(rescaled, method, trajectory.steps_per_frame)
-    if double.status != "ok":
+    repeated = simulate(rescaled, method, trajectory.steps_per_frame)
+    if repeated.status != "ok":
         return np.inf
-    states = in_own_units(double.states[:samples])
-    apart = distance(trajectory.problem, norm, states, trajectory.states[:samples])
-    return float(np.max(apart))
+    states = in_own_units(repeated.states[:samples])
+    return float(np.max(distance(trajectory.problem, norm, states, trajectory.states[:samples])))
 
 
 def _keeps_units(problem: Problem, method: Method, rescaled: Problem) -> bool:
@@ -113,8 +111,9 @@ def in_own_units(states: np.ndarray) -> np.ndarray:
 class _Units(NamedTuple):
     """The ratio of two units, and its inverse.
 
-    Not one of them to divide by: XLA multiplies by the inverse of a single number, but divides
-    by many, so that an ensemble would be rounded in another way than its members alone.
+    The inverse is there so that nothing is divided: XLA turns division by a single number into
+    multiplication by its inverse, but divides by an array, and would round an ensemble in another
+    way than its members alone.
     """
 
     ratio: Any
@@ -122,12 +121,12 @@ class _Units(NamedTuple):
 
 
 def _units(in_turn: bool) -> _Units:
-    """For ropes that may stand in turn: like vectors that are the same for all nodes."""
+    """For ropes whose members may be interleaved: arrays like those of all nodes."""
     shape = (1, 1) if in_turn else ()
     return _Units(np.full(shape, _RATIO), np.full(shape, _INVERSE))
 
 
-# Classes and not closures: equal ones hash equally, so that compiled programs are found again.
+# Classes, not closures: equal instances hash equally, so that compiled programs are reused.
 
 
 @dataclasses.dataclass(frozen=True)

@@ -174,7 +174,7 @@ def _made(
                 Ensemble.of([problem for run in missing for problem in problems[run]]),
                 name,
                 steps,
-                progress=progress,
+                progress=lambda _, fraction: progress(fraction or 0.0),
             )
         )
         for run in missing:

@@ -11,6 +11,7 @@ from ropeode.analysis.order import (
     PRE_ASYMPTOTIC,
     ROUND_OFF,
     UNRESOLVED,
+    WIDEST_RATIO,
     ObservedOrder,
     observed_order,
 )
@@ -22,7 +23,7 @@ from ropeode.simulation.trajectory import step_size
 
 # An observed order is the expected one if it is not further below it than this.
 TOLERANCE = 0.25
-# An interval wider than this says little; finer steps make it narrower.
+# An interval wider than this, though it may show an order, is worth finer steps and a second look.
 _WIDE = 0.4
 # A limit is another than the reference if it is further from it than its own uncertainty, and so
 # many times the reference's bound and what rounding does to the runs.
@@ -144,6 +145,8 @@ def converging(
             resolution=resolution[quantity],
             rounding=rounding,
             motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
+            # Where an interval is too wide, `_is_lower` weighs all errors.
+            widest=np.inf,
         )
     limits = _limits(reference, runs, rounding_of, quantities or problem.quantities)
     return Convergence(
@@ -244,8 +247,12 @@ def convergence_finding(check: str, found: Convergence) -> Finding:
             words.append(f"{them} do not converge: error {size} at the finest dt")
             faults.append(quantity)
             continue
+        low, high = order.ci95
         words.append(
-            f"{them} order {order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}]"
+            f"{them} order {order.observed:.2f} [{low:.2f}, {high:.2f}]"
+            if high <= WIDEST_RATIO * low
+            else f"{them} order between {low:.2f} and {high:.2f}, all errors together fall with "
+            f"the power {_overall(found, quantity):.2f} of dt"
         )
         if found.expected is not None and _is_lower(found, quantity, found.expected):
             faults.append(quantity)

@@ -21,8 +21,8 @@ from ropeode.files import check_writable
 def table(spec: Path | None, form: str | None, out: str | None, **options: str | None) -> None:
     """Print the accuracy table of a rope, or of another problem.
 
-    Takes its settings from the file SPEC (see `ropeode spec`), if one is given, and from the
-    options, which come first. Without any, it is the table of the default rope.
+    The settings come from the options and from the file SPEC (`ropeode spec` prints one).
+    Options override SPEC. Without settings, it prints the table of the default rope.
     """
     path = check_writable("out", out) if out else None
     set_up_jax()
@@ -38,7 +38,7 @@ def table(spec: Path | None, form: str | None, out: str | None, **options: str |
 @click.argument("command", type=click.Choice(["table", "sweep"]), default="table")
 @click.option("--out", metavar="FILE", help="Write to FILE instead of printing.")
 def spec(command: str, out: str | None) -> None:
-    """Print a commented spec file for `ropeode table`, or for `ropeode sweep`."""
+    """Print a commented spec file for `table` or `sweep`."""
     path = check_writable("out", out) if out else None
     if command == "sweep":
         from ropeode.sweep.design.spec import COMMENTED_SWEEP as text
@@ -50,7 +50,7 @@ def spec(command: str, out: str | None) -> None:
 
 @click.command()
 def steppers() -> None:
-    """List the steppers, their options, and what they declare of themselves."""
+    """List the steppers, their options, orders and sources."""
     from ropeode.render.stepper_list import as_text
 
     click.echo(as_text(), nl=False)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-# The names in ropeode.render.formats and the suffixes that stand for them; a test holds the
-# two together. Listed here because the help text must not import what makes tables.
+# The names in ropeode.render.formats, with their suffixes. They are listed here too because the
+# help text must not import the renderers; a test compares the two lists.
 FORMATS = {
     "text": ".txt",
     "markdown": ".md",
@@ -21,7 +21,7 @@ format_option = click.option(
     "--format",
     "form",
     type=click.Choice(list(FORMATS)),
-    help="Default: by the suffix of --out, or else text.",
+    help="[by the suffix of --out, else text]",
 )
 
 

@@ -39,7 +39,7 @@ def horizon(
 
     Takes the problem from SPEC and the options as `ropeode table` does; steppers are of no
     concern. --digits are those to be left at the end. Needs heyoka: pip install
-    'ropeode[extended]', and for --plot matplotlib: pip install 'ropeode[plots]'.
+    '.[extended]', and for --plot matplotlib: pip install '.[plots]'.
     """
     path = check_writable("out", out) if out else None
     picture = None

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from typing import Any
+from collections.abc import Sequence
+from typing import NoReturn
 
 import click
 
@@ -28,9 +29,10 @@ BAD_INPUT, FAILED, BROKEN = 2, 1, 3
 @click.version_option(package_name="ropeode", message="%(package)s %(version)s")
 @click.option("--debug", is_flag=True, help="Show the traceback of every error.")
 def cli(debug: bool) -> None:
-    """Hold ODE steppers against certified reference solutions.
+    """Check ODE steppers against certified reference solutions.
 
-    `ropeode table` prints the accuracy table of the default rope.
+    `ropeode check FILE.py:NAME` checks a stepper of yours. `ropeode table` prints the errors and
+    orders of several steppers on the default problem, a mass-spring rope.
     """
 
 
@@ -50,50 +52,61 @@ for command in (
     cli.add_command(command)
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; user errors end in one line each and exit code 2."""
-    end_on_ctrl_c()
-    given = sys.argv[1:] if arguments is None else arguments
-    debug = "--debug" in given[:1]
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; user errors end in one line each.
+
+    Arguments:
+        arguments: those of the process where left out.
+
+    Returns:
+        the exit code: 0, 1 for an answer such as "wrong", 2 for bad input, 3 for a fault of
+        ropeode.
+    """
+    words = sys.argv[1:] if arguments is None else arguments
+    debug = "--debug" in words[:1]
     try:
-        code = cli.main(given, prog_name="ropeode", standalone_mode=False)
-        _leave(int(code or 0))
+        code = cli.main(words, prog_name="ropeode", standalone_mode=False)
+        sys.stdout.flush()
+        return int(code or 0)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.ctx.get_help())
-        _leave(0)
+        return 0
     except click.ClickException as error:
         where = (
             error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else None
         )
         hint = f" Fix: see `{where} --help`." if where else ""
-        _fail(BAD_INPUT, [f"{error.format_message()}{hint}"], debug)
+        return _fail(BAD_INPUT, [f"{error.format_message()}{hint}"], debug)
     except UserCodeError as error:
         if error.__cause__ is not None:
             click.echo(users_traceback(error.__cause__), err=True)
-        _fail(BAD_INPUT, error.problems, debug)
+        return _fail(BAD_INPUT, error.problems, debug)
     except InputError as error:
-        _fail(BAD_INPUT, error.problems, debug)
+        return _fail(BAD_INPUT, error.problems, debug)
     except RopeodeError as error:
-        _fail(FAILED, [str(error)], debug)
+        return _fail(FAILED, [str(error)], debug)
     except BrokenPipeError:
         # The reader (a pager, `head`) has gone; let nothing be flushed to it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        _leave(FAILED)
+        return FAILED
     except Exception as error:
         traceback.print_exc()
-        _fail(BROKEN, [f"{type(error).__name__}: a fault of ropeode; please report it."], False)
+        message = f"{type(error).__name__}: a fault of ropeode; please report it."
+        return _fail(BROKEN, [message], debug=False)
 
 
-def _fail(code: int, lines: Any, debug: bool) -> None:
+def _fail(code: int, lines: Sequence[str], debug: bool) -> int:
     if debug:
         traceback.print_exc()
     for line in lines:
         click.echo(f"ropeode: {line}", err=True)
-    _leave(code)
+    return code
 
 
-def _leave(code: int) -> None:
-    """End the process at once, without waiting for a computation in another thread."""
+def run_process() -> NoReturn:
+    """The command as a process, which ends without waiting for a computation in another thread."""
+    end_on_ctrl_c()
+    code = main()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)

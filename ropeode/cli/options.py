@@ -40,38 +40,52 @@ ROPE: dict[str, tuple[Callable[[str], Any], str, str]] = {
     "start": (_list, "X,Y[,Z]", "Position of the first node. [0,200]"),
     "end": (_list, "X,Y[,Z]", "Position of the last node. [-400,200]"),
     "num_nodes": (_text, "N", "Number of nodes. [16]"),
-    "node_mass": (_one_or_list, "M[,M...]", "Mass, one or one for each node. [1]"),
-    "stiffness": (_one_or_list, "K[,K...]", "Stiffness, one or one for each spring. [100]"),
+    "node_mass": (_one_or_list, "M[,M...]", "Mass: one number, or one per node. [1]"),
+    "stiffness": (_one_or_list, "K[,K...]", "Stiffness: one number, or one per spring. [100]"),
     "pinned": (_list, "I[,I...]", "Nodes that do not move; '' for none. [0]"),
     "gravity": (_list, "X,Y[,Z]", "Acceleration of gravity. [0,-1]"),
-    "damping": (_one_or_list, "D[,D...]", "Damping, one or one for each node. [0.01]"),
-    "initial_velocity": (_rows, "X,Y[;X,Y...]", "Of the free nodes, or of each. [0,0]"),
+    "damping": (_one_or_list, "D[,D...]", "Damping: one number, or one per node. [0.01]"),
+    "initial_velocity": (
+        _rows,
+        "X,Y[;X,Y...]",
+        "Velocity of all free nodes, or per node. [0,0]",
+    ),
 }
 
 # Field of TableSpec: option name, how its text is read, how it is written, what it means.
 TABLE: dict[str, tuple[str, Callable[[str], Any], str, str]] = {
-    "problem": ("problem", _text, "NAME", "rope, another of the library, or FILE.py:NAME. [rope]"),
-    "kind": ("kind", _text, "KIND", "Springs (rope) or rigid links (inextensible-rope). [rope]"),
+    "problem": ("problem", _text, "NAME", "rope, another library problem, or FILE.py:NAME. [rope]"),
+    "kind": ("kind", _text, "KIND", "rope (springs) or inextensible-rope (rigid links). [rope]"),
     "reference": (
         "reference",
         _text,
         "FILE",
-        "A file, or a name of the library; says the problem too.",
+        "A reference file, or a name in the stored library. It sets the problem too.",
     ),
-    "frames": ("frames", _text, "N", "Frames to solve. [20]"),
+    "frames": ("frames", _text, "N", "Number of frames to solve. [20]"),
     "steppers": (
         "steppers",
         _steppers,
         "S[,S...]",
-        "Names (see `ropeode steppers`), FILE.py:NAME, diffrax:NAME, scipy:NAME.",
+        "Names (`ropeode steppers` lists them), FILE.py:NAME, diffrax:NAME, scipy:NAME.",
     ),
     "steps_per_frame": ("steps", _list, "N[,N...]", "Steps per frame. [16,32,...,16384]"),
-    "norm": ("norm", _text, "NAME", "position-max, position-rms, velocity-max, ..."),
-    "accuracy": ("accuracy", _text, "E", "Largest error bound still trusted. [by the motion]"),
-    "rtol": ("rtol", _text, "R", "Tolerance of the reference. [as tight as float64 allows]"),
-    "level": ("level", _text, "LEVEL", "Of the reference: consensus or extended. [consensus]"),
-    "digits": ("digits", _text, "N", "Of an extended reference. [18]"),
-    "time_limit": ("time-limit", _text, "S", "Seconds for an extended reference. [60]"),
+    "norm": ("norm", _text, "NAME", "Measure of errors: position-max, position-rms, ..."),
+    "accuracy": ("accuracy", _text, "E", "Largest error bound to trust. [1e-8 of the motion]"),
+    "rtol": ("rtol", _text, "R", "Tolerance of the reference. [the tightest useful one]"),
+    "level": (
+        "level",
+        _text,
+        "LEVEL",
+        "Of the reference: consensus or extended. [consensus]",
+    ),
+    "digits": ("digits", _text, "N", "Digits of an extended reference. [18]"),
+    "time_limit": (
+        "time-limit",
+        _text,
+        "S",
+        "Seconds that an extended reference may take. [60]",
+    ),
 }
 
 

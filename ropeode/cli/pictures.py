@@ -15,42 +15,45 @@ from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.validation import complaint
 
-# The names in ropeode.render.plots.registry; a test holds the two together. Listed here because
-# the help text must not import what makes plots.
+# The names in ropeode.render.plots.registry. They are listed here too because the help text must
+# not import what draws; a test compares the two lists.
 TYPES = ("convergence", "error", "energy")
-# What a map of a sweep is asked for, and what it is where it is not.
+# The options of a map of a sweep, with their defaults.
 _OF_SWEEP = {"x": "damping", "y": "steps_per_frame", "value": "observed_order"}
 
 
 @click.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options
-@click.option("--type", "name", type=click.Choice(TYPES), help=f"Of plot. [{TYPES[0]}]")
-@click.option("--x", metavar="INPUT", help="Of a sweep: what is drawn to the right. [damping]")
-@click.option("--y", metavar="INPUT", help="Likewise, what upwards. [steps_per_frame]")
-@click.option("--value", metavar="COLUMN", help="Likewise, what as colour. [observed_order]")
+@click.option("--type", "name", type=click.Choice(TYPES), help=f"What to plot. [{TYPES[0]}]")
+@click.option("--x", metavar="INPUT", help="Sweep: the horizontal axis. [damping]")
+@click.option("--y", metavar="INPUT", help="Sweep: the vertical axis. [steps_per_frame]")
+@click.option("--value", metavar="COLUMN", help="Sweep: what the colours show. [observed_order]")
 @click.option(
-    "--where", metavar="INPUT=VALUE", multiple=True, help="Likewise, of which rows. More than once."
+    "--where", metavar="INPUT=VALUE", multiple=True, help="Sweep: which rows to draw; repeatable."
 )
 @click.option("--out", metavar="FILE", help="A .png, .pdf or .svg file. [TYPE.png or sweep.png]")
 def plot(
     spec: Path | None, name: str | None, out: str | None, where: tuple[str, ...], **options: Any
 ) -> None:
-    """Plot errors or energies of a rope or of another problem, or a map of a sweep.
+    """Plot the errors or energies of steppers, or a map of a sweep.
 
-    Takes its settings from SPEC and the options as `ropeode table` does. Types: error against
-    step size with the observed orders (convergence), error against time (error), energy
-    against time (energy). If SPEC is the folder of a sweep, it is a map of one of its columns
-    over two of its inputs, with a panel for each stepper. Needs matplotlib: pip install
-    'ropeode[plots]'.
+    The types are: error against step size with observed orders (convergence), error against
+    time (error), and energy against time (energy). The settings come from SPEC and the
+    options, as in `ropeode table`.
+
+    If SPEC is the folder of a sweep, the plot is a map: the colours show one column over two
+    inputs, with a panel for each stepper.
+
+    Needs matplotlib: pip install '.[plots]'.
     """
     of_sweep = {key: options.pop(key) for key in _OF_SWEEP}
     if spec is not None and spec.is_dir():
         given = {**options, "type": name}
-        _refuse(given, "none with the folder of a sweep, which is run already")
+        _refuse(given, "only with a spec: the sweep in this folder has its own settings")
         _plot_sweep(spec, out, where, **{k: v or _OF_SWEEP[k] for k, v in of_sweep.items()})
         return
-    _refuse({**of_sweep, "where": where}, "it with the folder of a sweep only")
+    _refuse({**of_sweep, "where": where}, "only with the folder of a sweep")
     name = name or TYPES[0]
     from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
 
@@ -109,12 +112,13 @@ def _plot_sweep(
 @click.option("--fps", metavar="N", default="20", help="Pictures per second, up to 50. [20]")
 @click.option("--out", metavar="FILE", help="A .gif or .mp4 file. [rope.gif]")
 def animate(spec: Path | None, fps: str, out: str | None, **options: str | None) -> None:
-    """Make a film of a rope, or of another problem that moves in a plane or in space.
+    """Make a film of a rope, or of another problem that moves.
 
-    Takes its settings from SPEC and the options as `ropeode table` does: the steppers are
-    shown beside the reference, all at the first of the steps per frame. Where none are given,
-    that is semi-implicit-euler at 64. Needs matplotlib: pip install 'ropeode[plots]', and for
-    MP4 pip install 'ropeode[video]'.
+    The problem must move in a plane or in space. The film shows the steppers beside the
+    reference, all with the first number of --steps. The default is semi-implicit-euler with 64
+    steps per frame. The settings come from SPEC and the options, as in `ropeode table`.
+
+    Needs matplotlib: pip install '.[plots]'. MP4 also needs ffmpeg: pip install '.[video]'.
     """
     from ropeode.render.plots.animation import check_film, check_fps, film_bytes
 

@@ -32,7 +32,7 @@ def report(
 
     All its figures take minutes. When it is interrupted, the runs that are finished are kept,
     and the same command goes on from there. Pictures need matplotlib: pip install
-    'ropeode[plots]'.
+    '.[plots]'.
     """
     path = check_writable("out", out) if out else None
     folder = _check_folder(plots) if plots else None

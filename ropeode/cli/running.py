@@ -24,7 +24,7 @@ _CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
 
 
 def end_on_ctrl_c(left: str = "nothing was written") -> None:
-    """Let Ctrl-C end the process at once, with a word.
+    """Let Ctrl-C end the process at once, with a message.
 
     An exception would not do: extension modules swallow it while they are imported.
 

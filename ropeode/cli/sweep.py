@@ -30,8 +30,8 @@ def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend
     """Run the sweep that SPEC describes, or what is left of it.
 
     Finished cases are kept in DIR at any moment; after Ctrl-C, or whatever else ends it, the
-    same command goes on from there. Needs the data packages: pip install 'ropeode[data]', and
-    with a scheduler 'ropeode[data,dask]'.
+    same command goes on from there. Needs the data packages: pip install '.[data]', and
+    with a scheduler '.[data,dask]'.
     """
     # What Ctrl-C leaves of the workers' queues is removed by Python's tracker, which would say so.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")

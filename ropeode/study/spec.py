@@ -365,7 +365,7 @@ norm = "position-max"
 # rtol = 1e-12
 
 # "consensus" of float64 solvers, or "extended" precision, which needs heyoka:
-# pip install 'ropeode[extended]'.
+# pip install '.[extended]'.
 level = "consensus"
 
 # With level "extended": to how many digits two runs are to agree, and how many seconds they have.

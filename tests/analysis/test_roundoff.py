@@ -19,16 +19,17 @@ from ropeode.simulation import simulate
 from ropeode.steppers import as_stepper
 from ropeode.steppers.verlet import StormerVerlet, TwoPositions
 from tests.problems.shorter import SHORTER
-from tests.steppers.every_variant import EVERY_VARIANT
+from tests.steppers.every_variant import slow_if
 
 LAGGED = "stormer-verlet:damping=lagged"
 
 
-@pytest.mark.parametrize("stepper", EVERY_VARIANT, ids=lambda each: each.label)
+@pytest.mark.parametrize("stepper", slow_if(lambda each: "start=rest" in each.label))
 def test_other_units_change_nothing_but_rounding(stepper):
     problem = Rope(
-        num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.2, initial_velocity=(1, -1)
-    ).problem(frames=3)
+        start=(0, 200, 0), end=(-400, 200, 0), gravity=(0, -1, 0), num_nodes=5,
+        node_mass=(1, 2, 0.5, 1, 1), damping=0.2, initial_velocity=(1, -1, 0.5),
+    ).problem(frames=3)  # fmt: skip
     run = simulate(problem, stepper, 400)
     found = round_off(run, in_other_units(problem), 4, norm_for(problem))
     assert 0 < found < 1e-8
@@ -38,8 +39,9 @@ def test_other_units_change_nothing_but_rounding(stepper):
 def test_links_are_measured_in_the_other_unit_as_well(label):
     # A length or an acceleration left in the old unit would change the motion by 19 %.
     problem = InextensibleRope(
-        num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.2, initial_velocity=(0, -1)
-    ).problem(frames=3)
+        start=(0, 200, 0), end=(-400, 200, 0), gravity=(0, -1, 0), num_nodes=5,
+        node_mass=(1, 2, 0.5, 1, 1), damping=0.2, initial_velocity=(0, -1, 0.5),
+    ).problem(frames=3)  # fmt: skip
     run = simulate(problem, label, 400)
     found = round_off(run, in_other_units(problem), 4, norm_for(problem))
     assert 0 < found < 1e-8
@@ -61,7 +63,13 @@ def test_links_in_other_units(name):
     assert hash(rescaled.mechanics) == hash(in_other_units(problem).mechanics)
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+FEW = (*ROPES, "oscillator", "kepler", "lorenz", "forced")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [each if each in FEW else pytest.param(each, marks=pytest.mark.slow) for each in PROBLEMS],
+)
 def test_every_problem_can_be_put_in_other_units(name):
     problem = PROBLEMS[name](**SHORTER.get(name, {}))
     run = simulate(problem, "rk4", 20)

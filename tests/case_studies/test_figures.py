@@ -18,6 +18,7 @@ from ropeode.case_studies.figures import (
     check_figures,
 )
 from ropeode.errors import InputError
+from ropeode.steppers import as_stepper
 
 
 def test_all_figures_are_there():

@@ -12,7 +12,6 @@ import pytest
 
 from ropeode.checking.check import check_stepper
 from ropeode.checking.checks import CHECKS, SLOW
-from ropeode.cli import main as cli
 from ropeode.render.formats import CHECK_FORMATS, format_check
 from tests.checking import steps
 
@@ -75,14 +74,6 @@ def test_every_check_is_described():
         assert (f"`{name}`*" in text) == (name in SLOW), name
 
 
-def run(capsys, monkeypatch, *arguments):
-    codes = []
-    monkeypatch.setattr(cli, "_leave", lambda code: codes.append(code))
-    cli.main(["check", *arguments])
-    out, err = capsys.readouterr()
-    return codes[0], out, err
-
-
 FILE = str(Path(steps.__file__))
 
 
@@ -99,16 +90,15 @@ FILE = str(Path(steps.__file__))
         ((f"{FILE}:COUNT",), 2, "a step function or a Stepper"),
     ],
 )
-def test_the_command_and_its_exit_codes(capsys, monkeypatch, arguments, code, words):
-    found, out, err = run(capsys, monkeypatch, *arguments)
-    assert found == code
-    assert words in (err if code == 2 else out)
-    assert "Traceback" not in err
+def test_the_command_and_its_exit_codes(run, arguments, code, words):
+    done = run("check", *arguments)
+    assert done.returncode == code
+    assert words in (done.stderr if code == 2 else done.stdout)
+    assert "Traceback" not in done.stderr
 
 
-def test_the_command_writes_a_file(capsys, monkeypatch, tmp_path):
+def test_the_command_writes_a_file(run, tmp_path):
     path = tmp_path / "report.json"
-    arguments = (f"{FILE}:euler", "--only", "pins", "--out", str(path))
-    code, out, _ = run(capsys, monkeypatch, *arguments)
-    assert (code, out) == (0, "")
+    done = run("check", f"{FILE}:euler", "--only", "pins", "--out", str(path))
+    assert (done.returncode, done.stdout) == (0, "")
     assert json.loads(path.read_text())["passed"]

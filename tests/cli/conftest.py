@@ -1,4 +1,4 @@
-"""The command line as a whole process."""
+"""The command line as a process of its own; `run` calls it in this one."""
 
 from __future__ import annotations
 
@@ -8,21 +8,23 @@ import sys
 
 import pytest
 
+from tests.time_limit import HANGS_AFTER_S
+
 
 @pytest.fixture(scope="session")
-def environment(tmp_path_factory):
-    """Everything that a command caches goes to a folder of the test's own."""
-    return {**os.environ, "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
+def environment(cache):
+    """For processes: the variables of this one, with that folder."""
+    return {**os.environ, "XDG_CACHE_HOME": cache}
 
 
 @pytest.fixture
-def run(environment, tmp_path):
-    """Run ropeode in an empty folder, where wished without a package that it might import."""
+def run_process(environment, tmp_path):
+    """Run ropeode in an empty folder as a process, where asked without a package."""
 
     def call(*arguments, without=None):
         code = (
-            f"import sys; sys.modules[{without!r}] = None\n"
-            f"from ropeode.cli.main import main; main({list(arguments)!r})"
+            f"import sys; sys.modules[{without!r}] = None; sys.argv[1:] = {list(arguments)!r}\n"
+            "from ropeode.cli.main import run_process; run_process()"
         )
         return subprocess.run(
             [sys.executable, "-c", code]
@@ -30,7 +32,7 @@ def run(environment, tmp_path):
             else [sys.executable, "-m", "ropeode", *arguments],
             capture_output=True,
             text=True,
-            timeout=180,
+            timeout=HANGS_AFTER_S,
             cwd=tmp_path,
             env=environment,
             check=False,

@@ -1,4 +1,4 @@
-"""The command line, as a user meets it: whole processes."""
+"""The command line, as a user meets it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from ropeode.cli import main as cli_main
+from ropeode.cli.main import main
 from ropeode.references.files.library import entries
+from tests.cli.interrupted import interrupt
+from tests.time_limit import HANGS_AFTER_S
 
 RUN = [sys.executable, "-m", "ropeode"]
-QUICK = ["table", "--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "8,12,18"]
+QUICK = ["table", "--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "16,32,64"]
 
 
 def test_help_does_not_import_jax(environment):
@@ -166,26 +168,19 @@ def test_no_reference_is_exit_code_1(run, tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize("after", [0.0, 0.3, 1.0, 3.0, 8.0])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "after", [0.0, *(pytest.param(each, marks=SLOW) for each in (0.3, 1.0, 8.0)), 3.0]
+)
 def test_ctrl_c_ends_cleanly(after, environment, tmp_path):
-    process = subprocess.Popen(
-        [*RUN, "table", "--num-nodes", "512", "--frames", "200", "--out", "t.txt"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=tmp_path,
-        env=environment,
+    arguments = ["table", "--num-nodes", "512", "--frames", "200", "--out", "t.txt"]
+    assert interrupt(arguments, after, tmp_path, environment) == (
+        130,
+        "",
+        "ropeode: interrupted; nothing was written.\n",
     )
-    # From the moment on that it has begun to import JAX.
-    maps = Path(f"/proc/{process.pid}/maps")
-    while "numpy" not in maps.read_text():
-        time.sleep(0.01)
-    time.sleep(after)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=20)
-    assert process.returncode == 130
-    assert out == ""
-    assert err == "ropeode: interrupted; nothing was written.\n"
     assert os.listdir(tmp_path) == []
 
 
@@ -197,7 +192,7 @@ def test_reader_that_goes_away(environment, tmp_path):
         cwd=tmp_path,
         env=environment,
         check=True,
-        timeout=60,
+        timeout=HANGS_AFTER_S,
     )
     assert done.stderr == ""
 
@@ -263,11 +258,11 @@ def test_an_interrupted_report_keeps_what_is_finished(environment, tmp_path):
         cwd=tmp_path,
         env=environment,
     )
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + HANGS_AFTER_S
     while not list(kept.glob("*/*.npz")) and time.monotonic() < deadline:
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
-    out, error = process.communicate(timeout=10)
+    out, error = process.communicate(timeout=HANGS_AFTER_S)
     assert process.returncode == 130
     assert out == ""
     assert error == (
@@ -352,9 +347,33 @@ def test_a_reference_of_another_rope_is_refused(run):
 
 def test_a_fault_of_ropeode_is_none_of_its_answers(monkeypatch, capsys):
     """Exit codes 1 and 2 are verdicts; what is broken in here must not look like one."""
-    codes = []
-    monkeypatch.setattr(cli_main, "_leave", codes.append)
     monkeypatch.setattr("ropeode.render.stepper_list.as_text", lambda: 1 / 0)
-    cli_main.main(["steppers"])
-    assert codes == [3]
+    assert main(["steppers"]) == 3
     assert "a fault of ropeode" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [([], 0), (["steppers"], 0), (["check", "rk4", "--only", "pin"], 2), (["tabel"], 2)],
+)
+def test_a_process_ends_with_the_code(arguments, code, run, run_process):
+    """And it says what the command says that is called in this process."""
+    here, there = run(*arguments), run_process(*arguments)
+    assert here.returncode == there.returncode == code
+    assert (here.stdout, here.stderr) == (there.stdout, there.stderr)
+
+
+def test_a_process_does_not_wait_for_other_threads(environment):
+    code = (
+        "import threading, time\n"
+        "from ropeode.cli import main\n"
+        "def work():\n"
+        "    while True: time.sleep(0.1)\n"
+        "threading.Thread(target=work).start()\n"
+        "main.main = lambda: 1\n"
+        "main.run_process()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, check=False, timeout=HANGS_AFTER_S
+    )
+    assert done.returncode == 1

@@ -1,16 +1,14 @@
-"""`ropeode horizon`, as a user meets it: whole processes."""
+"""`ropeode horizon`, as a user meets it."""
 
 from __future__ import annotations
 
 import json
 import os
-import signal
-import subprocess
-import sys
-import time
 
 import pytest
 from PIL import Image
+
+from tests.cli.interrupted import interrupt
 
 QUICK = ["--problem", "oscillator", "--frames", "4", "--spans", "4,20"]
 
@@ -55,24 +53,17 @@ def test_bad_input_is_a_line_and_exit_code_2(arguments, words, run, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_without_heyoka_it_is_told_before_anything_is_computed(run):
-    done = run("horizon", "--frames", "1000000", without="heyoka")
+def test_without_heyoka_it_is_told_before_anything_is_computed(run_process):
+    done = run_process("horizon", "--frames", "1000000", without="heyoka")
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith("ropeode: heyoka: it cannot be imported")
 
 
 def test_ctrl_c(environment, tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "ropeode", "horizon", "--num-nodes", "128", "--frames", "400"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=tmp_path,
-        env=environment,
+    arguments = ["horizon", "--num-nodes", "128", "--frames", "400"]
+    assert interrupt(arguments, 2.0, tmp_path, environment) == (
+        130,
+        "",
+        "ropeode: interrupted; nothing was written.\n",
     )
-    time.sleep(5.0)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=20)
-    assert process.returncode == 130
-    assert (out, err) == ("", "ropeode: interrupted; nothing was written.\n")

@@ -1,19 +1,17 @@
-"""`ropeode plot` and `ropeode animate`, as a user meets them: whole processes."""
+"""`ropeode plot` and `ropeode animate`, as a user meets them."""
 
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from PIL import Image
 
 from ropeode.cli.pictures import TYPES
+from tests.cli.interrupted import interrupt
 
-RUN = [sys.executable, "-m", "ropeode"]
 QUICK = ["--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "4,8,16"]
 
 
@@ -114,35 +112,28 @@ def test_bad_input_is_a_line_and_exit_code_2(arguments, words, run, tmp_path):
     ],
     ids=str,
 )
-def test_missing_packages_are_a_line(arguments, package, extra, run, tmp_path):
+def test_missing_packages_are_a_line(arguments, package, extra, run_process, tmp_path):
     """Told before anything is computed: the default rope takes longer than this may."""
-    done = run(*arguments, without=package)
+    done = run_process(*arguments, without=package)
     assert done.returncode == 2
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"ropeode: {package}: it cannot be imported")
-    assert line.endswith(f"Fix: pip install 'ropeode[{extra}]'")
+    assert line.endswith(f"pip install '.[{extra}]'")
     assert os.listdir(tmp_path) == []
 
 
-def test_gif_needs_no_video_extra(run, tmp_path):
-    assert run("animate", *QUICK, without="imageio_ffmpeg").returncode == 0
+def test_gif_needs_no_video_extra(run_process, tmp_path):
+    assert run_process("animate", *QUICK, without="imageio_ffmpeg").returncode == 0
     assert os.listdir(tmp_path) == ["rope.gif"]
 
 
 @pytest.mark.parametrize("command", [["plot"], ["animate", "--out", "a.gif"]], ids=str)
 def test_ctrl_c_leaves_nothing(command, environment, tmp_path):
-    process = subprocess.Popen(
-        [*RUN, *command, "--num-nodes", "256", "--frames", "100"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=tmp_path,
-        env=environment,
+    arguments = [*command, "--num-nodes", "256", "--frames", "100"]
+    assert interrupt(arguments, 2.0, tmp_path, environment) == (
+        130,
+        "",
+        "ropeode: interrupted; nothing was written.\n",
     )
-    time.sleep(5.0)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=20)
-    assert process.returncode == 130
-    assert (out, err) == ("", "ropeode: interrupted; nothing was written.\n")
     assert os.listdir(tmp_path) == []

@@ -88,7 +88,7 @@ def test_a_missing_extra_is_one_line(package, swept, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
     from ropeode.sweep.run import run_sweep
 
-    with pytest.raises(InputError, match=rf"^{package}: .*pip install 'ropeode\[data\]'$"):
+    with pytest.raises(InputError, match=rf"^{package}: .*pip install '\.\[data\]'$"):
         run_sweep(swept / "spec.toml", swept / "other")
 
 
@@ -96,7 +96,7 @@ def test_without_dask(swept, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     from ropeode.sweep.run import run_sweep
 
-    with pytest.raises(InputError, match=r"^distributed: .*pip install 'ropeode\[dask\]'$"):
+    with pytest.raises(InputError, match=r"^distributed: .*pip install '\.\[dask\]'$"):
         run_sweep(swept / "spec.toml", swept / "other", scheduler="tcp://localhost:8786")
     assert not (swept / "other").exists()
 

@@ -65,8 +65,21 @@ BARE = [each for each in EVERY_VARIANT if ":" not in each.label or "sweeps" in e
 PAIRS = [(each, kind) for kind in (Rope, InextensibleRope) for each in BARE]
 
 
+def also_slow(stepper, kind):
+    """Its sweeps are those of one sweep, repeated; any forces are driven by the same code."""
+    return "sweeps" in stepper.label or (kind is InextensibleRope and "euler" in stepper.name)
+
+
 @pytest.mark.parametrize(
-    ("stepper", "kind"), PAIRS, ids=[f"{each.label}-{kind.__name__}" for each, kind in PAIRS]
+    ("stepper", "kind"),
+    [
+        pytest.param(
+            *pair,
+            id=f"{pair[0].label}-{pair[1].__name__}",
+            marks=[pytest.mark.slow] if also_slow(*pair) else [],
+        )
+        for pair in PAIRS
+    ],
 )
 def test_every_stepper_on_every_kind_of_rope(stepper, kind):
     problems = ropes(kind)
@@ -86,8 +99,18 @@ def test_every_stepper_on_every_kind_of_rope(stepper, kind):
     assert len({each.states.tobytes() for each in found}) == 3
 
 
-@pytest.mark.parametrize("frames", [131, 200])
-@pytest.mark.parametrize("stepper", ["semi-implicit-euler", "stormer-verlet"])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("frames", "stepper"),
+    [
+        (200, "semi-implicit-euler"),
+        (131, "stormer-verlet"),
+        pytest.param(131, "semi-implicit-euler", marks=SLOW),
+        pytest.param(200, "stormer-verlet", marks=SLOW),
+    ],
+)
 def test_any_number_of_frames(frames, stepper):
     """Two-step methods carry their last positions over the frames where a run is looked at."""
     problems = [
@@ -127,7 +150,10 @@ def test_one_rope_that_diverges_leaves_the_others_alone():
     assert seen == pytest.approx([128 / 250, 1.0])
 
 
-@pytest.mark.parametrize("stepper", ["rattle", "constraint-verlet", "rk4"])
+@pytest.mark.parametrize(
+    "stepper",
+    ["rattle", *(pytest.param(each, marks=SLOW) for each in ("constraint-verlet", "rk4"))],
+)
 def test_one_inextensible_rope_that_diverges_leaves_the_others_alone(stepper):
     """Its step is too long for the lengths to be kept; that of the others is not."""
     problems = [
@@ -164,10 +190,25 @@ def test_a_run_in_which_all_diverge_stops_early():
     assert len(seen) == 1
 
 
-@pytest.mark.parametrize("kind", ROPES.values(), ids=ROPES)
 @pytest.mark.parametrize(
-    ("stepper", "nodes"),
-    [("rk4", 1), ("constraint-verlet", 1), ("rattle", 1), ("constraint-verlet", 2), ("rattle", 2)],
+    ("kind", "stepper", "nodes"),
+    [
+        (Rope, "rk4", 1),
+        (InextensibleRope, "constraint-verlet", 1),
+        (InextensibleRope, "rattle", 2),
+        *(
+            pytest.param(*rest, marks=SLOW)
+            for rest in (
+                (InextensibleRope, "rk4", 1),
+                (Rope, "constraint-verlet", 1),
+                (Rope, "constraint-verlet", 2),
+                (InextensibleRope, "constraint-verlet", 2),
+                (Rope, "rattle", 1),
+                (Rope, "rattle", 2),
+                (InextensibleRope, "rattle", 1),
+            )
+        ),
+    ],
 )
 def test_very_short_ropes(kind, stepper, nodes):
     problems = [
@@ -238,7 +279,13 @@ def test_other_sample_times_are_refused():
 SMOOTH = {name: make for name, make in PROBLEMS.items() if name not in ROPES}
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+# With parameters, without velocities, with many nodes, and with numbers for positions.
+FEW = ("oscillator", "lorenz", "pleiades", "linear-chain")
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in FEW else pytest.param(name, marks=SLOW) for name in SMOOTH]
+)
 def test_every_problem(name):
     """Different starts; where a sum is taken in another order, the last digits may differ."""
     problem = SMOOTH[name](frames=2)
@@ -292,7 +339,10 @@ def test_arrays_of_parameters_are_those_ropes(count):
         assert np.array_equal(found[index].states, run.states)
 
 
-@pytest.mark.parametrize("stepper", ["semi-implicit-euler", "rk4", "constraint-verlet"])
+@pytest.mark.parametrize(
+    "stepper",
+    ["rk4", *(pytest.param(e, marks=SLOW) for e in ("semi-implicit-euler", "constraint-verlet"))],
+)
 def test_results_do_not_depend_on_who_else_is_there(stepper):
     rope, arrays, ensemble = many(40)
     found = simulate(ensemble, stepper, 10)

@@ -85,8 +85,9 @@ def test_a_state_that_stands_still():
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_the_same_with_and_without(stepper, monkeypatch):
     rope = Rope(
-        num_nodes=6, node_mass=2.0, damping=0.3, pinned=(2,), initial_velocity=(1.0, 2.0)
-    ).problem(frames=3)
+        num_nodes=5, start=(0, 200, 0), end=(-400, 200, 0), gravity=(0, -1, 0),
+        node_mass=2.0, damping=0.3, pinned=(2,), initial_velocity=(1.0, 2.0, 0.5),
+    ).problem(frames=3)  # fmt: skip
     with_it = simulate(rope, stepper, 12)
     slot.cache_clear()
     monkeypatch.setattr(kernel_fusion, "_LARGEST", -1)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import get_type_hints
+from collections.abc import Callable
+from typing import Any, get_type_hints
+
+import pytest
 
 from ropeode.render.stepper_list import variants
 from ropeode.steppers import STEPPERS
@@ -27,3 +30,15 @@ def with_other_numbers(cls: type[Stepper]) -> list[Stepper]:
 EVERY_VARIANT = [
     each for cls in STEPPERS.values() for each in (*variants(cls), *with_other_numbers(cls))
 ]
+
+
+def slow_if(slow: Callable[[Stepper], bool]) -> list[Any]:
+    """Every stepper, as test parameters; those of which it is said by `make test-all` only.
+
+    Arguments:
+        slow: whether what is special about it is tested by the others, or elsewhere.
+    """
+    return [
+        pytest.param(each, id=each.label, marks=[pytest.mark.slow] if slow(each) else [])
+        for each in EVERY_VARIANT
+    ]

@@ -140,7 +140,8 @@ class Command:
         limiting = f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))"
         code = (
             f"import resource\n{limiting if limit else ''}\n"
-            f"from ropeode.cli.main import main\nmain({['sweep', *arguments]!r})"
+            f"import sys\nsys.argv[1:] = {['sweep', *arguments]!r}\n"
+            "from ropeode.cli.main import run_process\nrun_process()"
         )
         self.process = subprocess.Popen(
             [sys.executable, "-c", code],

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
-from ropeode.errors import InputError
+from ropeode.validation import require
 
 
 def heyoka() -> Any:
@@ -14,10 +13,4 @@ def heyoka() -> Any:
     Raises:
         InputError: it cannot be imported.
     """
-    try:
-        return importlib.import_module("heyoka")
-    except ImportError as error:
-        raise InputError(
-            f"heyoka: it cannot be imported ({error}); allowed: extended references with the "
-            "extra 'extended' only. Fix: pip install 'ropeode[extended]'"
-        ) from None
+    return require("heyoka", "extended", "extended references")

@@ -273,5 +273,5 @@ def test_more_states_than_a_block():
 
 def test_missing_heyoka_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "heyoka", None)
-    with pytest.raises(InputError, match=r"heyoka: .*pip install 'ropeode\[extended\]'"):
+    with pytest.raises(InputError, match=r"heyoka: .*pip install '\.\[extended\]'$"):
         translate(problem_of(lambda t, y, a: y), BITS)

@@ -1,0 +1,125 @@
+"""Do the tests notice? Deliberate faults, one at a time, and the test that catches each.
+
+`benchmarks/faults.toml` lists the faults. Each is written into a copy of a checkout, in a temporary
+folder, and the test files that ought to notice are run there, up to the first failure.
+
+    python benchmarks/faults.py --out docs/faults.jsonl
+    python benchmarks/faults.py --untouched                  # do these files pass without a fault?
+    python benchmarks/faults.py --checkout ../older --python ../older/.venv/bin/python
+
+Another checkout may have its files elsewhere: the fault is then written where its text is, and
+test files are found by their names. An hour for all faults, on one processor.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+FAULTS = Path(__file__).with_name("faults.toml")
+# A fault may make a loop endless.
+_TIME_LIMIT_S = 900
+
+
+def main() -> None:
+    """Apply the faults and write a line of JSON for each."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--checkout", type=Path, default=ROOT)
+    parser.add_argument("--python", default=sys.executable, help="With the checkout's packages.")
+    parser.add_argument("--only", default="", help="Faults in files whose name has this in it.")
+    parser.add_argument("--out", type=Path, help="Default: standard output.")
+    parser.add_argument("--untouched", action="store_true", help="Run the tests without a fault.")
+    options = parser.parse_args()
+    faults = tomllib.loads(FAULTS.read_text())["fault"]
+    faults = [fault for fault in faults if options.only in fault["file"]]
+    with tempfile.TemporaryDirectory(prefix="ropeode-faults-") as folder:
+        copy = Path(folder) / "checkout"
+        shutil.copytree(
+            options.checkout, copy, ignore=shutil.ignore_patterns(".git", ".venv*", "__pycache__")
+        )
+        # Every fault is where it should be, before the first one takes its time.
+        places = [place_of(fault, copy) for fault in faults]
+        files = [[test_file(name, copy) for name in fault["tests"]] for fault in faults]
+        if options.untouched:
+            every = sorted({str(file) for each in files for file in each})
+            print(run_tests(copy, options.python, every, None))
+            return
+        out = options.out.open("w") if options.out else sys.stdout
+        for number, (fault, place, tests) in enumerate(zip(faults, places, files, strict=True)):
+            original = place.read_text()
+            write(place, original.replace(fault["old"], fault["new"]), number)
+            started = time.perf_counter()
+            caught_by = run_tests(copy, options.python, map(str, tests), fault.get("only"))
+            seconds = round(time.perf_counter() - started, 1)
+            write(place, original, number + 0.5)
+            row = {**fault, "caught_by": caught_by, "seconds": seconds}
+            print(json.dumps(row), file=out, flush=True)
+
+
+def place_of(fault: dict[str, Any], copy: Path) -> Path:
+    """The one file with the fault's text; ends the program where that is not so."""
+    file = copy / "ropeode" / fault["file"]
+    files = [file] if file.exists() else (copy / "ropeode").rglob("*.py")
+    places = [each for each in files for _ in range(each.read_text().count(fault["old"]))]
+    if len(places) != 1:
+        sys.exit(f"{fault['file']}: {fault['old']!r} occurs {len(places)} times, not once.")
+    return places[0]
+
+
+def test_file(name: str, copy: Path) -> Path:
+    """A test file, wherever it is."""
+    path = copy / "tests" / name
+    if path.exists():
+        return path
+    places = [*(copy / "tests").rglob(path.name)]
+    if len(places) != 1:
+        sys.exit(f"{name}: {len(places)} test files have this name, not one.")
+    return places[0]
+
+
+def write(path: Path, text: str, number: float) -> None:
+    """Write a module so that no bytecode of before is taken for its own."""
+    path.write_text(text)
+    os.utime(path, (number, number))
+
+
+def run_tests(copy: Path, python: str, tests: Any, only: str | None) -> str | None:
+    """The test that failed first; None if none did."""
+    command = [python, "-m", "pytest", "-x", "-q", "--tb=no", *tests]
+    if "slow:" in (copy / "pyproject.toml").read_text():
+        command += ["-m", "not slow"]
+    if only:
+        command += ["-k", only]
+    try:
+        done = subprocess.run(
+            command,
+            cwd=copy,
+            env={**os.environ, "PYTHONPATH": str(copy)},
+            capture_output=True,
+            text=True,
+            timeout=_TIME_LIMIT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return "the time limit"
+    if done.returncode == 0:
+        return None
+    named = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", done.stdout, re.MULTILINE)
+    if named is None:
+        sys.exit(f"No test was run: {done.stdout}{done.stderr}")
+    return named[1]
+
+
+if __name__ == "__main__":
+    main()
