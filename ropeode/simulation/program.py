@@ -329,7 +329,7 @@ class _Methods:
             return method(bound, t, y, dt)
 
         def turned(args: Any, t: Any, y: Any, dt: Any) -> Any:
-            dim, nodes = family.y0.shape[1:]
+            dim, nodes = family.y0.shape[1:3]
             return on_stored(on_one, (nodes, dim))(args, t, y, dt)
 
         on_one_state = turned if self._turned else on_one

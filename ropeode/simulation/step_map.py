@@ -40,7 +40,7 @@ class StepMap:
         self._turned = nodes_first and mechanics is not None and mechanics.node_axis == 1
         if self.exact:
             find = _compiled if isinstance(stepper, BuiltIn) else _compiled.__wrapped__
-            self._start, self._step, self._derivative = find(
+            self._start, self._step, self._state, self._derivative = find(
                 stepper, problem.rhs, problem.mechanics
             )
         else:
@@ -49,6 +49,7 @@ class StepMap:
             self._step = lambda args, t, carried, dt: own.step(
                 float(t), jax.tree.map(np.array, carried), float(dt)
             )
+            self._state = lambda args, t, carried, dt: own.state(float(t), carried, float(dt))
 
     def moving(self, carried: Any, free: np.ndarray) -> np.ndarray:
         """Which numbers of what is carried can move, ``(numbers,)``.
@@ -76,6 +77,13 @@ class StepMap:
         """What is carried into the first step from a state, as NumPy arrays."""
         carried = self._start(self._problem.args, self._problem.ts[0], y, dt)
         return jax.tree.map(np.array, carried)
+
+    @in_float64
+    def first_sample(self, y: np.ndarray, dt: float) -> np.ndarray:
+        """The state at the start, as the stepper hands it out before the first step."""
+        problem = self._problem
+        carried = self._start(problem.args, problem.ts[0], y, dt)
+        return np.array(self._state(problem.args, problem.ts[0], carried, dt))
 
     @in_float64
     def step(self, carried: Any, dt: float) -> Any:
@@ -117,8 +125,8 @@ class StepMap:
 @functools.lru_cache(maxsize=64)
 def _compiled(
     stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None
-) -> tuple[Callable, Callable, Callable]:
-    """Start, one step and its derivative: ``(args, t, y or what is carried, dt)``."""
+) -> tuple[Callable, Callable, Callable, Callable]:
+    """Start, step, sample and the step's derivative: ``(args, t, y or what is carried, dt)``."""
     nodes_first = not stepper.any_layout
     turned = nodes_first and mechanics is not None and mechanics.node_axis == 1
 
@@ -133,8 +141,12 @@ def _compiled(
     def step(args: Any, t: Any, carried: Any, dt: Any) -> Any:
         return stepper.step(bound(args), t, carried, dt)
 
+    def state(args: Any, t: Any, carried: Any, dt: Any) -> Any:
+        y = stepper.state(bound(args), t, carried, dt)
+        return jnp.stack([half.T if turned else half for half in y]) if mechanics else y
+
     def derivative(args: Any, t: Any, carried: Any, dt: Any) -> Any:
         flat, unravel = ravel_pytree(carried)
         return jax.jacfwd(lambda flat: ravel_pytree(step(args, t, unravel(flat), dt))[0])(flat)
 
-    return jax.jit(start), jax.jit(step), jax.jit(derivative)
+    return jax.jit(start), jax.jit(step), jax.jit(state), jax.jit(derivative)

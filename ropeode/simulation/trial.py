@@ -109,10 +109,11 @@ def _tried(asked: _Asked, unhashed: _Unhashed) -> Trial:
             return Trial(False, False, finite, writes_to, asks_for_forces)
         loops, fast = _compiled_steps(stepper, problem, t, dt)
         steps = _STEPS_WITH_LOOPS if loops else _STEPS
+        quick = None if fast is None else fast(steps)
         # Such a loop would be compiled anew at each step.
         with jax.disable_jit(loops):
             slow = _python_steps(fresh(), t, dt, steps)
-            if fast is not None and _agree(fast(steps), slow):
+            if quick is not None and _agree(quick, slow):
                 return Trial(True, True, finite, writes_to, asks_for_forces)
             repeatable = _same(slow, _python_steps(fresh(), t, dt, steps))
     return Trial(False, repeatable, finite, writes_to, asks_for_forces)

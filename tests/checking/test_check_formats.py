@@ -87,7 +87,7 @@ FILE = str(Path(steps.__file__))
         ((f"{FILE}:elur",), 2, "did you mean 'euler'"),
         (("nowhere.py:step",), 2, "No such file"),
         (("rk4", "--only", "pin"), 2, "did you mean 'pins'"),
-        ((f"{FILE}:COUNT",), 2, "a step function or a Stepper"),
+        ((f"{FILE}:COUNT",), 2, "a step function, a Stepper"),
     ],
 )
 def test_the_command_and_its_exit_codes(run, arguments, code, words):

@@ -1,0 +1,317 @@
+"""Whatever advances a state by dt is a stepper, and runs wherever steppers run."""
+
+from __future__ import annotations
+
+import functools
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import integrate
+
+from ropeode import Phase, Problem, Rope, Stepper, accuracy_table, as_stepper, simulate
+from ropeode.errors import InputError, UserCodeError
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.library import PROBLEMS
+from ropeode.simulation.method import method_of
+from ropeode.steppers import STEPPERS
+from ropeode.steppers.base import ProblemClass
+from ropeode.steppers.templates import TEMPLATES, template
+from ropeode.study.accuracy_table import check_steppers
+from tests.checking import steps
+
+
+def semi_implicit(acceleration, t, x, v, dt, args):
+    v = v + dt * acceleration(t, x, v, args)
+    return x + dt * v, v
+
+
+def semi_implicit_node_by_node(acceleration, t, x, v, dt, args):
+    x, v, a = np.array(x), np.array(v), acceleration(t, x, v, args)
+    for node in np.ndindex(x.shape[:1]):
+        v[node] += dt * a[node]
+        x[node] += dt * v[node]
+    return x, v
+
+
+def explicit(rhs, t, y, dt, args):
+    return y + dt * rhs(t, y, args)
+
+
+def explicit_by_halves(rhs, t, y, dt, args):
+    slope = rhs(t, y, args)
+    return jnp.stack([y[0] + dt * slope[0], y[1] + dt * slope[1]])
+
+
+def explicit_in_numpy(rhs, t, y, dt, args):
+    return np.add(y, np.multiply(dt, rhs(t, y, args)))
+
+
+class SemiImplicit(Stepper):
+    needs = "second order"
+
+    def step(self, system, t, y, dt):
+        v = y.v + dt * system.acceleration(t, y.x, y.v)
+        return Phase(y.x + dt * v, v)
+
+
+ROPE = Rope(num_nodes=5, damping=0.1, node_mass=[1.0, 0.7, 1.3, 0.9, 1.1])
+MOVING = ROPE.model_copy(update={"initial_velocity": (0.3, 0.2)})
+PROBLEM = MOVING.problem(frames=3)
+SAME = [
+    ("semi-implicit-euler", semi_implicit),
+    ("semi-implicit-euler", semi_implicit_node_by_node),
+    ("semi-implicit-euler", SemiImplicit),
+    ("semi-implicit-euler", SemiImplicit()),
+    ("explicit-euler", explicit),
+    ("explicit-euler", explicit_by_halves),
+    ("explicit-euler", explicit_in_numpy),
+    ("explicit-euler", diffrax.Euler),
+    ("explicit-euler", "diffrax:Euler"),
+    ("rk4", steps.rk4),
+]
+
+
+@pytest.mark.parametrize(("name", "what"), SAME)
+def test_the_same_formula_makes_the_same_states(name, what):
+    """On a rope that is stored (dim, nodes), and is handed to users as (nodes, dim)."""
+    expected = simulate(PROBLEM, name, 96).states
+    states = simulate(PROBLEM, what, 96).states
+    assert np.max(np.abs(states - expected)) <= 1e-11 * PROBLEM.scale
+
+
+@pytest.mark.parametrize("problem", ["kepler", "lorenz", "pendulum", "double-pendulum", "forced"])
+def test_every_kind_of_problem(problem):
+    """States of first order, of single numbers, and of several nodes."""
+    problem = PROBLEMS[problem](frames=2)
+    expected = simulate(problem, "rk4", 64).states
+    for what in (steps.rk4, lambda rhs, t, y, dt, args: in_numpy(steps.rk4, rhs, t, y, dt, args)):
+        states = simulate(problem, what, 64).states
+        assert np.max(np.abs(states - expected)) <= 1e-11 * np.max(np.abs(expected))
+
+
+def in_numpy(function, rhs, t, y, dt, args):
+    return np.asarray(function(rhs, t, np.array(y), dt, args))
+
+
+def mixes_nodes(xp):
+    """A step that treats nodes unlike each other: what acts on whole arrays must not be turned."""
+
+    def step(acceleration, t, x, v, dt, args):
+        a = acceleration(t, x, v, args)
+        middle = xp.mean(x, axis=0)
+        weights = xp.arange(1.0, len(x) + 1.0)[:, None]
+        v = v + dt * a + 1e-3 * dt * xp.cumsum(v, axis=0)
+        x = x + dt * v + 1e-4 * dt * (x[::-1] - middle) * weights
+        first = xp.where(xp.arange(len(x))[:, None] == 1, x + 1e-5 * dt, x)
+        return first @ xp.eye(x.shape[1]), v
+
+    return step
+
+
+@pytest.mark.parametrize("rope", [MOVING, InextensibleRope(num_nodes=4, damping=0.1)])
+def test_axes_are_those_that_the_user_sees(rope):
+    problem = rope.problem(frames=2)
+    compiled, interpreted = (method_of(mixes_nodes(xp), problem) for xp in (jnp, np))
+    assert (compiled.trial.compiled, interpreted.trial.compiled) == (True, False)
+    fast, slow = (simulate(problem, each, 10).states for each in (compiled, interpreted))
+    assert np.max(np.abs(fast - slow)) <= 1e-12 * problem.scale
+
+
+@pytest.mark.parametrize("what", [semi_implicit, semi_implicit_node_by_node, "scipy:RK23"])
+def test_members_of_an_ensemble_run_as_they_run_alone(what):
+    ropes = ROPE.ensemble(frames=2, damping=np.array([0.0, 0.2, 0.05]))
+    runs = simulate(ropes, what, 8)
+    for member, run in zip(ropes, runs, strict=True):
+        alone = simulate(member, what, 8)
+        assert np.max(np.abs(run.states - alone.states)) <= 1e-12 * member.scale
+        assert run.rhs_evaluations == alone.rhs_evaluations
+
+
+def test_a_run_that_diverges_ends_in_both_drivers():
+    def blows_up(xp):
+        return lambda rhs, t, y, dt, args: xp.multiply(1e200, y) * 1e200 if t is None else y * 1e150
+
+    for xp in (np, jnp):
+        run = simulate(PROBLEM, blows_up(xp), 2)
+        assert (run.status, run.diverged_at) == ("diverged", 2)
+        assert len(run.states) == 2
+
+
+def test_what_the_code_reads_may_change():
+    """What was compiled for an earlier value is not used for the next one."""
+    strength = 1.0
+
+    def step(acceleration, t, x, v, dt, args):
+        v = v + strength * dt * acceleration(t, x, v, args)
+        return x + dt * v, v
+
+    first = simulate(PROBLEM, step, 32).states
+    strength = 1.0 + 1e-12
+    near = simulate(PROBLEM, step, 32).states
+    strength = 1.0
+    again = simulate(PROBLEM, step, 32).states
+    assert np.array_equal(first, again)
+    assert 0.0 < np.max(np.abs(near - first)) < 1e-9
+
+
+def test_hidden_state_is_refused_with_a_way_out():
+    before = []
+
+    def remembers(acceleration, t, x, v, dt, args):
+        last = before[-1] if before else x - dt * v
+        before.append(np.array(x))
+        new = 2 * x - last + dt**2 * acceleration(t, x, v, args)
+        return new, (new - x) / dt
+
+    for what in (remembers, steps.counts):
+        with pytest.raises(UserCodeError, match="keeps hidden state") as raised:
+            simulate(PROBLEM, what, 8)
+        assert template("two-step") in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("what", "per_step"),
+    [(steps.rk4, 4), (semi_implicit, 1), (semi_implicit_node_by_node, 1), ("scipy:RK23", 4)],
+)
+def test_evaluations_are_counted(what, per_step):
+    assert simulate(PROBLEM, what, 10).rhs_evaluations == 10 * PROBLEM.frames * per_step
+
+
+def test_evaluations_in_a_loop_of_jax_are_not_guessed():
+    assert simulate(PROBLEM, "diffrax:Kvaerno3", 4).rhs_evaluations is None
+
+
+def test_files(tmp_path):
+    file = tmp_path / "mine.py"
+    code = "def step(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
+    file.write_text(f"import numpy as np\n{code}\ndef helper(a, b):\n    return a\n")
+    for text in (f"{file}:step", str(file)):
+        assert as_stepper(text).label == f"{file}:step"
+    assert as_stepper("mine.py", 1, folder=tmp_path).label == "mine.py:step"
+    assert as_stepper("mine.py", 1, folder=tmp_path).order(ProblemClass()) == 1
+    file.write_text(code + code.replace("step", "other"))
+    with pytest.raises(InputError, match=r"this one has .*mine.py:step, .*mine.py:other"):
+        as_stepper(str(file))
+    file.write_text("step = 3\n")
+    with pytest.raises(InputError, match="this one has none"):
+        as_stepper(str(file))
+    for name, words in (("step", "a step function, a Stepper"), ("stp", "did you mean 'step'")):
+        with pytest.raises(InputError, match=words):
+            as_stepper(f"{file}:{name}")
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_templates_have_the_order_that_they_claim(name, tmp_path):
+    file = tmp_path / "template.py"
+    file.write_text(template(name))
+    problem = Rope(num_nodes=5, damping=0.0, initial_velocity=(0.3, 0.2)).problem(frames=2)
+    table = accuracy_table(problem, [str(file)], [128, 256, 512])
+    assert table.orders[0].order.observed == pytest.approx(2.0, abs=0.05)
+
+
+def test_all_kinds_in_one_table():
+    problem = Rope(num_nodes=8, damping=0.1).problem(frames=5)
+    steppers = [steps.velocity_verlet, diffrax.Heun, integrate.RK23, "rk4"]
+    table = accuracy_table(problem, steppers, [16, 32, 64, 128])
+    observed = [each.order.observed for each in table.orders]
+    assert observed == pytest.approx([2, 2, 3, 4], abs=0.1)
+    assert [each.expected for each in table.orders] == [None, 2, 3, 4]
+
+
+def own_gravity(acceleration, t, x, v, dt, args):
+    """A fall in units of its own: it asks nobody for forces."""
+    del acceleration
+    v = v - dt * np.array([0.0, 1.0]) * args.free[:, None]
+    return x + dt * v, v
+
+
+def test_round_off_is_not_guessed_where_other_units_are_not_understood():
+    problem = Rope(num_nodes=3).problem(frames=2)
+    table = accuracy_table(problem, [own_gravity, semi_implicit], [64, 128, 256])
+    rounding = {row.stepper: row.round_off for row in table.rows}
+    assert rounding["own_gravity"] is None
+    assert 0.0 < rounding["semi_implicit"] < 1e-8
+    worst = {row.stepper: row.error_max for row in table.rows if row.steps_per_frame == 256}
+    assert worst["own_gravity"] > 3.0 * worst["semi_implicit"]
+
+
+def test_labels():
+    another = functools.partial(semi_implicit)
+    assert as_stepper(semi_implicit).label == "semi_implicit"
+    assert as_stepper(another).label == "partial"
+    assert as_stepper(semi_implicit, 1, label="mine").label == "mine"
+    assert as_stepper(SemiImplicit).label == "SemiImplicit"
+    with pytest.raises(InputError, match=r"label=\.\.\."):
+        check_steppers([explicit, as_stepper(semi_implicit, label="explicit")])
+    for text in STEPPERS:
+        assert as_stepper(text).label == text
+
+
+@pytest.mark.parametrize(
+    ("what", "settings", "words"),
+    [
+        ("rk4", {"order": 4}, "none with 'rk4', which declares its own"),
+        ("diffrax:Heun", {"label": "mine"}, "none with 'diffrax:Heun'"),
+        (explicit, {"order": 0}, "order: 0 given; allowed: a whole number >= 1"),
+        (Problem, {}, "a step function, a Stepper"),
+        (lambda x: x, {}, r"its parameters are \(x\)"),
+    ],
+)
+def test_bad_arguments(what, settings, words):
+    with pytest.raises(InputError, match=words):
+        as_stepper(what, **settings)
+
+
+def test_steppers_for_forces_need_a_mechanical_problem():
+    with pytest.raises(InputError, match="needs a second-order problem"):
+        simulate(PROBLEMS["lorenz"](frames=2), semi_implicit, 8)
+    with pytest.raises(InputError, match="depends on the velocities"):
+        simulate(PROBLEM, "diffrax:SemiImplicitEuler", 8)
+
+
+class AsksForForces(Stepper):
+    def step(self, system, t, y, dt):
+        return y + dt * system.acceleration(t, y, y)
+
+
+def test_a_class_that_forgot_what_it_needs():
+    with pytest.raises(InputError, match='needs = "second order"'):
+        simulate(PROBLEMS["lorenz"](frames=2), AsksForForces, 8)
+
+
+class TestPhase:
+    a = Phase(np.array([1.0, 2.0]), np.array([3.0, 5.0]))
+    b = Phase(np.array([0.5, 4.0]), np.array([-1.0, 2.0]))
+
+    @pytest.mark.parametrize("number", [2.0, np.float64(2.0), np.array(2.0), jnp.asarray(2.0)])
+    def test_arithmetic_is_that_of_the_stacked_array(self, number):
+        a, b = (np.stack(tuple(each)) for each in (self.a, self.b))
+        for own, expected in [
+            (self.a + self.b, a + b),
+            (self.a - self.b, a - b),
+            (number * self.a, 2 * a),
+            (self.a * number, 2 * a),
+            (self.a / number, a / 2),
+            (number - self.a, 2 - a),
+            (1.0 / self.a, 1 / a),
+            (-self.a, -a),
+            (self.a**2, a**2),
+            (sum([self.a, self.b]), a + b),
+        ]:
+            assert isinstance(own, Phase)
+            np.testing.assert_allclose(np.stack([own.x, own.v]), expected, rtol=1e-6)
+        assert self.a.shape == a.shape
+        assert np.array_equal(self.a[1], a[1])
+
+    def test_what_an_array_has_and_a_phase_has_not_is_refused(self):
+        for wrong in (
+            lambda: self.a == self.b,
+            lambda: bool(self.a),
+            lambda: self.a[0, 1],
+            lambda: np.sin(self.a),
+            lambda: self.a + np.ones((2, 2)),
+        ):
+            with pytest.raises(TypeError):
+                wrong()
