@@ -66,6 +66,11 @@ def test_links_lead_somewhere(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_id)
+def test_pages_have_one_title(page):
+    assert len(re.findall(r"^# ", prose(page), re.MULTILINE)) == 1
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_id)
 def test_fences_are_closed(page):
     assert len(re.findall(r"^```", page.read_text(), re.MULTILINE)) % 2 == 0
 
