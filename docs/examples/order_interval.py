@@ -1,10 +1,10 @@
 # ruff: noqa: T201
-"""How often the interval of an observed order holds the order that the stepper declares.
+"""How often the interval of an observed order contains the order that the stepper declares.
 
     python docs/examples/order_interval.py --ropes 150 --seed 1
 
 Random ropes of six nodes are solved by every stepper that declares an order for them. The
-figures in docs/table.md come from this script.
+numbers in docs/table.md come from this script.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ def random_rope(random: np.random.Generator) -> Rope:
 
 
 def main() -> None:
-    """Count intervals that hold the declared order, and print a line for each stepper."""
+    """Count intervals that contain the declared order, and print a line for each stepper."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--ropes", type=int, default=150)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
 
-    found: dict[str, list] = {stepper: [] for stepper in STEPPERS}
+    orders_of: dict[str, list] = {stepper: [] for stepper in STEPPERS}
     for index in range(options.ropes):
         problem = random_rope(np.random.default_rng([options.seed, index])).problem(frames=4)
         try:
@@ -59,17 +59,17 @@ def main() -> None:
             continue
         for each in table.orders:
             if each.expected:
-                found[each.stepper].append((each.expected, each.order))
+                orders_of[each.stepper].append((each.expected, each.order))
 
-    print(f"{'stepper':32} orders  determined  interval holds it  median width  farthest off")
-    for stepper, orders in found.items():
+    print(f"{'stepper':32} orders  determined  contained  median width  largest miss")
+    for stepper, orders in orders_of.items():
         determined = [(p, order) for p, order in orders if order.observed is not None]
-        off = [max(order.ci95[0] - p, p - order.ci95[1], 0.0) for p, order in determined]
+        misses = [max(order.ci95[0] - p, p - order.ci95[1], 0.0) for p, order in determined]
         width = [order.ci95[1] - order.ci95[0] for _, order in determined]
         print(
             f"{stepper:32} {len(orders):6} {len(determined):11} "
-            f"{sum(distance == 0 for distance in off):18} {np.median(width):13.4f} "
-            f"{max(off):13.4f}"
+            f"{sum(miss == 0 for miss in misses):10} {np.median(width):13.4f} "
+            f"{max(misses):13.4f}"
         )
 
 
