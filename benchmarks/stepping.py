@@ -17,7 +17,6 @@ one rope's step on one core.
 from __future__ import annotations
 
 import argparse
-import os
 import platform
 import shutil
 import statistics
@@ -31,7 +30,7 @@ import jax
 import numpy as np
 from tabulate import tabulate
 
-from ropeode import Problem, Rope, simulate
+from ropeode import Problem, Rope, simulate, threads
 from ropeode.steppers import STEPPERS
 
 SOURCE = Path(__file__).with_name("rope_loop.cpp")
@@ -204,7 +203,7 @@ def measured(nodes: int, repeats: int, program: str | None) -> dict[tuple[str, s
             continue  # not on a rope with springs
         simulate(problem, name, 1)  # compiles
         runs["ropeode", name] = lambda name=name: by_ropeode(problem, name, steps)
-        runs["ensemble", name] = by_ensemble(nodes, name, len(os.sched_getaffinity(0)))
+        runs["ensemble", name] = by_ensemble(nodes, name, threads.cores())
         if name in NUMPY_STEPS:
             runs["NumPy", name] = lambda name=name: by_numpy(problem, name, few, dt)
 
@@ -260,7 +259,7 @@ def main() -> None:
         for nodes in map(int, given.nodes.split(",")):
             check(nodes, program)
             lines += rows(nodes, measured(nodes, given.repeats, program), limits)
-    cores = len(os.sched_getaffinity(0))
+    cores = threads.cores()
     print(f"JAX {jax.__version__}, Python {platform.python_version()}, {cores} cores\n")
     headers = ("nodes", "stepper", "by", "ns/step", "min-max", "/ C++", "limit")
     align = ("right", "left", "left", "right", "right", "right", "right")

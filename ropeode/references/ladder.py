@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers import diffrax_solver
-from ropeode.references.solvers.solution import Solution
+from ropeode.references.solvers.solution import Solution, absolute_tolerance
 
 # A solver of order p needs 10^(1/p) times the steps for one more digit: 1.33 for Dopri8 and
 # 1.58 for Kvaerno5. Where one more digit costs more than this factor, the error estimate has
@@ -88,7 +88,7 @@ def solve_primary(
         problem,
         method.primary,
         rtol,
-        rtol * problem.scale,
+        absolute_tolerance(problem, rtol),
         max_steps=max_steps or step_budget(problem),
         **more,
     )
@@ -159,7 +159,7 @@ def solve_independent(
             problem,
             method.independent,
             like.rtol,
-            like.rtol * problem.scale,
+            absolute_tolerance(problem, like.rtol),
             max_steps=independent_budget(problem, like),
         )
         if run.failure is None:

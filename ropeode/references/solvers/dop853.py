@@ -20,7 +20,7 @@ from scipy.integrate import DOP853
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.ladder import SIDE_BY_SIDE
-from ropeode.references.solvers.solution import Solution, finite_samples
+from ropeode.references.solvers.solution import Solution, absolute_tolerance, finite_samples
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
@@ -75,7 +75,7 @@ def solve(
         Solution(
             solver=SIDE_BY_SIDE,
             rtol=max(rtol, _TIGHTEST_RTOL),
-            atol=rtol * problem.scale,
+            atol=absolute_tolerance(problem, rtol),
             states=own[: finite_samples(own)].reshape(-1, *first.y0.shape),
             steps=lanes.steps[member],
             seconds=seconds,
@@ -129,7 +129,8 @@ class _Lanes:
             new[lane], self._member[lane], self.steps[member] = True, member, 0
             self._t[lane], self._sample[lane], self._rejected[lane] = self._ts[0], 1, False
             self._y[lane] = problem.y0.reshape(-1)
-            self._rtol[lane], self._atol[lane] = max(rtol, _TIGHTEST_RTOL), rtol * problem.scale
+            self._rtol[lane] = max(rtol, _TIGHTEST_RTOL)
+            self._atol[lane] = absolute_tolerance(problem, rtol)
             for rows, leaf in zip(self._leaves, jax.tree.leaves(problem.args), strict=True):
                 rows[lane] = leaf
         self._on_device = jax.device_put(self._leaves)

@@ -6,6 +6,8 @@ import dataclasses
 
 import numpy as np
 
+from ropeode.problems.problem import Problem
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Solution:
@@ -34,6 +36,16 @@ class Solution:
     def without_states(self) -> Solution:
         """What is told of the run, and none of its memory."""
         return dataclasses.replace(self, states=np.empty((0, *self.states.shape[1:])))
+
+
+def absolute_tolerance(problem: Problem, rtol: float) -> float:
+    """The absolute tolerance of a run, in the units of the state.
+
+    Arguments:
+        problem: to be solved; its scale says how large its state is.
+        rtol: the relative tolerance.
+    """
+    return rtol * problem.scale
 
 
 def finite_samples(states: np.ndarray) -> int:
