@@ -1,7 +1,7 @@
-"""What the pages of this folder have computed for them: `make docs` writes it into them.
+"""The computed parts of the pages: `make docs` writes them.
 
-Each function prints Markdown; pictures go to docs/images. The pages call them in comments that
-the program cog carries out.
+Each function returns Markdown; pictures go to docs/images. The pages call the functions in comments
+that the program cog executes.
 """
 
 from __future__ import annotations
@@ -70,16 +70,16 @@ def picture(figure, name: str, words: str) -> str:
 
 
 def limits() -> str:
-    """From how many steps per frame on the hanging rope is let alone, by damping."""
+    """The fewest steps per frame at which the hanging rope stays at rest, by damping."""
     stiffness = Rope().stiffness
     rows = []
     for damping in DAMPINGS:
         problem = Rope(damping=damping).problem(1)
-        found = [
+        limits_of = [
             stability_limit(problem, name) for name in ("explicit-euler", "semi-implicit-euler")
         ]
         bound = f"{4 * stiffness / damping:.0f}" if damping else "none"
-        rows.append([f"{damping:g}", bound, *("none" if n is None else str(n) for n in found)])
+        rows.append([f"{damping:g}", bound, *("none" if n is None else str(n) for n in limits_of)])
     return table(["damping", "4k/damping", "explicit Euler", "semi-implicit Euler"], rows)
 
 
@@ -107,7 +107,7 @@ def growth() -> str:
 
 def rests() -> str:
     """When the Verlet ropes come to rest, and the picture."""
-    found = [
+    times = [
         each
         for rope in ("constraint", "force")
         for rule in ("per-step", "lagged")
@@ -122,12 +122,12 @@ def rests() -> str:
             "-" if each.settled_at is None else str(each.settled_at),
             "-" if each.product is None else f"{each.product:.2f}",
         ]
-        for each in found
+        for each in times
     ]
     headers = ["rope", "damping", "steps/frame", "damping per frame", "at rest from", "product"]
     words = "frame of coming to rest against steps per frame"
     return "\n\n".join(
-        [picture(plot_rest_times(found), "rest-time.png", words), table(headers, rows, words=2)]
+        [picture(plot_rest_times(times), "rest-time.png", words), table(headers, rows, words=2)]
     )
 
 
@@ -198,7 +198,7 @@ def figures() -> str:
 
 @in_float64
 def solver_orders(*libraries: str) -> str:
-    """The orders that the solvers of libraries say they have, and those that they show."""
+    """The documented and the observed orders of the solvers of libraries."""
     rows = []
     for given in [
         f"{library}:{name}" for library in libraries for name in library_named(library).names()
@@ -249,7 +249,7 @@ SPANS = (50, 100, 120, 150, 200, 300, 1000)
 
 @functools.cache
 def horizon_study(frames: int):
-    """The undamped default rope, held against extended precision."""
+    """The undamped default rope, compared with extended precision."""
     return horizon_of(Rope(damping=0.0).problem(frames), SPANS, time_limit=600)
 
 
@@ -262,7 +262,7 @@ def horizon_words() -> str:
 
 
 def predicted_needs() -> str:
-    """What 100 frames foretell of longer spans, and what these needed."""
+    """The precision that 100 frames predict for longer spans, and what these spans needed."""
     short, long = horizon_study(SHORT), horizon_study(LONG)
     rates = short.exponent.value / math.log(10), long.exponent.value / math.log(10)
     rows = []
@@ -299,17 +299,17 @@ def agreement() -> str:
 
 def growth_by_window() -> str:
     """The growth of tangents of the undamped rope, window by window."""
-    found = lyapunov_exponent(Rope(damping=0.0).problem(2000))
-    since = found.times - found.times[0]
+    exponent = lyapunov_exponent(Rope(damping=0.0).problem(2000))
+    since = exponent.times - exponent.times[0]
     rows = []
     for start, end in ((0, 80), (80, 200), (200, 500), (500, 1000), (1000, 2000)):
-        grown = [np.interp(at, since, found.log_growth.mean(axis=0)) for at in (start, end)]
+        grown = [np.interp(at, since, exponent.log_growth.mean(axis=0)) for at in (start, end)]
         rate = (grown[1] - grown[0]) / (end - start)
         rows.append([f"{start} to {end}", f"{rate:.3f}", f"{100 * rate / math.log(10):.1f}"])
-    low, high = found.interval
+    low, high = exponent.interval
     return (
         table(["frames", "rate per frame", "digits in 100 frames"], rows)
-        + f"\n\nOver the frames 1000 to 2000 the exponent is {found.value:.3f} [{low:.3f}, "
+        + f"\n\nOver the frames 1000 to 2000 the exponent is {exponent.value:.3f} [{low:.3f}, "
         f"{high:.3f}] per frame."
     )
 
