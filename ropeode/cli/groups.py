@@ -1,4 +1,4 @@
-"""Commands that have commands of their own, one of which need not be named."""
+"""Commands with subcommands, one of which is the default."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import click
 
 
 class DefaultGroup(click.Group):
-    """A group with a command that is meant where none is named.
+    """A group that runs a default subcommand if the first argument names none.
 
     Arguments:
-        default: name of that command.
+        default: name of the default subcommand.
     """
 
     def __init__(self, *args: Any, default: str, **named: Any):
@@ -19,7 +19,7 @@ class DefaultGroup(click.Group):
         self._default = default
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put the default command in front of what is no name of a command."""
+        """Insert the default subcommand, unless the first argument names one."""
         if args and args[0] not in self.commands and args[0] not in ("-h", "--help"):
             args = [self._default, *args]
         return super().parse_args(ctx, args)

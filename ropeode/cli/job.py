@@ -1,4 +1,4 @@
-"""What a command is asked to compute, from a spec file and options."""
+"""The settings of a command, from a spec file and options."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 
 def job_from(spec: Path | None, options: Mapping[str, str | None]) -> TableJob:
-    """What the spec file asks for, where there is one, and the options, which come first.
+    """The job that a spec file and options describe; options override the file.
 
     Arguments:
-        spec: the file.
-        options: from click, None where nothing was typed.
+        spec: the file, or None.
+        options: from click; None for those that the user left out.
 
     Raises:
         InputError: one line for each value that cannot be used.

@@ -1,4 +1,4 @@
-"""What a long command needs: JAX set up, a progress bar, and an end when Ctrl-C says so."""
+"""Long commands: they set up JAX, show a progress bar, and end on Ctrl-C."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def end_on_ctrl_c(left: str = "nothing was written") -> None:
     An exception would not do: extension modules swallow it while they are imported.
 
     Arguments:
-        left: what has become of the work.
+        left: what happens to the work, for the message.
     """
 
     def end(*_: Any) -> None:
@@ -42,7 +42,7 @@ def end_on_ctrl_c(left: str = "nothing was written") -> None:
 
 @contextlib.contextmanager
 def not_interrupted() -> Iterator[None]:
-    """Hold Ctrl-C off for the moment that it takes to write a result."""
+    """Ignore Ctrl-C while a result is written."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
@@ -51,7 +51,7 @@ def not_interrupted() -> Iterator[None]:
 
 
 def put_out(text: str, path: Path | None) -> None:
-    """Write a result to its file, whole, or print it where there is none."""
+    """Write a result to its file, whole, or print it if there is no file."""
     if path is None:
         click.echo(text, nl=False)
         return
@@ -60,7 +60,7 @@ def put_out(text: str, path: Path | None) -> None:
 
 
 def set_up_jax() -> None:
-    """64-bit types, and what is traced and compiled kept in the user's cache folder."""
+    """Switch on 64-bit types, and cache traced and compiled programs in the user's cache folder."""
     from ropeode.references.jax_setup import set_up_jax as set_up
 
     set_up()
@@ -68,7 +68,7 @@ def set_up_jax() -> None:
 
 @contextlib.contextmanager
 def show_progress() -> Iterator[Progress]:
-    """A bar on standard error, if that is a terminal; gone when the work is done."""
+    """A bar on standard error, if that is a terminal; it disappears at the end."""
     from rich import progress as rich
     from rich.console import Console
 
@@ -128,10 +128,10 @@ def show_cases() -> Iterator[Callable[[int, int], None]]:
 
 
 def interruptible(work: Callable[[], T]) -> T:
-    """Do the work so that Ctrl-C is heard at once.
+    """Do the work in a way that Ctrl-C ends at once.
 
-    Python sees a signal only between its own instructions, and one call into compiled code
-    may last minutes; so the work goes to a thread that the process does not wait for.
+    Python handles a signal only between its own instructions, and one call into compiled code
+    may last minutes. So the work runs in a thread that the process does not wait for.
     """
     result: dict[str, Any] = {}
 
