@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from ropeode.render import cells, markup
+from ropeode.render import cells
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.study.accuracy_table import AccuracyTable
 
 
-def as_markdown(table: AccuracyTable) -> str:
-    """Two pipe tables between paragraphs."""
-    return markup.markdown(blocks(table))
-
-
-def as_latex(table: AccuracyTable) -> str:
-    """Two tabulars in the style of the booktabs package."""
-    return markup.latex(blocks(table))
-
-
-def as_html(table: AccuracyTable) -> str:
-    """A page that needs nothing beside it."""
-    return markup.html_page(blocks(table))
-
-
 def blocks(table: AccuracyTable) -> list[Block]:
-    """Both tables with their words."""
+    """Runs and orders as tables, between paragraphs."""
     runs = [(row.stepper, *cells.run_cells(row)) for row in table.rows]
     orders = [
         (*cells.order_cells(table, each.stepper), _remarks(table, each.stepper))
@@ -45,6 +30,6 @@ def blocks(table: AccuracyTable) -> list[Block]:
 
 
 def _remarks(table: AccuracyTable, stepper: str) -> str:
-    found = next(each for each in table.orders if each.stepper == stepper)
-    left_out = cells.left_out_words(table, stepper, found.order)
-    return "; ".join(filter(None, (cells.remark(found), found.order.why, left_out)))
+    each = next(each for each in table.orders if each.stepper == stepper)
+    left_out = cells.left_out_words(table, stepper, each.order)
+    return "; ".join(filter(None, (cells.remark(each), each.order.why, left_out)))

@@ -1,4 +1,4 @@
-"""The studies behind the answers, held against what theory and the issue at hand demand."""
+"""The studies of the open questions agree with theory."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ropeode.case_studies.growth import growth_scan
+from ropeode.case_studies.projection_sweeps import sweep_study
 from ropeode.case_studies.rest_time import rest_times
-from ropeode.case_studies.sweeps import sweep_study
 from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.rope import Rope

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ropeode.case_studies.growth import MeasuredGrowth
+from ropeode.case_studies.projection_sweeps import sweep_study
 from ropeode.case_studies.rest_time import RestTime
-from ropeode.case_studies.sweeps import sweep_study
+from ropeode.case_studies.study_plots import plot_growth, plot_rest_times, plot_sweeps
 from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.render.plots.answers import plot_growth, plot_rest_times, plot_sweeps
 
 
 def has_line(axes, x, y) -> bool:

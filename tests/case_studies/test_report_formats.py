@@ -12,10 +12,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from ropeode.case_studies.report import Moved, Report, rope_report
+from ropeode.case_studies.formats import FORMATS, SCHEMA, as_dict, format_report, summary
+from ropeode.case_studies.pictures import draw_report, plot_contact_sheets, plot_report_figure
+from ropeode.case_studies.report import Report, RoundingEffect, ThresholdEffect, rope_report
 from ropeode.errors import InputError
-from ropeode.render.formats import FORMATS, REPORT_FORMATS, format_report
-from ropeode.render.report import SCHEMA, as_dict, summary
+from ropeode.progress import silent
+from ropeode.render.formats import FORMATS as TABLE_FORMATS
 
 FIGURES = (1, 4, 8, 12, 31, 36, 37)
 ROW = {
@@ -34,18 +36,23 @@ ROW = {
 
 @pytest.fixture(scope="module")
 def report() -> Report:
-    found = rope_report(FIGURES, 260)
-    moved = Moved(8, "words", "speed", 0.002, "holds until frame 12")
-    return dataclasses.replace(found, moved=(*found.moved, moved))
+    report = rope_report(FIGURES, 260)
+    threshold = ThresholdEffect(8, "words", "speed", 0.002, "holds until frame 12")
+    rounding = RoundingEffect(36, "words", "settled_at", None, 251, "holds")
+    return dataclasses.replace(
+        report,
+        sensitive_to_thresholds=(*report.sensitive_to_thresholds, threshold),
+        sensitive_to_rounding=(*report.sensitive_to_rounding, rounding),
+    )
 
 
 def test_reports_have_the_formats_of_tables():
-    assert list(REPORT_FORMATS) == list(FORMATS)
+    assert list(FORMATS) == list(TABLE_FORMATS)
     with pytest.raises(InputError, match="format: 'jsn' given"):
         format_report(None, "jsn")
 
 
-@pytest.mark.parametrize("form", REPORT_FORMATS)
+@pytest.mark.parametrize("form", FORMATS)
 def test_every_format_holds_the_findings(form, report):
     text = format_report(report, form)
     assert text.endswith("\n")
@@ -60,6 +67,8 @@ def test_every_format_holds_the_findings(form, report):
         for compared in report.comparisons:
             assert compared.comparison.claim in plain
         assert "holds until frame 12" in plain
+        if form != "json":
+            assert "figure 36: at rest from none becomes 251" in plain
 
 
 def test_text_fits_80_columns(report):
@@ -79,6 +88,10 @@ def test_json_schema(report):
             assert row["settled_at"] == each.motion.settled_at
             assert row["frames"] == 260
             assert {reading["meaning"] for reading in row["meanings"]} == set(each.figure.meanings)
+    assert found["sensitive_to_rounding"][-1] == {
+        "figure": 36, "meaning": "words", "measure": "settled_at", "value": None, "nudged": 251,
+        "verdict": "holds",
+    }  # fmt: skip
     for row in found["comparisons"]:
         assert set(row) == {"figures", "claim", "measured", "verdict"}
 
@@ -117,9 +130,7 @@ def test_html_rows_are_whole(report):
 
 
 def test_pictures(report):
-    from ropeode.render.plots.report import draw_report, plot_contact_sheets, plot_report_figure
-
-    made = draw_report(report, lambda text, fraction: None)
+    made = draw_report(report, silent)
     assert set(made) == {f"figure-{n:02}.png" for n in FIGURES} | {"contact-sheet-1.png"}
     assert all(contents.startswith(b"\x89PNG") for contents in made.values())
 
