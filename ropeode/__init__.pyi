@@ -19,6 +19,10 @@ from .checking.check import check_stepper as check_stepper
 from .checking.grade import grade as grade
 from .checking.problems import CheckArgs as CheckArgs
 from .checking.report import CheckReport as CheckReport
+from .checking.trajectories.studies import trajectory_energy_curves as trajectory_energy_curves
+from .checking.trajectories.studies import trajectory_error_curves as trajectory_error_curves
+from .checking.trajectories.studies import trajectory_errors as trajectory_errors
+from .checking.trajectories.studies import trajectory_paths as trajectory_paths
 from .errors import InputError as InputError
 from .errors import ReferenceRefused as ReferenceRefused
 from .errors import RopeodeError as RopeodeError

@@ -39,7 +39,7 @@ def plot_convergence(table: AccuracyTable) -> Figure:
     found = {each.stepper: points(table, each.stepper) for each in table.orders}
     shown = [mark for mark in MARKS if any(p.mark == mark for each in found.values() for p in each)]
     figure = new_figure(
-        f"Convergence of steppers: {problem_words(table)}",
+        f"Error against step size: {problem_words(table)}",
         cells.error_words(table).rstrip("."),
         _AXES_HEIGHT + _LEGEND_LINE * max(len(found), len(shown) + 1),
     )

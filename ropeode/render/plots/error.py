@@ -31,7 +31,7 @@ def plot_errors(curves: ErrorCurves) -> Figure:
     """
     panels = panels_of(curves.curves)
     figure, every = new_panels(
-        f"Errors of steppers: {problem_words(curves)}",
+        f"Error against time: {problem_words(curves)}",
         f"Error: {curves.norm.words}",
         panels,
         with_unit("time", curves.problem, "time"),
