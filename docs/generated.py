@@ -172,7 +172,7 @@ def report() -> Report:
 def figures() -> str:
     """All figures of the report."""
     _, summary, figures, *_ = blocks(report())
-    return markdown([summary, figures])
+    return markdown([summary, figures]).rstrip()
 
 
 @in_float64
@@ -197,12 +197,12 @@ def solver_orders(*libraries: str) -> str:
 
 def comparisons() -> str:
     """The claims that compare figures."""
-    return markdown([blocks(report())[3]])
+    return markdown([blocks(report())[3]]).rstrip()
 
 
 def sensitivities() -> str:
     """The verdicts and measurements that depend on thresholds and on rounding."""
-    return markdown(blocks(report())[4:])
+    return markdown(blocks(report())[4:]).rstrip()
 
 
 def sheets() -> str:

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import click
 
-from ropeode.cli.formats import format_for, format_option
-from ropeode.cli.running import (
+from ropeode.errors import InputError
+from ropeode.files import check_writable, write_whole
+from ropeode.terminal.formats import format_for, format_option
+from ropeode.terminal.running import (
     end_on_ctrl_c,
     interruptible,
     not_interrupted,
@@ -15,8 +17,6 @@ from ropeode.cli.running import (
     set_up_jax,
     show_progress,
 )
-from ropeode.errors import InputError
-from ropeode.files import check_writable, write_whole
 from ropeode.validation import complaint
 
 

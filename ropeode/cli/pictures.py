@@ -10,9 +10,9 @@ import click
 
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.errors import InputError
 from ropeode.files import write_whole
+from ropeode.terminal.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.validation import complaint
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import typing
 
 import numpy as np
@@ -40,9 +41,13 @@ def test_comparisons_name_figures_and_measures():
 
 def test_settings_are_those_of_the_report():
     """As its README gives them: start, ends, mass, stiffness, gravity, pin."""
-    for figure in all_figures().values():
-        if figure.run_as is None:
-            continue
+    # Many differ in their steps alone, which no problem depends on.
+    moving = {
+        dataclasses.replace(figure, figure=0, steps_per_frame=1, claim="swings", words="")
+        for figure in all_figures().values()
+        if figure.run_as
+    }
+    for figure in moving:
         for end in ENDS:
             problem = figure.setting("words").problem(end, 5)
             assert problem.frames == 5

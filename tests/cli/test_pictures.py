@@ -118,7 +118,7 @@ def test_film_of_trajectories(trajectories, run, tmp_path):
         (["plot", "--trajectories"], "files: 'none' given"),
         (["plot", "--trajectories", "a.csv"], "problem: 'none' given"),
         (["plot", "--trajectories", "a.csv", "--problem", "rope"], "file: 'a.csv' given"),
-        (["plot", "--trajectories", "a.csv", "--steps", "4"], "steps: '4' given; allowed: only without"),
+        (["plot", "--trajectories", "a.csv", "--steps", "4"], "steps: '4' given; allowed: only"),
         (["animate", "a.csv", "b.csv"], "to draw trajectories, add --trajectories"),
         (["animate", "--dt", "0.1"], "dt: '0.1' given; allowed: only with --trajectories"),
         (["plot", "--type", "errors"], "'errors' is not one of"),
