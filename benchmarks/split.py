@@ -20,7 +20,7 @@ EVENTS = {
 
 
 def main() -> None:
-    from ropeode.cli.running import set_up_jax
+    from ropeode.terminal.running import set_up_jax
 
     set_up_jax()
     import jax.monitoring

@@ -27,21 +27,22 @@ from ropeode import (
     stability_limit,
 )
 from ropeode import horizon as horizon_of
+from ropeode.case_studies.formats import blocks
 from ropeode.case_studies.growth import growth_scan
+from ropeode.case_studies.pictures import plot_contact_sheets
+from ropeode.case_studies.projection_sweeps import sweep_study
 from ropeode.case_studies.report import Report, rope_report
 from ropeode.case_studies.rest_time import rest_times
-from ropeode.case_studies.sweeps import sweep_study
+from ropeode.case_studies.study_plots import plot_growth, plot_rest_times, plot_sweeps
 from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.report import Claims
 from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.precision import in_float64
-from ropeode.render.plots.answers import plot_growth, plot_rest_times, plot_sweeps
+from ropeode.render.markup import markdown
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
-from ropeode.render.plots.report import plot_contact_sheets
-from ropeode.render.report import measured_words, summary, theory_words, threshold_words
 from ropeode.steppers.base import ProblemClass
 from ropeode.steppers.stepper_loading import library as library_named
 
@@ -170,30 +171,8 @@ def report() -> Report:
 
 def figures() -> str:
     """All figures of the report."""
-    rows = [
-        [
-            str(each.figure.figure),
-            (each.figure.run_as or "-").split(":")[0],
-            str(each.figure.steps_per_frame) if each.readings else "-",
-            f"{each.figure.damping:g}" if each.readings else "-",
-            each.figure.claim.replace("_", " "),
-            measured_words(each),
-            theory_words(each),
-            f"**{each.verdict}**" if each.verdict != "holds" else each.verdict,
-        ]
-        for each in report().figures
-    ]
-    headers = [
-        "figure",
-        "stepper",
-        "steps/frame",
-        "damping",
-        "claim",
-        "measured",
-        "theory",
-        "verdict",
-    ]
-    return f"{summary(report())}\n\n{table(headers, rows, words={1, 4, 5, 6, 7})}"
+    _, summary, figures, *_ = blocks(report())
+    return markdown([summary, figures]).rstrip()
 
 
 @in_float64
@@ -218,21 +197,12 @@ def solver_orders(*libraries: str) -> str:
 
 def comparisons() -> str:
     """The claims that compare figures."""
-    rows = [
-        [
-            ", ".join(map(str, each.comparison.figures)),
-            each.comparison.claim,
-            each.measured,
-            f"**{each.verdict}**" if each.verdict != "holds" else each.verdict,
-        ]
-        for each in report().comparisons
-    ]
-    return table(["figures", "claim", "measured", "verdict"], rows, words=4)
+    return markdown([blocks(report())[3]]).rstrip()
 
 
-def thresholds() -> str:
-    """The thresholds, and the verdicts that hang on them."""
-    return threshold_words(report())
+def sensitivities() -> str:
+    """The verdicts and measurements that depend on thresholds and on rounding."""
+    return markdown(blocks(report())[4:]).rstrip()
 
 
 def sheets() -> str:

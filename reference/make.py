@@ -12,12 +12,12 @@ import sys
 import time
 from pathlib import Path
 
-from ropeode.cli.running import set_up_jax, show_progress
 from ropeode.files import write_whole
 from ropeode.references.files.checksum import check_seal
 from ropeode.references.files.library import MANIFEST, Entry
 from ropeode.references.files.recipes import read_recipe
 from ropeode.references.files.store import save_reference
+from ropeode.terminal.running import set_up_jax, show_progress
 
 HERE = Path(__file__).resolve().parent
 

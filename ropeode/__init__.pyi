@@ -12,12 +12,17 @@ from .analysis.order import ObservedOrder as ObservedOrder
 from .analysis.order import observed_order as observed_order
 from .analysis.stability import growth_per_frame as growth_per_frame
 from .analysis.stability import stability_limit as stability_limit
+from .case_studies.formats import format_report as format_report
 from .case_studies.report import Report as Report
 from .case_studies.report import rope_report as rope_report
 from .checking.check import check_stepper as check_stepper
 from .checking.grade import grade as grade
 from .checking.problems import CheckArgs as CheckArgs
 from .checking.report import CheckReport as CheckReport
+from .checking.trajectories.studies import trajectory_energy_curves as trajectory_energy_curves
+from .checking.trajectories.studies import trajectory_error_curves as trajectory_error_curves
+from .checking.trajectories.studies import trajectory_errors as trajectory_errors
+from .checking.trajectories.studies import trajectory_paths as trajectory_paths
 from .errors import InputError as InputError
 from .errors import ReferenceRefused as ReferenceRefused
 from .errors import RopeodeError as RopeodeError
@@ -38,7 +43,6 @@ from .references.reference import Reference as Reference
 from .references.reference import reference as reference
 from .render.formats import format_check as format_check
 from .render.formats import format_horizon as format_horizon
-from .render.formats import format_report as format_report
 from .render.formats import format_table as format_table
 from .render.plots.animation import animate as animate
 from .render.plots.convergence import plot_convergence as plot_convergence

@@ -24,7 +24,7 @@ _ROUNDINGS = 64.0
 _NEAR_REST, _DISTURBANCE, _PATIENCE = 1e-6, 1e-4, 1e12
 _MOST_STEPS, _MOST_CORRECTIONS = 5000, 50
 # A rope hangs in the same way however long and with whichever stepper it is watched.
-_FOUND: dict[tuple, np.ndarray] = {}
+_EQUILIBRIA: dict[tuple, np.ndarray] = {}
 _MOST_KEPT = 256
 
 
@@ -52,21 +52,21 @@ def hanging_equilibrium(problem: Problem) -> np.ndarray:
         problem.mechanics,
         *(leaf.tobytes() for leaf in jax.tree.leaves((problem.y0, problem.args))),
     )
-    if key not in _FOUND:
-        if len(_FOUND) >= _MOST_KEPT:
-            _FOUND.clear()
-        _FOUND[key] = _found(problem)
-    return _FOUND[key].copy()
+    if key not in _EQUILIBRIA:
+        if len(_EQUILIBRIA) >= _MOST_KEPT:
+            _EQUILIBRIA.clear()
+        _EQUILIBRIA[key] = _equilibrium(problem)
+    return _EQUILIBRIA[key].copy()
 
 
-def _found(problem: Problem) -> np.ndarray:
+def _equilibrium(problem: Problem) -> np.ndarray:
     _refuse_what_depends_on_time(problem)
     at = _Still(problem)
     disturbance = _DISTURBANCE * problem.scale * np.random.default_rng(3).normal(size=len(at.start))
     for start in (at.start, at.start + disturbance):
-        found = _corrected(at, _sunk(at, start))
-        if found is not None and _is_stable(at, found):
-            x = at.positions(found)
+        free = _corrected(at, _sunk(at, start))
+        if free is not None and _is_stable(at, free):
+            x = at.positions(free)
             return np.stack([x, np.zeros_like(x)])
     raise InputError(
         complaint(
@@ -237,8 +237,8 @@ def _corrected(at: _Still, free: np.ndarray) -> np.ndarray | None:
         best, smallest = free, size
         # Least squares: a rope without gravity may turn about its pin, which is no fault.
         free = free - np.linalg.lstsq(at.derivative(free), residual, rcond=None)[0]
-    # Forces that cancel at rest do not cancel at the start; positions cannot be told better
-    # than to a rounding.
+    # Forces that cancel at rest do not cancel at the start; positions are only good to a
+    # rounding.
     terms = np.max(np.abs(at.derivative(best)) @ np.abs(best))
     terms += np.sum(np.abs(at.residual(at.start)))
     return best if smallest <= _ROUNDINGS * _EPS * terms else None

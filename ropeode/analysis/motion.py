@@ -1,4 +1,4 @@
-"""How a rope moves, in words: it swings, settles or flies apart, by measure."""
+"""How a rope moves, in words: it swings, settles or flies apart."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ropeode.analysis.equilibrium import hanging_equilibrium
-from ropeode.analysis.motion_measures import Seen, lengthening, measured
+from ropeode.analysis.motion_measures import RopeMeasures, lengthening, measured
 from ropeode.errors import InputError
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
@@ -49,8 +49,7 @@ class Thresholds:
         checks.run(*(functools.partial(self._check, field) for field in dataclasses.fields(self)))
 
     def _check(self, field: dataclasses.Field) -> None:
-        given = getattr(self, field.name)
-        number = check_positive(field.name, given, example=str(field.default))
+        number = check_positive(field.name, getattr(self, field.name), example=str(field.default))
         object.__setattr__(self, field.name, number)
 
 
@@ -65,10 +64,10 @@ class Motion:
 
     Arguments:
         verdict: `diverges`; or, where the run ends at rest, `settles` or
-            `settles_without_swinging`; otherwise `never_settles`, in the frames seen.
+            `settles_without_swinging`; otherwise `never_settles`, as long as it ran.
         diverged_at: the first frame that is not finite or has a spring too long; or None.
         settled_at: the frame from which on it was at rest, the last time that it came to
-            rest for long enough, be it that it left that rest again; or None.
+            rest for long enough, even if it left that rest again; or None.
         unsettled_at: the frame at which it left that rest; None if it did not.
         swings: how often it swung from one side of the vertical to the other.
         swing_times: when it passed the vertical in each of them, interpolated linearly
@@ -78,8 +77,8 @@ class Motion:
         largest_stretch: of any spring, in its rest lengths: 0 at rest length.
         largest_stretch_at: its frame.
         energy: above that of hanging still, ``(frames + 1,)``; None if the problem has none.
-        energy_at_rest: what has been taken off `energy`; None where hanging still has not
-            been found, and nothing has been taken off.
+        energy_at_rest: the energy of hanging still, which `energy` leaves out; None where the
+            rope has no stable equilibrium, and `energy` is that of the problem.
         jitter: the rate at which springs change length, in rest lengths per frame: root mean
             square over all springs and the last tenth of the frames. Zero for a rope that
             swings like a rod.
@@ -104,7 +103,7 @@ class Motion:
 
 
 class Words(NamedTuple):
-    """What hangs on the thresholds in a `Motion`; the fields mean the same there.
+    """The part of a `Motion` that depends on the thresholds; the fields mean the same there.
 
     Fields:
         kept: the number of samples before it diverged.
@@ -154,9 +153,9 @@ class Sensitivity(NamedTuple):
 def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -> Motion:
     """Say how a rope moved.
 
-    Sides are told by the centre of mass of the free nodes, along the initial direction of
-    the rope as far as that is across gravity, and seen from the first pinned node. A rope
-    that hangs along gravity initially is seen along the direction in which it first leaves it.
+    The centre of mass of the free nodes says on which side of the first pinned node the rope
+    is: along its initial direction, as far as that is across gravity. For a rope that hangs
+    along gravity initially, the sides lie in the direction in which it first leaves it.
 
     Arguments:
         trajectory: of a rope; it may have diverged.
@@ -166,11 +165,11 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -
         InputError: the trajectory is not that of a rope that can hang, or its first sample
             has diverged already.
     """
-    seen = measured(trajectory)
-    words = _words(seen, thresholds)
+    measures = measured(trajectory)
+    words = _words(measures, thresholds)
     kept = words.kept
     states = trajectory.states[:kept]
-    where = int(np.argmax(np.max(seen.stretch[:kept], axis=1)))
+    where = int(np.argmax(np.max(measures.stretch[:kept], axis=1)))
     last = max(1, round(_LAST_PART * kept))
     energy, at_rest = _energy(trajectory.problem, states)
     return Motion(
@@ -181,7 +180,7 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -
         swings=len(words.swing_times),
         swing_times=words.swing_times,
         reached_vertical_at=words.reached_vertical_at,
-        largest_stretch=float(np.max(seen.stretch[where])),
+        largest_stretch=float(np.max(measures.stretch[where])),
         largest_stretch_at=where,
         energy=energy,
         energy_at_rest=at_rest,
@@ -207,7 +206,7 @@ def motion_words(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -> W
 def sensitivity(
     trajectory: Trajectory, thresholds: Thresholds = DEFAULTS
 ) -> tuple[Sensitivity, ...]:
-    """How far the verdict hangs on the thresholds: each of them halved, and doubled.
+    """How the verdict depends on the thresholds: each of them halved, and doubled.
 
     Arguments:
         trajectory: as for `classify_motion`.
@@ -216,21 +215,21 @@ def sensitivity(
     Raises:
         InputError: as `classify_motion`.
     """
-    seen = measured(trajectory)
-    usual = _words(seen, thresholds).verdict
+    measures = measured(trajectory)
+    usual = _words(measures, thresholds).verdict
     changed = []
     for field in dataclasses.fields(thresholds):
         for factor in (0.5, 2.0):
             value = factor * getattr(thresholds, field.name)
-            words = _words(seen, dataclasses.replace(thresholds, **{field.name: value}))
+            words = _words(measures, dataclasses.replace(thresholds, **{field.name: value}))
             changed.append(Sensitivity(field.name, value, words, words.verdict != usual))
     return tuple(changed)
 
 
-def _words(seen: Seen, thresholds: Thresholds) -> Words:
-    whole = np.isfinite(seen.speed) & np.all(seen.stretch <= thresholds.stretch, axis=1)
+def _words(measures: RopeMeasures, thresholds: Thresholds) -> Words:
+    whole = np.isfinite(measures.speed) & np.all(measures.stretch <= thresholds.stretch, axis=1)
     broken = np.flatnonzero(~whole)
-    diverged_at = int(broken[0]) if len(broken) else seen.lost_at
+    diverged_at = int(broken[0]) if len(broken) else measures.lost_at
     kept = len(whole) if diverged_at is None else diverged_at
     if kept == 0:
         raise InputError(
@@ -241,13 +240,13 @@ def _words(seen: Seen, thresholds: Thresholds) -> Words:
                 "start it in another state, or raise stretch",
             )
         )
-    at_rest = seen.speed[:kept] < thresholds.speed
-    settled_at, end = _last_rest(seen.times[:kept], at_rest, thresholds.rest)
+    at_rest = measures.speed[:kept] < thresholds.speed
+    settled_at, end = _last_rest(measures.times[:kept], at_rest, thresholds.rest)
     left = settled_at is not None and (end < kept or diverged_at is not None)
-    aside = seen.aside[:kept]
+    aside = measures.aside[:kept]
     first_side = np.sign(aside[np.argmax(np.abs(aside) > thresholds.swing)])
     reached = np.flatnonzero(aside * first_side <= thresholds.swing)
-    swing_times = _passed_vertical(seen.times_given[:kept], aside, thresholds.swing)
+    swing_times = _passed_vertical(measures.sample_times[:kept], aside, thresholds.swing)
 
     verdict: Verdict = "never_settles"
     if diverged_at is not None:

@@ -1,4 +1,4 @@
-"""What is measured of a rope's motion, sample by sample and without units."""
+"""Measurements of a moving rope, sample by sample and without units."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ropeode.validation import complaint
 _UPRIGHT = 1e-6
 
 
-class Seen(NamedTuple):
-    """A trajectory without units, sample by sample; not finite where it is not.
+class RopeMeasures(NamedTuple):
+    """A trajectory without units, sample by sample; not finite where its states are not.
 
     Fields:
         times: since the start, in T.
         speed: of the fastest node, in V.
         stretch: of each spring, in its rest lengths, ``(times, springs)``.
         aside: of the centre of mass from the vertical, in L.
-        lost_at: the frame that is missing since its state was not finite, or None.
-        times_given: the sample times as they are.
+        lost_at: the first frame that is missing, since its state was not finite; or None.
+        sample_times: the sample times as they are.
     """
 
     times: np.ndarray
@@ -33,10 +33,10 @@ class Seen(NamedTuple):
     stretch: np.ndarray
     aside: np.ndarray
     lost_at: int | None
-    times_given: np.ndarray
+    sample_times: np.ndarray
 
 
-def measured(trajectory: Trajectory) -> Seen:
+def measured(trajectory: Trajectory) -> RopeMeasures:
     """Measure a rope.
 
     Arguments:
@@ -53,13 +53,13 @@ def measured(trajectory: Trajectory) -> Seen:
     times = trajectory.times
     # A run that blows up may exceed what can be squared; it has diverged by then anyway.
     with np.errstate(over="ignore", invalid="ignore"):
-        return Seen(
+        return RopeMeasures(
             times=(times - times[0]) * np.sqrt(strength / length),
             speed=np.max(_norm(v), axis=1) / np.sqrt(strength * length),
             stretch=_norm(np.diff(x, axis=1)) / rest_length - 1.0,
             aside=_aside(x, args, gravity / strength) / length,
             lost_at=trajectory.diverged_at,
-            times_given=times,
+            sample_times=times,
         )
 
 
@@ -82,9 +82,9 @@ def _rope_args(problem: Problem) -> Any:
         )
     free = np.asarray(args.free) > 0
 
-    def need(holds: Any, name: str, given: Any, allowed: str, fix: str) -> None:
+    def need(holds: Any, name: str, value: Any, allowed: str, fix: str) -> None:
         if not holds:
-            raise InputError(complaint(name, given, allowed, fix))
+            raise InputError(complaint(name, value, allowed, fix))
 
     checks.run(
         lambda: need(free.size > 1, "num_nodes", free.size, "a rope of 2 nodes or more", "add one"),

@@ -1,4 +1,4 @@
-"""Whether a stepper lets a problem hang still: the eigenvalues of its own one-step map."""
+"""Whether a problem hangs still under a stepper: the eigenvalues of its one-step map."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Growth:
 
     @property
     def stable(self) -> bool:
-        """Whether nothing grows that can be told from rounding."""
+        """Whether nothing grows faster than rounding could explain."""
         return self.rate <= self.tolerance
 
 
@@ -72,8 +72,8 @@ def growth_per_frame(
     ``stepper.step`` is differentiated with respect to all that it carries, held coordinates
     left out, and the eigenvalues of this matrix M are the factors by which modes grow in one
     step (von Neumann's criterion; Hairer, Wanner, Solving Ordinary Differential Equations
-    II, section IV.2). They are found as those of ``(M - 1)/dt``, which keeps the digits that
-    tell a factor of 1 + 1e-9 from 1.
+    II, section IV.2). They are computed as those of ``(M - 1)/dt``, which keeps the digits in
+    which a factor of 1 + 1e-9 differs from 1.
 
     Rounding the entries of M moves an eigenvalue by at most ``|u| |M| |w|/|u w|`` roundings,
     to first order, with its left and right eigenvectors u and w (Wilkinson, The Algebraic
@@ -100,8 +100,8 @@ def growth_per_frame(
 def stability_limit(problem: Problem, stepper: Any, y: np.ndarray | None = None) -> int | None:
     """The smallest number of steps per frame from which on the stepper is stable.
 
-    Found by doubling and halving, and tried at twice and four times the number as well: a
-    stepper that is unstable there is searched on from there. Near the limit of a stepper that
+    The search doubles and halves, and tries twice and four times the result as well: where
+    the stepper is unstable there, the search goes on from there. Near the limit of a stepper that
     needs many steps the growth is lost in rounding, so that the number can come out too
     small: by less than 1 up to half a million steps per frame on the default rope.
 
@@ -155,8 +155,8 @@ class _Linearised:
         dt = step_size(self._problem, steps)
         matrix = self._matrix(dt)
         slope = (matrix - np.eye(len(matrix))) / dt
-        found: Any = linalg.eig(slope, left=True, right=True)
-        eigenvalues, left, right = found
+        decomposition: Any = linalg.eig(slope, left=True, right=True)
+        eigenvalues, left, right = decomposition
         with np.errstate(divide="ignore", invalid="ignore"):
             # |1 + dt z|^2 - 1, which is -1 for what a step forgets at once.
             excess = dt * (2.0 * eigenvalues.real + dt * np.abs(eigenvalues) ** 2)

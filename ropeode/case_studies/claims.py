@@ -1,4 +1,4 @@
-"""Whether a figure's claim holds for a motion, and what was measured, in words."""
+"""Whether a figure's claim holds for a motion; and motions and theory in words."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def holds_until(frame: int) -> str:
 def verdict(claim: Claim, motion: Motion | Words, growth: Growth) -> str:
     """Whether a claim holds: `HOLDS`, `FAILS`, or `holds_until` a frame.
 
-    A claim about what lasts holds until the frame at which it ends. That a rope never settles
-    is known only as far as it was watched, where linear theory has it come to rest later on.
+    A claim about what lasts holds until the frame at which it ends. Where linear theory has
+    the rope come to rest later on, that it never settles holds as long as it was watched.
 
     Arguments:
         claim: of a figure in which something moves.
-        motion: what was measured.
+        motion: of its rope.
         growth: of disturbances of hanging still, by linear theory.
     """
     if claim == "diverges":
@@ -43,7 +43,9 @@ def verdict(claim: Claim, motion: Motion | Words, growth: Growth) -> str:
     if claim == "settles_without_swinging":
         settled = settled and not motion.swings
     elif claim != "settles":
-        raise InputError(complaint("claim", claim, "the claim of a figure that moves", "see them"))
+        raise InputError(
+            complaint("claim", claim, "the claim of a figure that moves", "choose one")
+        )
     return _lasting(settled, motion.unsettled_at)
 
 
@@ -54,9 +56,9 @@ def _lasting(so_far: bool, ended_at: int | None) -> str:
 
 
 def rest_expected(motion: Motion | Words, growth: Growth) -> int | None:
-    """The frame by which the slowest mode has decayed to what counts as rest, by theory.
+    """The frame by which the slowest mode should have decayed to what counts as rest.
 
-    None where it does not decay.
+    By linear theory; None where it does not decay.
     """
     if growth.rate >= -growth.tolerance:
         return None
@@ -66,23 +68,23 @@ def rest_expected(motion: Motion | Words, growth: Growth) -> int | None:
 def measured(motion: Motion, growth: Growth) -> str:
     """What a rope did, in a sentence without its end."""
     swings = f"{motion.swings} swing{'s' if motion.swings != 1 else ''}"
-    said = [swings if motion.swings else "no swing"]
+    words = [swings if motion.swings else "no swing"]
     if motion.settled_at is not None:
         left = f" to {motion.unsettled_at}" if motion.unsettled_at is not None else ""
-        said.append(f"at rest from frame {motion.settled_at}{left}")
+        words.append(f"at rest from frame {motion.settled_at}{left}")
     if motion.diverged_at is not None:
-        said.append(f"flies apart at frame {motion.diverged_at}")
+        words.append(f"flies apart at frame {motion.diverged_at}")
     elif motion.settled_at is None or motion.unsettled_at is not None:
-        said.append(f"moving at frame {motion.frames}")
+        words.append(f"moving at frame {motion.frames}")
         if expected := rest_expected(motion, growth):
-            said[-1] += f" (rest expected near {expected})"
+            words[-1] += f" (rest expected near {expected})"
     if motion.diverged_at is None:
-        said.append(f"stretch {100 * motion.largest_stretch:.2g}%")
-    return ", ".join(said)
+        words.append(f"stretch {100 * motion.largest_stretch:.2g}%")
+    return ", ".join(words)
 
 
 def predicted(growth: Growth) -> str:
-    """What linear theory has happen to a rope that hangs still, in a few words."""
+    """What linear theory predicts for a rope that hangs still, in a few words."""
     if not growth.stable:
         return (
             f"unstable: grows by e in {_frames(1 / growth.rate)}, out of rounding by frame "

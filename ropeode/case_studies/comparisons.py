@@ -19,11 +19,11 @@ _SLOWER = 1e-3
 
 
 class Compared(NamedTuple):
-    """A comparison, judged.
+    """A comparison and what became of it.
 
     Fields:
         comparison: the claim.
-        measured: what was found, figure by figure.
+        measured: what each figure showed, in words.
         verdict: `holds` or `does not hold`.
     """
 
@@ -32,29 +32,33 @@ class Compared(NamedTuple):
     verdict: str
 
 
-def judge(comparison: Comparison, motions: Sequence[Motion]) -> Compared:
-    """Whether a comparison holds.
+def compared(comparison: Comparison, motions: Sequence[Motion]) -> Compared:
+    """Test whether a comparison holds.
 
     Arguments:
         comparison: the claim.
         motions: of its figures, in the order in which it names them.
     """
-    words, holds = _MEASURES[comparison.measure](motions)
-    each = "; ".join(
-        f"{figure}: {found}" for figure, found in zip(comparison.figures, words, strict=True)
+    measure, words, holds = _MEASURES[comparison.measure]
+    measured = "; ".join(
+        f"{figure}: {words(motion)}"
+        for figure, motion in zip(comparison.figures, motions, strict=True)
     )
-    return Compared(comparison, each, HOLDS if holds else FAILS)
+    verdict = HOLDS if holds([measure(motion) for motion in motions]) else FAILS
+    return Compared(comparison, measured, verdict)
 
 
-def _falling(numbers: Sequence[float]) -> bool:
-    return all(later < sooner for sooner, later in itertools.pairwise(numbers))
+def _frame_or_never(frame: int | None) -> float:
+    return math.inf if frame is None else frame
+
+
+def _apart(motion: Motion) -> float:
+    return _frame_or_never(motion.diverged_at)
 
 
 def _rest(motion: Motion) -> float:
-    """The frame of coming to rest for good; infinite where that was not seen."""
-    if motion.settled_at is None or motion.unsettled_at is not None:
-        return math.inf
-    return motion.settled_at
+    """The frame of coming to rest for good."""
+    return math.inf if motion.unsettled_at is not None else _frame_or_never(motion.settled_at)
 
 
 def _period(motion: Motion) -> float:
@@ -63,66 +67,62 @@ def _period(motion: Motion) -> float:
     return 2.0 * float(np.mean(np.diff(passed))) if len(passed) > 1 else math.nan
 
 
-def _diverges_later(motions: Sequence[Motion]) -> tuple[list[str], bool]:
-    frames = [math.inf if m.diverged_at is None else m.diverged_at for m in motions]
-    words = [
-        f"to the end ({m.frames})" if m.diverged_at is None else f"to frame {m.diverged_at}"
-        for m in motions
-    ]
+def _down(motion: Motion) -> float:
+    return _frame_or_never(motion.reached_vertical_at)
+
+
+def _spoilt(motion: Motion) -> float:
+    """The frame of flying apart, or of leaving the rest."""
+    return min(_apart(motion), _frame_or_never(motion.unsettled_at))
+
+
+def _rising(numbers: Sequence[float], by: float = 0.0) -> bool:
+    return all(second > first * (1.0 + by) for first, second in itertools.pairwise(numbers))
+
+
+def _later_and_then_never(frames: Sequence[float]) -> bool:
     ends = [frame for frame in frames if math.isfinite(frame)]
-    # Later each time; and once one survives, so do the rest.
-    return words, _falling(ends[::-1]) and frames == sorted(frames) and len(ends) < len(frames)
+    return _rising(ends) and list(frames) == sorted(frames) and len(ends) < len(frames)
 
 
-def _rests_sooner(motions: Sequence[Motion]) -> tuple[list[str], bool]:
-    rests = [_rest(m) for m in motions]
-    words = [f"rest at {rest:.0f}" if math.isfinite(rest) else "no rest" for rest in rests]
-    return words, _falling(rests)
+def _at_least_as_well(each: Sequence[tuple[float, float]]) -> bool:
+    """Whether the second neither flies apart nor leaves its rest sooner than the first."""
+    (first_spoilt, first_rest), (spoilt, rest) = each
+    return spoilt >= first_spoilt and (math.isinf(first_rest) or math.isfinite(rest))
 
 
-def _swings_slower(motions: Sequence[Motion]) -> tuple[list[str], bool]:
-    periods = [_period(m) for m in motions]
-    words = [
-        f"period {period:.2f} frames, {m.swings} swings"
-        for period, m in zip(periods, motions, strict=True)
-    ]
-    return words, all(
-        later > sooner * (1 + _SLOWER) for sooner, later in itertools.pairwise(periods)
-    )
+def _words(frame: float, at: str, never: str) -> str:
+    return never if math.isinf(frame) else f"{at} {frame:.0f}"
 
 
-def _falls_slower(motions: Sequence[Motion]) -> tuple[list[str], bool]:
-    reached = [
-        math.inf if m.reached_vertical_at is None else m.reached_vertical_at for m in motions
-    ]
-    words = [
-        "not down yet" if math.isinf(frame) else f"down at frame {frame:.0f}" for frame in reached
-    ]
-    return words, _falling(reached[::-1])
-
-
-def _at_least_as_well(motions: Sequence[Motion]) -> tuple[list[str], bool]:
-    """Whether the second neither flies apart nor leaves its rest before the first does."""
-    frames = [
-        math.inf
-        if m.diverged_at is None and m.unsettled_at is None
-        else min(frame for frame in (m.diverged_at, m.unsettled_at) if frame is not None)
-        for m in motions
-    ]
-    rests = [_rest(m) for m in motions]
-    words = [
-        (f"rest at {m.settled_at}" if m.settled_at is not None else "no rest")
-        + ("" if math.isinf(frame) else f", spoilt at {frame:.0f}")
-        for m, frame in zip(motions, frames, strict=True)
-    ]
-    first, second = frames
-    return words, second >= first and (math.isinf(rests[0]) or math.isfinite(rests[1]))
-
-
-_MEASURES: dict[Measure, Callable[[Sequence[Motion]], tuple[list[str], bool]]] = {
-    "diverges_later": _diverges_later,
-    "rests_sooner": _rests_sooner,
-    "swings_slower": _swings_slower,
-    "falls_slower": _falls_slower,
-    "at_least_as_well": _at_least_as_well,
+# What is measured of each motion, in words, and what holds of the measurements in their order.
+_MEASURES: dict[Measure, tuple[Callable, Callable[[Motion], str], Callable[[Sequence], bool]]] = {
+    "diverges_later": (
+        _apart,
+        lambda motion: _words(_apart(motion), "to frame", f"to the end ({motion.frames})"),
+        _later_and_then_never,
+    ),
+    "rests_sooner": (
+        _rest,
+        lambda motion: _words(_rest(motion), "rest at", "no rest"),
+        lambda frames: _rising(frames[::-1]),
+    ),
+    "swings_slower": (
+        _period,
+        lambda motion: f"period {_period(motion):.2f} frames, {motion.swings} swings",
+        lambda periods: _rising(periods, by=_SLOWER),
+    ),
+    "falls_slower": (
+        _down,
+        lambda motion: _words(_down(motion), "down at frame", "not down yet"),
+        _rising,
+    ),
+    "at_least_as_well": (
+        lambda motion: (_spoilt(motion), _rest(motion)),
+        lambda motion: (
+            _words(_frame_or_never(motion.settled_at), "rest at", "no rest")
+            + _words(_spoilt(motion), ", spoilt at", "")
+        ),
+        _at_least_as_well,
+    ),
 }

@@ -1,4 +1,4 @@
-"""The figures of the published rope report: their settings, and what is claimed of them."""
+"""The figures of the published rope report: their settings and their claims."""
 
 from __future__ import annotations
 
@@ -36,6 +36,30 @@ ENDS = ((-400.0, 200.0), (400.0, 200.0))
 
 
 @dataclasses.dataclass(frozen=True)
+class Setting:
+    """A rope and how it is stepped; several figures may show the same one.
+
+    Arguments:
+        rope: with rigid links or with springs.
+        num_nodes: nodes of the rope.
+        stepper: name with options.
+        steps_per_frame: steps in each frame.
+        damping: damping coefficient.
+    """
+
+    rope: type[InextensibleRope] | type[Rope]
+    num_nodes: int
+    stepper: str
+    steps_per_frame: int
+    damping: float
+
+    def problem(self, end: Sequence[float], frames: int) -> Problem:
+        """The rope, drawn to one of `ENDS`."""
+        rope = self.rope(end=tuple(end), num_nodes=self.num_nodes, damping=self.damping)
+        return rope.problem(frames)
+
+
+@dataclasses.dataclass(frozen=True)
 class Figure:
     """One figure of the report.
 
@@ -43,11 +67,11 @@ class Figure:
         figure: its number.
         stepper: what the report calls it; `none` where nothing moves.
         steps_per_frame: steps in each frame.
-        damping: damping coefficient; of the Verlet programs, the factor for each step is one
-            less this.
+        damping: damping coefficient; the Verlet programs multiply by one minus this in each
+            step.
         num_nodes: nodes of the rope.
-        claim: what is seen in it, as one word.
-        words: what is seen in it.
+        claim: what the report sees in it, as one word.
+        words: what the report sees in it.
     """
 
     figure: int
@@ -67,27 +91,23 @@ class Figure:
     def meanings(self) -> tuple[Meaning, ...]:
         """The ways to read it: the report's words, and its program where that does otherwise.
 
-        The printed force Verlet never updates the velocity that its damping force is made
-        from, so that nothing is damped.
+        The printed force Verlet computes its damping force from a velocity that it never
+        updates, so that it damps nothing. No way where nothing moves.
         """
+        if self.run_as is None:
+            return ()
         return ("words", "listing") if self.stepper == "force_verlet" else ("words",)
 
-    def problem(self, meaning: Meaning, end: Sequence[float], frames: int) -> Problem:
-        """The rope of this figure.
-
-        Arguments:
-            meaning: as the words or as the printed listing has it.
-            end: one of `ENDS`.
-            frames: to solve.
-        """
-        shared = {
-            "end": tuple(end),
-            "num_nodes": self.num_nodes,
-            "damping": 0.0 if meaning == "listing" else self.damping,
-        }
-        if self.stepper == "constraint_verlet":
-            return InextensibleRope(**shared).problem(frames)
-        return Rope(**shared).problem(frames)
+    def setting(self, meaning: Meaning) -> Setting:
+        """What is run for one of `meanings`."""
+        assert self.run_as is not None
+        return Setting(
+            rope=InextensibleRope if self.stepper == "constraint_verlet" else Rope,
+            num_nodes=self.num_nodes,
+            stepper=self.run_as,
+            steps_per_frame=self.steps_per_frame,
+            damping=0.0 if meaning == "listing" else self.damping,
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,17 +147,17 @@ def all_comparisons() -> tuple[Comparison, ...]:
     )
 
 
-def check_figures(given: Sequence[Any] | None) -> list[Figure]:
-    """Figures by their numbers; all of them where none are given.
+def check_figures(numbers: Sequence[Any] | None) -> list[Figure]:
+    """Figures by their numbers, each once and in order; None stands for all of them.
 
     Raises:
         InputError: there is no such figure.
     """
     figures = all_figures()
-    if given is None:
+    if numbers is None:
         return list(figures.values())
     chosen = []
-    for number in given:
+    for number in numbers:
         try:
             chosen.append(figures[whole_number(number, at_least=1)])
         except (KeyError, ValueError):

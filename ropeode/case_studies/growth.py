@@ -52,21 +52,21 @@ def growth_scan(
     """Predicted and measured growth of a small disturbance of the hanging rope.
 
     Arguments:
-        rope: the default one where none is given. With damping so strong that some modes do
-            not oscillate, the slowest mode is another one than that which is measured.
+        rope: by default the default one. Its damping has to be so weak that all modes
+            oscillate; or else theory and measurement are of different modes.
         steppers: names with options.
         steps_per_frame: numbers of steps per frame.
     """
     problem = (rope or Rope()).problem(1)
     still = hanging_equilibrium(problem)
     mode = _fastest_mode(problem, still)
-    found = []
+    rates = []
     for name in steppers:
         for steps in steps_per_frame:
             growth = growth_per_frame(problem, name, steps, still)
             measured = _measured(problem, still, mode, name, steps, growth.rate)
-            found.append(MeasuredGrowth(as_stepper(name).label, steps, growth.rate, measured))
-    return found
+            rates.append(MeasuredGrowth(as_stepper(name).label, steps, growth.rate, measured))
+    return rates
 
 
 @in_float64
@@ -95,9 +95,9 @@ def _measured(
 ) -> float:
     """The rate at which a disturbance along the fastest mode changes in a run.
 
-    Sampled so often that it changes by a quarter of an e-fold in between, or at each step; over
-    six e-folds or so, or fewer where those would take very many steps. The first half is left
-    out: the mode's displacement is not yet in step with its velocity.
+    Samples are so close that it changes by a quarter of an e-fold in between, or at each step.
+    The run covers six e-folds or so, or fewer where those would take very many steps. Its
+    first half is left out: displacement and velocity are not in step yet.
     """
     shape, frequency = mode
     each = max(1, round(0.25 * steps / abs(about)))

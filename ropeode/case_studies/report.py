@@ -3,38 +3,33 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ropeode.analysis.motion import DEFAULTS, Motion, Thresholds, classify_motion, sensitivity
-from ropeode.analysis.stability import Growth, stability_limit
+from ropeode.analysis.stability import Growth
 from ropeode.case_studies import claims
-from ropeode.case_studies.comparisons import Compared, judge
-from ropeode.case_studies.figures import (
-    ENDS,
-    Figure,
-    Meaning,
-    all_comparisons,
-    check_figures,
-)
+from ropeode.case_studies.comparisons import Compared, compared
+from ropeode.case_studies.figures import ENDS, Figure, Meaning, all_comparisons, check_figures
 from ropeode.case_studies.runs import (
-    Finished,
-    Progress,
+    Images,
     Run,
     code_fingerprint,
     frames_for,
     growth_of,
     run_all,
-    run_of,
+    stable_from,
 )
 from ropeode.problems.rope import Rope
+from ropeode.progress import Progress, silent
 from ropeode.simulation import Trajectory
 from ropeode.validation import check_whole
+
+# What a change of the last digits must leave as it is.
+_MEASURES = ("diverged_at", "settled_at", "unsettled_at", "swings")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -49,7 +44,7 @@ class Reading:
         growth: of disturbances of hanging still, by linear theory.
         limit: steps per frame from which on the stepper lets the rope hang still, by theory;
             None where there is no such number.
-        measured: what was seen, in words.
+        measured: what the rope did, in words.
         verdict: on the claim.
         verdict_mirrored: on the claim, for the rope drawn to the right.
     """
@@ -66,15 +61,15 @@ class Reading:
 
 
 @dataclasses.dataclass(frozen=True)
-class Moved:
-    """A threshold that a verdict hangs on.
+class ThresholdEffect:
+    """A threshold that a verdict depends on.
 
     Arguments:
         figure: number of the figure.
-        meaning: of which.
-        threshold: its name.
-        value: at which the verdict is another one.
-        verdict: that other one.
+        meaning: its meaning.
+        threshold: name of the threshold.
+        value: of the threshold, which changes the verdict.
+        verdict: with that value.
     """
 
     figure: int
@@ -84,13 +79,34 @@ class Moved:
     verdict: str
 
 
+@dataclasses.dataclass(frozen=True)
+class RoundingEffect:
+    """A measurement that changes with the last digits of the initial positions.
+
+    Arguments:
+        figure: number of the figure.
+        meaning: its meaning.
+        measure: `diverged_at`, `settled_at`, `unsettled_at` or `swings`.
+        value: as it is reported; None if there is none.
+        nudged: with the last digits changed; likewise.
+        verdict: with the last digits changed.
+    """
+
+    figure: int
+    meaning: Meaning
+    measure: str
+    value: int | None
+    nudged: int | None
+    verdict: str
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
-class Judged:
-    """A figure with what became of its claim.
+class FigureResult:
+    """A figure and what became of its claim.
 
     Arguments:
         figure: setting and claim.
-        measured: what was seen, in words.
+        measured: what the rope did, in words.
         verdict: `holds`, `does not hold` or `holds until frame N`.
         frames: that were watched; 0 where nothing moves.
         readings: one for each meaning, the report's words first; none where nothing moves.
@@ -113,16 +129,18 @@ class Report:
     """The report, run again.
 
     Arguments:
-        figures: those that were asked for, by number.
+        figures: the chosen ones, by number.
         comparisons: those whose figures are all among them.
         thresholds: behind the words.
-        moved: the thresholds that verdicts hang on, within a factor of two.
+        sensitive_to_thresholds: verdicts that change where a threshold is halved or doubled.
+        sensitive_to_rounding: measurements that change with the last digits of the start.
     """
 
-    figures: tuple[Judged, ...]
+    figures: tuple[FigureResult, ...]
     comparisons: tuple[Compared, ...]
     thresholds: Thresholds
-    moved: tuple[Moved, ...]
+    sensitive_to_thresholds: tuple[ThresholdEffect, ...]
+    sensitive_to_rounding: tuple[RoundingEffect, ...]
 
 
 def rope_report(
@@ -130,12 +148,12 @@ def rope_report(
     frames: int | None = None,
     *,
     folder: Path | None = None,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
 ) -> Report:
-    """Run figures of the published rope report again and judge their claims.
+    """Run figures of the published rope report again and test their claims.
 
     Arguments:
-        figures: numbers from 1 to 41; all where none are given.
+        figures: numbers from 1 to 41; all where there are none.
         frames: how long each rope is watched; by default 4000 frames, or longer where linear
             theory needs it to show a rope at rest, or apart.
         folder: where finished runs are kept until all are done, so that an interrupted report
@@ -149,98 +167,84 @@ def rope_report(
     if frames is not None:
         frames = check_whole("frames", frames, at_least=1, example="1000")
     progress("linear stability", 0.0)
-    growths: dict[tuple[Figure, Meaning], Growth] = {
-        (figure, meaning): growth_of(figure, meaning)
-        for figure in chosen
-        if figure.run_as
-        for meaning in figure.meanings
-    }
-    lengths = {
-        figure: frames or frames_for(figure, [growths[figure, each] for each in figure.meanings])
-        for figure in chosen
-        if figure.run_as
-    }
-    runs: dict[tuple[Figure, Meaning], Run] = {
-        (figure, meaning): run_of(figure, meaning, lengths[figure]) for figure, meaning in growths
-    }
-    wanted: dict[Any, Any] = {}
-    for (figure, meaning), run in runs.items():
-        wanted.setdefault(run, functools.partial(_problem, figure, meaning, lengths[figure]))
-    kept = folder / code_fingerprint() if folder else None
-    finished = run_all(wanted, kept, progress) if wanted else {}
-
-    moved: list[Moved] = []
-    judged = []
-    limits: dict[Any, int | None] = {}
+    runs: dict[tuple[Figure, Meaning], Run] = {}
     for figure in chosen:
-        progress(f"judging figure {figure.figure}", 1.0)
+        length = frames or frames_for(map(figure.setting, figure.meanings))
+        for meaning in figure.meanings:
+            runs[figure, meaning] = Run(figure.setting(meaning), length)
+    kept = folder / code_fingerprint() if folder else None
+    images = run_all(set(runs.values()), kept, progress)
+
+    results: list[FigureResult] = []
+    by_threshold: list[ThresholdEffect] = []
+    by_rounding: list[RoundingEffect] = []
+    for figure in chosen:
+        progress(f"testing the claim of figure {figure.figure}", 1.0)
         readings = []
-        for meaning in figure.meanings if figure.run_as else ():
-            done, growth = finished[runs[figure, meaning]], growths[figure, meaning]
-            problem = done.images[0].problem
-            stepper = done.images[0].stepper
-            setting = (stepper, problem.parameters["damping"])
-            if setting not in limits:
-                limits[setting] = stability_limit(problem, stepper)
-            readings.append(_reading(figure, meaning, done, growth, limits[setting]))
-            moved += _moved(figure, readings[-1])
-        judged.append(_judged(figure, readings, lengths.get(figure, 0)))
-    report = Report(
-        figures=tuple(judged),
-        comparisons=_compared(judged),
-        thresholds=DEFAULTS,
-        moved=tuple(moved),
-    )
+        for meaning in figure.meanings:
+            run = runs[figure, meaning]
+            readings.append(_reading(figure, meaning, run, images[run]))
+            by_threshold += _threshold_effects(figure, readings[-1])
+            by_rounding += _rounding_effects(figure, readings[-1], images[run].nudged)
+        results.append(_result(figure, readings))
     if kept:
         shutil.rmtree(kept, ignore_errors=True)
-    return report
+    return Report(
+        figures=tuple(results),
+        comparisons=_comparisons(results),
+        thresholds=DEFAULTS,
+        sensitive_to_thresholds=tuple(by_threshold),
+        sensitive_to_rounding=tuple(by_rounding),
+    )
 
 
-def _problem(figure: Figure, meaning: Meaning, frames: int, end: Sequence[float]) -> Any:
-    return figure.problem(meaning, end, frames)
-
-
-def _reading(
-    figure: Figure, meaning: Meaning, done: Finished, growth: Growth, limit: int | None
-) -> Reading:
-    trajectory, other = done.images
-    motion, motion_right = classify_motion(trajectory), classify_motion(other)
+def _reading(figure: Figure, meaning: Meaning, run: Run, images: Images) -> Reading:
+    motion, motion_right = classify_motion(images.left), classify_motion(images.right)
+    growth = growth_of(run.setting)
     return Reading(
         meaning=meaning,
-        trajectory=trajectory,
+        trajectory=images.left,
         motion=motion,
-        mirrored=done.mirrored,
+        mirrored=images.mirrored,
         growth=growth,
-        limit=limit,
+        limit=stable_from(run.setting),
         measured=claims.measured(motion, growth),
         verdict=claims.verdict(figure.claim, motion, growth),
         verdict_mirrored=claims.verdict(figure.claim, motion_right, growth),
     )
 
 
-def _moved(figure: Figure, reading: Reading) -> list[Moved]:
+def _threshold_effects(figure: Figure, reading: Reading) -> Iterator[ThresholdEffect]:
     """The thresholds that change a verdict when they are halved or doubled.
 
     That a claim ends at another frame is no other verdict.
     """
-    found = []
     for each in sensitivity(reading.trajectory):
         verdict = claims.verdict(figure.claim, each.words, reading.growth)
-        if _kind(verdict) != _kind(reading.verdict):
-            found.append(Moved(figure.figure, reading.meaning, each.threshold, each.value, verdict))
-    return found
+        if verdict.rstrip("0123456789") != reading.verdict.rstrip("0123456789"):
+            yield ThresholdEffect(
+                figure.figure, reading.meaning, each.threshold, each.value, verdict
+            )
 
 
-def _kind(verdict: str) -> str:
-    return verdict.rstrip("0123456789")
+def _rounding_effects(
+    figure: Figure, reading: Reading, nudged: Trajectory
+) -> Iterator[RoundingEffect]:
+    """The measurements that come out otherwise once the last digits are changed."""
+    motion = classify_motion(nudged)
+    verdict = claims.verdict(figure.claim, motion, reading.growth)
+    for measure in _MEASURES:
+        value, other = getattr(reading.motion, measure), getattr(motion, measure)
+        if value != other:
+            yield RoundingEffect(figure.figure, reading.meaning, measure, value, other, verdict)
 
 
-def _judged(figure: Figure, readings: Sequence[Reading], frames: int) -> Judged:
+def _result(figure: Figure, readings: Sequence[Reading]) -> FigureResult:
     if not readings:
-        measured, verdict = _drawn(figure)
-        return Judged(figure, measured, verdict, 0, ())
-    measured = readings[0].measured
-    for other in readings[1:]:
+        return FigureResult(figure, *_drawn(figure), 0, ())
+    first, *others = readings
+    measured = first.measured
+    for other in others:
         if figure.damping:
             measured += f"; as the listing has it (no damping): {other.measured}, {other.verdict}"
     for each in readings:
@@ -248,27 +252,27 @@ def _judged(figure: Figure, readings: Sequence[Reading], frames: int) -> Judged:
             measured += f"; mirror image: {each.verdict_mirrored}"
         elif not each.mirrored:
             measured += "; mirror image: the same but for rounding"
-    return Judged(figure, measured, readings[0].verdict, frames, tuple(readings))
+    frames = first.trajectory.problem.frames
+    return FigureResult(figure, measured, first.verdict, frames, tuple(readings))
 
 
 def _drawn(figure: Figure) -> tuple[str, str]:
-    """Whether a rope that does not move can be drawn as it is claimed, in both images."""
-    told = []
+    """Whether a rope that does not move can be drawn as the figure has it, in both images."""
+    holds = True
     for end in ENDS:
         problem = Rope(end=end, num_nodes=figure.num_nodes).problem(1)
         places = problem.positions(problem.y0[None])[0]
         gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
         even = bool(np.ptp(gaps) <= 1e-12 * np.max(gaps))
-        ends = np.array_equal(places[[0, -1]], [Rope().start, end])
-        told.append(len(places) == figure.num_nodes and even and ends)
+        holds &= even and np.array_equal(places[[0, -1]], [Rope().start, end])
     measured = f"{figure.num_nodes} nodes, evenly spaced from (0, 200) to (±400, 200)"
-    return measured, claims.HOLDS if all(told) else claims.FAILS
+    return measured, claims.HOLDS if holds else claims.FAILS
 
 
-def _compared(judged: Sequence[Judged]) -> tuple[Compared, ...]:
-    motions = {each.figure.figure: each.motion for each in judged if each.motion is not None}
+def _comparisons(results: Sequence[FigureResult]) -> tuple[Compared, ...]:
+    motions = {each.figure.figure: each.motion for each in results if each.motion is not None}
     return tuple(
-        judge(comparison, [motions[number] for number in comparison.figures])
+        compared(comparison, [motions[number] for number in comparison.figures])
         for comparison in all_comparisons()
         if set(comparison.figures) <= set(motions)
     )

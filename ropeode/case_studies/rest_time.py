@@ -22,7 +22,7 @@ _SAME_AT = 256
 _FRAMES_PER_REST = 1.3
 
 Rule = Literal["per-step", "lagged"]
-Rope_ = Literal["constraint", "force"]
+RopeKind = Literal["constraint", "force"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,11 +33,11 @@ class RestTime:
         rope: `constraint` for rigid links, `force` for springs; both by Verlet from rest.
         rule: `per-step`: the factor ``1 - k_d`` in each step; `lagged`: ``1 - rate dt``.
         steps_per_frame: steps in each frame.
-        rate: damping per frame: ``k_d`` times the steps per frame, or the given rate.
-        settled_at: frame from which on it is at rest; None if that was not seen.
+        rate: damping per frame: ``k_d`` times the steps per frame, or the same for all.
+        settled_at: frame from which on it is at rest; None if it did not come to rest.
     """
 
-    rope: Rope_
+    rope: RopeKind
     rule: Rule
     steps_per_frame: int
     rate: float
@@ -50,7 +50,7 @@ class RestTime:
 
 
 def rest_times(
-    rope: Rope_,
+    rope: RopeKind,
     rule: Rule,
     steps_per_frame: Sequence[int] = STEPS_PER_FRAME,
     per_step: float = PER_STEP,
@@ -65,7 +65,7 @@ def rest_times(
         steps_per_frame: numbers of steps per frame.
         per_step: the factor per step is one less this.
     """
-    found = []
+    times = []
     for steps in steps_per_frame:
         rate = per_step * (steps if rule == "per-step" else _SAME_AT)
         damping = per_step if rule == "per-step" else rate
@@ -76,5 +76,5 @@ def rest_times(
         run = simulate(problem.problem(frames), stepper(start="rest", damping=rule), steps)
         motion = classify_motion(run)
         settled = motion.settled_at if motion.unsettled_at is None else None
-        found.append(RestTime(rope, rule, steps, rate, settled))
-    return found
+        times.append(RestTime(rope, rule, steps, rate, settled))
+    return times

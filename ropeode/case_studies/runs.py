@@ -1,28 +1,30 @@
-"""The runs behind the figures: side by side where they can be, and kept until all are done."""
+"""The runs behind the figures: made side by side, and kept on disk until the report is done."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import hashlib
 import io
-import json
 import threading
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from ropeode.analysis.motion import DEFAULTS
-from ropeode.analysis.stability import Growth, growth_per_frame
-from ropeode.case_studies.figures import ENDS, Figure, Meaning
+from ropeode.analysis.stability import Growth, growth_per_frame, stability_limit
+from ropeode.case_studies.figures import ENDS, Setting
 from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import as_stepper
 from ropeode.threads import cores, threads
@@ -35,160 +37,150 @@ _MOST_STEPS = FRAMES * 65536
 _MARGIN = 1.25
 _ROUND_TO = 500
 
-Progress = Callable[[str, float], None]
 
+class Run(NamedTuple):
+    """A setting over a number of frames."""
 
-@dataclasses.dataclass(frozen=True)
-class Run:
-    """One setting of a rope and a stepper; several figures may show the same.
-
-    Arguments:
-        family: what runs side by side have in common: kind of rope, its nodes, the stepper,
-            steps per frame and frames.
-        damping: damping coefficient.
-    """
-
-    family: tuple[str, int, str, int, int]
-    damping: float
+    setting: Setting
+    frames: int
 
     @property
     def steps(self) -> int:
         """The steps that it takes."""
-        *_, steps_per_frame, frames = self.family
-        return steps_per_frame * frames
+        return self.setting.steps_per_frame * self.frames
+
+    @property
+    def family(self) -> Run:
+        """What runs that can go side by side have in common: all but the damping."""
+        return self._replace(setting=dataclasses.replace(self.setting, damping=0.0))
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Finished:
-    """A run, once for each mirror image of the rope.
+class Images(NamedTuple):
+    """The trajectories of one run.
 
-    Arguments:
-        images: a trajectory for each of `ENDS`.
+    Fields:
+        left: of the rope that is drawn to the left.
+        right: of its mirror image.
+        nudged: of the rope to the left with the last digits of its initial positions changed.
     """
 
-    images: tuple[Trajectory, ...]
+    left: Trajectory
+    right: Trajectory
+    nudged: Trajectory
 
     @property
     def mirrored(self) -> bool:
-        """Whether the images are each other's mirror image, to the last bit."""
-        left, right = (image.states for image in self.images)
+        """Whether left and right are each other's mirror image, to the last bit."""
         across = np.array([-1.0, 1.0])[:, None]
-        return np.array_equal(left * across, right, equal_nan=True)
+        return np.array_equal(self.left.states * across, self.right.states, equal_nan=True)
 
 
-def growth_of(figure: Figure, meaning: Meaning) -> Growth:
-    """What linear theory says of a figure's rope when it hangs still."""
-    assert figure.run_as is not None
-    return growth_per_frame(
-        figure.problem(meaning, ENDS[0], 1), figure.run_as, figure.steps_per_frame
-    )
+def problems_of(run: Run) -> list[Problem]:
+    """The problems of the fields of `Images`, in their order."""
+    left, right = (run.setting.problem(end, run.frames) for end in ENDS)
+    y0 = left.y0.copy()
+    # Up and down in turn, so that the rope as a whole is neither moved nor stretched.
+    up_and_down = np.where(np.arange(y0.shape[2] - 1) % 2, np.inf, -np.inf)
+    y0[0, :, 1:] = np.nextafter(y0[0, :, 1:], up_and_down)
+    return [left, right, left.changed(y0=y0)]
 
 
-def frames_for(figure: Figure, growths: Iterable[Growth]) -> int:
-    """How long a figure is watched: 4000 frames, or longer where theory needs it.
+@functools.cache
+def growth_of(setting: Setting) -> Growth:
+    """What linear theory says of a setting's rope when it hangs still."""
+    return growth_per_frame(setting.problem(ENDS[0], 1), setting.stepper, setting.steps_per_frame)
 
-    That is where its slowest mode takes longer than that to decay, or an instability to grow
-    out of rounding, and neither 20 000 frames nor the steps of the longest figures are
-    exceeded.
 
-    Arguments:
-        figure: the figure.
-        growths: for each of its meanings.
+def stable_from(setting: Setting) -> int | None:
+    """Steps per frame from which on a rope hangs still by linear theory; None: there are none."""
+    return _stable_from(dataclasses.replace(setting, steps_per_frame=1))
+
+
+@functools.cache
+def _stable_from(setting: Setting) -> int | None:
+    return stability_limit(setting.problem(ENDS[0], 1), setting.stepper)
+
+
+def frames_for(settings: Iterable[Setting]) -> int:
+    """How long the settings of a figure are watched: 4000 frames, or longer.
+
+    Longer where the slowest mode takes longer than that to decay, or an instability to grow
+    out of rounding; but neither for more than 20 000 frames nor for more steps than the
+    longest figures take.
     """
-    needed = [FRAMES]
-    for growth in growths:
+    needed, most = [0.0], MOST_FRAMES
+    for setting in settings:
+        growth = growth_of(setting)
         if growth.predicted_blow_up is not None:
             needed.append(growth.predicted_blow_up)
         elif growth.rate < -growth.tolerance:
             needed.append(-np.log(DEFAULTS.speed) / -growth.rate)
-    frames = _ROUND_TO * int(np.ceil(_MARGIN * max(needed[1:], default=0) / _ROUND_TO))
-    most = max(FRAMES, min(MOST_FRAMES, _MOST_STEPS // figure.steps_per_frame))
-    return min(max(frames, FRAMES), most)
-
-
-def run_of(figure: Figure, meaning: Meaning, frames: int) -> Run:
-    """The run that a figure shows."""
-    assert figure.run_as is not None
-    kind = "inextensible-rope" if figure.stepper == "constraint_verlet" else "rope"
-    family = (kind, figure.num_nodes, figure.run_as, figure.steps_per_frame, frames)
-    return Run(family, 0.0 if meaning == "listing" else figure.damping)
+        most = min(most, _MOST_STEPS // setting.steps_per_frame)
+    frames = _ROUND_TO * int(np.ceil(_MARGIN * max(needed) / _ROUND_TO))
+    return max(FRAMES, min(frames, most))
 
 
 def run_all(
-    wanted: dict[Run, Callable[[Sequence[float]], Problem]],
-    folder: Path | None,
-    progress: Progress,
-) -> dict[Run, Finished]:
+    runs: Iterable[Run], folder: Path | None, progress: Progress = silent
+) -> dict[Run, Images]:
     """Make runs, those of one family side by side, and families on all cores.
 
     Arguments:
-        wanted: for each run, what makes its problem from one of `ENDS`.
+        runs: each once.
         folder: where finished runs are kept and looked for; None keeps nothing.
         progress: called with what has been finished and the fraction of steps that is done.
     """
-    families: dict[tuple, list[Run]] = {}
-    for run in wanted:
+    families: dict[Run, list[Run]] = {}
+    for run in runs:
         families.setdefault(run.family, []).append(run)
     # The longest first, so that no core is left with it at the end.
-    order = sorted(families.values(), key=lambda runs: -len(runs) * runs[0].steps)
-    total = sum(run.steps for run in wanted)
+    longest_first = sorted(families.values(), key=lambda runs: -sum(run.steps for run in runs))
+    total = sum(run.steps for runs in families.values() for run in runs)
     shares = dict.fromkeys(families, 0.0)
     lock = threading.Lock()
 
-    def make(runs: list[Run]) -> dict[Run, Finished]:
+    def images_of(runs: list[Run]) -> dict[Run, Images]:
         family = runs[0].family
-        *_, name, steps, _ = family
 
-        def seen(fraction: float) -> None:
+        def report(text: str, fraction: float | None) -> None:
             with lock:
-                shares[family] = fraction * sum(run.steps for run in runs)
-                progress(f"{name}: {steps} steps per frame", sum(shares.values()) / total)
+                shares[family] = (fraction or 0.0) * sum(run.steps for run in runs)
+                progress(text, sum(shares.values()) / total)
 
-        found = _made(runs, wanted, folder, seen)
-        seen(1.0)
-        return found
+        return _read_or_run(runs, folder, report)
 
     with threads(cores()) as pool:
-        parts = list(pool.map(make, order))
-    return {run: finished for part in parts for run, finished in part.items()}
+        parts = list(pool.map(images_of, longest_first))
+    return {run: images for part in parts for run, images in part.items()}
 
 
-def _made(
-    runs: list[Run],
-    wanted: dict[Run, Callable[[Sequence[float]], Problem]],
-    folder: Path | None,
-    progress: Callable[[float], None],
-) -> dict[Run, Finished]:
+def _read_or_run(runs: list[Run], folder: Path | None, progress: Progress) -> dict[Run, Images]:
     """The runs of one family: read where they are kept, computed where not."""
-    *_, name, steps, _ = runs[0].family
-    problems = {run: [wanted[run](end) for end in ENDS] for run in runs}
-    found = {
-        run: kept
-        for run in runs
-        if folder and (kept := _read(_file(folder, run), problems[run], name, steps))
-    }
-    missing = [run for run in runs if run not in found]
+    setting = runs[0].setting
+    text = f"{setting.stepper}: {setting.steps_per_frame} steps per frame"
+    done = {run: kept for run in runs if folder and (kept := _read(_file(folder, run), run))}
+    missing = [run for run in runs if run not in done]
     if missing:
         trajectories = iter(
             simulate(
-                Ensemble.of([problem for run in missing for problem in problems[run]]),
-                name,
-                steps,
-                progress=lambda _, fraction: progress(fraction or 0.0),
+                Ensemble.of([problem for run in missing for problem in problems_of(run)]),
+                setting.stepper,
+                setting.steps_per_frame,
+                progress=lambda _, fraction: progress(text, fraction),
             )
         )
         for run in missing:
-            found[run] = Finished(tuple(next(trajectories) for _ in ENDS))
+            done[run] = Images(*(next(trajectories) for _ in Images._fields))
             if folder:
-                # What cannot be kept is only not there to go on from.
+                # Where a run cannot be kept, an interrupted report computes it again.
                 with contextlib.suppress(InputError, OSError):
-                    _keep(_file(folder, run), found[run])
-    return found
+                    _keep(_file(folder, run), done[run])
+    progress(text, 1.0)
+    return done
 
 
 def _file(folder: Path, run: Run) -> Path:
-    name = json.dumps([*run.family, run.damping])
-    return folder / f"{hashlib.sha256(name.encode()).hexdigest()[:20]}.npz"
+    return folder / f"{hashlib.sha256(repr(run).encode()).hexdigest()[:20]}.npz"
 
 
 def code_fingerprint() -> str:
@@ -202,41 +194,36 @@ def code_fingerprint() -> str:
     return digest.hexdigest()[:20]
 
 
-def _keep(path: Path, finished: Finished) -> None:
+def _keep(path: Path, images: Images) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     contents = io.BytesIO()
-    np.savez(
-        contents,
-        allow_pickle=False,
-        diverged_at=[-1 if run.diverged_at is None else run.diverged_at for run in finished.images],
-        **{f"states{image}": run.states for image, run in enumerate(finished.images)},
-    )
+    states = {name: trajectory.states for name, trajectory in images._asdict().items()}
+    np.savez(contents, allow_pickle=False, **states)
     write_whole(path, contents.getvalue())
 
 
-def _read(path: Path, problems: Sequence[Problem], name: str, steps: int) -> Finished | None:
+def _read(path: Path, run: Run) -> Images | None:
     """A run that was kept; None where there is none that can be read whole."""
     try:
         # From memory: a damaged file would not be closed.
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as kept:
-            diverged = [None if at < 0 else int(at) for at in kept["diverged_at"]]
-            states = [kept[f"states{image}"] for image in range(len(problems))]
+            states = [kept[name] for name in Images._fields]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         return None
-    return Finished(
-        tuple(
+    return Images(
+        *(
             Trajectory(
                 problem=problem,
-                stepper=as_stepper(name),
-                steps_per_frame=steps,
+                stepper=as_stepper(run.setting.stepper),
+                steps_per_frame=run.setting.steps_per_frame,
                 times=problem.ts[: len(own)],
                 states=own,
-                status="ok" if at is None else "diverged",
-                diverged_at=at,
+                status="ok" if len(own) == len(problem.ts) else "diverged",
+                diverged_at=None if len(own) == len(problem.ts) else len(own),
                 rhs_evaluations=0,
                 seconds=0.0,
                 compile_seconds=0.0,
             )
-            for problem, own, at in zip(problems, states, diverged, strict=True)
+            for problem, own in zip(problems_of(run), states, strict=True)
         )
     )

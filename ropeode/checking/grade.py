@@ -14,14 +14,18 @@ from ropeode.checking.trajectories.conservation import energy_finding, pins_find
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import check_initial_states
 from ropeode.checking.trajectories.layout import Layout, states_of
-from ropeode.checking.trajectories.run_files import Progress, Run, quantities_of, read_runs
+from ropeode.checking.trajectories.run_files import (
+    Progress,
+    Run,
+    names_of,
+    quantities_of,
+    read_runs,
+)
 from ropeode.checking.trajectories.time_errors import clock_diagnosis
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference, problem_of, reference_for
 from ropeode.validation import check_whole, complaint
-
-_NAMES_SHOWN = 3
 
 
 def grade(
@@ -90,7 +94,7 @@ def grade(
             notes = (*notes, clock.line)
     progress("done", 1.0)
     return CheckReport(
-        label=_label(runs),
+        label=names_of(runs),
         claims=Claims(order=expected_order),
         findings=findings,
         diagnosis=diagnosis,
@@ -125,11 +129,6 @@ def _solved_instead(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosi
             each[:, 1] = np.nan
     with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
         return diagnose_trajectories(problem, reference, states, quantities)
-
-
-def _label(runs: Sequence[Run]) -> str:
-    names = [run.path.name for run in runs]
-    return ", ".join(names) if len(names) <= _NAMES_SHOWN else f"{names[0]} ... {names[-1]}"
 
 
 def _notes(runs: Sequence[Run], reference: Reference) -> list[str]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from ropeode.cli.formats import format_for, format_option
-from ropeode.cli.running import interruptible, put_out, set_up_jax, show_progress
 from ropeode.files import check_writable
+from ropeode.terminal.formats import format_for, format_option
+from ropeode.terminal.running import interruptible, put_out, set_up_jax, show_progress
 
 # The names in ropeode.steppers.templates; a test holds the two together.
 TEMPLATES = ("acceleration", "rhs", "two-step")

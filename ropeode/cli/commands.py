@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from ropeode.cli.formats import format_for, format_option
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.cli.running import interruptible, put_out, set_up_jax, show_progress
 from ropeode.files import check_writable
+from ropeode.terminal.formats import format_for, format_option
+from ropeode.terminal.running import interruptible, put_out, set_up_jax, show_progress
 
 
 @click.command()

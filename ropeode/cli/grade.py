@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
-from ropeode.cli.formats import format_for, format_option
-from ropeode.cli.running import interruptible, put_out, set_up_jax, show_progress
 from ropeode.errors import InputError
 from ropeode.files import check_writable
+from ropeode.terminal.formats import format_for, format_option
+from ropeode.terminal.running import interruptible, put_out, set_up_jax, show_progress
 from ropeode.validation import complaint
 
 

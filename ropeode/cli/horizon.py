@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from ropeode.cli.formats import format_for, format_option
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.errors import InputError
 from ropeode.files import check_writable, write_whole
+from ropeode.terminal.formats import format_for, format_option
+from ropeode.terminal.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.validation import complaint
 
 

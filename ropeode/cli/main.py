@@ -10,16 +10,16 @@ from typing import NoReturn
 
 import click
 
+from ropeode.case_studies.command import report
 from ropeode.cli.check import check
 from ropeode.cli.commands import spec, steppers, table
 from ropeode.cli.grade import grade
 from ropeode.cli.horizon import horizon
 from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
-from ropeode.cli.report import report
-from ropeode.cli.running import end_on_ctrl_c
 from ropeode.cli.sweep import sweep
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
+from ropeode.terminal.running import end_on_ctrl_c
 
 # What is wrong with ropeode itself is none of the answers that a command may give.
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3

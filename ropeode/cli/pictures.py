@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.cli.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.errors import InputError
 from ropeode.files import write_whole
+from ropeode.terminal.running import interruptible, not_interrupted, set_up_jax, show_progress
 from ropeode.validation import complaint
+
+if TYPE_CHECKING:
+    from ropeode.study.spec import TableJob
 
 # The names in ropeode.render.plots.registry. They are listed here too because the help text must
 # not import what draws; a test compares the two lists.
@@ -22,9 +25,22 @@ TYPES = ("convergence", "error", "energy")
 _OF_SWEEP = {"x": "damping", "y": "steps_per_frame", "value": "observed_order"}
 
 
+def _picture_options(function: Callable) -> Callable:
+    """Add what plots and films are made of: a spec with options, or trajectories in files."""
+    for option in (
+        click.option("--dt", metavar="A[,B...]", help="Step size of each file. [as the files say]"),
+        click.option("--trajectories", is_flag=True, help="Draw trajectories from each FILE."),
+        table_options,
+        click.argument(
+            "files", metavar="[SPEC | FILE...]", nargs=-1, type=click.Path(path_type=Path)
+        ),
+    ):
+        function = option(function)
+    return function
+
+
 @click.command()
-@click.argument("spec", required=False, type=click.Path(path_type=Path))
-@table_options
+@_picture_options
 @click.option("--type", "name", type=click.Choice(TYPES), help=f"What to plot. [{TYPES[0]}]")
 @click.option("--x", metavar="INPUT", help="Sweep: the horizontal axis. [damping]")
 @click.option("--y", metavar="INPUT", help="Sweep: the vertical axis. [steps_per_frame]")
@@ -34,7 +50,13 @@ _OF_SWEEP = {"x": "damping", "y": "steps_per_frame", "value": "observed_order"}
 )
 @click.option("--out", metavar="FILE", help="A .png, .pdf or .svg file. [TYPE.png or sweep.png]")
 def plot(
-    spec: Path | None, name: str | None, out: str | None, where: tuple[str, ...], **options: Any
+    files: tuple[Path, ...],
+    trajectories: bool,
+    dt: str | None,
+    name: str | None,
+    out: str | None,
+    where: tuple[str, ...],
+    **options: Any,
 ) -> None:
     """Plot the errors or energies of steppers, or a map of a sweep.
 
@@ -45,39 +67,79 @@ def plot(
     If SPEC is the folder of a sweep, the plot is a map: the colours show one column over two
     inputs, with a panel for each stepper.
 
+    With --trajectories, each FILE is a trajectory that some program wrote, as `ropeode grade`
+    reads it. --problem SPEC or --reference names the problem of the files.
+
     Needs matplotlib: pip install '.[plots]'.
     """
     of_sweep = {key: options.pop(key) for key in _OF_SWEEP}
-    if spec is not None and spec.is_dir():
-        given = {**options, "type": name}
-        _refuse(given, "only with a spec: the sweep in this folder has its own settings")
-        _plot_sweep(spec, out, where, **{k: v or _OF_SWEEP[k] for k, v in of_sweep.items()})
+    if not trajectories and len(files) == 1 and files[0].is_dir():
+        allowed = "only with a spec: the sweep in this folder has its own settings"
+        _refuse({**options, "type": name, "dt": dt}, allowed)
+        _plot_sweep(files[0], out, where, **{k: v or _OF_SWEEP[k] for k, v in of_sweep.items()})
         return
     _refuse({**of_sweep, "where": where}, "only with the folder of a sweep")
     name = name or TYPES[0]
     from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
 
     path = check_picture(out or f"{name}.png", FIGURES)
+    dts = _check_sources(files, trajectories, dt, options)
     set_up_jax()
     from ropeode.render.plots.registry import PLOTS
 
-    job = job_from(spec, options)
+    job = _job(files, trajectories, options)
+    kind = PLOTS[name]
 
     with show_progress() as progress:
 
         def work() -> bytes:
-            result = PLOTS[name].study(
-                job.given,
-                job.spec.steppers,
-                job.spec.steps_per_frame,
-                norm=job.spec.norm,
-                **job.spec.asked,
-                progress=progress,
-            )
-            return figure_bytes(PLOTS[name].draw(result), path.suffix)
+            named = {"norm": job.spec.norm, **job.spec.asked, "progress": progress}
+            if trajectories:
+                result = kind.of_trajectories(files, job.given, dts, **named)
+            else:
+                result = kind.study(job.given, job.spec.steppers, job.spec.steps_per_frame, **named)
+            return figure_bytes(kind.draw(result), path.suffix)
 
         contents = interruptible(work)
     _write(path, contents)
+
+
+def _check_sources(
+    files: tuple[Path, ...], trajectories: bool, dt: str | None, options: Mapping[str, Any]
+) -> list[str] | None:
+    """See that arguments and options fit together; the step sizes that were given.
+
+    Raises:
+        InputError: they do not.
+    """
+    if not trajectories:
+        _refuse({"dt": dt}, "only with --trajectories")
+        if len(files) > 1:
+            allowed, fix = "one spec file", "to draw trajectories, add --trajectories"
+            raise InputError(complaint("spec", " ".join(map(str, files)), allowed, fix))
+        return None
+    chosen = {"steppers": options["steppers"], "steps": options["steps_per_frame"]}
+    _refuse(chosen, "only without --trajectories: the files hold runs already")
+    if not files:
+        allowed = "trajectories, one file for each step size"
+        raise InputError(complaint("files", "none", allowed, "name them: 32.csv 64.csv 128.csv"))
+    if options["problem"] is None and options["reference"] is None:
+        allowed, fix = "the problem of the trajectories", "give --problem SPEC"
+        raise InputError(complaint("problem", "none", allowed, fix))
+    return None if dt is None else [part.strip() for part in dt.split(",")]
+
+
+def _job(files: tuple[Path, ...], trajectories: bool, options: Mapping[str, Any]) -> TableJob:
+    """What SPEC and the options say; of trajectories, --problem may name the spec."""
+    if not trajectories:
+        return job_from(next(iter(files), None), options)
+    problem, reference = options["problem"], options["reference"]
+    if reference is not None and Path(reference).exists():
+        # Where it was typed, and not where the spec is.
+        options = {**options, "reference": str(Path(reference).resolve())}
+    if problem is not None and Path(problem).suffix == ".toml":
+        return job_from(Path(problem), {**options, "problem": None})
+    return job_from(None, options)
 
 
 def _refuse(options: Mapping[str, Any], allowed: str) -> None:
@@ -107,39 +169,49 @@ def _plot_sweep(
 
 
 @click.command()
-@click.argument("spec", required=False, type=click.Path(path_type=Path))
-@table_options
+@_picture_options
 @click.option("--fps", metavar="N", default="20", help="Pictures per second, up to 50. [20]")
 @click.option("--out", metavar="FILE", help="A .gif or .mp4 file. [rope.gif]")
-def animate(spec: Path | None, fps: str, out: str | None, **options: str | None) -> None:
+def animate(
+    files: tuple[Path, ...],
+    trajectories: bool,
+    dt: str | None,
+    fps: str,
+    out: str | None,
+    **options: str | None,
+) -> None:
     """Make a film of a rope, or of another problem that moves.
 
     The problem must move in a plane or in space. The film shows the steppers beside the
     reference, all with the first number of --steps. The default is semi-implicit-euler with 64
     steps per frame. The settings come from SPEC and the options, as in `ropeode table`.
 
+    With --trajectories, each FILE is a trajectory that some program wrote, as `ropeode grade`
+    reads it. --problem SPEC or --reference names the problem of the files.
+
     Needs matplotlib: pip install '.[plots]'. MP4 also needs ffmpeg: pip install '.[video]'.
     """
     from ropeode.render.plots.animation import check_film, check_fps, film_bytes
 
     path, speed = check_film(out or "rope.gif"), check_fps(fps)
+    dts = _check_sources(files, trajectories, dt, options)
     set_up_jax()
+    from ropeode.checking.trajectories.studies import trajectory_paths
     from ropeode.study.node_paths import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME, node_paths
 
-    job = job_from(spec, options)
-    steps_given = "steps_per_frame" in job.spec.model_fields_set
+    job = _job(files, trajectories, options)
+    steps = DEFAULT_STEPS_PER_FRAME
+    if "steps_per_frame" in job.spec.model_fields_set:
+        steps = job.spec.steps_per_frame[0]
 
     with show_progress() as progress:
 
         def work() -> bytes:
-            paths = node_paths(
-                job.given,
-                job.spec.steppers or DEFAULT_STEPPERS,
-                job.spec.steps_per_frame[0] if steps_given else DEFAULT_STEPS_PER_FRAME,
-                norm=job.spec.norm,
-                **job.spec.asked,
-                progress=progress,
-            )
+            named = {"norm": job.spec.norm, **job.spec.asked, "progress": progress}
+            if trajectories:
+                paths = trajectory_paths(files, job.given, dts, **named)
+            else:
+                paths = node_paths(job.given, job.spec.steppers or DEFAULT_STEPPERS, steps, **named)
             return film_bytes(paths, path.suffix, speed, progress)
 
         contents = interruptible(work)

@@ -9,8 +9,8 @@ import click
 from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.cli.running import interruptible, set_up_jax, show_progress
 from ropeode.files import check_writable
+from ropeode.terminal.running import interruptible, set_up_jax, show_progress
 
 
 @click.group(cls=DefaultGroup, default="compute")

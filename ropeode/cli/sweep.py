@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from ropeode.cli.groups import DefaultGroup
-from ropeode.cli.running import end_on_ctrl_c, interruptible, set_up_jax, show_cases
+from ropeode.terminal.running import end_on_ctrl_c, interruptible, set_up_jax, show_cases
 
 
 @click.group(cls=DefaultGroup, default="run")

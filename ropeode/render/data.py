@@ -17,12 +17,23 @@ from ropeode.study.accuracy_table import AccuracyTable
 SCHEMA = "ropeode.accuracy-table/1"
 
 
-def as_json(table: AccuracyTable) -> str:
-    """Schema `ropeode.accuracy-table/1`; numbers that do not exist are null."""
-    return json.dumps(without_infinities(as_dict(table)), indent=2, allow_nan=False) + "\n"
+def json_text(values: dict[str, Any]) -> str:
+    """Nested plain values as JSON; numbers that do not exist are null."""
+    values = without_infinities(values)
+    return json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def as_csv(table: AccuracyTable) -> str:
+def csv_text(lines: list[dict[str, Any]]) -> str:
+    """Lines as CSV, under the names of all their columns; what does not exist is empty."""
+    text = io.StringIO()
+    names = list(dict.fromkeys(name for line in lines for name in line))
+    writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(without_infinities(lines))
+    return text.getvalue()
+
+
+def as_lines(table: AccuracyTable) -> list[dict[str, Any]]:
     """One line for each run, with the order of its stepper and the reference's bound."""
     whole = as_dict(table)
     orders = {each["stepper"]: each for each in whole["orders"]}
@@ -42,11 +53,7 @@ def as_csv(table: AccuracyTable) -> str:
                 "reference_bound": whole["reference"]["bound_max"],
             }
         )
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(lines[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(without_infinities(lines))
-    return text.getvalue()
+    return lines
 
 
 def problem_dict(problem: Problem) -> dict[str, Any]:
@@ -61,20 +68,20 @@ def problem_dict(problem: Problem) -> dict[str, Any]:
 
 
 def as_dict(table: AccuracyTable) -> dict[str, Any]:
-    """The table as nested plain values."""
+    """The table as nested plain values, schema `ropeode.accuracy-table/1`."""
     problem, reference = table.problem, table.reference
-    made = reference.certificate
+    certificate = reference.certificate
     return {
         "schema": SCHEMA,
         "problem": problem_dict(problem),
         "norm": table.norm.name,
         "reference": {
-            "level": made.level,
-            "solver": made.solver,
-            "rtol": made.rtol,
-            "atol": made.atol,
-            "steps": made.steps,
-            "stiff": made.stiff,
+            "level": certificate.level,
+            "solver": certificate.solver,
+            "rtol": certificate.rtol,
+            "atol": certificate.atol,
+            "steps": certificate.steps,
+            "stiff": certificate.stiff,
             "witnesses": [
                 {
                     "solver": w.solver,
@@ -83,17 +90,17 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
                     "steps": w.steps,
                     "difference": w.difference,
                 }
-                for w in made.witnesses
+                for w in certificate.witnesses
             ],
             "drift_max": {
                 quantity: float(np.max(drift[: reference.trusted]))
-                for quantity, drift in made.drift.items()
+                for quantity, drift in certificate.drift.items()
             },
             "bound_max": float(reference.bound(table.norm)[-1]),
-            "accuracy": made.accuracy,
-            "horizon": made.horizon,
-            "horizon_reason": made.horizon_reason,
-            "versions": dict(made.versions),
+            "accuracy": certificate.accuracy,
+            "horizon": certificate.horizon,
+            "horizon_reason": certificate.horizon_reason,
+            "versions": dict(certificate.versions),
         },
         "rows": [dataclasses.asdict(row) for row in table.rows],
         "orders": [

@@ -2,49 +2,34 @@
 
 from __future__ import annotations
 
-from ropeode.render import cells, markup
+from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.study.accuracy_table import AccuracyTable
 
 
-def as_markdown(table: AccuracyTable) -> str:
-    """Two pipe tables between paragraphs."""
-    return markup.markdown(blocks(table))
-
-
-def as_latex(table: AccuracyTable) -> str:
-    """Two tabulars in the style of the booktabs package."""
-    return markup.latex(blocks(table))
-
-
-def as_html(table: AccuracyTable) -> str:
-    """A page that needs nothing beside it."""
-    return markup.html_page(blocks(table))
-
-
 def blocks(table: AccuracyTable) -> list[Block]:
-    """Both tables with their words."""
-    runs = [(row.stepper, *cells.run_cells(row)) for row in table.rows]
+    """Runs and orders as tables, between paragraphs."""
+    runs = [(row.stepper, *table_words.run_cells(row)) for row in table.rows]
     orders = [
-        (*cells.order_cells(table, each.stepper), _remarks(table, each.stepper))
+        (*table_words.order_cells(table, each.stepper), _remarks(table, each.stepper))
         for each in table.orders
     ]
     return [
-        Heading(cells.title(table)),
-        Paragraph(cells.error_words(table)),
-        Grid(("stepper", *cells.RUN_HEADERS), runs, left=frozenset({0})),
-        Paragraph(f"Observed orders ({cells.RUN_HEADERS[2]}, as dt goes to 0):"),
+        Heading(table_words.title(table)),
+        Paragraph(table_words.error_words(table)),
+        Grid(("stepper", *table_words.RUN_HEADERS), runs, left=frozenset({0})),
+        Paragraph(f"Observed orders ({table_words.RUN_HEADERS[2]}, as dt goes to 0):"),
         Grid(
-            (*cells.ORDER_HEADERS, "left out"),
+            (*table_words.ORDER_HEADERS, "left out"),
             orders,
             left=frozenset({0, 5, 6}),
             long=frozenset({6}),
         ),
-        Paragraph(cells.reference_words(table)),
+        Paragraph(table_words.reference_words(table)),
     ]
 
 
 def _remarks(table: AccuracyTable, stepper: str) -> str:
-    found = next(each for each in table.orders if each.stepper == stepper)
-    left_out = cells.left_out_words(table, stepper, found.order)
-    return "; ".join(filter(None, (cells.remark(found), found.order.why, left_out)))
+    each = next(each for each in table.orders if each.stepper == stepper)
+    left_out = table_words.left_out_words(table, stepper, each.order)
+    return "; ".join(filter(None, (table_words.remark(each), each.order.why, left_out)))

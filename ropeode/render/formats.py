@@ -1,39 +1,49 @@
-"""The formats that results can be written in, by name."""
+"""The formats of results, by name."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ropeode.case_studies.report import Report
 from ropeode.checking.report import CheckReport
 from ropeode.errors import InputError
 from ropeode.render import check as of_check
 from ropeode.render import horizon as of_horizon
-from ropeode.render import report as of_report
-from ropeode.render.data import as_csv, as_json
-from ropeode.render.documents import as_html, as_latex, as_markdown
+from ropeode.render import markup
+from ropeode.render.data import as_dict, as_lines, csv_text, json_text
+from ropeode.render.documents import blocks
+from ropeode.render.markup import Block
 from ropeode.render.plain_text import as_text
 from ropeode.study.accuracy_table import AccuracyTable
 from ropeode.study.horizon import Horizon
 from ropeode.validation import unknown
 
-FORMATS: dict[str, Callable[[AccuracyTable], str]] = {
-    "text": as_text,
-    "markdown": as_markdown,
-    "latex": as_latex,
-    "csv": as_csv,
-    "json": as_json,
-    "html": as_html,
-}
-REPORT_FORMATS: dict[str, Callable[[Report], str]] = {
-    "text": of_report.as_text,
-    "markdown": of_report.as_markdown,
-    "latex": of_report.as_latex,
-    "csv": of_report.as_csv,
-    "json": of_report.as_json,
-    "html": of_report.as_html,
-}
+
+def formats_of(
+    text: Callable[[Any], str],
+    blocks: Callable[[Any], Sequence[Block]],
+    lines: Callable[[Any], list[dict[str, Any]]],
+    values: Callable[[Any], dict[str, Any]],
+) -> dict[str, Callable[[Any], str]]:
+    """All formats of a kind of result.
+
+    Arguments:
+        text: writes it for a terminal.
+        blocks: its headings, paragraphs and tables, for documents.
+        lines: its lines for CSV, the columns by name.
+        values: all of it as nested plain values, for JSON.
+    """
+    return {
+        "text": text,
+        "markdown": lambda result: markup.markdown(blocks(result)),
+        "latex": lambda result: markup.latex(blocks(result)),
+        "csv": lambda result: csv_text(lines(result)),
+        "json": lambda result: json_text(values(result)),
+        "html": lambda result: markup.html_page(blocks(result)),
+    }
+
+
+FORMATS = formats_of(as_text, blocks, as_lines, as_dict)
 HORIZON_FORMATS: dict[str, Callable[[Horizon], str]] = {
     "text": of_horizon.as_text,
     "markdown": of_horizon.as_markdown,
@@ -63,20 +73,7 @@ def format_table(table: AccuracyTable, form: str = "text") -> str:
     Raises:
         InputError: there is no such format.
     """
-    return _formatted(table, form, FORMATS)
-
-
-def format_report(report: Report, form: str = "text") -> str:
-    """A report as text.
-
-    Arguments:
-        report: from `ropeode.rope_report`.
-        form: one of `REPORT_FORMATS`.
-
-    Raises:
-        InputError: there is no such format.
-    """
-    return _formatted(report, form, REPORT_FORMATS)
+    return formatted(table, form, FORMATS)
 
 
 def format_horizon(study: Horizon, form: str = "text") -> str:
@@ -89,7 +86,7 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
     Raises:
         InputError: there is no such format.
     """
-    return _formatted(study, form, HORIZON_FORMATS)
+    return formatted(study, form, HORIZON_FORMATS)
 
 
 def format_check(report: CheckReport, form: str = "text") -> str:
@@ -102,10 +99,15 @@ def format_check(report: CheckReport, form: str = "text") -> str:
     Raises:
         InputError: there is no such format.
     """
-    return _formatted(report, form, CHECK_FORMATS)
+    return formatted(report, form, CHECK_FORMATS)
 
 
-def _formatted(result: Any, form: str, formats: Mapping[str, Callable[[Any], str]]) -> str:
+def formatted(result: Any, form: str, formats: Mapping[str, Callable[[Any], str]]) -> str:
+    """A result as text, in the format of this name.
+
+    Raises:
+        InputError: there is no such format.
+    """
     if form not in formats:
         raise InputError(unknown("format", form, formats))
     return formats[form](result)

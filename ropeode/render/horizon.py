@@ -13,7 +13,7 @@ from tabulate import tabulate
 
 from ropeode.norms import NORMS
 from ropeode.problems.library import ROPES
-from ropeode.render import cells, markup
+from ropeode.render import markup, table_words
 from ropeode.render.data import problem_dict
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.plain_text import wrapped
@@ -80,7 +80,7 @@ def as_csv(study: Horizon) -> str:
 def blocks(study: Horizon) -> list[Block]:
     """The tables, and the words around them."""
     found: list[Block] = [
-        Heading(f"Horizon of float64 references: {cells.problem_words(cast(Any, study))}"),
+        Heading(f"Horizon of float64 references: {table_words.problem_words(cast(Any, study))}"),
         Paragraph(truth_words(study)),
         Grid(_RUNS, [_run_cells(study, run) for run in study.runs], left=frozenset({0, 2})),
         Paragraph(loss_words(study)),

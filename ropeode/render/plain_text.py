@@ -6,7 +6,7 @@ import textwrap
 
 from tabulate import tabulate
 
-from ropeode.render import cells
+from ropeode.render import table_words
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
 
 WIDTH = 80
@@ -16,10 +16,10 @@ def as_text(table: AccuracyTable) -> str:
     """A block of runs for each stepper, the observed orders, and the reference."""
     # The headers go in as a row: tabulate pads real headers, and the table would be too wide.
     header, *lines = tabulate(
-        [cells.RUN_HEADERS, *(cells.run_cells(row) for row in table.rows)],
+        [table_words.RUN_HEADERS, *(table_words.run_cells(row) for row in table.rows)],
         tablefmt="plain",
         disable_numparse=True,
-        colalign=("right",) * len(cells.RUN_HEADERS),
+        colalign=("right",) * len(table_words.RUN_HEADERS),
     ).splitlines()
     runs = iter(lines)
     blocks = [header]
@@ -28,15 +28,15 @@ def as_text(table: AccuracyTable) -> str:
         blocks.extend(next(runs) for row in table.rows if row.stepper == each.stepper)
     return "\n".join(
         [
-            *wrapped(cells.title(table)),
-            *wrapped(cells.error_words(table)),
+            *wrapped(table_words.title(table)),
+            *wrapped(table_words.error_words(table)),
             "",
             *(line.rstrip() for line in blocks),
             "",
-            f"Observed orders ({cells.RUN_HEADERS[2]}, as dt goes to 0)",
+            f"Observed orders ({table_words.RUN_HEADERS[2]}, as dt goes to 0)",
             *(line for each in table.orders for line in _order(table, each)),
             "",
-            *wrapped(cells.reference_words(table)),
+            *wrapped(table_words.reference_words(table)),
             "",
         ]
     )
@@ -44,16 +44,16 @@ def as_text(table: AccuracyTable) -> str:
 
 def _order(table: AccuracyTable, each: StepperOrder) -> list[str]:
     order = each.order
-    name, expected, observed, interval, used, verdict = cells.order_cells(table, each.stepper)
+    name, expected, observed, interval, used, verdict = table_words.order_cells(table, each.stepper)
     if order.observed is None:
         finding = f"{verdict}: {order.why}"
     else:
         finding = f"{verdict}, order {observed} {interval}, {used} steps/frame"
     lines = [name, *wrapped(f"{finding}; expected {expected}", indent=4)]
-    if remark := cells.remark(each):
+    if remark := table_words.remark(each):
         lines += wrapped(remark, indent=4)
     if order.left_out:
-        lines += wrapped(f"left out: {cells.left_out_words(table, name, order)}", indent=4)
+        lines += wrapped(f"left out: {table_words.left_out_words(table, name, order)}", indent=4)
     return lines
 
 

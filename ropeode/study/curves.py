@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR
+from ropeode.analysis.errors import distances, resolution
 from ropeode.errors import InputError
-from ropeode.norms import Norm, distance, norm_for
+from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.reference import Reference, motion, problem_of, reference_for
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
-    Progress,
     check_steps,
     chosen_steppers,
 )
@@ -26,22 +26,27 @@ from ropeode.validation import complaint
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Curve:
-    """One run's number at each sample time.
+    """A number of one run, such as its error, at each sample time.
 
     Arguments:
-        stepper: its name with options.
-        steps_per_frame: steps between two samples.
-        times: sample times, ``(times,)``, no further than the run and the number are finite.
+        stepper: its name with options; of trajectories from files, the names of the files.
+        label: what sets the run apart from others of the stepper: its number of steps per
+            frame, or its file.
+        dt: step size, the largest where frames differ in length.
+        times: sample times, ``(times,)``, up to the last at which the number is finite.
         values: the number there, ``(times,)``.
         diverged_at: the time of the first sample at which the run was not finite; None if it
             stayed finite.
+        steps_per_frame: steps between two samples; None for a trajectory from a file.
     """
 
     stepper: str
-    steps_per_frame: int
+    label: str
+    dt: float
     times: np.ndarray
     values: np.ndarray
-    diverged_at: float | None
+    diverged_at: float | None = None
+    steps_per_frame: int | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -49,14 +54,14 @@ class ErrorCurves:
     """Errors against time, inside the trust horizon and without the first sample.
 
     Arguments:
-        problem: what was solved.
+        problem: the problem of the runs.
         reference: with its certificate.
         norm: in which errors are measured.
         motion: how far a node (or component) gets from its start inside the horizon.
         times: the sample times inside the horizon, without the first, ``(times,)``.
         bound: the reference's estimated error bound there, ``(times,)``.
         resolution: ten times that; no digit of an error below it is to be believed.
-        curves: one for each run, steppers in the order asked for.
+        curves: one for each run, in the order of the steppers.
     """
 
     problem: Problem
@@ -74,11 +79,11 @@ class EnergyCurves:
     """Energies against time.
 
     Arguments:
-        problem: what was solved.
+        problem: the problem of the runs.
         reference: with its certificate.
         times: the sample times inside the trust horizon, ``(times,)``.
         values: the reference's energy there, ``(times,)``.
-        curves: one for each run, steppers in the order asked for; these do not end at the
+        curves: one for each run, in the order of the steppers; these do not end at the
             horizon.
     """
 
@@ -97,7 +102,7 @@ def error_curves(
     norm: str | None = None,
     accuracy: float | None = None,
     rtol: float | None = None,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
     **asked: Any,
 ) -> ErrorCurves:
     """Run steppers and measure their distance from a reference at each sample.
@@ -105,7 +110,7 @@ def error_curves(
     A run that diverged has errors up to its last finite state.
 
     Arguments:
-        problem: what to solve, or a reference of it that exists already.
+        problem: the problem to solve, or a reference of it.
         steppers: as for `ropeode.accuracy_table`.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
@@ -116,26 +121,41 @@ def error_curves(
 
     Raises:
         InputError: one line for each argument that cannot be used.
-        ReferenceRefused: no reference can be had for the problem.
+        ReferenceRefused: no reference of the problem can be certified.
     """
-    given, problem = problem, problem_of(problem)
+    source, problem = problem, problem_of(problem)
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
-    known = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked)
-    inside = slice(1, known.trusted)
-    bound = known.bound(measure)[inside]
-    curves = []
-    for run in runs(problem, chosen, ladder, progress):
-        errors = distance(problem, measure, run.states, known.states[: known.trusted])[1:]
-        curves.append(_curve(run, run.times[1 : 1 + len(errors)], errors))
+    reference = reference_for(
+        source, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
+    )
+    return errors_of(
+        reference,
+        measure,
+        (
+            _curve(run, run.times[1:], distances(run.states, reference, measure)[1:])
+            for run in runs(problem, chosen, ladder, progress)
+        ),
+    )
+
+
+def errors_of(reference: Reference, norm: Norm, curves: Iterable[Curve]) -> ErrorCurves:
+    """Errors of runs with what they are compared with.
+
+    Arguments:
+        reference: of the problem of the runs.
+        norm: in which errors are measured.
+        curves: of errors, without the first sample.
+    """
+    inside = slice(1, reference.trusted)
     return ErrorCurves(
-        problem=problem,
-        reference=known,
-        norm=measure,
-        motion=float(motion(problem, known.states, measure)[known.trusted - 1]),
-        times=known.times[inside],
-        bound=bound,
-        resolution=RESOLUTION_FACTOR * bound,
+        problem=reference.problem,
+        reference=reference,
+        norm=norm,
+        motion=float(motion(reference.problem, reference.states, norm)[reference.trusted - 1]),
+        times=reference.times[inside],
+        bound=reference.bound(norm)[inside],
+        resolution=resolution(reference, norm)[1:],
         curves=tuple(curves),
     )
 
@@ -147,13 +167,13 @@ def energy_curves(
     *,
     accuracy: float | None = None,
     rtol: float | None = None,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
     **asked: Any,
 ) -> EnergyCurves:
-    """Run steppers and take the energy at each sample, and that of a reference.
+    """Run steppers and compute their energy at each sample, and that of a reference.
 
     Arguments:
-        problem: what to solve, which must have an energy; or a reference of it.
+        problem: the problem to solve, which must have an energy; or a reference of it.
         steppers: as for `ropeode.accuracy_table`.
         steps_per_frame: whole numbers, each once.
         accuracy: as for `ropeode.reference`.
@@ -163,9 +183,45 @@ def energy_curves(
 
     Raises:
         InputError: one line for each argument that cannot be used.
-        ReferenceRefused: no reference can be had for the problem.
+        ReferenceRefused: no reference of the problem can be certified.
     """
-    given, problem = problem, problem_of(problem)
+    source, problem = problem, problem_of(problem)
+    check_energy(problem)
+    chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
+    reference = reference_for(
+        source, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
+    )
+    return energies_of(
+        reference,
+        (
+            _curve(run, run.times, problem.energies(run.states))
+            for run in runs(problem, chosen, ladder, progress)
+        ),
+    )
+
+
+def energies_of(reference: Reference, curves: Iterable[Curve]) -> EnergyCurves:
+    """Energies of runs with those of their reference.
+
+    Arguments:
+        reference: of the problem of the runs.
+        curves: of energies.
+    """
+    return EnergyCurves(
+        problem=reference.problem,
+        reference=reference,
+        times=reference.times[: reference.trusted],
+        values=reference.problem.energies(reference.states[: reference.trusted]),
+        curves=tuple(curves),
+    )
+
+
+def check_energy(problem: Problem) -> None:
+    """Refuse a problem without an energy.
+
+    Raises:
+        InputError: it has none.
+    """
     if problem.energy is None:
         raise InputError(
             complaint(
@@ -175,18 +231,6 @@ def energy_curves(
                 "give it one, Problem(..., energy=...), or choose what needs none",
             )
         )
-    chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    known = reference_for(given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked)
-    return EnergyCurves(
-        problem=problem,
-        reference=known,
-        times=known.times[: known.trusted],
-        values=problem.energies(known.states[: known.trusted]),
-        curves=tuple(
-            _curve(run, run.times, problem.energies(run.states))
-            for run in runs(problem, chosen, ladder, progress)
-        ),
-    )
 
 
 def runs(
@@ -203,12 +247,14 @@ def runs(
 
 
 def _curve(run: Trajectory, times: np.ndarray, values: np.ndarray) -> Curve:
-    # The energy of a state may be infinite where the state is not.
+    # Errors end at the horizon, and the energy of a state may be infinite where the state is not.
     finite = int(np.argmin(np.append(np.isfinite(values), False)))
     return Curve(
         stepper=run.stepper.label,
-        steps_per_frame=run.steps_per_frame,
+        label=f"{run.steps_per_frame} steps/frame",
+        dt=run.dt,
         times=times[:finite],
         values=values[:finite],
         diverged_at=None if run.diverged_at is None else float(run.problem.ts[run.diverged_at]),
+        steps_per_frame=run.steps_per_frame,
     )

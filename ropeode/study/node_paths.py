@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR
+from ropeode.analysis.errors import distances, resolution
 from ropeode.errors import InputError
-from ropeode.norms import Norm, distance, norm_for
+from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.reference import Reference, problem_of, reference_for
 from ropeode.steppers.base import Stepper
-from ropeode.study.accuracy_table import Progress, check_steps, chosen_steppers
+from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import runs
 from ropeode.validation import complaint
 
@@ -31,7 +32,7 @@ class NodePath:
     """The nodes of one run.
 
     Arguments:
-        stepper: its name with options.
+        stepper: its name with options; of a trajectory from a file, the file's name and dt.
         positions: ``(samples, nodes, dim)``, up to the last finite sample.
         errors: at the samples inside the trust horizon, ``(samples,)``.
         diverged_at: the first frame at whose end the run was not finite; None if it stayed
@@ -49,11 +50,11 @@ class NodePaths:
     """The nodes of runs and of their reference.
 
     Arguments:
-        problem: what was solved.
+        problem: the problem of the runs.
         reference: of the problem with all the samples; its horizon is one of them.
         norm: in which errors are measured.
         samples_per_frame: how many intervals each frame of the problem is divided into.
-        steps_per_frame: of all the runs.
+        steps_per_frame: of all the runs; None for trajectories from files.
         resolution: ten times the reference's bound at the samples inside the horizon; no
             digit of an error below it is to be believed.
         paths: one for each stepper.
@@ -63,7 +64,7 @@ class NodePaths:
     reference: Reference
     norm: Norm
     samples_per_frame: int
-    steps_per_frame: int
+    steps_per_frame: int | None
     resolution: np.ndarray
     paths: tuple[NodePath, ...]
 
@@ -81,17 +82,16 @@ def node_paths(
     norm: str | None = None,
     accuracy: float | None = None,
     rtol: float | None = None,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
     **asked: Any,
 ) -> NodePaths:
     """Run steppers on a problem that is sampled up to 8 times in each frame.
 
-    The samples lie on steps, so that the runs are those that a table makes; nothing is
-    interpolated.
+    The samples lie on steps, so that the runs are those of a table; nothing is interpolated.
 
     Arguments:
-        problem: what to solve, whose positions must have 2 or 3 components; or a reference of
-            it, which is taken with its own samples.
+        problem: the problem to solve, whose positions must have 2 or 3 components; or a
+            reference of it, whose samples are those of the film.
         steppers: steppers, or their names with options.
         steps_per_frame: a whole number, the same for all.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
@@ -102,9 +102,42 @@ def node_paths(
 
     Raises:
         InputError: one line for each argument that cannot be used.
-        ReferenceRefused: no reference can be had for the problem.
+        ReferenceRefused: no reference of the problem can be certified.
     """
-    given, problem = problem, problem_of(problem)
+    source, problem = problem, problem_of(problem)
+    check_positions(problem)
+    chosen, (steps,) = chosen_steppers(problem, steppers), check_steps([steps_per_frame])
+    measure = norm_for(problem, norm)
+    parts = 1 if isinstance(source, Reference) else parts_of(problem.frames, steps)
+    sampled = sampled_finer(source, parts)
+    reference = reference_for(
+        sampled, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
+    )
+    return NodePaths(
+        problem=problem,
+        reference=reference,
+        norm=measure,
+        samples_per_frame=parts,
+        steps_per_frame=steps,
+        resolution=resolution(reference, measure),
+        paths=tuple(
+            NodePath(
+                stepper=run.stepper.label,
+                positions=run.positions,
+                errors=distances(run.states, reference, measure),
+                diverged_at=None if run.diverged_at is None else -(-run.diverged_at // parts),
+            )
+            for run in runs(reference.problem, chosen, [steps // parts], progress)
+        ),
+    )
+
+
+def check_positions(problem: Problem) -> None:
+    """Refuse a problem that cannot be watched.
+
+    Raises:
+        InputError: its positions do not have 2 or 3 components.
+    """
     if problem.mechanics is None or problem.positions(problem.y0[None]).shape[2] not in (2, 3):
         raise InputError(
             complaint(
@@ -114,47 +147,29 @@ def node_paths(
                 "choose one that moves in a plane or in space, such as rope or kepler",
             )
         )
-    chosen, (steps,) = chosen_steppers(problem, steppers), check_steps([steps_per_frame])
-    measure = norm_for(problem, norm)
-    stored = isinstance(given, Reference)
-    parts = 1 if stored else _parts(problem.frames, steps)
-    finer = problem if stored else _sampled(problem, parts)
-    known = reference_for(
-        given if stored else finer,
-        accuracy,
-        rtol,
-        progress=lambda text: progress(text, 0.0),
-        **asked,
-    )
-    trusted = known.states[: known.trusted]
-    return NodePaths(
-        problem=problem,
-        reference=known,
-        norm=measure,
-        samples_per_frame=parts,
-        steps_per_frame=steps,
-        resolution=RESOLUTION_FACTOR * known.bound(measure),
-        paths=tuple(
-            NodePath(
-                stepper=run.stepper.label,
-                positions=run.positions,
-                errors=distance(finer, measure, run.states, trusted),
-                diverged_at=None if run.diverged_at is None else -(-run.diverged_at // parts),
-            )
-            for run in runs(finer, chosen, [steps // parts], progress)
-        ),
-    )
 
 
-def _parts(frames: int, steps: int) -> int:
-    """Into how many intervals of whole steps a frame is divided."""
+def parts_of(frames: int, steps: int) -> int:
+    """Into how many intervals of whole steps a film divides a frame.
+
+    Arguments:
+        frames: of the problem.
+        steps: in each frame.
+    """
     most = min(_MOST_SAMPLES_PER_FRAME, max(1, _ENOUGH_SAMPLES // frames))
     return max(parts for parts in range(1, most + 1) if steps % parts == 0)
 
 
-def _sampled(problem: Problem, parts: int) -> Problem:
-    """The problem with that many samples in each frame; the old ones stay as they are."""
-    frames = np.arange(problem.frames * parts + 1) / parts
+def sampled_finer(source: Problem | Reference, parts: int) -> Problem | Reference:
+    """The problem with that many samples in each frame; the old ones stay as they are.
+
+    Arguments:
+        source: a problem; or a reference, which has the samples that it has.
+        parts: intervals in each frame; 1 for a reference.
+    """
+    if isinstance(source, Reference):
+        return source
+    frames = np.arange(source.frames * parts + 1) / parts
     return dataclasses.replace(
-        problem, ts=np.interp(frames, np.arange(problem.frames + 1.0), problem.ts)
+        source, ts=np.interp(frames, np.arange(source.frames + 1.0), source.ts)
     )

@@ -10,8 +10,7 @@ import pytest
 
 from ropeode.analysis.motion import DEFAULTS, Motion
 from ropeode.analysis.stability import Growth
-from ropeode.case_studies import claims
-from ropeode.case_studies.comparisons import judge
+from ropeode.case_studies import claims, comparisons
 from ropeode.case_studies.figures import Claim, all_comparisons
 from ropeode.errors import InputError
 
@@ -110,7 +109,7 @@ def test_words():
 def compared(measure: str, motions: list[Motion]) -> str:
     comparison = next(each for each in all_comparisons() if each.measure == measure)
     comparison = dataclasses.replace(comparison, figures=tuple(range(len(motions))))
-    return judge(comparison, motions).verdict
+    return comparisons.compared(comparison, motions).verdict
 
 
 def test_diverges_later():

@@ -6,39 +6,31 @@ import numpy as np
 import pytest
 
 from ropeode.case_studies import runs as module
-from ropeode.case_studies.figures import ENDS, Figure, all_figures
+from ropeode.case_studies.figures import all_figures
 from ropeode.case_studies.runs import (
     FRAMES,
     MOST_FRAMES,
+    Run,
     code_fingerprint,
     frames_for,
     growth_of,
+    problems_of,
     run_all,
-    run_of,
 )
 from ropeode.simulation import simulate
 
 CHEAP = (4, 5, 26, 31)
 
 
-def wanted_for(figures: list[Figure], frames: int) -> dict:
-    return {
-        run_of(figure, meaning, frames): lambda end, figure=figure, meaning=meaning: figure.problem(
-            meaning, end, frames
-        )
-        for figure in figures
-        for meaning in figure.meanings
-    }
-
-
 @pytest.fixture(scope="module")
 def wanted():
-    return wanted_for([all_figures()[number] for number in CHEAP], 12)
+    figures = [all_figures()[number] for number in CHEAP]
+    return {Run(each.setting(meaning), 12) for each in figures for meaning in each.meanings}
 
 
 @pytest.fixture(scope="module")
 def finished(wanted):
-    return run_all(wanted, None, lambda text, fraction: None)
+    return run_all(wanted, None)
 
 
 def same(one, other) -> bool:
@@ -47,25 +39,35 @@ def same(one, other) -> bool:
         and (a.status, a.diverged_at, a.steps_per_frame, a.stepper)
         == (b.status, b.diverged_at, b.steps_per_frame, b.stepper)
         and a.problem.parameters == b.problem.parameters
-        for a, b in zip(one.images, other.images, strict=True)
+        for a, b in zip(one, other, strict=True)
     )
 
 
-def test_a_run_is_what_simulate_makes_of_the_figure(finished, wanted):
-    for run, done in finished.items():
-        *_, name, steps, _ = run.family
-        for end, image in zip(ENDS, done.images, strict=True):
-            alone = simulate(wanted[run](end), name, steps)
+def test_a_run_is_what_simulate_makes_of_the_figure(finished):
+    for run, images in finished.items():
+        setting = run.setting
+        for problem, image in zip(problems_of(run), images, strict=True):
+            alone = simulate(problem, setting.stepper, setting.steps_per_frame)
             np.testing.assert_array_equal(image.states, alone.states)
             assert image.diverged_at == alone.diverged_at
 
 
 def test_images_mirror_each_other(finished):
-    for done in finished.values():
-        assert done.mirrored
-        left, right = done.images
-        assert left.states[0, 0, 0, -1] == -400
-        assert right.states[0, 0, 0, -1] == 400
+    for images in finished.values():
+        assert images.mirrored
+        assert images.left.states[0, 0, 0, -1] == -400
+        assert images.right.states[0, 0, 0, -1] == 400
+        assert not images._replace(right=images.nudged).mirrored
+
+
+def test_the_nudged_image_differs_in_the_last_digits(finished):
+    for images in finished.values():
+        left, nudged = images.left.states[0], images.nudged.states[0]
+        np.testing.assert_array_equal(left[..., 0], nudged[..., 0])
+        np.testing.assert_array_equal(left[1], nudged[1])
+        moved = nudged[0, :, 1:] - left[0, :, 1:]
+        assert np.all(moved != 0)
+        assert np.all(np.abs(moved) <= np.spacing(np.abs(left[0, :, 1:])))
 
 
 def test_progress_grows_to_one(wanted):
@@ -76,20 +78,20 @@ def test_progress_grows_to_one(wanted):
 
 
 def test_runs_are_kept_and_found_again(tmp_path, wanted, finished, monkeypatch):
-    run_all(wanted, tmp_path, lambda text, fraction: None)
+    run_all(wanted, tmp_path)
     assert len(list(tmp_path.iterdir())) == len(wanted)
 
     def must_not_run(*inputs, **named):
         raise AssertionError("it was to be read")
 
     monkeypatch.setattr(module, "simulate", must_not_run)
-    again = run_all(wanted, tmp_path, lambda text, fraction: None)
+    again = run_all(wanted, tmp_path)
     assert all(same(again[run], finished[run]) for run in wanted)
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "flipped", "gone"])
 def test_a_damaged_file_is_computed_again(damage, tmp_path, wanted, finished):
-    run_all(wanted, tmp_path, lambda text, fraction: None)
+    run_all(wanted, tmp_path)
     victim = sorted(tmp_path.iterdir())[0]
     whole = bytearray(victim.read_bytes())
     if damage == "gone":
@@ -97,14 +99,14 @@ def test_a_damaged_file_is_computed_again(damage, tmp_path, wanted, finished):
     else:
         whole[len(whole) // 2] ^= 0x10
         victim.write_bytes({"cut": whole[:500], "empty": b"", "flipped": bytes(whole)}[damage])
-    again = run_all(wanted, tmp_path, lambda text, fraction: None)
+    again = run_all(wanted, tmp_path)
     assert all(same(again[run], finished[run]) for run in wanted)
 
 
 def test_a_folder_that_cannot_be_written_only_keeps_nothing(tmp_path, wanted, finished):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    again = run_all(wanted, blocked / "runs", lambda text, fraction: None)
+    again = run_all(wanted, blocked / "runs")
     assert all(same(again[run], finished[run]) for run in wanted)
 
 
@@ -116,8 +118,9 @@ def test_the_fingerprint_stays():
 @pytest.mark.parametrize("number", [5, 10, 12, 21, 26, 27, 34])
 def test_frames_suffice_for_what_theory_predicts(number):
     figure = all_figures()[number]
-    growths = [growth_of(figure, meaning) for meaning in figure.meanings]
-    frames = frames_for(figure, growths)
+    settings = [figure.setting(meaning) for meaning in figure.meanings]
+    growths = [growth_of(setting) for setting in settings]
+    frames = frames_for(settings)
     assert FRAMES <= frames <= MOST_FRAMES
     needed = max(
         growth.predicted_blow_up or np.log(1000) / max(-growth.rate, 1e-12) for growth in growths

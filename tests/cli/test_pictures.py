@@ -6,10 +6,13 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from ropeode.cli.pictures import TYPES
+from ropeode.problems.rope import Rope
+from ropeode.simulation import simulate
 from tests.cli.interrupted import interrupt
 
 QUICK = ["--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "4,8,16"]
@@ -74,9 +77,50 @@ def test_animate_by_default(run, tmp_path):
     assert seconds == pytest.approx(9 / 4, abs=0.1)
 
 
+@pytest.fixture(scope="module")
+def trajectories(tmp_path_factory):
+    """Files of three step sizes and the spec of their problem."""
+    folder = tmp_path_factory.mktemp("trajectories")
+    (folder / "spec.toml").write_text("frames = 2\n[rope]\nnum_nodes = 3\n")
+    problem = Rope(num_nodes=3).problem(2)
+    for steps in (16, 32, 64):
+        run = simulate(problem, "velocity-verlet", steps)
+        np.savez(
+            folder / f"{steps}.npz",
+            t=run.times,
+            positions=run.positions,
+            velocities=run.velocities,
+        )
+    return folder
+
+
+def test_plot_of_trajectories(trajectories, run, tmp_path):
+    files = [str(trajectories / f"{steps}.npz") for steps in (16, 32, 64)]
+    spec = str(trajectories / "spec.toml")
+    dts = ["--dt", "0.0625,0.03125,0.015625"]
+    done = run("plot", "--trajectories", *files, "--problem", spec, *dts, "--out", "a.svg")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "wrote a.svg\n", "")
+    assert "order 2.0" in (tmp_path / "a.svg").read_text()
+
+
+def test_film_of_trajectories(trajectories, run, tmp_path):
+    files = [str(trajectories / "64.npz")]
+    rope = ["--problem", "rope", "--num-nodes", "3", "--frames", "2", "--dt", "0.015625"]
+    done = run("animate", *files, *rope, "--trajectories")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "wrote rope.gif\n", "")
+    with Image.open(tmp_path / "rope.gif") as image:
+        assert image.n_frames == 3
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["plot", "--trajectories"], "files: 'none' given"),
+        (["plot", "--trajectories", "a.csv"], "problem: 'none' given"),
+        (["plot", "--trajectories", "a.csv", "--problem", "rope"], "file: 'a.csv' given"),
+        (["plot", "--trajectories", "a.csv", "--steps", "4"], "steps: '4' given; allowed: only"),
+        (["animate", "a.csv", "b.csv"], "to draw trajectories, add --trajectories"),
+        (["animate", "--dt", "0.1"], "dt: '0.1' given; allowed: only with --trajectories"),
         (["plot", "--type", "errors"], "'errors' is not one of"),
         (["plot", "--out", "a.jpg"], "out: 'a.jpg' given; allowed: a file name that ends in .png"),
         (["plot", "--out", "missing/a.png"], "create 'missing'"),

@@ -6,20 +6,20 @@ import csv
 import io
 import json
 import re
+import shutil
 import subprocess
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
-from ropeode.cli.formats import FORMATS as LISTED
 from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
 from ropeode.render.data import SCHEMA
 from ropeode.render.formats import FORMATS
 from ropeode.render.stepper_list import as_text as stepper_list
 from ropeode.steppers import STEPPERS
 from ropeode.study.accuracy_table import accuracy_table
+from ropeode.terminal.formats import FORMATS as LISTED
 
 
 def cubic(t, y, args):
@@ -27,14 +27,10 @@ def cubic(t, y, args):
 
 
 @pytest.fixture(scope="module")
-def tables():
-    rope = Rope(num_nodes=3, damping=0.0).problem(frames=3)
+def tables(study):
     return {
-        "rope": accuracy_table(
-            rope,
-            ["stormer-verlet:start=rest,damping=per-step", "rk4", "explicit-euler"],
-            (4, 33, 1000, 3000),
-        ),
+        "rope": study("convergence", "rope"),
+        "long names": study("convergence", "long names"),
         # A diverged run, a name that is hostile to every format, and an undetermined order.
         "hostile": accuracy_table(
             Problem(cubic, [1.0], np.arange(13.0), name="<b>a|b</b> 100% & $x_1$ \\ {#}"),
@@ -42,13 +38,7 @@ def tables():
             (2, 700, 1400),
         ),
         # The reference ends before the frames do.
-        "cut": accuracy_table(
-            Rope(num_nodes=4, damping=0.0).problem(frames=6),
-            ["rk4"],
-            (40, 60, 90),
-            rtol=1e-6,
-            accuracy=3e-4,
-        ),
+        "cut": study("convergence", "cut"),
     }
 
 
@@ -56,7 +46,7 @@ def test_formats_are_listed_on_the_command_line():
     assert list(LISTED) == list(FORMATS)
 
 
-@pytest.mark.parametrize("case", ["rope", "hostile", "cut"])
+@pytest.mark.parametrize("case", ["rope", "long names", "hostile", "cut"])
 @pytest.mark.parametrize("form", FORMATS)
 def test_every_format_holds_the_findings(form, case, tables):
     table = tables[case]
@@ -173,11 +163,17 @@ def test_latex_escapes(tables):
     assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 2
 
 
-def test_latex_compiles(tables, tmp_path):
-    import shutil
+def has_booktabs() -> bool:
+    """Whether there is a pdflatex that finds the package that tables need."""
+    if not (shutil.which("pdflatex") and shutil.which("kpsewhich")):
+        return False
+    search = subprocess.run(["kpsewhich", "booktabs.sty"], capture_output=True, check=False)
+    return search.returncode == 0
 
-    if not shutil.which("pdflatex"):
-        pytest.skip("there is no LaTeX here")
+
+def test_latex_compiles(tables, tmp_path):
+    if not has_booktabs():
+        pytest.skip("there is no LaTeX with the package booktabs here")
     body = FORMATS["latex"](tables["hostile"]).replace("% needs", "%")
     (tmp_path / "t.tex").write_text(
         "\\documentclass{article}\\usepackage{booktabs}\\begin{document}\n"

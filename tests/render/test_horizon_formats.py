@@ -12,7 +12,6 @@ import re
 import numpy as np
 import pytest
 
-from ropeode.cli.formats import FORMATS as NAMES
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import reference
@@ -21,6 +20,7 @@ from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.horizon import horizon
+from ropeode.terminal.formats import FORMATS as NAMES
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
 

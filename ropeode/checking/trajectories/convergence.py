@@ -54,16 +54,13 @@ def order_finding(
             reference, pairs, expected=expected, doubles=doubles, quantities=quantities
         )
 
-    def worst(run: Run) -> np.ndarray:
-        return rounding_of(run, layout) + _SHARE * _round_off(run, reference, layout)
-
     as_written = with_rounding(lambda run: rounding_of(run, layout))
     finding, notes = convergence_finding("order", as_written), ()
-    if finding.status == "pass" and all(map(_shown, as_written.orders.values())):
+    if finding.status == "pass" and all(map(shown, as_written.orders.values())):
         return finding, notes
-    careful = with_rounding(worst)
+    careful = with_rounding(lambda run: worst_rounding(run, reference, layout))
     finding = convergence_finding("order", careful)
-    if finding.status == "pass" and all(map(_shown, careful.orders.values())):
+    if finding.status == "pass" and all(map(shown, careful.orders.values())):
         notes = ("the finest step sizes are left out: round-off could explain their errors",)
     elif not _refuted(careful):
         if not _blew_up(careful):
@@ -71,6 +68,15 @@ def order_finding(
         line = f"{finding.line}; even the finest run is off by more than twice the motion"
         finding = dataclasses.replace(finding, status="fail", line=line)
     return finding, notes
+
+
+def worst_rounding(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
+    """What rounding may have added to each column at worst, ``(columns,)``.
+
+    That of the written digits, and a share of the round-off of the run, since what is left out
+    of an order are errors of many times the rounding.
+    """
+    return rounding_of(run, layout) + _SHARE * _round_off(run, reference, layout)
 
 
 def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
@@ -91,12 +97,12 @@ def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
 
 def _refuted(found: Convergence) -> bool:
     """Whether something is known to be wrong: what is not shown aside."""
-    known = {quantity: order for quantity, order in found.orders.items() if _shown(order)}
+    known = {quantity: order for quantity, order in found.orders.items() if shown(order)}
     rest = dataclasses.replace(found, orders=known)
     return convergence_finding("order", rest).status == "fail"
 
 
-def _shown(order: ObservedOrder) -> bool:
+def shown(order: ObservedOrder) -> bool:
     """Whether there is an order, over step sizes that are far enough apart."""
     return order.verdict != "undetermined" and order.used[0] >= _SPAN * order.used[-1]
 

@@ -21,6 +21,7 @@ from ropeode.validation import complaint, finite_number
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
 FEWEST = 3
+_NAMES_SHOWN = 3
 # Two statements of a step size, or of a number of steps, are the same if they are so close.
 _SAME = 1e-3
 
@@ -44,6 +45,11 @@ class Run:
     interval: float
 
     @property
+    def label(self) -> str:
+        """The file's name and the step size."""
+        return f"{self.path.name}, dt = {self.dt:g}"
+
+    @property
     def uneven(self) -> bool:
         """Whether steps of this size do not come out at the file's samples."""
         steps = self.interval / self.dt
@@ -55,19 +61,28 @@ def quantities_of(problem: Problem, runs: Sequence[Run]) -> tuple[str, ...]:
     return problem.quantities[: runs[0].values.shape[2] // Layout.of(problem).dim]
 
 
+def names_of(runs: Sequence[Run]) -> str:
+    """The names of their files, in a few words."""
+    names = [run.path.name for run in runs]
+    return ", ".join(names) if len(names) <= _NAMES_SHOWN else f"{names[0]} ... {names[-1]}"
+
+
 def read_runs(
     files: Sequence[str | Path],
     problem: Problem,
     dts: Sequence[Any] | None = None,
     progress: Progress = lambda text, fraction: None,
+    *,
+    fewest: int = FEWEST,
 ) -> tuple[Run, ...]:
     """Read the files, each in blocks; only what is asked for is kept.
 
     Arguments:
-        files: at least three.
+        files: one for each step size.
         problem: that all of them are to solve.
         dts: step size of each; None where the files say them.
         progress: called with what is being done and the fraction that is done.
+        fewest: how many files there have to be; fewer than three show no order.
 
     Returns:
         The runs, from coarse to fine.
@@ -75,7 +90,7 @@ def read_runs(
     Raises:
         InputError: one line for each file that cannot be used: its first fault.
     """
-    opened = open_files(files, Layout.of(problem))
+    opened = open_files(files, Layout.of(problem), fewest)
     steps = _step_sizes(opened, dts)
     total, before, faults, found = sum(file.size for file in opened), 0, [], []
     for file, dt in zip(opened, steps, strict=True):
@@ -100,7 +115,7 @@ def read_runs(
     return tuple(sorted(found, key=lambda run: -run.dt))
 
 
-def open_files(files: Sequence[str | Path], layout: Layout) -> list[File]:
+def open_files(files: Sequence[str | Path], layout: Layout, fewest: int = FEWEST) -> list[File]:
     """The files, with their beginnings read.
 
     Raises:
@@ -108,8 +123,10 @@ def open_files(files: Sequence[str | Path], layout: Layout) -> list[File]:
     """
     paths = [Path(file) for file in files]
     faults, opened = [], []
-    if len(paths) < FEWEST:
-        allowed = f"at least {FEWEST}, with different step sizes, since fewer show no order"
+    if len(paths) < fewest:
+        allowed = f"at least {fewest}, with different step sizes" + (
+            ", since fewer show no order" if fewest > 1 else ""
+        )
         raise InputError(complaint("files", len(paths), allowed, "run with more step sizes"))
     for path in paths:
         try:

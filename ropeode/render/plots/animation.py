@@ -11,10 +11,10 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
 from ropeode.errors import InputError
 from ropeode.files import write_whole
+from ropeode.progress import Progress, silent
 from ropeode.render.plots.files import check_picture
 from ropeode.render.plots.film import DPI, film
 from ropeode.render.plots.style import STYLE
-from ropeode.study.accuracy_table import Progress
 from ropeode.study.node_paths import NodePaths
 from ropeode.validation import complaint, finite_number, require
 
@@ -29,7 +29,7 @@ def animate(
     out: str | Path,
     *,
     fps: float = DEFAULT_FPS,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
 ) -> Path:
     """Write a film of nodes: the reference, and beside it each run, one picture per sample.
 
@@ -62,14 +62,14 @@ def check_film(out: str | Path) -> Path:
     return path
 
 
-def check_fps(given: Any) -> float:
+def check_fps(rate: Any) -> float:
     """Pictures per second.
 
     Raises:
         InputError: it is not a number above 0 and up to 50.
     """
     try:
-        fps = finite_number(given)
+        fps = finite_number(rate)
         if not 0 < fps <= _MOST_FPS:
             raise ValueError("it is out of range")
         return fps
@@ -77,7 +77,7 @@ def check_fps(given: Any) -> float:
         raise InputError(
             complaint(
                 "fps",
-                given,
+                rate,
                 f"a number above 0 and up to {_MOST_FPS:g} ({error})",
                 f"for example {DEFAULT_FPS:g}",
             )

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ropeode.render import cells
+from ropeode.render import table_words
 from ropeode.render.plots.labels import problem_words, with_unit
-from ropeode.render.plots.marks import MARKS, Point, in_legend, limits, points
+from ropeode.render.plots.point_markers import MARKS, Point, in_legend, limits, points
 from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE, new_figure, stepper_style
 from ropeode.render.plots.triangles import FittedLine, draw_triangles
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
@@ -29,19 +29,19 @@ def plot_convergence(table: AccuracyTable) -> Figure:
     """Error against step size, with the fitted orders and what was left out of them.
 
     Arguments:
-        table: from `ropeode.accuracy_table`.
+        table: from `ropeode.accuracy_table`, or from `ropeode.trajectory_errors`.
 
     Returns:
         A matplotlib figure, 6.5 inches wide, with one pair of logarithmic axes: step size in
         the problem's unit of time, `error_max` in that of the norm. docs/plots.md says what
         each mark means.
     """
-    found = {each.stepper: points(table, each.stepper) for each in table.orders}
-    shown = [mark for mark in MARKS if any(p.mark == mark for each in found.values() for p in each)]
+    drawn = {each.stepper: points(table, each.stepper) for each in table.orders}
+    shown = [mark for mark in MARKS if any(p.mark == mark for each in drawn.values() for p in each)]
     figure = new_figure(
-        f"Convergence of steppers: {problem_words(table)}",
-        cells.error_words(table).rstrip("."),
-        _AXES_HEIGHT + _LEGEND_LINE * max(len(found), len(shown) + 1),
+        f"Error against step size: {problem_words(table)}",
+        table_words.error_words(table).rstrip("."),
+        _AXES_HEIGHT + _LEGEND_LINE * max(len(drawn), len(shown) + 1),
     )
     axes = figure.subplots()
     dts = [row.dt for row in table.rows]
@@ -56,11 +56,11 @@ def plot_convergence(table: AccuracyTable) -> Figure:
     _draw_band(axes, table.rows[0].resolution)
     lines = []
     for index, each in enumerate(table.orders):
-        lines += _draw_stepper(axes, index, each, found[each.stepper])
-    drawn = [np.array([(p.dt, p.error) for p in each]) for each in found.values()]
-    drawn += [_dense(line) for line in lines]
+        lines += _draw_stepper(axes, index, each, drawn[each.stepper])
+    taken = [np.array([(p.dt, p.error) for p in each]) for each in drawn.values()]
+    taken += [_dense(line) for line in lines]
     floor = max(table.rows[0].resolution, axes.get_ylim()[0])
-    draw_triangles(axes, lines, np.concatenate(drawn), floor)
+    draw_triangles(axes, lines, np.concatenate(taken), floor)
     _draw_legends(figure, table, shown)
     return figure
 
@@ -72,7 +72,7 @@ def _dense(line: FittedLine) -> np.ndarray:
 
 
 def _draw_band(axes: Axes, resolution: float) -> None:
-    """What the reference cannot resolve, from below."""
+    """The errors that the reference cannot resolve."""
     low, _ = axes.get_ylim()
     axes.axhspan(0.0, resolution, color=BAND, linewidth=0, zorder=0.5)
     axes.axhline(resolution, color=BAND_EDGE, linewidth=0.8, zorder=0.6)
@@ -90,14 +90,14 @@ def _draw_band(axes: Axes, resolution: float) -> None:
 
 
 def _draw_stepper(
-    axes: Axes, index: int, each: StepperOrder, found: Sequence[Point]
+    axes: Axes, index: int, each: StepperOrder, drawn: Sequence[Point]
 ) -> list[FittedLine]:
     """A stepper's points, and the fitted line if there is one."""
     colour, marker = stepper_style(index)
     for mark, form in MARKS.items():
-        if left_out := [point for point in found if point.mark == mark]:
+        if left_out := [point for point in drawn if point.mark == mark]:
             _scatter(axes, left_out, color=colour, zorder=3, **form)
-    used = [point for point in found if point.mark is None]
+    used = [point for point in drawn if point.mark is None]
     if not used:
         return []
     _scatter(axes, used, color=colour, zorder=2.5, marker=marker)
@@ -113,10 +113,10 @@ def _draw_stepper(
     return [line]
 
 
-def _scatter(axes: Axes, found: Sequence[Point], **form: Any) -> None:
+def _scatter(axes: Axes, drawn: Sequence[Point], **form: Any) -> None:
     axes.plot(
-        [point.dt for point in found],
-        [point.error for point in found],
+        [point.dt for point in drawn],
+        [point.error for point in drawn],
         linestyle="none",
         **form,
     )
@@ -146,4 +146,4 @@ def _order_words(each: StepperOrder) -> str:
     if order.observed is None:
         return f"{each.stepper}: {order.verdict}{other}"
     words = "order" if order.verdict == "converges" else f"{order.verdict}, slope"
-    return f"{each.stepper}: {words} {order.observed:.3f} {cells.interval(order)}{other}"
+    return f"{each.stepper}: {words} {order.observed:.3f} {table_words.interval(order)}{other}"

@@ -32,7 +32,7 @@ def plot_energies(curves: EnergyCurves) -> Figure:
     """
     panels = panels_of(curves.curves)
     figure, every = new_panels(
-        f"Energies of steppers: {problem_words(curves)}",
+        f"Energy against time: {problem_words(curves)}",
         "",
         panels,
         with_unit("time", curves.problem, "time"),

@@ -31,7 +31,7 @@ def plot_errors(curves: ErrorCurves) -> Figure:
     """
     panels = panels_of(curves.curves)
     figure, every = new_panels(
-        f"Errors of steppers: {problem_words(curves)}",
+        f"Error against time: {problem_words(curves)}",
         f"Error: {curves.norm.words}",
         panels,
         with_unit("time", curves.problem, "time"),
@@ -76,8 +76,8 @@ def _draw_line(axes: Axes, line: Line, resolution: np.ndarray) -> None:
     low, high = axes.get_ylim()
     # What is out of sight is still a number that can be drawn.
     values = np.clip(line.curve.values, low, 10.0 * high)
-    known = line.curve.values >= resolution[: len(values)]
-    if not np.all(known):
+    resolved = line.curve.values >= resolution[: len(values)]
+    if not np.all(resolved):
         axes.plot(
             line.curve.times,
             values,
@@ -89,7 +89,7 @@ def _draw_line(axes: Axes, line: Line, resolution: np.ndarray) -> None:
         )
     axes.plot(
         line.curve.times,
-        np.where(known, values, np.nan),
+        np.where(resolved, values, np.nan),
         color=line.colour,
         marker=".",
         markersize=2.5,

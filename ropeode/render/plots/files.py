@@ -14,7 +14,7 @@ from ropeode.files import check_writable
 from ropeode.render.plots.style import STYLE
 from ropeode.validation import complaint
 
-# Suffix: what its format would say of the time of writing; the same figure makes the same file.
+# Suffix: the time of writing in its metadata, left out so that a figure makes the same file.
 FIGURES: dict[str, dict[str, None]] = {
     ".png": {},
     ".pdf": {"CreationDate": None},
@@ -28,7 +28,7 @@ def check_picture(path: str | Path, suffixes: Iterable[str], name: str = "out") 
     Arguments:
         path: of the file, which may exist.
         suffixes: that are allowed, as in ``.png``.
-        name: of the option that it was given with.
+        name: of the option that names it.
 
     Raises:
         InputError: it has another suffix, or cannot be written to.

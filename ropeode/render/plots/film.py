@@ -31,7 +31,7 @@ ShowSample = Callable[[int], None]
 
 @matplotlib.rc_context(STYLE)
 def film(paths: NodePaths) -> tuple[Figure, ShowSample]:
-    """A figure, and what changes it so that it shows the sample with an index.
+    """A figure, and a function that makes it show the sample with an index.
 
     Arguments:
         paths: from `ropeode.node_paths`.
@@ -58,9 +58,9 @@ def film(paths: NodePaths) -> tuple[Figure, ShowSample]:
     for axes in grid[:count:columns]:
         axes.set_ylabel(with_unit("y", paths.problem, "position"))
 
-    known = paths.reference.positions[: paths.reference.trusted]
+    trusted = paths.reference.positions[: paths.reference.trusted]
     draw = _Nodes(paths, low, high)
-    reference = draw(grid[0], known, _REFERENCE_COLOUR)
+    reference = draw(grid[0], trusted, _REFERENCE_COLOUR)
     runs = [
         draw(axes, path.positions, stepper_style(index)[0])
         for index, (axes, path) in enumerate(zip(grid[1:], paths.paths, strict=False))
@@ -71,8 +71,8 @@ def film(paths: NodePaths) -> tuple[Figure, ShowSample]:
 
     def show(sample: int) -> None:
         title.set_text(_head(paths, sample, width))
-        # Outside its horizon the reference is not known, so that none is shown.
-        reference(sample, sample < len(known))
+        # Outside its horizon the reference is no truth, so that none is shown.
+        reference(sample, sample < len(trusted))
         over_reference.set_text(f"reference\n{_reference_words(paths, sample)}")
         for over, run, path in zip(over_runs, runs, paths.paths, strict=True):
             run(sample, True)
@@ -90,7 +90,7 @@ class _Nodes:
     """Draws nodes and the trace of one of them.
 
     Arguments:
-        paths: of what.
+        paths: to be drawn.
         low: lower left corner of the view.
         high: upper right corner.
     """
@@ -106,32 +106,32 @@ class _Nodes:
     def __call__(
         self, axes: Axes, positions: np.ndarray, colour: str
     ) -> Callable[[int, bool], None]:
-        """What shows a sample of `positions`, ``(samples, nodes, dim)``, or the last there is."""
-        seen = positions[..., :2]
-        near = np.all((seen >= self.room[0]) & (seen <= self.room[1]), axis=-1, keepdims=True)
-        seen = np.where(near, seen, np.nan)
+        """A function that shows a sample of `positions`, ``(samples, nodes, dim)``, or the last."""
+        shown = positions[..., :2]
+        near = np.all((shown >= self.room[0]) & (shown <= self.room[1]), axis=-1, keepdims=True)
+        shown = np.where(near, shown, np.nan)
         (trace,) = axes.plot([], [], color=colour, alpha=0.45, linewidth=0.8)
         (nodes,) = axes.plot(
             [], [], color=colour, linestyle=self.joined, linewidth=1.4, marker="o", markersize=3
         )
 
         def show(sample: int, nodes_too: bool) -> None:
-            last = min(sample, len(seen) - 1)
-            nodes.set_data(*(seen[last].T if nodes_too else ([], [])))
-            trace.set_data(*seen[: last + 1, self.node].T)
+            last = min(sample, len(shown) - 1)
+            nodes.set_data(*(shown[last].T if nodes_too else ([], [])))
+            trace.set_data(*shown[: last + 1, self.node].T)
 
         return show
 
 
 def _view(paths: NodePaths) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of what is seen, the same in all panels."""
-    known = paths.reference.positions[: paths.reference.trusted, :, :2].reshape(-1, 2)
-    low, high = np.min(known, axis=0), np.max(known, axis=0)
+    """The corners of the view, the same in all panels."""
+    trusted = paths.reference.positions[: paths.reference.trusted, :, :2].reshape(-1, 2)
+    low, high = np.min(trusted, axis=0), np.max(trusted, axis=0)
     size = float(np.max(high - low)) or 1.0
     runs = np.concatenate([each.positions[..., :2].reshape(-1, 2) for each in paths.paths])
     near = np.all((runs >= low - _FURTHEST * size) & (runs <= high + _FURTHEST * size), axis=1)
-    seen = np.concatenate([known, runs[near]])
-    low, high = np.min(seen, axis=0), np.max(seen, axis=0)
+    shown = np.concatenate([trusted, runs[near]])
+    low, high = np.min(shown, axis=0), np.max(shown, axis=0)
     middle, (width, height) = (low + high) / 2, high - low + 2 * _MARGIN * size
     half = np.array([max(width, height / _STEEPEST), max(height, width * _FLATTEST)]) / 2
     return middle - half, middle + half
@@ -139,17 +139,17 @@ def _view(paths: NodePaths) -> tuple[np.ndarray, np.ndarray]:
 
 def _traced(paths: NodePaths) -> int:
     """The last node; where that does not move, the one that gets furthest from its start."""
-    known = paths.reference.positions[: paths.reference.trusted]
-    away = np.max(np.linalg.norm(known - known[0], axis=2), axis=0)
+    trusted = paths.reference.positions[: paths.reference.trusted]
+    away = np.max(np.linalg.norm(trusted - trusted[0], axis=2), axis=0)
     return len(away) - 1 if away[-1] > 0 else int(np.argmax(away))
 
 
 def _head(paths: NodePaths, sample: int, width: float) -> str:
-    """What is seen, and when."""
+    """The problem, the step size and the time."""
     problem, parts = paths.problem, paths.samples_per_frame
     now = f"frame {sample / parts:.{0 if parts == 1 else 2}f} of {problem.frames}"
     flat = ", x and y of 3 components" if paths.reference.positions.shape[2] == 3 else ""
-    steps = f"{paths.steps_per_frame} steps/frame"
+    steps = "" if paths.steps_per_frame is None else f"{paths.steps_per_frame} steps/frame"
     return f"{wrapped(problem_words(paths) + flat, steps, width=width)}, {now}"
 
 
@@ -160,7 +160,7 @@ def _reference_words(paths: NodePaths, sample: int) -> str:
 
 
 def _run_words(paths: NodePaths, path: NodePath, sample: int) -> str:
-    """The error, if it is known; the form of a table's cell."""
+    """The error as a table's cell has it, if there is a reference."""
     if sample >= len(path.positions):
         return f"diverged at frame {path.diverged_at}"
     if sample >= len(path.errors):

@@ -1,4 +1,4 @@
-"""What titles and axes say."""
+"""The text of titles and axes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
-from ropeode.render import cells
+from ropeode.render import table_words
 
 _ROPES = ("rope", "inextensible-rope")
 _ROPE_UNITS = {
@@ -23,11 +23,11 @@ def problem_words(result: Any) -> str:
     Arguments:
         result: a table, curves or paths; of these the words need the `problem` alone.
     """
-    return cells.problem_words(cast(Any, result))
+    return table_words.problem_words(cast(Any, result))
 
 
 def with_unit(text: str, problem: Problem, quantity: str) -> str:
-    """A label with its unit; those of ropes are known, those of other problems are not."""
+    """A label with its unit; only ropes have units."""
     if problem.parameters.get("kind") not in _ROPES:
         return text
     return f"{text} [{_ROPE_UNITS[quantity]}]"

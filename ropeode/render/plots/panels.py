@@ -1,4 +1,4 @@
-"""How many curves are shared out among axes, so that they stay readable."""
+"""Panels: how curves are divided among axes, so that they stay readable."""
 
 from __future__ import annotations
 
@@ -25,50 +25,47 @@ _TICKS = 6
 
 
 class Line(NamedTuple):
-    """A curve with what it looks like in its panel."""
+    """A curve and how its panel shows it."""
 
     curve: Curve
     colour: str
     label: str
 
 
-def _steps(line: Line) -> int:
-    return line.curve.steps_per_frame
-
-
 class Panel(NamedTuple):
-    """One pair of axes; `title` names its stepper, and is empty where there are several."""
+    """One pair of axes; `title` names its stepper, and is empty where there is one panel."""
 
     title: str
     lines: tuple[Line, ...]
 
 
 def panels_of(curves: Sequence[Curve]) -> list[Panel]:
-    """All steppers in one panel for one number of steps; else a panel for each stepper.
+    """All curves in one panel where each stepper has one; else a panel for each stepper.
 
-    In one panel the colour says the stepper; in several the number of steps, dark for few
-    and light for many, with the same colours in all.
+    In one panel the colour stands for the stepper; in several for the step size, dark for
+    large and light for small, with the same colours in all.
     """
-    steps = sorted({curve.steps_per_frame for curve in curves})
-    if len(steps) == 1:
+    steppers = list(dict.fromkeys(curve.stepper for curve in curves))
+    if len(steppers) == len(curves):
         lines = (
-            Line(curve, stepper_style(i)[0], f"{curve.stepper}, {steps[0]} steps/frame")
+            Line(curve, stepper_style(i)[0], f"{curve.stepper}, {curve.label}")
             for i, curve in enumerate(curves)
         )
         return [Panel("", tuple(lines))]
+    dts = sorted({curve.dt for curve in curves}, reverse=True)
     # The end of the scale is too pale for lines on white.
-    shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(steps)))
-    colours = dict(zip(steps, map(to_hex, shades), strict=True))
+    shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(dts)))
+    colours = dict(zip(dts, map(to_hex, shades), strict=True))
     return [
         Panel(
             name,
             tuple(
-                Line(curve, colours[curve.steps_per_frame], f"{curve.steps_per_frame} steps/frame")
+                Line(curve, colours[curve.dt], curve.label)
                 for curve in curves
                 if curve.stepper == name
             ),
         )
-        for name in dict.fromkeys(curve.stepper for curve in curves)
+        for name in steppers
     ]
 
 
@@ -106,13 +103,13 @@ def new_panels(
 
 def draw_legend(figure: Figure, every: Sequence[Axes], panels: Sequence[Panel]) -> None:
     """One legend for all panels, below them; each label once, the runs first."""
-    found = {}
+    labelled = {}
     for axes in every:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
-    runs = sorted((line for panel in panels for line in panel.lines), key=_steps)
-    labels = [label for line in runs if (label := line.label) in found]
-    handles = {label: found[label] for label in [*labels, *found]}
+            labelled.setdefault(label, handle)
+    lines = sorted((line for panel in panels for line in panel.lines), key=lambda x: -x.curve.dt)
+    labels = [line.label for line in lines if line.label in labelled]
+    handles = {label: labelled[label] for label in [*labels, *labelled]}
     longest = max(len(line) for label in handles for line in label.splitlines())
     columns = 4 if longest < 22 else 3 if longest < 34 else 2 if longest < 60 else 1
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=columns)

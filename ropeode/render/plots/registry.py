@@ -7,11 +7,16 @@ from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
+from ropeode.checking.trajectories.studies import (
+    trajectory_energy_curves,
+    trajectory_error_curves,
+    trajectory_errors,
+)
 from ropeode.render.plots.convergence import plot_convergence
 from ropeode.render.plots.energy import plot_energies
 from ropeode.render.plots.error import plot_errors
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.curves import EnergyCurves, energy_curves, error_curves
+from ropeode.study.curves import energy_curves, error_curves
 
 
 class Plot(NamedTuple):
@@ -19,21 +24,29 @@ class Plot(NamedTuple):
 
     Fields:
         study: called like `ropeode.accuracy_table`.
-        draw: makes a figure of what `study` returns.
+        of_trajectories: called with files, their problem and step sizes, and the same options.
+        draw: makes a figure of what either of them returns.
     """
 
     study: Callable[..., Any]
+    of_trajectories: Callable[..., Any]
     draw: Callable[[Any], Figure]
 
 
-def _energies(*given: Any, norm: str | None, **named: Any) -> EnergyCurves:
+def _without_norm(study: Callable[..., Any]) -> Callable[..., Any]:
     """An energy is measured in no norm, which a spec may still have."""
-    del norm
-    return energy_curves(*given, **named)
+
+    def call(*arguments: Any, norm: str | None, **options: Any) -> Any:
+        del norm
+        return study(*arguments, **options)
+
+    return call
 
 
 PLOTS: dict[str, Plot] = {
-    "convergence": Plot(accuracy_table, plot_convergence),
-    "error": Plot(error_curves, plot_errors),
-    "energy": Plot(_energies, plot_energies),
+    "convergence": Plot(accuracy_table, trajectory_errors, plot_convergence),
+    "error": Plot(error_curves, trajectory_error_curves, plot_errors),
+    "energy": Plot(
+        _without_norm(energy_curves), _without_norm(trajectory_energy_curves), plot_energies
+    ),
 }

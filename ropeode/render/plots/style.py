@@ -1,4 +1,4 @@
-"""Colours, markers and sizes: readable in print, and whatever colours one can tell apart."""
+"""Colours, markers and sizes: readable in print and by the colour-blind."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def stepper_style(index: int) -> tuple[str, str]:
 
 
 def new_figure(title: str, more: str, height: float) -> Figure:
-    """An empty figure, 6.5 inches wide, that no window and no backend knows of.
+    """An empty figure, 6.5 inches wide, without a window or a backend.
 
     Arguments:
         title: above all of it.
@@ -58,7 +58,7 @@ def new_figure(title: str, more: str, height: float) -> Figure:
         height: in inches.
     """
     figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
-    # A problem's name is its user's; a dollar sign in it is no formula.
+    # A dollar sign in a problem's name begins no formula.
     figure.suptitle(wrapped(title, more, width=WIDTH), parse_math=False)
     return figure
 

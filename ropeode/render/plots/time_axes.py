@@ -1,4 +1,4 @@
-"""What all plots against time have: where trust ends, and where a run leaves the axes."""
+"""Marks of plots against time: where trust ends, and where a run leaves the axes."""
 
 from __future__ import annotations
 

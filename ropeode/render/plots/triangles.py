@@ -34,12 +34,12 @@ class FittedLine(NamedTuple):
 def draw_triangles(
     axes: Axes, lines: Sequence[FittedLine], points: np.ndarray, floor: float
 ) -> None:
-    """A triangle for each order that is observed, where it is least in the way.
+    """A triangle for each observed order, where it covers the least.
 
     Arguments:
         axes: with their limits set.
         lines: all the fitted ones.
-        points: everything that is drawn, ``(points, 2)``, step sizes and errors.
+        points: all that is drawn, ``(points, 2)``, step sizes and errors.
         floor: an error below which there is no place.
     """
     to_axes = _Scale(axes)
@@ -47,15 +47,15 @@ def draw_triangles(
     lowest = to_axes(np.array([[points[0, 0], floor]]))[0, 1]
     for order in sorted({order for line in lines if (order := round(line.slope)) > 0}):
         own = [line for line in lines if round(line.slope) == order]
-        found = [
+        places = [
             (_clearance(corners, taken), corners)
             for line in own
             for corners in _places(to_axes, line, order)
             if corners[:, 0].min() > _EDGE and corners[:, 0].max() < 1 - 2 * _EDGE
             if lowest + _EDGE < corners[:, 1].min() and corners[:, 1].max() < 1 - _EDGE
         ]
-        if found:
-            corners = max(found, key=lambda each: each[0])[1]
+        if places:
+            corners = max(places, key=lambda each: each[0])[1]
             taken = np.concatenate([taken, corners])
             _draw(axes, corners, order)
 

@@ -9,7 +9,7 @@ from matplotlib.patches import Polygon, Rectangle
 
 from ropeode.analysis import order as order_module
 from ropeode.render.plots.convergence import plot_convergence
-from ropeode.render.plots.marks import DIVERGED, MARKS, OFF_AXIS
+from ropeode.render.plots.point_markers import DIVERGED, MARKS, OFF_AXIS
 from ropeode.render.plots.style import stepper_style
 
 ALL_CASES = ["rope", "diverged", "cut", "one step size", "still"]

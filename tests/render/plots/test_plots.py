@@ -31,9 +31,8 @@ def test_nothing_overlaps_or_is_cut_off(kind, case, study):
     figure = PLOTS[kind].draw(data)
     assert isinstance(figure, Figure)
     assert data.problem.name in figure.get_suptitle()
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    renderer = canvas.get_renderer()
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw_without_rendering()
     titles = [text.get_window_extent(renderer) for text in figure.texts if text.get_text()]
     legends = [legend.get_window_extent(renderer) for legend in figure.legends]
     axes = [each.get_tightbbox(renderer) for each in figure.axes]
@@ -61,8 +60,16 @@ def test_axes_have_labels_with_units(kind, study):
             assert not label or ("[" in label) == unit
 
 
-@pytest.mark.parametrize("suffix", FIGURES)
-@pytest.mark.parametrize("kind", PLOTS)
+SAME = list(zip(PLOTS, FIGURES, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("kind", "suffix"),
+    [
+        pytest.param(*each, marks=() if each in SAME else pytest.mark.slow)
+        for each in itertools.product(PLOTS, FIGURES)
+    ],
+)
 def test_files_are_of_their_format_and_the_same_each_time(kind, suffix, study):
     first, second = (
         figure_bytes(PLOTS[kind].draw(study(kind, "diverged")), each)

@@ -1,4 +1,4 @@
-"""Is one sweep of length projection enough, when each link put right spoils the one before?"""
+"""Is one sweep of length projection enough, although each projection spoils the one before?"""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from ropeode.analysis.order import ObservedOrder
 from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.reference import Reference
 from ropeode.simulation import simulate
 from ropeode.steppers.constraint import ConstraintVerlet
-from ropeode.study.accuracy_table import Progress, accuracy_table, check_steps
+from ropeode.study.accuracy_table import accuracy_table, check_steps
 from ropeode.validation import complaint
 
 SWEEPS = (1, 2, 4, 16, 64)
@@ -30,7 +31,7 @@ class Swept:
         steps_per_frame: of each run.
         dts: step size of each run.
         errors: largest distance from the certified reference in each run; None where it
-            diverged or the reference cannot tell.
+            diverged or the reference cannot resolve it.
         violations: largest part of its length by which a link is off in a sample of each run.
         order: observed from the errors.
         constant: error over step size in the finest run that the order rests on, in length
@@ -48,7 +49,7 @@ class Swept:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SweepStudy:
-    """Constraint Verlet with several numbers of sweeps, held against one reference.
+    """Constraint Verlet with several numbers of sweeps, compared with one reference.
 
     Arguments:
         reference: of the inextensible rope.
@@ -64,12 +65,12 @@ def sweep_study(
     sweeps: Sequence[int] = SWEEPS,
     steps_per_frame: Sequence[int] = STEPS_PER_FRAME,
     *,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
 ) -> SweepStudy:
     """Order, error constant and broken lengths for each number of sweeps.
 
     Arguments:
-        problem: an inextensible rope; the default one over 20 frames where none is given.
+        problem: an inextensible rope; by default the default one over 20 frames.
         sweeps: numbers of sweeps.
         steps_per_frame: numbers of steps per frame.
         progress: called with what is being done and the fraction that is done.
@@ -87,17 +88,17 @@ def sweep_study(
     steppers = [ConstraintVerlet(sweeps=count) for count in counts]
     table = accuracy_table(rope, steppers, steps, progress=progress)
     swept = []
-    for count, stepper, found in zip(counts, steppers, table.orders, strict=True):
+    for count, stepper, each in zip(counts, steppers, table.orders, strict=True):
         rows = [row for row in table.rows if row.stepper == stepper.label]
-        best = next((row for row in rows if found.order.used[-1:] == (row.dt,)), None)
+        best = next((row for row in rows if each.order.used[-1:] == (row.dt,)), None)
         swept.append(
             Swept(
                 sweeps=count,
                 steps_per_frame=steps,
                 dts=tuple(row.dt for row in rows),
                 errors=tuple(row.error_max for row in rows),
-                violations=tuple(_violation(rope, stepper, each) for each in steps),
-                order=found.order,
+                violations=tuple(_violation(rope, stepper, each_steps) for each_steps in steps),
+                order=each.order,
                 constant=best.error_max / best.dt if best and best.error_max else None,
             )
         )
@@ -107,5 +108,5 @@ def sweep_study(
 def _violation(problem: Problem, stepper: ConstraintVerlet, steps: int) -> float:
     """The largest relative error of a link's length at any sample."""
     length = np.asarray(problem.args.rest_length)
-    found = np.linalg.norm(np.diff(simulate(problem, stepper, steps).positions, axis=1), axis=2)
-    return float(np.max(np.abs(found / length - 1.0)))
+    gaps = np.diff(simulate(problem, stepper, steps).positions, axis=1)
+    return float(np.max(np.abs(np.linalg.norm(gaps, axis=2) / length - 1.0)))

@@ -1,4 +1,4 @@
-"""The command that runs the published rope report again."""
+"""The command `ropeode report`."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from pathlib import Path
 
 import click
 
-from ropeode.cli.formats import format_for, format_option
-from ropeode.cli.running import (
+from ropeode.errors import InputError
+from ropeode.files import check_writable, write_whole
+from ropeode.terminal.formats import format_for, format_option
+from ropeode.terminal.running import (
     end_on_ctrl_c,
     interruptible,
     not_interrupted,
+    put_out,
     set_up_jax,
     show_progress,
 )
-from ropeode.errors import InputError
-from ropeode.files import check_writable, write_whole
 from ropeode.validation import complaint
 
 
@@ -30,51 +31,48 @@ def report(
 ) -> None:
     """Run the published rope report again, claim by claim.
 
-    All its figures take minutes. When it is interrupted, the runs that are finished are kept,
-    and the same command goes on from there. Pictures need matplotlib: pip install
+    All its figures take minutes. If you interrupt the command, it keeps the runs that are
+    finished, and the same command goes on from there. Pictures need matplotlib: pip install
     '.[plots]'.
     """
     path = check_writable("out", out) if out else None
     folder = _check_folder(plots) if plots else None
     if folder:
-        from ropeode.render.plots import report as pictures
+        from ropeode.case_studies.pictures import draw_report
     set_up_jax()
     end_on_ctrl_c("finished runs are kept; the same command goes on from there")
     import platformdirs
 
+    from ropeode.case_studies.formats import format_report
     from ropeode.case_studies.report import rope_report
-    from ropeode.render.formats import format_report
 
     numbers = [part.strip() for part in figures.split(",")] if figures is not None else None
     with show_progress() as progress:
 
         def work() -> tuple[str, dict[str, bytes]]:
-            done = rope_report(
+            result = rope_report(
                 numbers,  # type: ignore[arg-type]
                 frames,  # type: ignore[arg-type]
                 folder=platformdirs.user_cache_path("ropeode") / "report",
                 progress=progress,
             )
-            made = pictures.draw_report(done, progress) if folder else {}
-            return format_report(done, format_for(form, path)), made
+            pictures = draw_report(result, progress) if folder else {}
+            return format_report(result, format_for(form, path)), pictures
 
-        text, made = interruptible(work)
-    with not_interrupted():
-        if folder:
-            folder.mkdir(exist_ok=True)
-            for name, contents in made.items():
-                write_whole(folder / name, contents)
-        if path:
-            write_whole(path, text)
-    if not path:
-        click.echo(text, nl=False)
+        text, pictures = interruptible(work)
     if folder:
-        click.echo(f"wrote {len(made)} pictures to {folder}", err=True)
+        with not_interrupted():
+            folder.mkdir(exist_ok=True)
+            for name, contents in pictures.items():
+                write_whole(folder / name, contents)
+    put_out(text, path)
+    if folder:
+        click.echo(f"wrote {len(pictures)} pictures to {folder}", err=True)
 
 
-def _check_folder(given: str) -> Path:
-    """A folder for pictures that is there or can be made, checked before anything is computed."""
-    folder = Path(given)
+def _check_folder(name: str) -> Path:
+    """A folder for pictures that exists or can be created, checked before anything is computed."""
+    folder = Path(name)
     try:
         if folder.exists():
             check_writable("plots", folder / "figure.png")
@@ -83,5 +81,5 @@ def _check_folder(given: str) -> Path:
             folder.rmdir()
     except (OSError, InputError) as error:
         allowed = "a folder that you may write to, or the name of a new one in such a folder"
-        raise InputError(complaint("plots", given, allowed, "choose another folder")) from error
+        raise InputError(complaint("plots", name, allowed, "choose another folder")) from error
     return folder

@@ -12,12 +12,15 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from ropeode.case_studies.report import Moved, Report, rope_report
+from ropeode.case_studies.formats import FORMATS, SCHEMA, as_dict, format_report, summary
+from ropeode.case_studies.pictures import draw_report, plot_contact_sheets, plot_report_figure
+from ropeode.case_studies.report import Report, RoundingEffect, ThresholdEffect
 from ropeode.errors import InputError
-from ropeode.render.formats import FORMATS, REPORT_FORMATS, format_report
-from ropeode.render.report import SCHEMA, as_dict, summary
+from ropeode.progress import silent
+from ropeode.render.formats import FORMATS as TABLE_FORMATS
 
-FIGURES = (1, 4, 8, 12, 31, 36, 37)
+FIGURES = (1, 4, 8, 28, 31, 36, 37)
+FRAMES = 700
 ROW = {
     "figure",
     "stepper",
@@ -33,73 +36,85 @@ ROW = {
 
 
 @pytest.fixture(scope="module")
-def report() -> Report:
-    found = rope_report(FIGURES, 260)
-    moved = Moved(8, "words", "speed", 0.002, "holds until frame 12")
-    return dataclasses.replace(found, moved=(*found.moved, moved))
+def some(report) -> Report:
+    """Some figures, with effects of thresholds and rounding among them."""
+    threshold = ThresholdEffect(8, "words", "speed", 0.002, "holds until frame 12")
+    rounding = RoundingEffect(36, "words", "settled_at", None, 251, "holds")
+    return dataclasses.replace(
+        report,
+        figures=tuple(each for each in report.figures if each.figure.figure in FIGURES),
+        sensitive_to_thresholds=(*report.sensitive_to_thresholds, threshold),
+        sensitive_to_rounding=(*report.sensitive_to_rounding, rounding),
+    )
 
 
 def test_reports_have_the_formats_of_tables():
-    assert list(REPORT_FORMATS) == list(FORMATS)
+    assert list(FORMATS) == list(TABLE_FORMATS)
     with pytest.raises(InputError, match="format: 'jsn' given"):
         format_report(None, "jsn")
 
 
-@pytest.mark.parametrize("form", REPORT_FORMATS)
-def test_every_format_holds_the_findings(form, report):
-    text = format_report(report, form)
+@pytest.mark.parametrize("form", FORMATS)
+def test_every_format_holds_the_findings(form, some):
+    text = format_report(some, form)
     assert text.endswith("\n")
     assert not re.search(r"\b(nan|NaN|inf|Infinity|None)\b", text)
     plain = " ".join(text.replace("\\_", "_").replace("&#x27;", "'").split())
-    for each in report.figures:
+    for each in some.figures:
         assert each.verdict in plain
         assert str(each.figure.steps_per_frame) in plain or not each.readings
         if form != "latex":
             assert each.measured in plain
     if form != "csv":
-        for compared in report.comparisons:
+        for compared in some.comparisons:
             assert compared.comparison.claim in plain
         assert "holds until frame 12" in plain
+        if form != "json":
+            assert "at rest from none becomes 251" in plain
 
 
-def test_text_fits_80_columns(report):
-    assert all(len(line) <= 80 for line in format_report(report).splitlines())
+def test_text_fits_80_columns(some):
+    assert all(len(line) <= 80 for line in format_report(some).splitlines())
 
 
-def test_json_schema(report):
-    found = json.loads(format_report(report, "json"))
-    assert found == as_dict(report)
+def test_json_schema(some):
+    found = json.loads(format_report(some, "json"))
+    assert found == as_dict(some)
     assert found["schema"] == SCHEMA == "ropeode.report/1"
     assert [row["figure"] for row in found["figures"]] == list(FIGURES)
-    for row, each in zip(found["figures"], report.figures, strict=True):
+    for row, each in zip(found["figures"], some.figures, strict=True):
         assert set(row) >= ROW
         assert row["verdict"] == each.verdict
         if each.motion is not None:
             assert row["diverged_at"] == each.motion.diverged_at
             assert row["settled_at"] == each.motion.settled_at
-            assert row["frames"] == 260
+            assert row["frames"] == FRAMES
             assert {reading["meaning"] for reading in row["meanings"]} == set(each.figure.meanings)
+    assert found["sensitive_to_rounding"][-1] == {
+        "figure": 36, "meaning": "words", "measure": "settled_at", "value": None, "nudged": 251,
+        "verdict": "holds",
+    }  # fmt: skip
     for row in found["comparisons"]:
         assert set(row) == {"figures", "claim", "measured", "verdict"}
 
 
-def test_csv_is_read_back(report):
-    rows = list(csv.DictReader(io.StringIO(format_report(report, "csv"))))
+def test_csv_is_read_back(some):
+    rows = list(csv.DictReader(io.StringIO(format_report(some, "csv"))))
     assert [int(row["figure"]) for row in rows] == list(FIGURES)
     assert set(rows[0]) >= ROW
-    assert rows[1]["diverged_at"] == str(report.figures[1].motion.diverged_at)
-    assert float(rows[1]["predicted_rate"]) == report.figures[1].readings[0].growth.rate
+    assert rows[1]["diverged_at"] == str(some.figures[1].motion.diverged_at)
+    assert float(rows[1]["predicted_rate"]) == some.figures[1].readings[0].growth.rate
 
 
-def test_the_summary_counts(report):
-    verdicts = [each.verdict for each in report.figures]
-    assert summary(report).startswith(f"Of the claims of {len(FIGURES)} figures, ")
+def test_the_summary_counts(some):
+    verdicts = [each.verdict for each in some.figures]
+    assert summary(some).startswith(f"Of the claims of {len(FIGURES)} figures, ")
     fails = verdicts.count("does not hold")
-    assert f"{verdicts.count('holds')} hold" in summary(report)
-    assert f"{fails} do{'es' * (fails == 1)} not" in summary(report)
+    assert f"{verdicts.count('holds')} hold" in summary(some)
+    assert f"{fails} do{'es' * (fails == 1)} not" in summary(some)
 
 
-def test_html_rows_are_whole(report):
+def test_html_rows_are_whole(some):
     class Page(HTMLParser):
         def __init__(self):
             super().__init__()
@@ -112,18 +127,16 @@ def test_html_rows_are_whole(report):
                 self.rows[-1] += 1
 
     page = Page()
-    page.feed(format_report(report, "html"))
-    assert page.rows == [9] * (1 + len(FIGURES)) + [4] * (1 + len(report.comparisons))
+    page.feed(format_report(some, "html"))
+    assert page.rows == [9] * (1 + len(FIGURES)) + [4] * (1 + len(some.comparisons))
 
 
-def test_pictures(report):
-    from ropeode.render.plots.report import draw_report, plot_contact_sheets, plot_report_figure
-
-    made = draw_report(report, lambda text, fraction: None)
+def test_pictures(some):
+    made = draw_report(some, silent)
     assert set(made) == {f"figure-{n:02}.png" for n in FIGURES} | {"contact-sheet-1.png"}
     assert all(contents.startswith(b"\x89PNG") for contents in made.values())
 
-    diverged = next(each for each in report.figures if each.figure.figure == 8)
+    diverged = next(each for each in some.figures if each.figure.figure == 8)
     shapes, speeds, *_ = plot_report_figure(diverged).axes
     before = diverged.motion.diverged_at
     trace = shapes.get_lines()[0].get_xydata()
@@ -131,12 +144,12 @@ def test_pictures(report):
     assert [line.get_xdata()[0] for line in speeds.get_lines() if line.get_linestyle() == ":"] == [
         before
     ]
-    for each in report.figures:
+    for each in some.figures:
         figure = plot_report_figure(each)
         assert str(each.figure.figure) in figure.get_suptitle()
         for axes in figure.axes:
             if axes.get_label() != "<colorbar>":
                 assert "[" in axes.get_xlabel()
                 assert "[" in axes.get_ylabel()
-    (sheet,) = plot_contact_sheets(report)
+    (sheet,) = plot_contact_sheets(some)
     assert len(sheet.axes) == len(FIGURES)

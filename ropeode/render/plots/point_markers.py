@@ -1,4 +1,4 @@
-"""How a run is marked in the convergence plot: used for the order, or left out, and why."""
+"""The marker of each run in the convergence plot: used for the order, or left out, and why."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MARKS: dict[str, dict[str, Any]] = {
 
 
 def in_legend(mark: str) -> dict[str, Any]:
-    """The mark as it stands in a legend, where an arrow hangs from nothing."""
+    """The mark as a legend shows it, centred."""
     form = {**MARKS[mark], "clip_on": True}
     if isinstance(form["marker"], Path):
         form["marker"] = Path(np.add(form["marker"].vertices, (0.0, 1.0)), form["marker"].codes)
@@ -56,7 +56,7 @@ class Point(NamedTuple):
 def limits(table: AccuracyTable) -> tuple[float, float]:
     """The ends of the error axis.
 
-    One that blew up does not stretch it, nor does a resolution far below all errors.
+    A run that blew up does not stretch it, nor does a resolution far below all errors.
     """
     reasons = _reasons(table)
     errors = [row.error_max for row in table.rows if row.error_max]

@@ -1,16 +1,14 @@
-"""The report run again, in every format."""
+"""The rope report in every format."""
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
-import json
 from typing import Any
 
 from ropeode.case_studies.claims import FAILS, HOLDS, predicted
-from ropeode.case_studies.report import Judged, Moved, Reading, Report
-from ropeode.render import markup
+from ropeode.case_studies.comparisons import Compared
+from ropeode.case_studies.report import FigureResult, Reading, Report
+from ropeode.render.formats import formats_of, formatted
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.plain_text import wrapped
 
@@ -34,38 +32,9 @@ def as_text(report: Report) -> str:
     for compared in report.comparisons:
         lines += wrapped(f"{_numbers(compared)}: {compared.comparison.claim}", 0)
         lines += wrapped(f"{compared.verdict}. {compared.measured}", 4)
-    return "\n".join([*lines, "", *wrapped(threshold_words(report)), ""])
-
-
-def as_markdown(report: Report) -> str:
-    """Two pipe tables between paragraphs."""
-    return markup.markdown(blocks(report))
-
-
-def as_latex(report: Report) -> str:
-    """Two tabulars in the style of the booktabs package."""
-    return markup.latex(blocks(report))
-
-
-def as_html(report: Report) -> str:
-    """A page that needs nothing beside it."""
-    return markup.html_page(blocks(report))
-
-
-def as_json(report: Report) -> str:
-    """Schema `ropeode.report/1`; what does not exist is null."""
-    return json.dumps(as_dict(report), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def as_csv(report: Report) -> str:
-    """One line for each figure."""
-    lines = [_flat(_figure(each)) for each in report.figures]
-    text = io.StringIO()
-    names = list(dict.fromkeys(name for line in lines for name in line))
-    writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(lines)
-    return text.getvalue()
+    for words in (threshold_words(report), rounding_words(report)):
+        lines += ["", *wrapped(words)]
+    return "\n".join([*lines, ""])
 
 
 def blocks(report: Report) -> list[Block]:
@@ -78,7 +47,7 @@ def blocks(report: Report) -> list[Block]:
         (_numbers(each), each.comparison.claim, each.measured, each.verdict)
         for each in report.comparisons
     ]
-    found: list[Block] = [
+    written: list[Block] = [
         Heading(TITLE),
         Paragraph(summary(report)),
         Grid(
@@ -89,7 +58,7 @@ def blocks(report: Report) -> list[Block]:
         ),
     ]
     if comparisons:
-        found.append(
+        written.append(
             Grid(
                 ("figures", "claim", "measured", "verdict"),
                 comparisons,
@@ -97,7 +66,7 @@ def blocks(report: Report) -> list[Block]:
                 long=frozenset({1, 2}),
             )
         )
-    return [*found, Paragraph(threshold_words(report))]
+    return [*written, Paragraph(threshold_words(report)), Paragraph(rounding_words(report))]
 
 
 def summary(report: Report) -> str:
@@ -114,12 +83,12 @@ def summary(report: Report) -> str:
     return f"Of the claims of {count}, {', '.join(words)}."
 
 
-def measured_words(each: Judged) -> str:
+def measured_words(each: FigureResult) -> str:
     """What was measured, and for how long."""
     return f"{each.measured}; {each.frames} frames" if each.frames else each.measured
 
 
-def theory_words(each: Judged) -> str:
+def theory_words(each: FigureResult) -> str:
     """What the eigenvalues at the hanging equilibrium predict."""
     if not each.readings:
         return ""
@@ -133,24 +102,55 @@ def theory_words(each: Judged) -> str:
 
 
 def threshold_words(report: Report) -> str:
-    """The thresholds, and the verdicts that hang on them."""
+    """The thresholds, and the verdicts that depend on them."""
     t = report.thresholds
-    said = (
+    words = (
         f"Thresholds: at rest below {t.speed:g} sqrt(gL) for {t.rest:g} sqrt(L/g); apart where "
         f"a spring is longer than {1 + t.stretch:g} rest lengths; a swing goes {t.swing:g} L past "
         "the vertical on both sides. Each was halved and doubled: "
     )
-    if not report.moved:
-        return said + "no verdict changes."
-    return said + "; ".join(_moved_words(each) for each in report.moved) + "."
+    return (
+        words
+        + "; ".join(
+            f"figure {each.figure}{_listing(each)} is '{each.verdict}' at {each.threshold} "
+            f"{each.value:g}"
+            for each in report.sensitive_to_thresholds
+        )
+        + "."
+        if report.sensitive_to_thresholds
+        else words + "no verdict changes."
+    )
 
 
-def _moved_words(each: Moved) -> str:
-    meaning = " (listing)" if each.meaning == "listing" else ""
-    return f"figure {each.figure}{meaning} is '{each.verdict}' at {each.threshold} {each.value:g}"
+def rounding_words(report: Report) -> str:
+    """The figures whose measurements depend on rounding."""
+    words = "Rounding: each rope was run again with the last digits of its start changed: "
+    effects: dict[str, list[str]] = {}
+    for each in report.sensitive_to_rounding:
+        change = f"{_MEASURES[each.measure]} {_or_none(each.value)} becomes {_or_none(each.nudged)}"
+        effects.setdefault(f"figure {each.figure}{_listing(each)}", []).append(change)
+    if not effects:
+        return words + "no measurement changes."
+    return words + "; ".join(f"{name}: {', '.join(each)}" for name, each in effects.items()) + "."
 
 
-def _setting(each: Judged) -> tuple[str, ...]:
+_MEASURES = {
+    "diverged_at": "apart at",
+    "settled_at": "at rest from",
+    "unsettled_at": "at rest to",
+    "swings": "swings",
+}
+
+
+def _or_none(value: int | None) -> str:
+    return "none" if value is None else str(value)
+
+
+def _listing(each: Any) -> str:
+    return " (listing)" if each.meaning == "listing" else ""
+
+
+def _setting(each: FigureResult) -> tuple[str, ...]:
     figure = each.figure
     moves = figure.run_as is not None
     return (
@@ -168,12 +168,12 @@ def _row(cells: tuple[str, ...]) -> str:
     return f"{figure:>6}  {stepper:<19} {steps:>11} {damping:>8}  {verdict}"
 
 
-def _numbers(compared: Any) -> str:
+def _numbers(compared: Compared) -> str:
     return ", ".join(str(number) for number in compared.comparison.figures)
 
 
 def as_dict(report: Report) -> dict[str, Any]:
-    """The report as nested plain values."""
+    """The report as nested plain values, schema `ropeode.report/1`."""
     return {
         "schema": SCHEMA,
         "figures": [_figure(each) for each in report.figures],
@@ -187,11 +187,16 @@ def as_dict(report: Report) -> dict[str, Any]:
             for each in report.comparisons
         ],
         "thresholds": dataclasses.asdict(report.thresholds),
-        "sensitive_to_thresholds": [dataclasses.asdict(each) for each in report.moved],
+        "sensitive_to_thresholds": [
+            dataclasses.asdict(each) for each in report.sensitive_to_thresholds
+        ],
+        "sensitive_to_rounding": [
+            dataclasses.asdict(each) for each in report.sensitive_to_rounding
+        ],
     }
 
 
-def _figure(each: Judged) -> dict[str, Any]:
+def _figure(each: FigureResult) -> dict[str, Any]:
     figure = each.figure
     first = _reading(each.readings[0]) if each.readings else {}
     return {
@@ -236,9 +241,28 @@ def _reading(reading: Reading) -> dict[str, Any]:
     }
 
 
-def _flat(figure: dict[str, Any]) -> dict[str, Any]:
-    """A figure without its nested parts, but with its prediction."""
-    meanings = figure.pop("meanings")
-    first = meanings[0] if meanings else {}
+def as_lines(report: Report) -> list[dict[str, Any]]:
+    """One line for each figure, with the prediction for the report's words."""
     more = ("swings", "unsettled_at", "largest_stretch", "jitter", "predicted_rate")
-    return {**figure, **{name: first.get(name) for name in more}}
+    lines = []
+    for each in report.figures:
+        line = _figure(each)
+        first = next(iter(line.pop("meanings")), {})
+        lines.append({**line, **{name: first.get(name) for name in more}})
+    return lines
+
+
+FORMATS = formats_of(as_text, blocks, as_lines, as_dict)
+
+
+def format_report(report: Report, form: str = "text") -> str:
+    """A report as text.
+
+    Arguments:
+        report: from `ropeode.rope_report`.
+        form: `text`, `markdown`, `latex`, `csv`, `json` or `html`.
+
+    Raises:
+        InputError: there is no such format.
+    """
+    return formatted(report, form, FORMATS)

@@ -1,4 +1,4 @@
-"""The studies behind the answers, held against what theory and the issue at hand demand."""
+"""The studies of the open questions agree with theory."""
 
 from __future__ import annotations
 
@@ -6,17 +6,10 @@ import numpy as np
 import pytest
 
 from ropeode.case_studies.growth import growth_scan
+from ropeode.case_studies.projection_sweeps import sweep_study
 from ropeode.case_studies.rest_time import rest_times
-from ropeode.case_studies.sweeps import sweep_study
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.rope import Rope
-
-
-@pytest.fixture(scope="module")
-def study():
-    rope = InextensibleRope(end=(-3.0, 199.0), num_nodes=5, node_mass=(1, 2, 1, 0.5, 1))
-    return sweep_study(rope.problem(3), (1, 3), (64, 96, 144, 216, 324))
 
 
 def test_any_number_of_sweeps_has_order_one(study):

@@ -6,9 +6,7 @@ import numpy as np
 
 from ropeode.case_studies.growth import MeasuredGrowth
 from ropeode.case_studies.rest_time import RestTime
-from ropeode.case_studies.sweeps import sweep_study
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.render.plots.answers import plot_growth, plot_rest_times, plot_sweeps
+from ropeode.case_studies.study_plots import plot_growth, plot_rest_times, plot_sweeps
 
 
 def has_line(axes, x, y) -> bool:
@@ -22,8 +20,7 @@ def labelled(figure) -> bool:
     return all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
 
 
-def test_sweeps():
-    study = sweep_study(InextensibleRope(num_nodes=3).problem(2), (1, 2), (8, 12, 18))
+def test_sweeps(study):
     figure = plot_sweeps(study)
     errors, lengths = figure.axes
     for each in study.swept:

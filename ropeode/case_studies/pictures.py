@@ -1,4 +1,4 @@
-"""Pictures of the report run again: one for each figure, and contact sheets."""
+"""Pictures of the rope report: one for each figure, and contact sheets."""
 
 from __future__ import annotations
 
@@ -10,44 +10,44 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 
 from ropeode.case_studies.figures import ENDS
-from ropeode.case_studies.report import Judged, Reading, Report
-from ropeode.case_studies.runs import Progress
+from ropeode.case_studies.formats import measured_words, theory_words
+from ropeode.case_studies.report import FigureResult, Reading, Report
 from ropeode.problems.rope import Rope
+from ropeode.progress import Progress
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.style import COLOURS, STYLE, new_figure
-from ropeode.render.report import measured_words, theory_words
 
-# The rope is drawn so often while it falls and swings for the first time, and once at the end.
+# How often the rope is drawn while it falls and swings for the first time.
 _SHAPES = 16
 _FIRST_SWING = 120
 _HEIGHT = 3.6
 _PER_SHEET = 12
 _SHEET_COLUMNS = 4
 _SHEET_HEIGHT = 5.4
-# In lengths of the rope: how far a picture looks from the pin to the sides and down, and up.
+# In lengths of the rope: how far a picture reaches from the pin, to the sides and down, and up.
 _VIEW, _VIEW_UP = 1.15, 0.65
 _TRACE, _END = COLOURS[1], COLOURS[6]
 
 
 @matplotlib.rc_context(STYLE)
-def plot_report_figure(judged: Judged) -> Figure:
+def plot_report_figure(result: FigureResult) -> Figure:
     """A figure of the report: the rope over time with its free end's trace, and its speed.
 
     The rope that is drawn to the left is shown; of a run that flew apart, what came before.
 
     Arguments:
-        judged: one of `Report.figures`.
+        result: one of `Report.figures`.
     """
-    figure = new_figure(_title(judged), _below(judged), _HEIGHT)
-    if not judged.readings:
+    figure = new_figure(_title(result), _below(result), _HEIGHT)
+    if not result.readings:
         axes = figure.subplots()
-        _draw_still(axes, judged)
+        _draw_still(axes, result)
         axes.legend(loc="lower center")
         return figure
     shapes, speeds = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
-    _draw_shapes(shapes, judged.readings[0], bar=figure)
+    _draw_shapes(shapes, result.readings[0], bar=figure)
     _label_plane(shapes)
-    _draw_speed(speeds, judged)
+    _draw_speed(speeds, result)
     return figure
 
 
@@ -66,12 +66,12 @@ def plot_contact_sheets(report: Report) -> list[Figure]:
         height = 0.7 + (_SHEET_HEIGHT - 0.7) * rows / (_PER_SHEET // _SHEET_COLUMNS)
         sheet = new_figure(title, "rope over time, dark to light; trace of the free end", height)
         grid = sheet.subplots(rows, _SHEET_COLUMNS, squeeze=False).ravel()
-        for axes, judged in zip(grid, shown, strict=False):
-            if judged.readings:
-                _draw_shapes(axes, judged.readings[0])
+        for axes, result in zip(grid, shown, strict=False):
+            if result.readings:
+                _draw_shapes(axes, result.readings[0])
             else:
-                _draw_still(axes, judged)
-            axes.set_title(_small_title(judged), fontsize=6.5, loc="left")
+                _draw_still(axes, result)
+            axes.set_title(_small_title(result), fontsize=6.5, loc="left")
             axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
         for axes in grid[len(shown) :]:
             axes.remove()
@@ -79,18 +79,18 @@ def plot_contact_sheets(report: Report) -> list[Figure]:
     return sheets
 
 
-def _small_title(judged: Judged) -> str:
-    setting = judged.figure
+def _small_title(result: FigureResult) -> str:
+    setting = result.figure
     if setting.run_as is None:
-        return f"{setting.figure}: {setting.num_nodes} nodes\nnot moving\n{judged.verdict}"
+        return f"{setting.figure}: {setting.num_nodes} nodes\nnot moving\n{result.verdict}"
     return (
         f"{setting.figure}: {setting.stepper.replace('_', ' ')}\n"
-        f"{setting.steps_per_frame}/frame, damping {setting.damping:g}\n{judged.verdict}"
+        f"{setting.steps_per_frame}/frame, damping {setting.damping:g}\n{result.verdict}"
     )
 
 
-def _title(judged: Judged) -> str:
-    setting = judged.figure
+def _title(result: FigureResult) -> str:
+    setting = result.figure
     if setting.run_as is None:
         return f"Figure {setting.figure}: {setting.num_nodes} nodes"
     return (
@@ -99,17 +99,17 @@ def _title(judged: Judged) -> str:
     )
 
 
-def _below(judged: Judged) -> str:
+def _below(result: FigureResult) -> str:
     return (
-        f"“{judged.figure.words}”: {judged.verdict}. {measured_words(judged)}. "
-        f"{theory_words(judged)}"
+        f"“{result.figure.words}”: {result.verdict}. {measured_words(result)}. "
+        f"{theory_words(result)}"
     ).rstrip()
 
 
-def _draw_still(axes: Axes, judged: Judged) -> None:
+def _draw_still(axes: Axes, result: FigureResult) -> None:
     """The rope before it moves, in both images."""
     for end, colour in zip(ENDS, COLOURS, strict=False):
-        problem = Rope(end=end, num_nodes=judged.figure.num_nodes).problem(1)
+        problem = Rope(end=end, num_nodes=result.figure.num_nodes).problem(1)
         x, y = problem.positions(problem.y0[None])[0].T
         axes.plot(x, y, "o-", color=colour, label=f"from (0, 200) to ({end[0]:g}, 200)")
     _label_plane(axes)
@@ -145,14 +145,14 @@ def _label_plane(axes: Axes) -> None:
     axes.set(xlabel="x [length units]", ylabel="y [length units]", aspect="equal")
 
 
-def _draw_speed(axes: Axes, judged: Judged) -> None:
-    """The fastest node's speed over time for each meaning, and where verdicts come from."""
-    for reading, colour in zip(judged.readings, COLOURS, strict=False):
+def _draw_speed(axes: Axes, result: FigureResult) -> None:
+    """The fastest node's speed over time for each meaning, and what the verdicts rest on."""
+    for reading, colour in zip(result.readings, COLOURS, strict=False):
         motion, problem = reading.motion, reading.trajectory.problem
         velocities = reading.trajectory.velocities[: motion.frames + 1]
         speed = np.max(np.linalg.norm(velocities, axis=2), axis=1)
         label = None
-        if len(judged.readings) > 1:
+        if len(result.readings) > 1:
             label = "as the words have it" if reading.meaning == "words" else "as listed"
         axes.plot(_thinned(speed)[0], _thinned(speed)[1], color=colour, lw=0.7, label=label)
         if motion.settled_at is not None:
@@ -174,7 +174,7 @@ def _draw_speed(axes: Axes, judged: Judged) -> None:
 
 
 def _thinned(speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frames and speeds with no more points than can be seen; nothing that stands out is lost."""
+    """Frames and speeds, no more than can be seen: the extremes of blocks of them."""
     block = max(1, len(speed) // 2000)
     if block == 1:
         return np.arange(len(speed)), speed
@@ -190,12 +190,12 @@ def draw_report(report: Report, progress: Progress) -> dict[str, bytes]:
         report: from `ropeode.rope_report`.
         progress: called with what is being drawn and the fraction that is done.
     """
-    made = {}
+    files = {}
     for index, each in enumerate(report.figures):
         progress(f"picture {each.figure.figure}", index / len(report.figures))
         name = f"figure-{each.figure.figure:02}.png"
-        made[name] = figure_bytes(plot_report_figure(each), ".png")
+        files[name] = figure_bytes(plot_report_figure(each), ".png")
     progress("contact sheets", 1.0)
     for number, sheet in enumerate(plot_contact_sheets(report), start=1):
-        made[f"contact-sheet-{number}.png"] = figure_bytes(sheet, ".png")
-    return made
+        files[f"contact-sheet-{number}.png"] = figure_bytes(sheet, ".png")
+    return files

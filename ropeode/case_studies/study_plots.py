@@ -1,4 +1,4 @@
-"""Pictures of the answers to the rope report's open questions."""
+"""Pictures of the studies of the rope report's open questions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ropeode.case_studies.growth import MeasuredGrowth
+from ropeode.case_studies.projection_sweeps import SweepStudy
 from ropeode.case_studies.rest_time import RestTime
-from ropeode.case_studies.sweeps import SweepStudy
 from ropeode.render.plots.style import STYLE, new_figure, stepper_style
 
 _HEIGHT = 3.4
@@ -22,7 +22,7 @@ def plot_sweeps(study: SweepStudy) -> Figure:
     """Error and broken lengths of constraint Verlet against step size, for each sweep count.
 
     Arguments:
-        study: from `ropeode.sweep_study`.
+        study: from `sweep_study`.
     """
     figure = new_figure(
         "Constraint Verlet: one sweep over the links, or many",
@@ -34,8 +34,8 @@ def plot_sweeps(study: SweepStudy) -> Figure:
     for index, each in enumerate(study.swept):
         colour, marker = stepper_style(index)
         label = f"{each.sweeps} sweep{'s' if each.sweeps > 1 else ''}"
-        known = [(dt, e) for dt, e in zip(each.dts, each.errors, strict=True) if e is not None]
-        errors.plot(*zip(*known, strict=True), color=colour, marker=marker, ms=3.5, label=label)
+        resolved = [(dt, e) for dt, e in zip(each.dts, each.errors, strict=True) if e is not None]
+        errors.plot(*zip(*resolved, strict=True), color=colour, marker=marker, ms=3.5, label=label)
         lengths.plot(each.dts, each.violations, color=colour, marker=marker, ms=3.5)
     errors.set_ylabel("error of the worst node [length units]")
     lengths.set_ylabel("error of the worst link [its length]")
@@ -69,11 +69,11 @@ def _slope(axes: Axes, dts: Sequence[float], at_finest: float | None, order: int
 
 
 @matplotlib.rc_context(STYLE)
-def plot_rest_times(found: Sequence[RestTime]) -> Figure:
+def plot_rest_times(times: Sequence[RestTime]) -> Figure:
     """The frame of coming to rest against steps per frame, and times the damping rate.
 
     Arguments:
-        found: from `ropeode.rest_times`, of any ropes and rules.
+        times: from `rest_times`, of any ropes and rules.
     """
     figure = new_figure(
         "When the Verlet ropes come to rest",
@@ -81,12 +81,12 @@ def plot_rest_times(found: Sequence[RestTime]) -> Figure:
         _HEIGHT,
     )
     frames, products = figure.subplots(1, 2)
-    kinds = list(dict.fromkeys((each.rope, each.rule) for each in found))
+    kinds = list(dict.fromkeys((each.rope, each.rule) for each in times))
     names = {"constraint": "rigid links", "force": "springs"}
     rules = {"per-step": "per step", "lagged": "per time"}
     for index, (rope, rule) in enumerate(kinds):
         colour, marker = stepper_style(index)
-        own = [e for e in found if (e.rope, e.rule) == (rope, rule) and e.settled_at is not None]
+        own = [e for e in times if (e.rope, e.rule) == (rope, rule) and e.settled_at is not None]
         steps = [each.steps_per_frame for each in own]
         # Both ropes do nearly the same; the second one's line must not hide the first.
         look = {"color": colour, "marker": marker, "ls": "-" if rope == "constraint" else ":"}
@@ -112,7 +112,7 @@ def plot_growth(scan: Sequence[MeasuredGrowth]) -> Figure:
     """Growth rate of a disturbance against steps per frame: theory as lines, runs as points.
 
     Arguments:
-        scan: from `ropeode.growth_scan`.
+        scan: from `growth_scan`.
     """
     figure = new_figure(
         "What becomes of a small disturbance of the hanging rope",

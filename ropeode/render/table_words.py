@@ -1,4 +1,4 @@
-"""How numbers and findings are worded, in every format but JSON and CSV."""
+"""The words and cells of an accuracy table, in every format but JSON and CSV."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ORDER_HEADERS = ("stepper", "expected", "observed", "95% interval", "steps used"
 
 
 def title(table: AccuracyTable) -> str:
-    """What the table is of."""
+    """The title of the table."""
     return f"Accuracy of steppers: {problem_words(table)}"
 
 
@@ -47,7 +47,7 @@ def problem_words(table: AccuracyTable) -> str:
 
 
 def _parameter_words(name: str, value: Any) -> str:
-    """A parameter with its value; many values are only said to be there."""
+    """A parameter with its value, or with a word for many values."""
     words = name.replace("_", " ")
     if isinstance(value, float):
         return f"{words} {value:g}"
@@ -55,7 +55,7 @@ def _parameter_words(name: str, value: Any) -> str:
 
 
 def error_words(table: AccuracyTable) -> str:
-    """What an error is here."""
+    """Which error the table has."""
     last = table.reference.trusted - 1
     return f"Error: {table.norm.words}, over samples 1 to {last}."
 
@@ -80,11 +80,11 @@ def run_cells(row: Row) -> tuple[str, ...]:
 
 def order_cells(table: AccuracyTable, stepper: str) -> tuple[str, ...]:
     """The order of one stepper as the cells under `ORDER_HEADERS`."""
-    found = next(each for each in table.orders if each.stepper == stepper)
-    order = found.order
+    row = next(each for each in table.orders if each.stepper == stepper)
+    order = row.order
     return (
         stepper,
-        "-" if found.expected is None else str(found.expected or "none"),
+        "-" if row.expected is None else str(row.expected or "none"),
         "-" if order.observed is None else f"{order.observed:.3f}",
         interval(order),
         used_steps(table, stepper, order),
@@ -114,37 +114,37 @@ def left_out_words(table: AccuracyTable, stepper: str, order: ObservedOrder) -> 
     return "; ".join(f"{reason}: {', '.join(each)}" for reason, each in by_reason.items())
 
 
-def remark(found: StepperOrder) -> str | None:
-    """What has to be said of a stepper that was made for another problem."""
-    if found.solves:
+def remark(order: StepperOrder) -> str | None:
+    """A warning about a stepper that solves another problem."""
+    if order.solves:
         return None
     return "keeps every link at its length: solves the inextensible rope, not this one"
 
 
 def reference_words(table: AccuracyTable) -> str:
-    """What the errors rest on, in the quantity that they are of."""
+    """The reference and its bound, in the quantity of the errors."""
     reference, quantity = table.reference, table.norm.quantity
-    made = reference.certificate
-    independent = [w for w in made.witnesses if w.role in ("independent", "fewer digits")]
+    certificate = reference.certificate
+    independent = [w for w in certificate.witnesses if w.role in ("independent", "fewer digits")]
     inside = slice(reference.trusted)
     agreeing = ", ".join(
         f"{w.solver} {_agreement(table, w.differences[quantity][inside])}" for w in independent
     )
-    drift = made.drift.get(quantity)
+    drift = certificate.drift.get(quantity)
     kept = "" if drift is None else f"; constraints kept to {np.max(drift[inside]):.1e}"
     trust = (
         "trusted to the end"
         if reference.horizon is None
-        else f"trusted before t = {reference.horizon:g} only ({made.horizon_reason})"
+        else f"trusted before t = {reference.horizon:g} only ({certificate.horizon_reason})"
     )
     return (
-        f"Reference: {made.solver} at rtol {made.rtol:.0e}, estimated bound "
+        f"Reference: {certificate.solver} at rtol {certificate.rtol:.0e}, estimated bound "
         f"{reference.bound(table.norm)[-1]:.1e}; {agreeing}{kept}; {trust}."
     )
 
 
 def _agreement(table: AccuracyTable, differences: np.ndarray) -> str:
-    """How closely a witness agrees, and how far, if it has a horizon of its own."""
+    """How closely a witness agrees, and up to where if it has a horizon of its own."""
     reached = int(np.argmin(np.append(np.isfinite(differences), False)))
     words = f"agrees to {np.max(differences[:reached]):.1e}"
     if reached == len(differences):

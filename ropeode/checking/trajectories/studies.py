@@ -1,0 +1,304 @@
+"""Trajectories from files as the values that plots and films are drawn from."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ropeode.analysis.errors import distances, resolution
+from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.checking.trajectories.convergence import shown, worst_rounding
+from ropeode.checking.trajectories.initial_states import check_initial_states, rounding_of
+from ropeode.checking.trajectories.layout import Layout, samples_of, states_of
+from ropeode.checking.trajectories.run_files import Run, names_of, quantities_of, read_runs
+from ropeode.errors import InputError
+from ropeode.norms import Norm, norm_for
+from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
+from ropeode.references.reference import Reference, motion, problem_of, reference_for
+from ropeode.study.accuracy_table import StepperOrder
+from ropeode.study.curves import (
+    Curve,
+    EnergyCurves,
+    ErrorCurves,
+    check_energy,
+    energies_of,
+    errors_of,
+)
+from ropeode.study.node_paths import (
+    NodePath,
+    NodePaths,
+    check_positions,
+    parts_of,
+    sampled_finer,
+)
+from ropeode.validation import complaint
+
+# How far from a whole number the samples in a frame may be, by rounding of the times.
+_WHOLE = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class FileRow:
+    """The error of one file.
+
+    Arguments:
+        stepper: the names of all files, which one program wrote.
+        dt: step size.
+        status: `ok`; a file with numbers that are not finite is refused.
+        error_max: the largest error inside the trust horizon; None if it is below `resolution`.
+        resolution: ten times the reference's estimated bound.
+    """
+
+    stepper: str
+    dt: float
+    status: Literal["ok"]
+    error_max: float | None
+    resolution: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TrajectoryErrors:
+    """Errors of trajectories against step size, with their observed order.
+
+    `ropeode.plot_convergence` draws it like an accuracy table.
+
+    Arguments:
+        problem: the problem of the trajectories.
+        reference: with its certificate.
+        norm: in which errors are measured.
+        rows: one for each file, from coarse to fine.
+        orders: one, since one program wrote the files.
+    """
+
+    problem: Problem
+    reference: Reference
+    norm: Norm
+    rows: tuple[FileRow, ...]
+    orders: tuple[StepperOrder, ...]
+
+
+def trajectory_errors(
+    files: Sequence[str | Path],
+    problem: Problem | Reference,
+    dts: Sequence[Any] | None = None,
+    *,
+    norm: str | None = None,
+    progress: Progress = silent,
+    **asked: Any,
+) -> TrajectoryErrors:
+    """Errors of trajectories against step size.
+
+    Arguments:
+        files: CSV, NPZ or NetCDF, as `ropeode.grade` reads them, one for each step size.
+        problem: that the program solves, or a reference of it.
+        dts: step size of each file; None where the files say it.
+        norm: one of `ropeode.norms.NORMS`; by default the problem's first.
+        progress: called with what is being done and the fraction that is done.
+        asked: `accuracy`, `rtol`, `level`, `digits` and `time_limit` of `ropeode.reference`.
+
+    Raises:
+        InputError: an argument or a file cannot be used; one line for each, with the place.
+        ReferenceRefused: no reference of the problem can be certified.
+    """
+    runs, measure = _runs(files, problem, dts, norm, progress)
+    reference = _reference(problem, progress, asked)
+    smallest = float(resolution(reference, measure)[-1])
+    errors = [
+        _largest(states_of(reference.problem, run.values), reference, measure) for run in runs
+    ]
+    name = names_of(runs)
+    return TrajectoryErrors(
+        problem=reference.problem,
+        reference=reference,
+        norm=measure,
+        rows=tuple(
+            FileRow(name, run.dt, "ok", error if error >= smallest else None, smallest)
+            for run, error in zip(runs, errors, strict=True)
+        ),
+        orders=(StepperOrder(name, None, _order(runs, errors, reference, measure)),),
+    )
+
+
+def trajectory_error_curves(
+    files: Sequence[str | Path],
+    problem: Problem | Reference,
+    dts: Sequence[Any] | None = None,
+    *,
+    norm: str | None = None,
+    progress: Progress = silent,
+    **asked: Any,
+) -> ErrorCurves:
+    """Errors of trajectories against time, for `ropeode.plot_errors`.
+
+    Arguments and errors are those of `trajectory_errors`.
+    """
+    runs, measure = _runs(files, problem, dts, norm, progress)
+    reference = _reference(problem, progress, asked)
+
+    def errors(run: Run) -> np.ndarray:
+        return distances(states_of(reference.problem, run.values), reference, measure)[1:]
+
+    times = reference.times[1 : reference.trusted]
+    return errors_of(reference, measure, [_curve(runs, run, times, errors(run)) for run in runs])
+
+
+def trajectory_energy_curves(
+    files: Sequence[str | Path],
+    problem: Problem | Reference,
+    dts: Sequence[Any] | None = None,
+    *,
+    progress: Progress = silent,
+    **asked: Any,
+) -> EnergyCurves:
+    """Energies of trajectories against time, for `ropeode.plot_energies`.
+
+    Arguments and errors are those of `trajectory_errors`; the files need velocities.
+    """
+    own = problem_of(problem)
+    check_energy(own)
+    runs, _ = _runs(files, problem, dts, None, progress)
+    _check_quantities(runs, own, own.quantities)
+    reference = _reference(problem, progress, asked)
+    return energies_of(
+        reference,
+        [_curve(runs, run, own.ts, own.energies(states_of(own, run.values))) for run in runs],
+    )
+
+
+def trajectory_paths(
+    files: Sequence[str | Path],
+    problem: Problem | Reference,
+    dts: Sequence[Any] | None = None,
+    *,
+    norm: str | None = None,
+    progress: Progress = silent,
+    **asked: Any,
+) -> NodePaths:
+    """The nodes of trajectories, for `ropeode.animate`.
+
+    Where all files have samples between those of the problem, the film shows up to 8 in each
+    frame. Arguments and errors are those of `trajectory_errors`.
+    """
+    own = problem_of(problem)
+    check_positions(own)
+    runs, measure = _runs(files, problem, dts, norm, progress)
+    parts = 1 if isinstance(problem, Reference) else _parts(own, runs)
+    if parts > 1:
+        sampled = sampled_finer(problem, parts)
+        runs, _ = _runs(files, sampled, dts, norm, progress)
+    else:
+        sampled = problem
+    reference = _reference(sampled, progress, asked)
+    return NodePaths(
+        problem=own,
+        reference=reference,
+        norm=measure,
+        samples_per_frame=parts,
+        steps_per_frame=None,
+        resolution=resolution(reference, measure),
+        paths=tuple(
+            NodePath(
+                stepper=run.label,
+                positions=own.positions(states),
+                errors=distances(states, reference, measure),
+                diverged_at=None,
+            )
+            for run in runs
+            for states in [states_of(own, run.values)]
+        ),
+    )
+
+
+def _runs(
+    files: Sequence[str | Path],
+    problem: Problem | Reference,
+    dts: Sequence[Any] | None,
+    norm: str | None,
+    progress: Progress,
+) -> tuple[tuple[Run, ...], Norm]:
+    """The files, read and checked, and the norm."""
+    if isinstance(files, (str, Path)):
+        raise InputError(complaint("files", str(files), "a list of files", "put it into a list"))
+    own = problem_of(problem)
+    measure = norm_for(own, norm)
+    runs = read_runs(files, own, dts, progress, fewest=1)
+    _check_quantities(runs, own, [measure.quantity])
+    check_initial_states(runs, own)
+    return runs, measure
+
+
+def _check_quantities(runs: Sequence[Run], problem: Problem, needed: Sequence[str]) -> None:
+    if set(needed) - set(quantities_of(problem, runs)):
+        given = f"none in {[str(run.path) for run in runs]}"
+        allowed = "velocities in all files for what is to be drawn"
+        fix = "write them, or choose a plot and a norm of positions"
+        raise InputError(complaint("velocities", given, allowed, fix))
+
+
+def _reference(
+    problem: Problem | Reference, progress: Progress, asked: dict[str, Any]
+) -> Reference:
+    return reference_for(problem, progress=lambda text: progress(text, 1.0), **asked)
+
+
+def _largest(states: np.ndarray, reference: Reference, norm: Norm) -> float:
+    return float(np.max(distances(states, reference, norm)[1:]))
+
+
+def _order(
+    runs: Sequence[Run], errors: Sequence[float], reference: Reference, norm: Norm
+) -> ObservedOrder:
+    """The order that the files show.
+
+    As `ropeode grade` has it: the rounding of the written digits counts as round-off; where that
+    shows no convergence, so does the worst round-off that a sound program has.
+    """
+    layout = Layout.of(reference.problem)
+
+    def with_rounding(rounding: Callable[[Run], np.ndarray]) -> ObservedOrder:
+        return observed_order(
+            [run.dt for run in runs],
+            errors,
+            resolution=float(resolution(reference, norm)[-1]),
+            rounding=[_size(rounding(run), reference, norm) for run in runs],
+            motion=float(motion(reference.problem, reference.states, norm)[reference.trusted - 1]),
+        )
+
+    as_written = with_rounding(lambda run: rounding_of(run, layout))
+    if as_written.verdict == "converges" and shown(as_written):
+        return as_written
+    return with_rounding(lambda run: worst_rounding(run, reference, layout))
+
+
+def _size(rounding: np.ndarray, reference: Reference, norm: Norm) -> float:
+    """A rounding of each column as a distance in the norm."""
+    problem = reference.problem
+    values = samples_of(problem, reference.states)[:, :, : len(rounding)]
+    return _largest(states_of(problem, values + rounding), reference, norm)
+
+
+def _curve(runs: Sequence[Run], run: Run, times: np.ndarray, values: np.ndarray) -> Curve:
+    one = len(runs) == 1
+    return Curve(
+        stepper=names_of(runs),
+        label=f"dt = {run.dt:g}" if one else run.label,
+        dt=run.dt,
+        times=times[: len(values)],
+        values=values[: len(times)],
+    )
+
+
+def _parts(problem: Problem, runs: Sequence[Run]) -> int:
+    """Into how many parts a frame can be divided so that all files have samples there."""
+    frames = np.diff(problem.ts)
+    counts = [float(frames[0]) / run.interval for run in runs]
+    whole = [round(count) for count in counts]
+    equal = np.ptp(frames) <= 1e-9 * frames[0]
+    if not equal or np.max(np.abs(np.subtract(counts, whole))) > _WHOLE:
+        return 1
+    return parts_of(problem.frames, int(np.gcd.reduce(whole)))
