@@ -258,14 +258,20 @@ def check_steppers(given: Any, folder: Path | None = None) -> list[Stepper]:
     return list(found.values())
 
 
-def check_steps(given: Sequence[int]) -> list[int]:
+class StepsPerFrame(tuple[int, ...]):
+    """Numbers of steps per frame that have been checked."""
+
+
+def check_steps(given: Sequence[int]) -> StepsPerFrame:
     """Numbers of steps per frame, each once.
 
     Raises:
         InputError: one is not a whole number >= 1, or is repeated, or there is none.
     """
+    if isinstance(given, StepsPerFrame):
+        return given
     try:
-        steps = [whole_number(each, at_least=1) for each in given]
+        steps = StepsPerFrame(whole_number(each, at_least=1) for each in given)
         if not steps:
             raise ValueError("there is none")
         if len(set(steps)) < len(steps):

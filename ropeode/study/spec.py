@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import AfterValidator, BeforeValidator, PlainValidator
 
 from ropeode.errors import InputError
 from ropeode.files import read_text
@@ -25,6 +25,7 @@ from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
     AccuracyTable,
+    StepsPerFrame,
     accuracy_table,
     check_steppers,
     check_steps,
@@ -47,10 +48,6 @@ def _steppers(value: Any) -> tuple[str, ...] | None:
 
 def _themselves(value: Any) -> tuple[Stepper, ...] | None:
     return None if value is None else tuple(check_steppers(value))
-
-
-def _steps(value: Any) -> tuple[int, ...]:
-    return tuple(check_steps(value))
 
 
 def _norm(value: str | None) -> str | None:
@@ -115,8 +112,10 @@ class StudySpec(Input):
     steppers: Annotated[tuple[str, ...] | None, BeforeValidator(_steppers)] = field(
         None, allowed="names of steppers", example='["rk4"]'
     )
-    steps_per_frame: Annotated[tuple[int, ...], BeforeValidator(_steps)] = field(
-        DEFAULT_STEPS_PER_FRAME, allowed="different whole numbers >= 1", example="[16, 32, 64]"
+    steps_per_frame: Annotated[StepsPerFrame, PlainValidator(check_steps)] = field(
+        check_steps(DEFAULT_STEPS_PER_FRAME),
+        allowed="different whole numbers >= 1",
+        example="[16, 32, 64]",
     )
     norm: Annotated[str | None, AfterValidator(_norm)] = field(
         None, allowed="the name of a norm", example='"position-max"'
