@@ -7,8 +7,9 @@ folder, and the test files that ought to notice are run there, up to the first f
     python benchmarks/faults.py --untouched                  # do these files pass without a fault?
     python benchmarks/faults.py --checkout ../older --python ../older/.venv/bin/python
 
-Another checkout may have its files elsewhere: the fault is then written where its text is, and
-test files are found by their names. An hour for all faults, on one processor.
+Faults that have a line in the output already are not tried again. Another checkout may have its
+files elsewhere: the fault is then written where its text is, and test files are found by their
+names. An hour for all faults, on one processor.
 """
 
 from __future__ import annotations
@@ -55,8 +56,11 @@ def main() -> None:
             every = sorted({str(file) for each in files for file in each})
             print(run_tests(copy, options.python, every, None))
             return
-        out = options.out.open("w") if options.out else sys.stdout
+        tried = rows_of(options.out) if options.out and options.out.exists() else []
+        out = options.out.open("a") if options.out else sys.stdout
         for number, (fault, place, tests) in enumerate(zip(faults, places, files, strict=True)):
+            if any(fault.items() <= row.items() for row in tried):
+                continue
             original = place.read_text()
             write(place, original.replace(fault["old"], fault["new"]), number)
             started = time.perf_counter()
@@ -65,6 +69,11 @@ def main() -> None:
             write(place, original, number + 0.5)
             row = {**fault, "caught_by": caught_by, "seconds": seconds}
             print(json.dumps(row), file=out, flush=True)
+
+
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    """What has been found so far."""
+    return [json.loads(line) for line in path.read_text().splitlines()]
 
 
 def place_of(fault: dict[str, Any], copy: Path) -> Path:
