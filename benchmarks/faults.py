@@ -7,8 +7,10 @@ folder, and the test files that ought to notice are run there, up to the first f
     python benchmarks/faults.py --untouched                  # do these files pass without a fault?
     python benchmarks/faults.py --checkout ../older --python ../older/.venv/bin/python
 
-Another checkout may have its files elsewhere: the fault is then written where its text is, and
-test files are found by their names. An hour for all faults, on one processor.
+Faults that have a line in the output already are not tried again. Another checkout may have its
+files elsewhere: the fault is then written where its text is, and test files are found by their
+names. Where a line has been written differently, a fault lists what it said each time. An hour for
+all faults, on one processor.
 """
 
 from __future__ import annotations
@@ -50,42 +52,63 @@ def main() -> None:
         )
         # Every fault is where it should be, before the first one takes its time.
         places = [place_of(fault, copy) for fault in faults]
-        files = [[test_file(name, copy) for name in fault["tests"]] for fault in faults]
+        files = [test_files(fault["tests"], copy) for fault in faults]
         if options.untouched:
-            every = sorted({str(file) for each in files for file in each})
-            print(run_tests(copy, options.python, every, None))
+            every = sorted({file for each in files for file in each})
+            print(run_tests(copy, options.python, every, None) or "All pass.")
             return
-        out = options.out.open("w") if options.out else sys.stdout
+        tried = rows_of(options.out) if options.out and options.out.exists() else []
+        out = options.out.open("a") if options.out else sys.stdout
         for number, (fault, place, tests) in enumerate(zip(faults, places, files, strict=True)):
-            original = place.read_text()
-            write(place, original.replace(fault["old"], fault["new"]), number)
+            if any(fault.items() <= row.items() for row in tried):
+                continue
+            path, old, new = place
+            original = path.read_text()
+            write(path, original.replace(old, new), number)
             started = time.perf_counter()
-            caught_by = run_tests(copy, options.python, map(str, tests), fault.get("only"))
+            caught_by = run_tests(copy, options.python, tests, fault.get("only"))
             seconds = round(time.perf_counter() - started, 1)
-            write(place, original, number + 0.5)
+            write(path, original, number + 0.5)
             row = {**fault, "caught_by": caught_by, "seconds": seconds}
             print(json.dumps(row), file=out, flush=True)
 
 
-def place_of(fault: dict[str, Any], copy: Path) -> Path:
-    """The one file with the fault's text; ends the program where that is not so."""
-    file = copy / "ropeode" / fault["file"]
-    files = [file] if file.exists() else (copy / "ropeode").rglob("*.py")
-    places = [each for each in files for _ in range(each.read_text().count(fault["old"]))]
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    """What has been found so far."""
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def place_of(fault: dict[str, Any], copy: Path) -> tuple[Path, str, str]:
+    """The one file with the fault's text, the text, and what it becomes.
+
+    Ends the program where there is not exactly one such place.
+    """
+    own = copy / "ropeode" / fault["file"]
+    for files in ([own] if own.exists() else [], (copy / "ropeode").rglob("*.py")):
+        places = [
+            (path, old, new)
+            for path in files
+            for old, new in zip(texts(fault["old"]), texts(fault["new"]), strict=True)
+            for _ in range(path.read_text().count(old))
+        ]
+        if places:
+            break
     if len(places) != 1:
         sys.exit(f"{fault['file']}: {fault['old']!r} occurs {len(places)} times, not once.")
     return places[0]
 
 
-def test_file(name: str, copy: Path) -> Path:
-    """A test file, wherever it is."""
-    path = copy / "tests" / name
-    if path.exists():
-        return path
-    places = [*(copy / "tests").rglob(path.name)]
-    if len(places) != 1:
-        sys.exit(f"{name}: {len(places)} test files have this name, not one.")
-    return places[0]
+def texts(value: str | list[str]) -> list[str]:
+    """One text, or what a line has said in several versions."""
+    return value if isinstance(value, list) else [value]
+
+
+def test_files(names: list[str], copy: Path) -> list[str]:
+    """Those test files that a checkout has, wherever they are."""
+    there = [path for name in names for path in (copy / "tests").rglob(Path(name).name)]
+    if not there:
+        sys.exit(f"{', '.join(names)}: no test file has this name.")
+    return [str(path.relative_to(copy)) for path in there]
 
 
 def write(path: Path, text: str, number: float) -> None:
@@ -94,7 +117,7 @@ def write(path: Path, text: str, number: float) -> None:
     os.utime(path, (number, number))
 
 
-def run_tests(copy: Path, python: str, tests: Any, only: str | None) -> str | None:
+def run_tests(copy: Path, python: str, tests: list[str], only: str | None) -> str | None:
     """The test that failed first; None if none did."""
     command = [python, "-m", "pytest", "-x", "-q", "--tb=no", *tests]
     if "slow:" in (copy / "pyproject.toml").read_text():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import io
 import re
@@ -42,7 +43,28 @@ def headings(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=page_id)
+WITH_CODE = [page for page in PAGES if blocks(page, "python")]
+# Ten seconds each, of what has tests of its own.
+SLOW = {"docs/check.md", "docs/files.md", "docs/horizon.md", "docs/sweeps.md"}
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=page_id)
+def test_code_imports_what_exists(page):
+    for code in blocks(page, "python"):
+        imports = [
+            node for node in ast.parse(code).body if isinstance(node, ast.Import | ast.ImportFrom)
+        ]
+        exec(compile(ast.Module(imports, []), str(page), "exec"), {})
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=[pytest.mark.slow] if page_id(page) in SLOW else [])
+        for page in WITH_CODE
+    ],
+    ids=page_id,
+)
 def test_code_runs_and_prints_what_it_says(page):
     namespace = {"__name__": "docs"}
     for code in blocks(page, "python"):

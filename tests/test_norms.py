@@ -35,6 +35,15 @@ def test_no_norm_exceeds_the_largest_node(a, b):
         assert np.all(distance(ROPE, norm, a, b) <= largest * (1 + 1e-14))
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_as_far_as_can_be(value):
+    a, b = np.zeros((2, 3, 2, 2, 3))
+    a[1, :, 0, 1] = value
+    for norm in fitting(ROPE):
+        expected = [0.0, np.finfo(np.float64).max / (3**0.5 if "rms" in norm.name else 1), 0.0]
+        np.testing.assert_allclose(distance(ROPE, norm, a, b), expected)
+
+
 @given(a=STATES, b=STATES)
 def test_symmetric_and_zero_for_equal(a, b):
     for norm in fitting(ROPE):

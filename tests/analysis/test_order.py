@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from ropeode.analysis.order import (
     PRE_ASYMPTOTIC,
@@ -175,6 +176,29 @@ def test_growing_errors_do_not_converge_however_wide_the_interval():
     found = observed_order(DTS[:3], [1.0, 8.0, 80.0])
     assert found.ci95[1] - found.ci95[0] > 1
     assert found.verdict == "does not converge"
+
+
+def test_the_interval_is_that_of_a_line_through_scattered_points():
+    """Where the finest steps bend no line, the scatter of the others alone makes the interval."""
+    dts = 0.1 / 2.0 ** np.arange(7)
+    log_errors = 2 * np.log(dts) + [0.05, -0.06, 0.04, 0, 0, 0, 0]
+    order = observed_order(dts, np.exp(log_errors))
+    line = stats.linregress(np.log(dts), log_errors)
+    half = stats.t.ppf(0.975, len(dts) - 2) * line.stderr
+    assert half > 0.01
+    assert order.observed == pytest.approx(line.slope)
+    assert order.ci95 == pytest.approx((line.slope - half, line.slope + half))
+
+
+def test_no_error_at_all_is_unresolved():
+    order = observed_order([0.1, 0.05, 0.025, 0.0125], [1e-3, 1e-4, 1e-5, 0.0])
+    assert reasons(order) == {0.0125: UNRESOLVED}
+
+
+def test_an_interval_that_holds_zero_is_no_convergence():
+    order = observed_order([0.1, 0.05, 0.025], [1.0, 0.87, 0.86])
+    assert order.verdict == "undetermined"
+    assert "which is too wide" in order.why
 
 
 def test_two_points_are_undetermined():

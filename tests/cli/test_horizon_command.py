@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 
 import pytest
 from PIL import Image
@@ -53,8 +54,9 @@ def test_bad_input_is_a_line_and_exit_code_2(arguments, words, run, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_without_heyoka_it_is_told_before_anything_is_computed(run_process):
-    done = run_process("horizon", "--frames", "1000000", without="heyoka")
+def test_without_heyoka_it_is_told_before_anything_is_computed(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "heyoka", None)
+    done = run("horizon", "--frames", "1000000")
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith("ropeode: heyoka: it cannot be imported")

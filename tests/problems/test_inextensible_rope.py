@@ -298,6 +298,7 @@ def test_a_row_of_nodes_that_all_fly_alike_stays_a_row():
             r"between the pins 0 and 15, .* cannot move\)\. Fix: .* pinned = \[0\]",
         ),
         ({"pinned": (5, 0, 1)}, r"between the pins 1 and 5.* pinned = \[1\]"),
+        ({"pinned": (3, 5)}, r"between the pins 3 and 5.* pinned = \[3\]"),
         ({"end": (0, 200)}, r"end: .* another point than start"),
         ({"start": (1e17, 0), "end": (1e17 + 64, 0)}, "end: .* no link has length zero"),
         ({"start": (0, 0), "end": (1e-200, 0)}, "end: .* no link has length zero"),
