@@ -32,7 +32,8 @@ def imports() -> Imports:
                 continue
             others |= {name.split(".")[1] for name in modules if name.startswith("ropeode.")}
         others.discard(room)
-    return rooms
+    # Public names that users' templates import from the package itself are no rooms.
+    return {room: others & rooms.keys() for room, others in rooms.items()}
 
 
 def ground_floor(rooms: Imports) -> set[str]:

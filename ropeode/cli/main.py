@@ -31,7 +31,7 @@ BAD_INPUT, FAILED, BROKEN = 2, 1, 3
 def cli(debug: bool) -> None:
     """Check ODE steppers against certified reference solutions.
 
-    `ropeode check FILE.py:NAME` checks a stepper of yours. `ropeode table` prints the errors and
+    `ropeode check FILE.py` checks a stepper of yours. `ropeode table` prints the errors and
     orders of several steppers on the default problem, a mass-spring rope.
     """
 
