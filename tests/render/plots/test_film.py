@@ -124,7 +124,7 @@ def test_three_components_are_seen_from_the_third_axis():
 def test_the_traced_node_moves():
     paths = node_paths(Rope(num_nodes=3, pinned=[0, 2]).problem(frames=2), ["rk4"], 4)
     figure, show = film(paths)
-    show(4)
+    show(len(paths.times) - 1)
     assert np.array_equal(nodes_and_trace(figure.axes[0])[1], paths.reference.positions[:, 1])
 
 
