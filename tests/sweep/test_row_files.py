@@ -124,6 +124,23 @@ def test_a_process_that_is_killed_loses_no_row(tmp_path):
     assert not [name for name in files(folder) if name.endswith(".part")]
 
 
+def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
+    """Making and hashing them would take hours for a large sweep."""
+    work_through(Sweep(count=47), Store(tmp_path, COLUMNS), InProcess(Rows()))
+    (tmp_path / "000002.parquet").unlink()
+    made, tasks = [], Sweep.tasks
+
+    def counted(sweep, first=0):
+        for task in tasks(sweep, first):
+            made.append(task.number)
+            yield task
+
+    monkeypatch.setattr(Sweep, "tasks", counted)
+    work_through(Sweep(count=47), Store(tmp_path, COLUMNS), InProcess(Rows()))
+    assert made == [10, 11]
+    assert stored(tmp_path) == expected(Sweep(count=47))
+
+
 def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
     """A limit on the size of files stands for the disk: no partition can be merged."""
     sweep, folder = Sweep(count=47), tmp_path / "full"

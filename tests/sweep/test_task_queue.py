@@ -107,16 +107,17 @@ def test_every_case_has_one_row_and_only_the_culprits_a_bad_one(
         assert rows[number]["reason"] == "ArithmeticError: nonsense"
 
 
-def test_no_more_tasks_are_made_than_there_is_room_for():
-    """A hundred million tasks do not fit into memory."""
+@pytest.mark.parametrize("deadly", [(), range(400)])
+def test_no_more_tasks_are_made_than_there_is_room_for(deadly):
+    """A hundred million tasks do not fit into memory, not even if all of them kill processes."""
     taken = []
 
     def tasks():
-        for task in Sweep(count=4000).tasks():
+        for task in Sweep(count=400, per_task=1).tasks():
             taken.append(task.number)
             yield task
 
-    for done, _ in enumerate(dispatched(tasks(), Scripted(slots=3))):
+    for done, _ in enumerate(dispatched(tasks(), Scripted(3, deadly))):
         assert len(taken) <= done + 1 + 3
 
 
