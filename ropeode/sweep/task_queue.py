@@ -13,7 +13,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from ropeode.errors import InputError, RopeodeError
 from ropeode.progress import Progress, silent
@@ -24,6 +24,7 @@ from ropeode.sweep.storage.row_files import Store, partition_of
 
 if TYPE_CHECKING:
     from ropeode.sweep.design.cases import Task
+    from ropeode.sweep.design.spec import SweepSpec
 
 DIED = "worker-died"
 _CHECK_EVERY_S = 1.0
@@ -32,24 +33,13 @@ _CHECK_EVERY_S = 1.0
 _TRIES_ALONE = 2
 
 
-class Sweep(Protocol):
-    """The cases to be computed."""
-
-    @property
-    def count(self) -> int:
-        """The number of cases."""
-        ...
-
-    def tasks(self, first: int = 0) -> Iterator[Task]:
-        """Tasks by their numbers, from `first` on."""
-        ...
-
-
-def work_through(sweep: Sweep, store: Store, engine: Engine, progress: Progress = silent) -> None:
+def work_through(
+    sweep: SweepSpec, store: Store, engine: Engine, progress: Progress = silent
+) -> None:
     """Compute all cases that the store does not have, and store their rows.
 
     Arguments:
-        sweep: whose cases they are.
+        sweep: whose `count` and `tasks` are used.
         store: that no other process writes to.
         engine: that computes them.
         progress: called at first and after each task.
@@ -59,7 +49,7 @@ def work_through(sweep: Sweep, store: Store, engine: Engine, progress: Progress 
     """
     store.clean()
     pending: Counter[int] = Counter()  # Cases under way, by partition.
-    handed_out: set[int] = set()  # Partitions all of whose tasks the engine has been given.
+    handed_out: set[int] = set()  # Partitions whose tasks all went to the engine.
 
     def unfinished() -> Iterator[Task]:
         """All tasks, without the cases that have rows."""

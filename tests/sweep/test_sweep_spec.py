@@ -187,6 +187,7 @@ def test_no_velocity_is_drawn_for_a_pinned_node():
 
 BAD = {
     "stepers": 'stepers = ["rk4"]',
+    "stepper: 3": "steppers = 3",
     "steps_per_frame": "steps_per_frame = [0]",
     "order_factors": "order_factors = [1, 2]",
     "foo": "[grid]\nfoo = [1]",

@@ -29,17 +29,17 @@ class StepperSource(NamedTuple):
     file: str | None
 
 
-def stepper_sources(given: Sequence[Any], folder: Path) -> dict[str, StepperSource]:
+def stepper_sources(given: Any, folder: Path) -> dict[str, StepperSource]:
     """The sources of steppers, by the label of each.
 
     Arguments:
-        given: texts, or values that can be pickled.
+        given: one or several texts, or values that can be pickled.
         folder: from which relative file names start.
 
     Raises:
         InputError: one line for each that is not a stepper or is repeated.
     """
-    given = [given] if isinstance(given, (str, Stepper)) else list(given)
+    given = [*given] if isinstance(given, (list, tuple)) else [given]
     steppers = _steppers(given, folder)
     return {
         stepper.label: StepperSource(each, file_digest(each, folder))
