@@ -56,9 +56,15 @@ def oscillator(rate=0.1, num_nodes=1, frames=2):
         name="oscillator",
     )
 """
+STEPS = """
+def verlet(acceleration, t, x, v, dt, args):
+    half = v + dt / 2 * acceleration(t, x, v, args)
+    new = x + dt * half
+    return new, half + dt / 2 * acceleration(t + dt, new, half, args)
+"""
 SPEC = """
 problem = "problem.py:oscillator"
-steppers = ["semi-implicit-euler", "rk4"]
+steppers = ["steps.py:verlet", "rk4"]
 steps_per_frame = [4, 8]
 order_factors = []
 [grid]
@@ -69,9 +75,10 @@ rate = {rates}
 
 @pytest.fixture(scope="module")
 def specs(tmp_path_factory):
-    """Where specs are, and their problem: one file for all, so that it is compiled once."""
+    """Where specs are, their problem and a stepper: one file for all, compiled once."""
     folder = tmp_path_factory.mktemp("specs")
     (folder / "problem.py").write_text(PROBLEM)
+    (folder / "steps.py").write_text(STEPS)
     return folder
 
 
@@ -95,10 +102,14 @@ def rows_of(folder) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in rows.iterdir()}
 
 
-@pytest.fixture(scope="session")
-def cache(tmp_path_factory):
-    """What is compiled in one process need not be in the next."""
-    return str(tmp_path_factory.mktemp("cache"))
+@pytest.fixture(scope="session", autouse=True)
+def shared_programs(cache):
+    """Processes with that cache folder use the programs that this process has compiled."""
+    folder = Path(cache) / "ropeode"
+    folder.mkdir(exist_ok=True)
+    compiled = folder / "compiled"
+    if not compiled.exists():
+        compiled.symlink_to(os.environ["JAX_COMPILATION_CACHE_DIR"])
 
 
 def test_two_engines_make_the_same_files(folder, cache, monkeypatch):

@@ -428,8 +428,9 @@ problem = "rope"
 # without a stiffness).
 kind = "rope"
 
-# `ropeode steppers` lists them with their options, as in "stormer-verlet:start=rest". By
-# default those of `ropeode table` that can run on the problem.
+# `ropeode steppers` lists them with their options, as in "stormer-verlet:start=rest". Your own is
+# "FILE.py:NAME"; "diffrax:Heun" and "scipy:RK45" work too. By default those of `ropeode table`
+# that can run on the problem.
 steppers = ["semi-implicit-euler", "rk4"]
 
 # Step sizes: dt = frame / steps_per_frame.
