@@ -1,11 +1,11 @@
-"""What a sweep costs beside its runs, and how it grows with workers and with cases.
+"""The overhead of a sweep over its runs, and how it grows with workers and with cases.
 
     python benchmarks/sweep.py [--cases N] [--tasks T] [--repeats R] [--dask]
 
-Three parts. What each case costs the process that hands it out and keeps its row, by step, on a
-grid of a hundred million cases of which the first N are taken, with work that costs nothing;
-memory and files after tenths of it. A real sweep of T tasks: cases per second in this process,
-in one and in two others, and with `--dask` on a cluster of one and of two, medians of
+Three parts. The cost of a case in the process that hands it out and stores its row, by step, on a
+grid of a hundred million cases, of which the first N are computed at no cost; memory and files
+after each tenth of them. A real sweep of T tasks: cases per second in this process,
+in one and in two others, and with `--dask` on clusters of one and of two workers, medians of
 interleaved runs, without the first quarter, which compiles. Bytes of a row.
 """
 
@@ -28,13 +28,14 @@ from tabulate import tabulate
 
 from ropeode import SweepSpec, read_sweep
 from ropeode.references.jax_setup import set_up_jax
-from ropeode.sweep.design.columns import RESULTS
+from ropeode.sweep.design.cases import Task
+from ropeode.sweep.design.columns import RESULTS, Row
+from ropeode.sweep.design.spec import MOST_PROBLEMS
 from ropeode.sweep.execution.dask_cluster import DaskCluster
-from ropeode.sweep.execution.engines import InProcess, LocalProcesses, Row
+from ropeode.sweep.execution.engines import InProcess, LocalProcesses
 from ropeode.sweep.execution.evaluate import evaluate
-from ropeode.sweep.execution.task_queue import work_through
-from ropeode.sweep.execution.tasks import MOST_PROBLEMS, Task
 from ropeode.sweep.storage.row_files import Store
+from ropeode.sweep.task_queue import work_through
 
 # Of a hundred million cases, nearly: 10000 dampings, 2500 stiffnesses, 2 steppers, 2 steps.
 HUGE = {
@@ -78,11 +79,11 @@ class Part:
 
 
 def nothing(task: Task) -> list[Row]:
-    """Rows as they might be, at no cost; numbers that no compression helps."""
+    """Rows like real ones, at no cost, with numbers that cannot be compressed."""
     numbers = dict.fromkeys(RESULTS)
     return [
         {
-            **case.values(),
+            **case.inputs(),
             **numbers,
             "status": "ok",
             "reference": case.problem_key,
@@ -133,8 +134,9 @@ def growth(spec: SweepSpec, cases: int, folder: Path) -> None:
     """Memory and files as the sweep goes on."""
     store, table, began = Store(folder / "growth", spec.columns), [], time.perf_counter()
 
-    def look(done: int, total: int) -> None:
-        if done >= total * (len(table) + 1) / 10 or done == 0 == len(table):
+    def look(text: str, fraction: float | None) -> None:
+        done = round(cases * (fraction or 0.0))
+        if done >= cases * (len(table) + 1) / 10 or done == 0 == len(table):
             files = list(store.folder.rglob("*.parquet"))
             size = sum(path.stat().st_size for path in files)
             table.append(
@@ -171,18 +173,18 @@ def engine(kind: str, folder: Path):
 
 def rate(spec: SweepSpec, kind: str, folder: Path) -> tuple[float, float, float]:
     """Cases per second once all workers have compiled, the whole in seconds, bytes per case."""
-    seen: list[tuple[float, int]] = []
+    samples: list[tuple[float, float]] = []
     began = time.perf_counter()
     with engine(kind, folder) as made:
         store = Store(folder / "rows", spec.columns)
         work_through(
-            spec, store, made, lambda done, total: seen.append((time.perf_counter(), done))
+            spec, store, made, lambda text, part: samples.append((time.perf_counter(), part or 0.0))
         )
     whole = time.perf_counter() - began
     # The first quarter of the tasks pays for starting and compiling.
-    (start, before), (end, after) = seen[max(1, len(seen) // 4)], seen[-1]
+    (start, before), (end, after) = samples[max(1, len(samples) // 4)], samples[-1]
     size = sum(path.stat().st_size for path in store.folder.rglob("*.parquet"))
-    return (after - before) / (end - start), whole, size / after
+    return spec.count * (after - before) / (end - start), whole, size / spec.count
 
 
 def real(tasks: int, repeats: int, kinds: list[str], folder: Path) -> None:

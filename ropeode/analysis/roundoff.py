@@ -83,29 +83,44 @@ def round_off(
         forces of its own, which do not know the other units.
     """
     method = method or method_of(trajectory.stepper, trajectory.problem)
-    if not _keeps_units(trajectory.problem, method, rescaled):
+    if not keeps_units(trajectory.problem, method, rescaled):
         return None
     repeated = simulate(rescaled, method, trajectory.steps_per_frame)
+    return distance_of_runs(trajectory, repeated, samples, norm)
+
+
+def distance_of_runs(
+    trajectory: Trajectory, repeated: Trajectory, samples: int, norm: Norm
+) -> float:
+    """The largest distance of a run from the same run in other units; infinite if that diverged.
+
+    Arguments:
+        trajectory: a run that did not diverge.
+        repeated: the run of its problem `in_other_units`.
+        samples: how many samples, from the first on, count.
+        norm: the measure of the distance.
+    """
     if repeated.status != "ok":
         return np.inf
-    states = in_own_units(repeated.states[:samples])
+    states = repeated.states[:samples] / _RATIO
     return float(np.max(distance(trajectory.problem, norm, states, trajectory.states[:samples])))
 
 
-def _keeps_units(problem: Problem, method: Method, rescaled: Problem) -> bool:
-    """Whether a frame of fine steps is the same in other units, but for rounding."""
+def keeps_units(problem: Problem, method: Method, rescaled: Problem) -> bool:
+    """Whether a frame of fine steps is the same in other units, but for rounding.
+
+    Arguments:
+        problem: that is solved.
+        method: that solves it.
+        rescaled: the problem `in_other_units`.
+    """
     if isinstance(method.stepper, BuiltIn):
         return True
     first = {"ts": problem.ts[:2]}
     own = simulate(problem.changed(**first), method, _FINE).states
-    other = in_own_units(simulate(rescaled.changed(**first), method, _FINE).states)
+    other = simulate(rescaled.changed(**first), method, _FINE).states / _RATIO
     size = np.max(np.abs(own)) if len(own) == len(other) else np.nan
     return bool(np.max(np.abs(own - other)) <= _SAME * size)
-
-
-def in_own_units(states: np.ndarray) -> np.ndarray:
-    """States of a problem `in_other_units`, measured as in the problem itself."""
-    return states / _RATIO
 
 
 class _Units(NamedTuple):

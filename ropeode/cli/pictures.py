@@ -164,7 +164,7 @@ def _plot_sweep(
     for each in where:
         name, equals, wanted[name] = each.partition("=")
         if not equals:
-            raise InputError(complaint("where", each, "INPUT=VALUE", "as in stepper=rk4"))
+            raise InputError(complaint("where", each, "INPUT=VALUE", "for example stepper=rk4"))
     _write(path, figure_bytes(plot_sweep(folder, x, y, value, wanted), path.suffix))
 
 

@@ -1,4 +1,4 @@
-"""The commands that run a sweep and show what is in its folder."""
+"""The commands that run a sweep and summarize its folder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ropeode.terminal.running import end_on_ctrl_c, interruptible, set_up_jax, s
 
 @click.group(cls=DefaultGroup, default="run")
 def sweep() -> None:
-    """Run steppers on a grid or a random design of problems, into a folder.
+    """Run steppers on a grid or a random design of problems.
 
     `ropeode sweep SPEC.toml -o DIR` is short for `ropeode sweep run`. `ropeode spec sweep`
     prints a commented SPEC.
@@ -22,21 +22,20 @@ def sweep() -> None:
 
 @sweep.command()
 @click.argument("spec", type=click.Path(path_type=Path))
-@click.option("-o", "--out", metavar="DIR", required=True, help="The sweep's own folder.")
-@click.option("--workers", metavar="N", help="Run in N processes. [in this one]")
+@click.option("-o", "--out", metavar="DIR", required=True, help="A folder for this sweep only.")
+@click.option("--workers", metavar="N", help="Run in N processes. [this one]")
 @click.option("--scheduler", metavar="ADDR", help="Run on a Dask cluster, as in tcp://host:8786.")
-@click.option("--extend", is_flag=True, help="Let DIR grow from a smaller sweep to this one.")
+@click.option("--extend", is_flag=True, help="Extend the smaller sweep in DIR to this one.")
 def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend: bool) -> None:
-    """Run the sweep that SPEC describes, or what is left of it.
+    """Run the sweep in SPEC, and resume it if it was interrupted.
 
-    Finished cases are kept in DIR at any moment; after Ctrl-C, or whatever else ends it, the
-    same command goes on from there. Needs the data packages: pip install '.[data]', and
-    with a scheduler '.[data,dask]'.
+    Finished cases are kept in DIR. After Ctrl-C, a crash or a full disk, run the same command to
+    resume. Needs the data packages: pip install '.[data]', and with a scheduler '.[data,dask]'.
     """
-    # What Ctrl-C leaves of the workers' queues is removed by Python's tracker, which would say so.
+    # After Ctrl-C, Python's tracker removes the workers' queues, and would print a warning.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     set_up_jax()
-    end_on_ctrl_c("finished cases are kept; the same command goes on from there")
+    end_on_ctrl_c("finished cases are kept; run the same command to resume")
     from ropeode.render.sweep import as_text
     from ropeode.sweep.run import run_sweep
 
@@ -57,7 +56,7 @@ def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend
 @sweep.command()
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 def show(folder: Path) -> None:
-    """Print how far the sweep in DIR is, and what each stepper makes of it."""
+    """Print the progress of the sweep in DIR, and a summary for each stepper."""
     from ropeode.render.sweep import as_text
     from ropeode.sweep.storage.summary import summarize
 

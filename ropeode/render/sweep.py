@@ -16,10 +16,10 @@ _LONGEST_REASON = 200
 
 
 def as_text(summary: SweepSummary) -> str:
-    """What was asked, how much of it is there, and what each stepper makes of it."""
+    """The spec, the progress, and a summary for each stepper."""
     lines = [
         *wrapped(f"Sweep in {summary.folder}: {summary.done} of {summary.total} cases"),
-        *_asked(summary.spec),
+        *_design(summary.spec),
         "",
         *(
             line
@@ -29,7 +29,7 @@ def as_text(summary: SweepSummary) -> str:
         ),
     ]
     for name, stepper in summary.steppers.items():
-        lines += ["", name, *(line for text in _findings(stepper) for line in wrapped(text, 4))]
+        lines += ["", name, *(line for text in _results(stepper) for line in wrapped(text, 4))]
     if summary.reasons:
         lines += ["", "Most frequent reasons"]
         for (status, reason), number in [*summary.reasons.items()][:_REASONS]:
@@ -44,7 +44,7 @@ def _hanging(head: str, text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
 
 
-def _asked(spec: Mapping[str, Any]) -> list[str]:
+def _design(spec: Mapping[str, Any]) -> list[str]:
     """The problem and the axes of the design."""
     axes = {
         **spec.get("grid", {}),
@@ -59,20 +59,18 @@ def _asked(spec: Mapping[str, Any]) -> list[str]:
     return [*lines, *wrapped(f"Design: {' x '.join(words)}")]
 
 
-def _findings(stepper: StepperSummary) -> list[str]:
+def _results(stepper: StepperSummary) -> list[str]:
     """One sentence on the runs, one on errors, one on orders, one on stability."""
     counts, ranges = stepper.counts, stepper.ranges
-    found = [", ".join(f"{n} {status}" for status, n in counts["status"].most_common())]
-    if unresolved := counts["resolved"][False]:
-        unresolved_words = f"{unresolved} below what the reference can tell"
-    else:
-        unresolved_words = ""
+    sentences = [", ".join(f"{n} {status}" for status, n in counts["status"].most_common())]
+    errors = []
     if "error_max" in ranges:
         low, high = ranges["error_max"]
-        found.append(f"max error {low:.3e} to {high:.3e}")
-        found[-1] += f"; {unresolved_words}" if unresolved_words else ""
-    elif unresolved_words:
-        found.append(f"max error: {unresolved_words}")
+        errors.append(f"{low:.3e} to {high:.3e}")
+    if unresolved := counts["resolved"][False]:
+        errors.append(f"{unresolved} unresolved")
+    if errors:
+        sentences.append(f"max error {'; '.join(errors)}")
     verdicts = {name: n for name, n in counts["order_verdict"].most_common() if name}
     if verdicts:
         words = ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())
@@ -82,8 +80,8 @@ def _findings(stepper: StepperSummary) -> list[str]:
         expected = [str(order or "none") for order in counts["expected_order"] if order is not None]
         if expected:
             words += f"; expected {' or '.join(sorted(expected))}"
-        found.append(f"order: {words}")
+        sentences.append(f"order: {words}")
     if "largest_stable_dt" in ranges:
         low, high = ranges["largest_stable_dt"]
-        found.append(f"largest stable dt {low:.4g} to {high:.4g}")
-    return found
+        sentences.append(f"largest stable dt {low:.4g} to {high:.4g}")
+    return sentences

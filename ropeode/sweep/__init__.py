@@ -1,1 +1,1 @@
-"""Sweeps: a grid or a random design of problems, steppers and step sizes, case by case."""
+"""Sweeps: steppers run on a grid or a random design of problems, one row for each case."""

@@ -1,4 +1,4 @@
-"""A sweep run into a folder, from where it was left."""
+"""Run a sweep into a folder, or resume it."""
 
 from __future__ import annotations
 
@@ -11,18 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ropeode.errors import InputError
-from ropeode.sweep.design.content_hash import surroundings
+from ropeode.progress import Progress, silent
 from ropeode.sweep.design.spec import SweepSpec, read_sweep
 from ropeode.sweep.execution.dask_cluster import DaskCluster
 from ropeode.sweep.execution.engines import Engine, InProcess, LocalProcesses, Work
 from ropeode.sweep.execution.evaluate import evaluate
-from ropeode.sweep.storage.disk_errors import disk_named
-from ropeode.sweep.storage.index import Index, read_index
-from ropeode.sweep.storage.lock import locked
+from ropeode.sweep.storage.folder import Index, locked, read_index, write_errors
 from ropeode.validation import check_whole, complaint, require
 
 if TYPE_CHECKING:
-    from ropeode.sweep.execution.task_queue import Progress
     from ropeode.sweep.storage.summary import SweepSummary
 
 
@@ -33,115 +30,106 @@ def run_sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     extend: bool = False,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = silent,
 ) -> SweepSummary:
-    """Run a sweep, or what is left of it, and keep its rows in a folder.
+    """Run a sweep and store its rows in a folder; resume it if it was interrupted.
 
-    Each row is kept as soon as it is there. A sweep that was interrupted in any way goes on when
-    it is run again. The rows are the same, bit for bit, wherever they are computed.
+    The rows of each task are stored as soon as they are computed. They are the same, bit for bit,
+    wherever they are computed.
 
     Arguments:
         spec: of the sweep, or its values, or a TOML file of them.
-        folder: the sweep's own; it is made where it is not there.
+        folder: for this sweep only; it is created if it does not exist.
         workers: processes of this machine to run it in; None runs it in this process.
         scheduler: address of a Dask scheduler, as in ``tcp://host:8786``, to run it there.
-        extend: whether a folder that holds another sweep may become this one's. All of its rows
-            must be among the cases of this sweep; they are not computed again.
-        progress: called after each task.
+        extend: whether a folder of another sweep may become this one's. All its rows must
+            belong to cases of this sweep; they are not computed again.
+        progress: called with the number of finished cases and their fraction, after each task.
 
     Raises:
-        InputError: the spec or the folder cannot be used, the folder holds another sweep or is
-            in use, an extra is not installed, or no scheduler answers.
-        RopeodeError: the disk is full, or all workers are gone; finished rows are kept.
+        InputError: the spec or the folder cannot be used, the folder belongs to another sweep
+            or is locked, an extra is not installed, or no scheduler answers.
+        RopeodeError: the disk is full, or all workers have gone; finished cases are kept.
     """
     for package in ("pyarrow", "pandas", "filelock"):
         require(package, "data", "sweeps")
-    sweep = _spec(spec)
-    path = _checked(Path(folder), sweep, extend)
+    from ropeode.sweep.storage.row_files import Store
+    from ropeode.sweep.storage.summary import summarize
+    from ropeode.sweep.task_queue import work_through
+
+    sweep, path = _sweep(spec), Path(folder)
+    _check_folder(path, sweep, extend)
     with contextlib.closing(_engine(path, workers, scheduler)) as engine:
-        with disk_named(path):
+        with write_errors(path):
             path.mkdir(exist_ok=True)
         with locked(path):
-            _run(sweep, path, extend, engine, progress)
-    from ropeode.sweep.storage.summary import summarize
-
+            with write_errors(path):
+                index = _prepare_folder(path, sweep, extend)
+            work_through(sweep, Store(path / index.rows, sweep.columns), engine, progress)
     return summarize(path)
 
 
-def _run(sweep: SweepSpec, folder: Path, extend: bool, engine: Engine, progress: Progress) -> None:
-    from ropeode.sweep.execution.task_queue import work_through
-    from ropeode.sweep.storage.row_files import Store
-
-    with disk_named(folder):
-        index = _prepared(folder, sweep, extend)
-    work_through(sweep, Store(folder / index.rows, sweep.columns), engine, progress)
-
-
-def _spec(given: SweepSpec | Mapping[str, Any] | str | Path) -> SweepSpec:
-    if isinstance(given, SweepSpec):
-        return given
-    return SweepSpec(given) if isinstance(given, Mapping) else read_sweep(Path(given))
+def _sweep(spec: SweepSpec | Mapping[str, Any] | str | Path) -> SweepSpec:
+    if isinstance(spec, SweepSpec):
+        return spec
+    return SweepSpec(spec) if isinstance(spec, Mapping) else read_sweep(Path(spec))
 
 
 def _index(sweep: SweepSpec) -> Index:
-    """The index of a folder that this sweep is the first in."""
-    level = str(sweep.values.get("level", "consensus"))
-    return Index(sweep.values, dict(surroundings(level)), sweep.count, sweep.columns)
+    """The index of a folder in which this sweep is the first."""
+    return Index(sweep.values, dict(sweep.software), sweep.count, sweep.columns)
 
 
-def _checked(folder: Path, sweep: SweepSpec, extend: bool) -> Path:
-    """The folder, of which nothing has been changed yet.
+def _check_folder(folder: Path, sweep: SweepSpec, extend: bool) -> Index | None:
+    """The index in the folder, if there is one; nothing has been changed yet.
 
     Raises:
-        InputError: it cannot be used for this sweep.
+        InputError: the folder cannot be used for this sweep.
     """
     if not folder.parent.is_dir():
         fix = f"create {str(folder.parent)!r}"
         raise InputError(complaint("folder", str(folder), "a folder in one that exists", fix))
-    there = read_index(folder)
-    if there and not extend and (changes := there.changes(_index(sweep))):
-        raise InputError(
-            _changed(folder, changes, "choose another folder, or extend with --extend")
-        )
-    return folder
+    index = read_index(folder)
+    if index and not extend and (changes := index.changes(_index(sweep))):
+        fix = "choose another folder, or extend with --extend"
+        raise InputError(_other_sweep(folder, changes, fix))
+    return index
 
 
-def _changed(folder: Path, changes: list[str], fix: str) -> str:
+def _other_sweep(folder: Path, changes: list[str], fix: str) -> str:
     return (
-        f"spec: not that of the rows in {folder} ({'; '.join(changes)}); allowed: the same spec, "
-        f"with the same software. Fix: {fix}."
+        f"spec: not the spec of the rows in {folder} ({'; '.join(changes)}); allowed: the same "
+        f"spec, with the same software. Fix: {fix}."
     )
 
 
-def _prepared(folder: Path, sweep: SweepSpec, extend: bool) -> Index:
-    """The index of the folder, which is this sweep's from now on, and nothing else in it.
+def _prepare_folder(folder: Path, sweep: SweepSpec, extend: bool) -> Index:
+    """The index of the folder, which from now on belongs to this sweep alone.
 
     Raises:
-        InputError: the folder holds rows that are not of this sweep.
+        InputError: the folder contains rows that do not belong to this sweep.
     """
     from ropeode.sweep.storage.extend import take_over
 
-    _checked(folder, sweep, extend)
-    there, index = read_index(folder), _index(sweep)
-    if there is None:
+    old, index = _check_folder(folder, sweep, extend), _index(sweep)
+    if old is None:
         index.write(folder)
         return index
-    _remove_other_rows(folder, there)
-    if not (changes := there.changes(index)):
-        return there
-    index = dataclasses.replace(index, rows=there.next_rows())
-    lost = take_over(folder / there.rows, folder / index.rows, sweep)
-    if lost:
+    _remove_other_rows(folder, old)
+    if not (changes := old.changes(index)):
+        return old
+    index = dataclasses.replace(index, rows=old.next_rows())
+    if lost := take_over(folder / old.rows, folder / index.rows, sweep):
         shutil.rmtree(folder / index.rows, ignore_errors=True)
-        words = [f"{lost} of its rows are of no case of this sweep", *changes]
-        raise InputError(_changed(folder, words, "choose another folder"))
+        changes = [f"{lost} of its rows do not belong to any case of this sweep", *changes]
+        raise InputError(_other_sweep(folder, changes, "choose another folder"))
     index.write(folder)
     _remove_other_rows(folder, index)
     return index
 
 
 def _remove_other_rows(folder: Path, index: Index) -> None:
-    """What an extension has left that was interrupted."""
+    """Remove what an interrupted extension has left."""
     for rows in folder.glob("rows-*"):
         if rows.name != index.rows:
             shutil.rmtree(rows)

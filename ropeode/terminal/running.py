@@ -91,38 +91,23 @@ def show_progress() -> Iterator[Progress]:
 
 
 @contextlib.contextmanager
-def show_cases() -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error, if that is a terminal, with cases, their rate and the time left."""
+def show_cases() -> Iterator[Progress]:
+    """A bar like that of `show_progress`, with the time left in place of the time that passed."""
+    from rich import progress
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TimeRemainingColumn,
-    )
-    from rich.text import Text
 
-    class Rate(ProgressColumn):
-        """Cases per second, of late."""
-
-        def render(self, task: Task) -> Text:
-            return Text("" if task.speed is None else f"{task.speed:.3g} cases/s")
-
-    with Progress(
-        BarColumn(bar_width=20),
-        MofNCompleteColumn(),
-        Rate(),
-        TimeRemainingColumn(),
+    with progress.Progress(
+        progress.BarColumn(bar_width=20),
+        progress.TextColumn("{task.description}"),
+        progress.TimeRemainingColumn(),
         console=Console(stderr=True),
         transient=True,
         disable=not sys.stderr.isatty(),
     ) as bar:
-        task = bar.add_task("cases", total=None)
+        task = bar.add_task("starting", total=None)
 
-        def update(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
+        def update(text: str, fraction: float | None) -> None:
+            bar.update(task, description=text, completed=fraction, total=1.0)
 
         yield update
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -12,30 +14,42 @@ from PIL import Image
 from ropeode.cli import sweep as command
 from ropeode.cli.main import cli
 from ropeode.errors import InputError
-from ropeode.sweep.design.spec import COMMENTED_SWEEP, read_sweep
+from ropeode.sweep.design.spec import COMMENTED_SWEEP
 
-SPEC = """
-problem = "oscillator"
-steppers = ["semi-implicit-euler", "rk4"]
-steps_per_frame = [4, 8, 16]
-order_factors = [1, 2, 4]
-[grid]
-frames = [2, 3]
-"""
+README = (Path(__file__).parents[2] / "README.md").read_text()
+# The three lines of README: write a spec, run it, draw a map.
+LINES = [line.partition("#")[0] for line in README.splitlines() if line.startswith("ropeode ")]
+START = next(at for at, line in enumerate(LINES) if line.startswith("ropeode spec sweep"))
+SPEC_LINE, SWEEP_LINE, PLOT_LINE = LINES[START : START + 3]
+# A smaller design, on shorter times.
+SHORTER = {
+    "steps_per_frame = [16, 32, 64]": "steps_per_frame = [16, 32]",
+    "order_factors = [1, 2, 4, 8]": "order_factors = [1, 2, 4]",
+    "num_nodes = [8, 16]": "num_nodes = [8]",
+    "frames = [20]": "frames = [2]",
+}
 
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
-    """A folder with a spec and the sweep that it describes."""
+    """A folder in which the lines of README have run, in this process and with a small spec."""
     folder = tmp_path_factory.mktemp("swept")
-    (folder / "spec.toml").write_text(SPEC)
     with pytest.MonkeyPatch.context() as patch:
-        # It is for a process that is all its own.
+        # These two change the process.
         patch.setattr(command, "set_up_jax", lambda: None)
         patch.setattr(command, "end_on_ctrl_c", lambda left: None)
-        done = call("sweep", str(folder / "spec.toml"), "-o", str(folder / "out"))
-    assert done.exit_code == 0, done.output
-    (folder / "said.txt").write_text(done.output)
+        patch.chdir(folder)
+        assert call(*SPEC_LINE.split()[1:]).output == ""
+        text = (folder / "sweep.toml").read_text()
+        for line, shorter in SHORTER.items():
+            assert line in text
+            text = text.replace(line, shorter)
+        (folder / "sweep.toml").write_text(text)
+        done = call(*SWEEP_LINE.replace("--workers 2", "").split()[1:])
+        assert done.exit_code == 0, done.output
+        (folder / "output.txt").write_text(done.output)
+        drawn = call(*PLOT_LINE.split()[1:])
+        assert (drawn.exit_code, drawn.output) == (0, "wrote sweep.png\n")
     return folder
 
 
@@ -43,21 +57,34 @@ def call(*arguments):
     return CliRunner().invoke(cli, arguments)
 
 
-def test_what_is_printed(swept):
-    said = (swept / "said.txt").read_text()
-    assert "12 of 12 cases" in " ".join(said.split())
-    assert re.search(r"^ok +12  the run stayed finite", said, re.MULTILINE)
-    assert re.search(r"^rk4\n    12 ok|^rk4\n    6 ok", said, re.MULTILINE)
-    assert all(len(line) <= 80 for line in said.splitlines())
-    assert call("sweep", "show", str(swept / "out")).output == said
+@pytest.mark.slow
+def test_the_lines_of_readme_as_they_are(tmp_path):
+    for line in (SPEC_LINE, SWEEP_LINE, PLOT_LINE):
+        words = [sys.executable, "-m", *line.split()]
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, ""), line
+    assert done.stdout == "wrote sweep.png\n"
+
+
+def test_the_output(swept, monkeypatch):
+    monkeypatch.chdir(swept)
+    output = (swept / "output.txt").read_text()
+    assert "8 of 8 cases" in " ".join(output.split())
+    assert re.search(r"^ok +8  the run stayed finite", output, re.MULTILINE)
+    assert re.search(
+        r"^rk4\n    4 ok\n    max error .*\n    order: 4 converges", output, re.MULTILINE
+    )
+    assert all(len(line) <= 80 for line in output.splitlines())
+    assert call("sweep", "show", "out").output == output
 
 
 def test_plot_of_a_folder(swept, monkeypatch):
     monkeypatch.chdir(swept)
-    done = call("plot", "out", "--x", "frames", "--value", "error_max", "--out", "map.png")
-    assert (done.exit_code, done.output) == (0, "wrote map.png\n")
-    with Image.open("map.png") as image:
+    with Image.open("sweep.png") as image:
         assert image.width == 1300
+    picture = ("--value", "error_max", "--where", "stepper=rk4", "--out", "map.png")
+    done = call("plot", "out", "--x", "num_nodes", *picture, "--where", "damping=0.10")
+    assert (done.exit_code, done.output) == (0, "wrote map.png\n")
 
 
 @pytest.mark.parametrize(
@@ -65,13 +92,20 @@ def test_plot_of_a_folder(swept, monkeypatch):
     [
         (["plot", "out", "--x", "frame"], "x: 'frame' given, which does not exist"),
         (["plot", "out", "--x", "frames", "--value", "status"], "value: 'status' given"),
-        (["plot", "out", "--x", "frames", "--y", "frames"], "y: 'frames' given; allowed: another"),
-        (["plot", "out", "--x", "frames", "--where", "rk4"], "where: 'rk4' given; allowed: INPUT="),
-        (["plot", "out", "--x", "frames", "--where", "stepper=rk"], "where stepper: 'rk' given"),
-        (["plot", "out", "--x", "stepper"], "where: .*differ in frames.*where frames=2"),
-        (["plot", "out", "--steps", "8"], "steps_per_frame: '8' given; allowed: none with the f"),
-        (["plot", "--x", "frames"], "x: 'frames' given; allowed: it with the folder of a sweep"),
-        (["sweep", "show", "spec.toml"], "folder: 'spec.toml' given; allowed: a folder. F"),
+        (["plot", "out", "--x", "frames", "--y", "frames"], "y: 'frames' given; allowed: an input"),
+        (["plot", "out", "--where", "rk4"], "where: 'rk4' given; allowed: INPUT="),
+        (["plot", "out", "--where", "stepper=rk"], "where stepper: 'rk' .*: rk4, semi-implicit-e"),
+        (["plot", "out", "--where", "num_nodes=7"], "where num_nodes: '7' given; allowed: 8. Fix"),
+        (["plot", "out", "--where", "frames=3"], "where frames: '3' given; allowed: 2. Fix"),
+        (["plot", "out", "--where", "seed=0"], "where seed: '0' given; allowed: nothing, since"),
+        (
+            ["plot", "out", "--x", "frames"],
+            r"where: 2 rows share a cell, since they differ in damping; allowed: one row in each "
+            r"cell \(damping: 0.01, 0.1\). Fix: select values, for example --where damping=0.01.",
+        ),
+        (["plot", "out", "--steps", "8"], "steps_per_frame: '8' given; allowed: only with a spec"),
+        (["plot", "--x", "frames"], "x: 'frames' given; allowed: only with the folder"),
+        (["sweep", "show", "sweep.toml"], "folder: 'sweep.toml' given; allowed: a folder. F"),
     ],
 )
 def test_what_cannot_be_shown(arguments, words, swept, monkeypatch):
@@ -89,7 +123,7 @@ def test_a_missing_extra_is_one_line(package, swept, monkeypatch):
     from ropeode.sweep.run import run_sweep
 
     with pytest.raises(InputError, match=rf"^{package}: .*pip install '\.\[data\]'$"):
-        run_sweep(swept / "spec.toml", swept / "other")
+        run_sweep(swept / "sweep.toml", swept / "other")
 
 
 def test_without_dask(swept, monkeypatch):
@@ -97,12 +131,9 @@ def test_without_dask(swept, monkeypatch):
     from ropeode.sweep.run import run_sweep
 
     with pytest.raises(InputError, match=r"^distributed: .*pip install '\.\[dask\]'$"):
-        run_sweep(swept / "spec.toml", swept / "other", scheduler="tcp://localhost:8786")
+        run_sweep(swept / "sweep.toml", swept / "other", scheduler="tcp://localhost:8786")
     assert not (swept / "other").exists()
 
 
-def test_the_commented_spec_is_a_spec(tmp_path):
+def test_the_commented_spec_can_be_printed():
     assert call("spec", "sweep").output == COMMENTED_SWEEP
-    path = tmp_path / "sweep.toml"
-    assert call("spec", "sweep", "--out", str(path)).output == ""
-    assert read_sweep(path).count > 0

@@ -1,6 +1,6 @@
 """A sweep whose cases cost nothing, for tests of what happens to processes and files.
 
-It can be imported without JAX, so that a process that runs it starts in no time.
+It imports no solver, so that a process that runs it starts fast.
 """
 
 from __future__ import annotations
@@ -8,35 +8,39 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
+import signal
 import time
 from pathlib import Path
 
 from ropeode.sweep.design.columns import COLUMNS, INPUTS, failed_row
 from ropeode.sweep.execution.engines import InProcess
-from ropeode.sweep.execution.task_queue import work_through
 from ropeode.sweep.storage.row_files import Store, read_parts
+from ropeode.sweep.task_queue import work_through
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
     number: int
-    word: str = "case"
 
     @property
     def key(self) -> str:
-        return hashlib.sha256(f"{self.word} {self.number}".encode()).hexdigest()
+        return hashlib.sha256(f"case {self.number}".encode()).hexdigest()
 
-    def values(self) -> dict:
+    def inputs(self) -> dict:
         return {**dict.fromkeys(INPUTS), "key": self.key, "stepper": "rk4", "draw": self.number}
 
 
 @dataclasses.dataclass(frozen=True)
 class Task:
+    number: int
     cases: tuple[Case, ...]
 
     def without(self, keys) -> Task | None:
         left = tuple(case for case in self.cases if case.key not in keys)
-        return Task(left) if left else None
+        return self._replace(cases=left) if left else None
+
+    def _replace(self, **changes) -> Task:
+        return dataclasses.replace(self, **changes)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,30 +51,45 @@ class Sweep:
     columns = COLUMNS
 
     def tasks(self, first: int = 0):
-        for start in range(first * self.per_task, self.count, self.per_task):
+        for number in range(first, -(-self.count // self.per_task)):
+            start = number * self.per_task
             stop = min(start + self.per_task, self.count)
-            yield Task(tuple(map(Case, range(start, stop))))
+            yield Task(number, tuple(map(Case, range(start, stop))))
 
 
 def row(case: Case) -> dict:
     """A row that depends on the case alone, with numbers of all lengths."""
-    found = failed_row(case.values(), "ok", "")
-    return {**found, "error_max": 1.0 / (case.number + 3), "resolved": case.number % 3 > 0}
+    plain = failed_row(case.inputs(), "ok", "")
+    return {**plain, "error_max": 1.0 / (case.number + 3), "resolved": case.number % 3 > 0}
 
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
-    """What is done with a task: nothing, for some seconds; some cases kill their process."""
+    """Computes a task: nothing, for some seconds.
+
+    Arguments:
+        seconds: to sleep.
+        deadly: cases that kill their process.
+        deadly_once: cases that kill the first process that runs them.
+        notes: a folder with a note of each case that has killed once.
+        raising: cases that raise.
+    """
 
     seconds: float = 0.0
     deadly: frozenset[int] = frozenset()
+    deadly_once: frozenset[int] = frozenset()
+    notes: Path = Path()
     raising: frozenset[int] = frozenset()
 
     def __call__(self, task: Task) -> list[dict]:
         time.sleep(self.seconds)
         for case in task.cases:
+            note = self.notes / str(case.number)
+            if case.number in self.deadly_once and not note.exists():
+                note.touch()
+                os.kill(os.getpid(), signal.SIGKILL)
             if case.number in self.deadly:
-                os.kill(os.getpid(), 9)
+                os.kill(os.getpid(), signal.SIGKILL)
             if case.number in self.raising:
                 raise ArithmeticError(f"number {case.number}")
         return [row(case) for case in task.cases]
@@ -84,7 +103,16 @@ def stored(folder: Path) -> list[dict]:
     return [row for table in read_parts(folder) for row in table.to_pylist()]
 
 
-def run(folder: Path, count: int, seconds: float) -> None:
-    """Run a sweep as a process of its own does it."""
-    store = Store(folder, COLUMNS)
-    work_through(Sweep(count), store, InProcess(Rows(seconds)), lambda done, total: None)
+def run(folder: Path, count: int, writes: int | None = None) -> None:
+    """Run a sweep as a process of its own, killed when it has put so many files in place."""
+    replace, done = os.replace, 0
+
+    def counted(*paths):
+        nonlocal done
+        if done == writes:
+            os.kill(os.getpid(), signal.SIGKILL)
+        replace(*paths)
+        done += 1
+
+    os.replace = counted
+    work_through(Sweep(count), Store(folder, COLUMNS), InProcess(Rows()))

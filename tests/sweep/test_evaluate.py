@@ -1,36 +1,28 @@
-"""Rows of a sweep: what the functions of the package give one by one, and what goes wrong."""
+"""Rows of a sweep: the results of the package's functions one by one, and what can go wrong."""
 
 import dataclasses
-import importlib
 import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from ropeode.analysis.motion import classify_motion
 from ropeode.analysis.stability import stability_limit
 from ropeode.errors import InputError, ReferenceRefused
-from ropeode.norms import NORMS, distance
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
 from ropeode.references.ensemble import each_reference
 from ropeode.references.reference import motion
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
+from ropeode.sweep.design.cases import Task
 from ropeode.sweep.design.columns import STATUSES
 from ropeode.sweep.design.spec import SweepSpec, read_sweep
+from ropeode.sweep.execution import evaluate as evaluation
 from ropeode.sweep.execution import references
 from ropeode.sweep.execution.evaluate import evaluate
 from ropeode.sweep.execution.references import reference_path
-from ropeode.sweep.execution.runs import _apart, subject
-
-evaluation = importlib.import_module("ropeode.sweep.execution.evaluate")
 
 VALUES = {
     "steppers": ["explicit-euler", "velocity-verlet"],
@@ -48,6 +40,13 @@ def folder(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("sweep")
 
 
+def with_settings(task: Task, **changes) -> Task:
+    """The same task in another sweep."""
+    settings = dataclasses.replace(task.cases[0].settings, **changes)
+    cases = [dataclasses.replace(case, settings=settings) for case in task.cases]
+    return task._replace(cases=tuple(cases))
+
+
 def rows_of(spec: SweepSpec, folder: Path) -> list[dict]:
     return [row for task in spec.tasks() for row in evaluate(task, folder)]
 
@@ -59,12 +58,12 @@ def small(folder):
 
 
 @pytest.fixture(scope="module")
-def known(small):
-    """References of the problems, each made alone and apart from the sweep."""
+def alone(small):
+    """References of the problems, each computed alone, without a sweep."""
     spec, _ = small
     problems = {case.problem_key: PROBLEMS["rope"](**case.parameters) for case in spec.cases()}
-    alone = {key: Ensemble.of([problem]) for key, problem in problems.items()}
-    return {key: next(each_reference(ensemble)) for key, ensemble in alone.items()}
+    ensembles = {key: Ensemble.of([problem]) for key, problem in problems.items()}
+    return {key: next(each_reference(each)) for key, each in ensembles.items()}
 
 
 def test_each_row_has_its_columns(small):
@@ -77,48 +76,48 @@ def test_each_row_has_its_columns(small):
         for name, value in row.items():
             assert value is None or type(value) is types[spec.columns[name].type], name
     for case, row in zip(spec.cases(), rows, strict=True):
-        assert {name: row[name] for name in case.values()} == case.values()
+        assert {name: row[name] for name in case.inputs()} == case.inputs()
         assert json.loads(row["parameters"]) == case.parameters
 
 
-def test_rows_are_those_of_the_accuracy_table(small, known):
+def test_rows_are_those_of_the_accuracy_table(small, alone):
     spec, rows = small
     factors = spec.fields.order_factors
     for case, row in zip(spec.cases(), rows, strict=True):
-        n, own = case.steps_per_frame, known[case.problem_key]
+        n, own = case.steps_per_frame, alone[case.problem_key]
         table = accuracy_table(own, [case.stepper], [n * factor for factor in factors])
-        first, found = table.rows[0], table.orders[0].order
+        first, order = table.rows[0], table.orders[0].order
         for name in (
             *("status", "dt", "diverged_at", "error_final", "error_max", "error_rms"),
             *("resolved", "resolution", "round_off", "rhs_evaluations"),
         ):
             assert row[name] == getattr(first, name), name
-        assert row["observed_order"] == found.observed
-        low, high = found.ci95 or (None, None)
+        assert row["observed_order"] == order.observed
+        low, high = order.ci95 or (None, None)
         assert (row["order_low"], row["order_high"]) == (low, high)
-        assert row["order_verdict"] == found.verdict
-        assert row["order_why"] == found.why
+        assert row["order_verdict"] == order.verdict
+        assert row["order_why"] == order.why
         assert row["expected_order"] == table.orders[0].expected
         frame = row["dt"] * n
-        used = [round(frame / dt) for dt in found.used]
+        used = [round(frame / dt) for dt in order.used]
         assert row["order_used"] == ", ".join(map(str, sorted(used)))
-        for each in found.left_out:
+        for each in order.left_out:
             reasons = dict(part.split(": ") for part in row["order_left_out"].split("; "))
             assert str(round(frame / each.dt)) in reasons[each.reason].split(", ")
 
 
-def test_rows_tell_motion_and_stability(small, known):
+def test_rows_contain_motion_and_stability(small, alone):
     spec, rows = small
     verdicts = set()
     for case, row in zip(spec.cases(), rows, strict=True):
-        own = known[case.problem_key]
-        seen = classify_motion(simulate(own.problem, case.stepper, case.steps_per_frame))
+        own = alone[case.problem_key]
+        motion_of = classify_motion(simulate(own.problem, case.stepper, case.steps_per_frame))
         assert (row["motion"], row["swings"], row["settled_at"]) == (
-            seen.verdict,
-            seen.swings,
-            seen.settled_at,
+            motion_of.verdict,
+            motion_of.swings,
+            motion_of.settled_at,
         )
-        verdicts.add(seen.verdict)
+        verdicts.add(motion_of.verdict)
         limit = stability_limit(own.problem, case.stepper)
         assert row["stability_limit"] == limit
         assert row["largest_stable_dt"] == (None if limit is None else 1.0 / limit)
@@ -133,11 +132,11 @@ def test_rows_do_not_depend_on_what_they_are_computed_with(small, folder, tmp_pa
     spec, rows = small
     by_key = {row["key"]: row for row in rows}
     (task,) = spec.tasks()
-    shuffled = dataclasses.replace(task, cases=task.cases[::-1])
+    shuffled = task._replace(cases=task.cases[::-1])
     assert evaluate(shuffled, folder) == rows[::-1]
     # The second problem alone, with a reference of its own.
     for case in (task.cases[-1], task.cases[-3]):
-        (alone,) = evaluate(dataclasses.replace(task, cases=(case,)), tmp_path)
+        (alone,) = evaluate(task._replace(cases=(case,)), tmp_path)
         assert alone == by_key[case.key]
 
 
@@ -152,15 +151,15 @@ def test_a_reference_is_made_once(small, folder, monkeypatch):
 def test_a_huge_sweep_keeps_no_references(small, tmp_path):
     spec, rows = small
     (task,) = spec.tasks()
-    one = dataclasses.replace(task, cases=task.cases[:1], keep=False)
-    assert task.keep
+    assert task.cases[0].settings.keep_references
+    one = with_settings(task._replace(cases=task.cases[:1]), keep_references=False)
     assert evaluate(one, tmp_path) == rows[:1]
     assert not list(tmp_path.iterdir())
     many = SweepSpec({**VALUES, "random": {**VALUES["random"], "count": 100_000}})
-    assert not next(many.tasks()).keep
+    assert not next(many.cases()).settings.keep_references
 
 
-def test_what_a_solver_raises_is_told_and_not_kept(small, tmp_path, monkeypatch):
+def test_what_a_solver_raises_is_the_reason_and_is_not_kept(small, tmp_path, monkeypatch):
     spec, rows = small
     (task,) = spec.tasks()
 
@@ -194,7 +193,7 @@ def test_a_reference_that_is_not_as_it_was_written_is_made_again(small, folder, 
     harmed = {"cut": whole[:-100], "changed": changed, "another's": other, "empty": b""}[harm]
     path.write_bytes(harmed)
     (task,) = spec.tasks()
-    assert evaluate(dataclasses.replace(task, cases=(first,)), tmp_path) == rows[:1]
+    assert evaluate(task._replace(cases=(first,)), tmp_path) == rows[:1]
     assert path.read_bytes() == whole
 
 
@@ -208,8 +207,8 @@ def test_a_run_that_diverges_is_a_row(tmp_path, monkeypatch):
     rows = rows_of(SweepSpec({**values, "largest_stable_dt": False}), tmp_path)
     assert [row["status"] for row in rows] == ["no-reference"] * 3 + ["diverged"] * 3
     for row in rows[3:]:
-        told = f"no longer finite at frame {row['diverged_at']}; it is too stiff"
-        assert row["reason"] == told
+        reason = f"no longer finite at frame {row['diverged_at']}; it is too stiff"
+        assert row["reason"] == reason
         assert row["motion"] == "diverges"
         assert row["error_max"] is row["resolved"] is row["order_verdict"] is None
 
@@ -258,7 +257,7 @@ def test_a_case_that_cannot_be_built_fails_alone(folder):
     assert set(rows[-1]) == set(rows[0])
 
 
-def test_what_a_problem_raises_while_it_runs_is_told(small, folder, monkeypatch):
+def test_what_a_problem_raises_while_it_runs_is_the_reason(small, folder, monkeypatch):
     spec, rows = small
     (task,) = spec.tasks()
 
@@ -270,8 +269,7 @@ def test_what_a_problem_raises_while_it_runs_is_told(small, folder, monkeypatch)
 
     run_all = evaluation.run_all
     monkeypatch.setattr(evaluation, "run_all", raising)
-    found = evaluate(task, folder)
-    for row, before in zip(found, rows, strict=True):
+    for row, before in zip(evaluate(task, folder), rows, strict=True):
         # 64 is 8 times 8, and no other case's order needs it.
         if (row["stepper"], row["damping"], row["steps_per_frame"]) == ("velocity-verlet", 2.0, 8):
             assert (row["status"], row["reason"]) == ("failed", "RuntimeError: out of room")
@@ -281,30 +279,7 @@ def test_what_a_problem_raises_while_it_runs_is_told(small, folder, monkeypatch)
 
 def test_other_software_than_the_keys_were_made_with(small, folder):
     (task,) = small[0].tasks()
-    elsewhere = dataclasses.replace(task, surroundings={**task.surroundings, "jax": "0.0.1"})
+    here = task.cases[0].settings.software
+    elsewhere = with_settings(task, software={**here, "jax": "0.0.1"})
     with pytest.raises(InputError, match=r"worker: it has jax .* and not 0.0.1; allowed: "):
         evaluate(elsewhere, folder)
-
-
-@pytest.fixture(scope="module")
-def shapes():
-    """Problems with one, few and many nodes, mechanical and not."""
-    sizes = (1, 2, 9)
-    return {
-        "state": [Problem(lambda t, y, args: -y, np.ones(size), [0.0, 1.0]) for size in sizes],
-        "other": [Rope(num_nodes=size).problem(1) for size in sizes],
-    }
-
-
-@given(st.sampled_from(sorted(NORMS)), st.integers(0, 2), st.integers(0, 10**6))
-@settings(max_examples=30, deadline=None)
-def test_distances_all_in_one_go_are_those_one_by_one(shapes, name, size, seed):
-    rng, norm = np.random.default_rng(seed), NORMS[name]
-    problem = shapes.get(norm.quantity, shapes["other"])[size]
-    lengths = rng.integers(1, 6, size=(3, 2))
-    some, others = (
-        [rng.normal(size=(times, *problem.y0.shape)) for times in column] for column in lengths.T
-    )
-    of = subject(problem, norm, None)
-    for found, a, b in zip(_apart([of] * 3, some, others), some, others, strict=True):
-        assert np.array_equal(found, distance(problem, norm, a, b))

@@ -1,4 +1,4 @@
-"""What a sweep's spec asks for: all of it, once, lazily, and the same when it grows."""
+"""The cases of a spec: all of them, once, made lazily, and the same when the sweep grows."""
 
 import itertools
 import json
@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from ropeode.errors import InputError
 from ropeode.study.spec import TableJob
-from ropeode.sweep.design.spec import COMMENTED_SWEEP, SweepSpec, read_sweep
-from ropeode.sweep.execution.tasks import MOST_PROBLEMS
+from ropeode.sweep.design.spec import COMMENTED_SWEEP, MOST_PROBLEMS, SweepSpec, read_sweep
 
 SMALL = """
 steppers = ["rk4", "semi-implicit-euler"]
@@ -43,7 +42,7 @@ def test_every_combination_comes_once():
     cases = list(spec.cases())
     assert [case.number for case in cases] == list(range(spec.count)) == list(range(2 * 2 * 24))
     assert len({case.key for case in cases}) == spec.count
-    found = {
+    combinations = {
         (
             case.parameters["damping"],
             case.parameters["gravity"][1],
@@ -54,7 +53,7 @@ def test_every_combination_comes_once():
         )
         for case in cases
     }
-    assert found == set(
+    assert combinations == set(
         itertools.product(
             (0.0, 0.1), (-1.0, -2.0), (4, 7), range(3), ("rk4", "semi-implicit-euler"), (8, 16)
         )
@@ -89,13 +88,13 @@ def test_tasks_hold_every_case_once_and_one_shape_each():
         shapes = {(c.parameters["num_nodes"], c.parameters["frames"]) for c in task.cases}
         assert len(shapes) == 1
         assert len({case.problem_key for case in task.cases}) <= MOST_PROBLEMS
-    assert len({task.key for task in tasks}) == len(tasks)
+    assert [task.number for task in tasks] == list(range(len(tasks)))
     assert list(spec.tasks(2)) == tasks[2:]
     first, *rest = tasks[0].cases
     left = tasks[0].without({first.key})
     assert left is not None
     assert list(left.cases) == rest
-    assert left.key != tasks[0].key
+    assert left.number == 0
     assert tasks[0].without({case.key for case in tasks[0].cases}) is None
 
 
@@ -125,7 +124,7 @@ def test_a_sweep_that_grows_keeps_its_cases(what, small):
     after = {case.key: case for case in sweep(SMALL.replace(*MORE[what])).cases()}
     assert len(after) > len(before)
     for case in before:
-        assert after[case.key].values() == case.values()
+        assert after[case.key].inputs() == case.inputs()
 
 
 def test_how_it_is_written_does_not_matter(small):
@@ -163,6 +162,18 @@ def test_steppers_and_steps_may_be_drawn():
     assert all(4 <= case.steps_per_frame <= 40 for case in cases)
 
 
+def test_a_number_of_nodes_is_drawn_before_lists():
+    """Whatever the order in which the two are written."""
+    masses = "node_mass = { uniform = [0.5, 2.0], for_each = 'node' }\n"
+    nodes = "num_nodes = { integers = [2, 5] }\n"
+    head = "steppers = ['rk4']\nsteps_per_frame = [8]\n[random]\ncount = 6\n"
+    some, others = (list(sweep(head + text).cases()) for text in (masses + nodes, nodes + masses))
+    assert [case.key for case in some] == [case.key for case in others]
+    assert len({case.parameters["num_nodes"] for case in some}) > 1
+    for case in some:
+        assert len(case.parameters["node_mass"]) == case.parameters["num_nodes"]
+
+
 def test_no_velocity_is_drawn_for_a_pinned_node():
     text = SMALL.replace(
         "[random]",
@@ -176,6 +187,7 @@ def test_no_velocity_is_drawn_for_a_pinned_node():
 
 BAD = {
     "stepers": 'stepers = ["rk4"]',
+    "stepper: 3": "steppers = 3",
     "steps_per_frame": "steps_per_frame = [0]",
     "order_factors": "order_factors = [1, 2]",
     "foo": "[grid]\nfoo = [1]",
@@ -214,7 +226,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("what", BAD)
-def test_what_cannot_be_used_is_named_before_anything_runs(what):
+def test_bad_values_are_reported_before_anything_runs(what):
     with pytest.raises(InputError) as caught:
         sweep(BAD[what])
     lines = caught.value.problems
@@ -226,13 +238,13 @@ def test_what_cannot_be_used_is_named_before_anything_runs(what):
         assert "Fix: " in line
 
 
-def test_all_faults_are_told_at_once():
+def test_all_faults_are_reported_at_once():
     with pytest.raises(InputError) as caught:
         sweep("norm = 'big'\nsteps_per_frame = []\n[grid]\ndamping = 1\n[random]\ncount = -1")
     assert len(caught.value.problems) == 4
 
 
-def test_a_values_fault_is_told_for_each_value():
+def test_a_fault_is_reported_for_each_value():
     with pytest.raises(InputError) as caught:
         sweep("[grid]\ndamping = [-1.0, 0.1, -2.0]\nstiffness = [1.0, 0.0]")
     assert [line.split(" given")[0] for line in caught.value.problems] == [
@@ -246,16 +258,19 @@ def test_the_commented_spec(tmp_path):
     path = tmp_path / "sweep.toml"
     path.write_text(COMMENTED_SWEEP)
     spec = read_sweep(path)
-    assert spec.count == 2 * 2 * 2 * 2 * 3
+    assert spec.count == 2 * 2 * 2 * 3
     # The lines that are commented out can be used as well.
     path.write_text(COMMENTED_SWEEP.replace("# accuracy", "accuracy").replace("# rtol", "rtol"))
     assert read_sweep(path).fields.accuracy == 1e-6
+    start = COMMENTED_SWEEP.index("# [random]")
+    path.write_text(COMMENTED_SWEEP[:start] + COMMENTED_SWEEP[start:].replace("# ", ""))
+    assert read_sweep(path).count == 2 * spec.count
 
 
 def test_a_spec_of_a_table_says_the_same_of_its_problem():
     values = {"problem": "inextensible-rope", "frames": 2, "rope": {"num_nodes": 4}}
     (case, *_) = SweepSpec(values).cases()
-    assert {"kind": case.problem, **case.parameters} == TableJob(values).problem.parameters
+    assert {"kind": case.settings.problem, **case.parameters} == TableJob(values).problem.parameters
 
 
 def test_parameters_of_the_library_have_one_form():

@@ -25,7 +25,7 @@ from ropeode.validation import complaint, unknown
 if TYPE_CHECKING:
     import pandas as pd
 
-# A DataFrame or one of its columns; what pandas says of its own types is of no use to a checker.
+# A DataFrame or one of its columns; the types that pandas declares are too wide for a checker.
 Frame = Any
 
 _COLOURS = "viridis"
@@ -33,24 +33,26 @@ _PANEL_HEIGHT = 2.3
 _ALONE_HEIGHT = 3.6
 _LEGEND_HEIGHT = 0.9
 _MOST_TICKS = 9
-# Values that span more than this are told apart by their logarithms.
+# Values that span more than this are coloured by their logarithms.
 _LOG_FROM = 100.0
-# Steps between values that differ by more than this are not equal.
+# Steps between values count as equal if they differ by no more than this factor.
 _EQUAL_WITHIN = 4.0
-# Of all cells that a map would have; with fewer rows the rows are points.
+# If a smaller part of the cells has a row, rows are drawn as points.
 _LEAST_FILLED = 0.25
+# In a message.
+_MOST_LISTED = 20
 NOT_COMPUTED = "not computed yet"
-# What has no number, in an order that all maps share, and how it is drawn.
+# Patterns of cells and markers of points without a number, by reason.
 _HATCHES = ("////", "....", "\\\\\\\\", "xxxx", "----", "oo", "++", "||||")
 _MARKERS = ("x", "+", "1", "2", "3", "4", "|", "_")
 
 
 class Axis(NamedTuple):
-    """Where the values of an input stand.
+    """The values of an input along an axis.
 
     Fields:
         values: sorted.
-        scale: `log` or `linear`, or `words` for places one beside the other.
+        scale: `log` or `linear`, or `words` for equal steps from value to value.
         edges: of the cells, one more than there are values.
     """
 
@@ -73,22 +75,22 @@ def plot_sweep(
 ) -> Figure:
     """A column of a sweep over two of its inputs, with a panel for each stepper.
 
-    A cell without a number is grey and hatched, and the legend says why there is none. Inputs
-    of a random design that hardly ever meet twice are points in place of cells.
+    A cell without a number is grey and hatched, and the legend gives the reason. Inputs of a
+    random design whose values hardly ever repeat are drawn as points in place of cells.
 
     Arguments:
-        sweep: its folder, or what `ropeode.load_sweep` made of it.
+        sweep: its folder, or its rows from `ropeode.load_sweep`.
         x: an input, along the horizontal axis.
         y: another one, along the vertical axis.
         value: a column of numbers, as colour.
-        where: values of inputs, that the rows must have.
+        where: values of inputs; only rows with these values are drawn.
 
     Returns:
         A matplotlib figure, 6.5 inches wide.
 
     Raises:
-        InputError: there is no such column, or no row with these values, or one cell would
-            have to show several rows.
+        InputError: there is no such column, or no row with these values, or several rows
+            share a cell.
     """
     frame: Frame = load_sweep(sweep) if isinstance(sweep, (str, Path)) else sweep
     frame = _chosen(frame, x, y, value, dict(where or {}))
@@ -146,33 +148,39 @@ def plot_sweep(
 
 
 def _chosen(frame: Frame, x: str, y: str, value: str, where: dict[str, Any]) -> Frame:
-    """The rows that are to be drawn, after what is given has been checked."""
+    """The rows to be drawn, after the arguments have been checked."""
     inputs = [name for name in frame.columns if name in INPUTS or name not in COLUMNS]
-    for what, name in {"x": x, "y": y, **{f"where {name}": name for name in where}}.items():
+    for argument, name in {"x": x, "y": y, **{f"where {name}": name for name in where}}.items():
         if name not in inputs:
-            raise InputError(unknown(what, name, inputs))
+            raise InputError(unknown(argument, name, inputs))
     kinds = {name: column.type for name, column in COLUMNS.items()}
     numbers = [n for n in frame.columns if kinds.get(n) in ("double", "int64") and n not in INPUTS]
     if value not in numbers:
         raise InputError(unknown("value", value, numbers))
     if x == y:
-        raise InputError(complaint("y", y, "another input than x", "choose another"))
-    for name, wanted in where.items():
-        allowed = list(frame[name].dropna().unique())
-        same = [each for each in allowed if str(each) == str(wanted) or _equal(each, wanted)]
-        if not same:
-            shown = ", ".join(str(each) for each in sorted(allowed)[:20])
-            raise InputError(
-                complaint(f"where {name}", wanted, shown or "no value", "choose one of these")
-            )
-        frame = frame[frame[name] == same[0]]
+        raise InputError(complaint("y", y, "an input other than x", "choose another"))
     if frame.empty:
-        raise InputError(complaint("where", where, "values with rows", "choose others"))
+        allowed = "a sweep with at least one finished case"
+        raise InputError(complaint("sweep", "no finished case", allowed, "run the sweep first"))
+    for name, wanted in where.items():
+        values = list(frame[name].dropna().unique())
+        equal = [each for each in values if str(each) == str(wanted) or _equal(each, wanted)]
+        if not equal:
+            allowed = _listed(values) or "nothing, since no row has a value"
+            fix = "choose one of these" if values else "leave it out"
+            raise InputError(complaint(f"where {name}", wanted, allowed, fix))
+        frame = frame[frame[name] == equal[0]]
     return frame
 
 
+def _listed(values: Sequence[Any]) -> str:
+    """Values in their order, not more than there is room for."""
+    more = "" if len(values) <= _MOST_LISTED else f", and {len(values) - _MOST_LISTED} more"
+    return ", ".join(str(each) for each in sorted(values)[:_MOST_LISTED]) + more
+
+
 def _equal(value: Any, wanted: Any) -> bool:
-    """Whether a number is what somebody has typed."""
+    """Whether two values are the same number; one may be text."""
     try:
         return float(value) == float(wanted)
     except (TypeError, ValueError):
@@ -181,26 +189,29 @@ def _equal(value: Any, wanted: Any) -> bool:
 
 def _check_single(frame: Frame, cell: list[str]) -> None:
     """Raises:
-    InputError: several rows belong into one cell.
+    InputError: several rows share a cell.
     """
     groups = frame.groupby(cell, dropna=False)
-    if groups.size().max() <= 1:
+    rows = groups.size().max()
+    if rows <= 1:
         return
-    inputs = [n for n in frame.columns if n in INPUTS or n not in COLUMNS]
-    more = [
+    differing = [
         name
-        for name in inputs
-        if name not in (*cell, "key", "parameters") and groups[name].nunique(dropna=False).max() > 1
+        for name in frame.columns
+        if (name in INPUTS or name not in COLUMNS)
+        and name not in (*cell, "key", "parameters")
+        and groups[name].nunique(dropna=False).max() > 1
     ]
-    name = more[0]
+    # As few of them as leave one row in each cell; the draw decides on all drawn parameters.
+    selected: list[str] = []
+    for name in differing:
+        if frame.groupby([*cell, *selected], dropna=False).size().max() > 1:
+            selected.append(name)
+    values = "; ".join(f"{name}: {_listed(frame[name].dropna().unique())}" for name in selected)
+    fix = " ".join(f"--where {name}={frame[name].dropna().iloc[0]}" for name in selected)
     raise InputError(
-        complaint(
-            "where",
-            f"rows that differ in {', '.join(more)}, of which {groups.size().max()} would share a "
-            "cell",
-            "one row for each cell",
-            f"for example where {name}={frame[name].iloc[0]}",
-        )
+        f"where: {rows} rows share a cell, since they differ in {', '.join(differing)}; allowed: "
+        f"one row in each cell ({values}). Fix: select values, for example {fix}."
     )
 
 
@@ -217,25 +228,25 @@ def _axis(column: Frame) -> Axis:
 
 
 def _scale(values: Sequence[Any]) -> str:
-    """The scale in which the steps between values are more alike, if they are in any."""
+    """The scale on which the steps between values are most nearly equal, if there is one."""
     if len(values) < 2 or not all(isinstance(v, (int, float, np.number)) for v in values):
         return "words"
     numbers = np.array(values, float)
 
-    def unlike(places: np.ndarray) -> float:
+    def unevenness(places: np.ndarray) -> float:
         steps = np.diff(places)
         return float(steps.max() / steps.min())
 
-    plain = unlike(numbers)
-    geometric = unlike(np.log(numbers)) if numbers[0] > 0 else np.inf
-    if min(plain, geometric) > _EQUAL_WITHIN and len(values) <= _MOST_TICKS:
+    linear = unevenness(numbers)
+    geometric = unevenness(np.log(numbers)) if numbers[0] > 0 else np.inf
+    if min(linear, geometric) > _EQUAL_WITHIN and len(values) <= _MOST_TICKS:
         return "words"
     far = numbers[0] > 0 and numbers[-1] / numbers[0] >= _EQUAL_WITHIN
-    return "log" if geometric < plain or (geometric == plain and far) else "linear"
+    return "log" if geometric < linear or (geometric == linear and far) else "linear"
 
 
 def _reasons(panel: Frame, value: str) -> list[str]:
-    """For each row why it has no number; empty where it has one."""
+    """For each row the reason why it has no number; empty where it has one."""
 
     def reason(row: Any) -> str:
         if row[value] is not None and not math.isnan(row[value]):
@@ -243,10 +254,10 @@ def _reasons(panel: Frame, value: str) -> list[str]:
         if row["status"] != "ok":
             return str(row["status"])
         if value.startswith("error_") and row["resolved"] is False:
-            return "below what the reference can tell"
+            return "below the reference's resolution"
         if value in ("observed_order", "order_low", "order_high"):
-            return f"order {row['order_verdict'] or 'not asked for'}"
-        return "none found"
+            return f"order {row['order_verdict'] or 'not requested'}"
+        return "no value"
 
     names = [value, "status", "resolved", "order_verdict"]
     plain = panel[names].astype(object)
@@ -259,7 +270,7 @@ def _numbers(panel: Frame, value: str) -> list[float]:
 
 
 def _norm(numbers: Sequence[float]) -> Normalize | None:
-    """How numbers become colours; None where there are none."""
+    """The scale of colours; None where there are no numbers."""
     if not numbers:
         return None
     low, high = min(numbers), max(numbers)
@@ -320,10 +331,10 @@ def _draw_points(
 
     at_x, at_y = places(across, panel[x]), places(up, panel[y])
     why = np.array(reasons)
-    told = why == ""
-    if told.any():
-        colour = panel[value].to_numpy(float, na_value=np.nan)[told]
-        axes.scatter(at_x[told], at_y[told], 12, colour, norm=norm, cmap=_COLOURS)
+    numbers = why == ""
+    if numbers.any():
+        colour = panel[value].to_numpy(float, na_value=np.nan)[numbers]
+        axes.scatter(at_x[numbers], at_y[numbers], 12, colour, norm=norm, cmap=_COLOURS)
     for i, kind in enumerate(kinds):
         chosen = why == kind
         marker = _MARKERS[i % len(_MARKERS)]

@@ -1,4 +1,4 @@
-"""Keys: a hash of everything that determines a result."""
+"""Content hashes: a key changes with everything that determines a result."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 import jax
 
-# What takes part in computing a row; diffrax's solvers come from the last three.
+# The packages that compute a row; diffrax's solvers come from the last three.
 PACKAGES = (
     "ropeode",
     "diffrax",
@@ -25,7 +25,7 @@ PACKAGES = (
     "lineax",
     "optimistix",
 )
-# The parts of the package that do, with all that they import from it.
+# The parts of this package that compute a row, with everything that they import from it.
 SOURCES = (
     "analysis",
     "errors.py",
@@ -33,18 +33,14 @@ SOURCES = (
     "norms.py",
     "precision.py",
     "problems",
+    "progress.py",
     "references",
     "simulation",
     "steppers",
     "study/accuracy_table.py",
     "study/spec.py",
-    "sweep/execution/tasks.py",
-    "sweep/design/cases.py",
-    "sweep/design/columns.py",
-    "sweep/design/distributions.py",
+    "sweep/design",
     "sweep/execution/evaluate.py",
-    "sweep/design/content_hash.py",
-    "sweep/design/problem_factory.py",
     "sweep/execution/references.py",
     "sweep/execution/runs.py",
     "threads.py",
@@ -53,7 +49,7 @@ SOURCES = (
 
 
 def digest(value: Any) -> str:
-    """The sha256 of a plain value; that of a table does not depend on the order of its names.
+    """The sha256 of a plain value; the order of the keys in a mapping does not count.
 
     Raises:
         ValueError: a number is not finite.
@@ -62,23 +58,23 @@ def digest(value: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def surroundings(level: str = "consensus") -> Mapping[str, str]:
-    """What a result depends on beside what is asked for: software, and the kind of machine.
+def software(level: str = "consensus") -> Mapping[str, str]:
+    """The versions of all software that computes a row, and the kind of machine.
 
     Arguments:
-        level: of the references; heyoka takes part in extended ones.
+        level: of the references; extended ones are computed by heyoka.
     """
     if level != "extended":
-        return _surroundings()
+        return _software()
     try:
         heyoka = metadata.version("heyoka")
     except metadata.PackageNotFoundError:
         heyoka = "not installed"
-    return {**_surroundings(), "heyoka": heyoka}
+    return {**_software(), "heyoka": heyoka}
 
 
 @functools.lru_cache(maxsize=1)
-def _surroundings() -> Mapping[str, str]:
+def _software() -> Mapping[str, str]:
     return {
         **{name: metadata.version(name) for name in PACKAGES},
         "python": platform.python_version(),
@@ -89,15 +85,15 @@ def _surroundings() -> Mapping[str, str]:
 
 
 def source_digest(package: Path) -> str:
-    """The sha256 of the files that take part, for whoever changes them between releases.
+    """The sha256 of the source files in `SOURCES`, which may change between releases.
 
     Arguments:
-        package: the folder that they are in.
+        package: the folder that contains them.
     """
-    found = hashlib.sha256()
+    total = hashlib.sha256()
     for part in SOURCES:
         path = package / part
         for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
-            found.update(f"{file.relative_to(package).as_posix()}\0".encode())
-            found.update(hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()
+            total.update(f"{file.relative_to(package).as_posix()}\0".encode())
+            total.update(hashlib.sha256(file.read_bytes()).digest())
+    return total.hexdigest()

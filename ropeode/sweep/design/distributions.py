@@ -1,4 +1,4 @@
-"""Parameters that are drawn: the same to the last bit on every machine, draw by draw."""
+"""Random draws of parameters: each draw is the same to the last bit on every machine."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ForEach = Literal["node", "spring"]
 
 _MOST_DRAWS = 2**32
 _MOST_SEEDS = 2**63
-# More than float64 has, so that what is rounded to it in the end is the same everywhere.
+# More digits than a float64 has, so that the rounded result is the same everywhere.
 _DIGITS = 34
 
 
@@ -59,18 +59,18 @@ def _pair(value: Any) -> list[Any]:
 
 def _choices(value: Any) -> tuple[Any, ...]:
     if not isinstance(value, (list, tuple)) or not value:
-        raise ValueError(f"{shown(plain(value))} is no list of values")
+        raise ValueError(f"{shown(plain(value))} is not a list of values")
     return tuple(value)
 
 
 class Distribution(Input):
-    """What a parameter is drawn from: one of the four.
+    """The distribution of a parameter: one of the four.
 
     Arguments:
         uniform: the two ends; where they are lists, each component is drawn between its own.
         log_uniform: the two ends, above zero; the logarithm is uniform between theirs.
         integers: the smallest and the largest whole number.
-        choice: values, each as likely.
+        choice: values, all equally likely.
         for_each: `node` or `spring`: a list is drawn, with one entry for each of them.
 
     Raises:
@@ -95,39 +95,44 @@ class Distribution(Input):
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Distribution:
-        if len(self._given()) != 1:
-            why = "one of uniform, log_uniform, integers and choice is needed"
-            raise fault_of("uniform", self._given(), why)
+        if len(self._kinds) != 1:
+            why = "exactly one of uniform, log_uniform, integers and choice is needed"
+            raise fault_of("uniform", self._kinds, why)
         return self
 
-    def _given(self) -> list[str]:
+    @property
+    def _kinds(self) -> list[str]:
         kinds = ("uniform", "log_uniform", "integers", "choice")
         return [kind for kind in kinds if getattr(self, kind) is not None]
 
     @property
+    def as_written(self) -> dict[str, Any]:
+        """The distribution as a spec has it."""
+        return self.model_dump(exclude_none=True)
+
+    @property
     def extremes(self) -> list[Any]:
-        """The values at its ends, or all of a choice; of one entry where lists are drawn."""
-        kind = self._given()[0]
-        return list(getattr(self, kind))
+        """The two ends, or all values of a choice; of one entry where lists are drawn."""
+        return list(getattr(self, self._kinds[0]))
 
     def value(self, seed: int, draw: int, name: str, entries: int | None) -> Any:
-        """What is drawn.
+        """One draw.
 
-        It depends on nothing but the arguments: other draws, seeds and parameters may come
-        and go. The random bits are those of NumPy's `SeedSequence`, which are the same in
+        It depends on its arguments alone: other draws, seeds and parameters may be added or
+        removed. The random bits are those of NumPy's `SeedSequence`, which are the same in
         every version, and logarithms are computed in decimal numbers, which are the same on
         every machine.
 
         Arguments:
             seed: of the design.
-            draw: which draw of it, from 0 on.
+            draw: its number with this seed, from 0 on.
             name: of the parameter.
-            entries: how many a list is to have; None for a value that is no list.
+            entries: the length of the list to draw; None for a value that is not a list.
         """
         size = len(self.uniform[0]) if self.uniform and isinstance(self.uniform[0], tuple) else 1
         bits = _bits(seed, draw, name, size * (entries or 1))
-        found = [self._one(bits[i : i + size]) for i in range(0, len(bits), size)]
-        return found[0] if entries is None else found
+        drawn = [self._one(bits[i : i + size]) for i in range(0, len(bits), size)]
+        return drawn[0] if entries is None else drawn
 
     def _one(self, bits: Sequence[int]) -> Any:
         if self.choice is not None:
@@ -146,7 +151,7 @@ class Distribution(Input):
 
 
 def _bits(seed: int, draw: int, name: str, count: int) -> list[int]:
-    """So many numbers of 64 random bits; the first ones are the same however many there are."""
+    """``count`` numbers of 64 random bits; with more of them the first ones stay the same."""
     digest = hashlib.sha256(name.encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()
     sequence = np.random.SeedSequence(entropy=seed, spawn_key=(draw, *words))
@@ -154,12 +159,12 @@ def _bits(seed: int, draw: int, name: str, count: int) -> list[int]:
 
 
 def _fraction(bits: int) -> float:
-    """From 0 up to, and without, 1."""
+    """A number from 0 up to, but not including, 1."""
     return (bits >> 11) * 2.0**-53
 
 
 def _below(bits: int, count: int) -> int:
-    """A whole number from 0 to ``count - 1``; each as likely, to 2^-64 of their number."""
+    """A whole number from 0 to ``count - 1``; all equally likely to within ``count`` / 2^64."""
     return bits * count >> 64
 
 
@@ -178,7 +183,7 @@ def check_seeds(value: Any) -> tuple[int, ...]:
     """Seeds, each once.
 
     Raises:
-        ValueError: one is no whole number from 0 on, or is repeated.
+        ValueError: one is not a whole number from 0 on, or is repeated.
     """
     if not isinstance(value, (list, tuple)) or not value:
         raise ValueError("at least one is needed, in a list")
@@ -191,10 +196,10 @@ def check_seeds(value: Any) -> tuple[int, ...]:
 
 
 def check_count(value: Any) -> int:
-    """How many draws each seed has.
+    """The number of draws for each seed.
 
     Raises:
-        ValueError: it is no whole number from 1 to 2^32.
+        ValueError: it is not a whole number from 1 to 2^32.
     """
     count = whole_number(value, at_least=1)
     if count > _MOST_DRAWS:

@@ -1,4 +1,4 @@
-"""What makes the problems of a sweep from their parameters."""
+"""Problem factories: they build the problems of a sweep from parameters."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from ropeode.study.spec import rope_of
 from ropeode.sweep.design.columns import COLUMNS, Column
 from ropeode.validation import check_whole, complaint, unknown
 
-# Four numbers of this size make a product that float64 holds.
+# The product of four numbers of this size still fits into a float64.
 _MODERATE = 1e60
-# A parameter that has no default.
-_NEEDED = inspect.Parameter.empty
+# Stands for the default of a parameter that has none.
+_REQUIRED = inspect.Parameter.empty
 _TYPES: Mapping[type, Any] = {bool: "bool", int: "int64", float: "double", str: "string"}
 
 
 @dataclasses.dataclass(frozen=True)
-class Maker(abc.ABC):
-    """Makes problems that differ in their parameters, `frames` among them.
+class ProblemFactory(abc.ABC):
+    """Builds problems that differ in their parameters; `frames` is one of these.
 
     Arguments:
-        name: of the problem, as a spec says it.
+        name: of the problem, as in the spec.
     """
 
     name: str
@@ -46,57 +46,57 @@ class Maker(abc.ABC):
     def defaults(self) -> Mapping[str, Any]:
         """The parameters and their defaults."""
 
-    @property
-    def needed(self) -> list[str]:
-        """The parameters that have no default."""
-        return [name for name, default in self.defaults.items() if default is _NEEDED]
-
-    @property
-    def identity(self) -> Mapping[str, str]:
-        """What tells this problem from others, whatever its parameters are."""
-        return {"problem": self.name}
-
-    def normal(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """All parameters as plain JSON values, in one form however they were written.
-
-        Raises:
-            InputError: one line for each that cannot be used, where that is seen at once.
-        """
-        return self.as_given(given)
-
-    def as_given(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """The same, whether the parameters can be used or not."""
-        known = {name: value for name, value in self.defaults.items() if value is not _NEEDED}
-        return {
-            name: _alike(value, self.defaults.get(name))
-            for name, value in {**known, **given}.items()
-        }
-
     @abc.abstractmethod
     def build(self, parameters: Mapping[str, Any]) -> Problem:
-        """The problem.
+        """The problem with these parameters.
 
         Raises:
             InputError: one line for each parameter that cannot be used.
             UserCodeError: the user's code raised.
         """
 
+    @property
+    def required(self) -> list[str]:
+        """The parameters that have no default."""
+        return [name for name, default in self.defaults.items() if default is _REQUIRED]
+
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """What distinguishes the problem from others, whatever its parameters are."""
+        return {"problem": self.name}
+
+    def complete(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """All parameters as plain JSON values: the same however the given ones are written.
+
+        Raises:
+            InputError: one line for each that cannot be used, where that is seen at once.
+        """
+        return self.with_defaults(given)
+
+    def with_defaults(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """All parameters, whether they can be used or not."""
+        defaults = {name: value for name, value in self.defaults.items() if value is not _REQUIRED}
+        return {
+            name: _typed_like(value, self.defaults.get(name))
+            for name, value in {**defaults, **given}.items()
+        }
+
     def check(self, parameters: Mapping[str, Any]) -> None:
-        """See that a problem can be built, as cheaply as can be; raises as `build` does."""
+        """See that a problem can be built, as cheaply as possible; raises as `build` does."""
         self.build(parameters)
 
-    def check_names(self, given: Mapping[str, Any], where: str) -> None:
+    def check_names(self, given: Mapping[str, Any], table: str) -> None:
         """See that parameters exist.
 
         Arguments:
             given: by name.
-            where: what they were given in.
+            table: of the spec, that contains them.
 
         Raises:
-            InputError: one does not.
+            InputError: one does not exist.
         """
         faults = [
-            unknown(f"{where} parameter of {self.name!r}", name, self.defaults)
+            unknown(f"{table} parameter of {self.name!r}", name, self.defaults)
             for name in given
             if name not in self.defaults
         ]
@@ -104,40 +104,42 @@ class Maker(abc.ABC):
             raise InputError(faults)
 
     def columns(self, sample: Mapping[str, Any]) -> dict[str, Column]:
-        """A column for each parameter; what is no single number or word by default is JSON.
+        """A column for each parameter; JSON unless the default is one number or word.
 
         Arguments:
-            sample: parameters of a problem, which tell the type where there is no default.
+            sample: parameters of a problem; they give the type where there is no default.
         """
         return {
             name: Column(
-                _TYPES.get(type(sample[name] if default in (_NEEDED, None) else default), "string"),
+                _TYPES.get(
+                    type(sample[name] if default in (_REQUIRED, None) else default), "string"
+                ),
                 f"parameter of {self.name}",
             )
             for name, default in self.defaults.items()
         }
 
 
-class RopeMaker(Maker):
-    """Makes the ropes of one kind."""
+class RopeFactory(ProblemFactory):
+    """Builds the ropes of one kind."""
 
     @functools.cached_property
     def defaults(self) -> Mapping[str, Any]:
-        """See `Maker`."""
+        """See `ProblemFactory`."""
         return {"frames": 20, **ROPES[self.name]().model_dump(mode="json")}
 
-    def normal(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """See `Maker`."""
+    def complete(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """See `ProblemFactory`."""
         rest = {**given}
         frames = check_whole("frames", rest.pop("frames", 20), at_least=1, example="20")
         return {"frames": frames, **rope_of(self.name, rest).model_dump(mode="json")}
 
     def check(self, parameters: Mapping[str, Any]) -> None:
-        """See `Maker`."""
-        self.normal(parameters)
+        """See `ProblemFactory`."""
+        self.complete(parameters)
 
     def build(self, parameters: Mapping[str, Any]) -> Problem:
-        """See `Maker`."""
+        """See `ProblemFactory`."""
         rest = {**parameters}
         frames = rest.pop("frames", 20)
         rope = rope_of(self.name, rest)
@@ -145,8 +147,8 @@ class RopeMaker(Maker):
         y0, args = np.stack([nodes.x0, nodes.v0]), rope.args(nodes)
         if rope.num_nodes < 2 or not _moderate(y0, *args):
             return rope.problem(frames)
-        # The equations of all ropes of a shape are the same, and trying them takes milliseconds.
-        return _shaped(self.name, *nodes.x0.shape, frames).with_numbers(
+        # All ropes of a shape share their equations, and trying these takes milliseconds.
+        return _rope_of_shape(self.name, *nodes.x0.shape, frames).with_numbers(
             y0,
             type(args)(*(np.array(each, dtype=np.float64) for each in args)),
             {"kind": self.name, "frames": frames, **rope.model_dump(mode="json")},
@@ -154,8 +156,8 @@ class RopeMaker(Maker):
 
 
 @functools.lru_cache(maxsize=64)
-def _shaped(kind: str, dim: int, num_nodes: int, frames: int) -> Problem:
-    """A rope of a shape, whatever its numbers are."""
+def _rope_of_shape(kind: str, dim: int, num_nodes: int, frames: int) -> Problem:
+    """A rope of a shape, with numbers that do not matter."""
     rope = ROPES[kind](start=(0.0,) * dim, end=(1.0,) * dim, num_nodes=num_nodes)
     return rope.problem(frames)
 
@@ -166,25 +168,25 @@ def _moderate(*numbers: np.ndarray) -> bool:
     return bool(np.all((sizes == 0) | ((sizes > 1 / _MODERATE) & (sizes < _MODERATE))))
 
 
-class LibraryMaker(Maker):
-    """Makes another problem of the library."""
+class LibraryFactory(ProblemFactory):
+    """Builds any other problem of the library."""
 
     @functools.cached_property
     def defaults(self) -> Mapping[str, Any]:
-        """See `Maker`."""
+        """See `ProblemFactory`."""
         return _parameters(PROBLEMS[self.name])
 
     def build(self, parameters: Mapping[str, Any]) -> Problem:
-        """See `Maker`."""
+        """See `ProblemFactory`."""
         return PROBLEMS[self.name](**parameters)
 
 
 @dataclasses.dataclass(frozen=True)
-class FileMaker(Maker):
-    """Makes what a name in a user's Python file stands for.
+class FileFactory(ProblemFactory):
+    """Builds the problem that a name in a user's Python file stands for.
 
     Arguments:
-        folder: that the file name starts from.
+        folder: from which the file name starts.
         digest: sha256 of the file.
     """
 
@@ -193,71 +195,65 @@ class FileMaker(Maker):
 
     @property
     def identity(self) -> Mapping[str, str]:
-        """See `Maker`; what counts is what stands in the file, and not where the file is."""
+        """See `ProblemFactory`; the contents of the file count, and not its place."""
         return {"name": self.name.rpartition(":")[2], "file": self.digest}
 
     @functools.cached_property
-    def _found(self) -> Any:
-        found = named_in_file(self.name, self.folder)
-        if digest_of(self.name, self.folder) != self.digest:
-            raise InputError(
-                complaint(
-                    "problem",
-                    self.name,
-                    "the file as it was when the sweep was read",
-                    "do not change it while the sweep runs",
-                )
-            )
-        return found
+    def _definition(self) -> Any:
+        definition = named_in_file(self.name, self.folder)
+        if _file_digest(self.name, self.folder) != self.digest:
+            allowed = "the file as it was when the sweep was read"
+            fix = "do not change it while the sweep runs"
+            raise InputError(complaint("problem", self.name, allowed, fix))
+        return definition
 
     @functools.cached_property
     def defaults(self) -> Mapping[str, Any]:
-        """See `Maker`."""
-        found = self._found
-        if isinstance(found, Rope):
+        """See `ProblemFactory`."""
+        if isinstance(self._definition, Rope):
             return {"frames": 20}
-        if isinstance(found, Problem) or not callable(found):
+        if isinstance(self._definition, Problem) or not callable(self._definition):
             return {}
-        return _parameters(found)
+        return _parameters(self._definition)
 
     def build(self, parameters: Mapping[str, Any]) -> Problem:
-        """See `Maker`."""
+        """See `ProblemFactory`."""
         rest = {**parameters}
-        return as_problem(self._found, self.name, rest.pop("frames", None), **rest)
+        return as_problem(self._definition, self.name, rest.pop("frames", None), **rest)
 
 
 @functools.lru_cache(maxsize=4)
-def _file_maker(name: str, folder: Path, digest: str) -> FileMaker:
-    """That of a file as it is now; kept, so that what its functions compile to is kept too."""
-    return FileMaker(name, folder, digest)
+def _file_factory(name: str, folder: Path, digest: str) -> FileFactory:
+    """Cached, so that a file's functions, and thus their compiled programs, stay the same."""
+    return FileFactory(name, folder, digest)
 
 
-def maker_for(name: str, folder: Path) -> Maker:
-    """The maker of a problem by its name.
+def problem_factory(name: str, folder: Path) -> ProblemFactory:
+    """The factory of a problem by its name.
 
     Arguments:
         name: of the library, or FILE.py:NAME.
-        folder: that a relative file name starts from.
+        folder: from which relative file names start.
 
     Raises:
         InputError: there is none, or one of its parameters is named like a column.
         UserCodeError: the user's file raised.
     """
     if ":" in name or name.endswith(".py"):
-        maker: Maker = _file_maker(name, folder, digest_of(name, folder))
+        factory: ProblemFactory = _file_factory(name, folder, _file_digest(name, folder))
     elif name in ROPES:
-        maker = RopeMaker(name)
+        factory = RopeFactory(name)
     elif name in PROBLEMS:
-        maker = LibraryMaker(name)
+        factory = LibraryFactory(name)
     else:
         raise InputError(unknown("problem", name, [*PROBLEMS, "FILE.py:NAME"]))
-    if taken := [each for each in maker.defaults if each in COLUMNS]:
+    if clashes := [each for each in factory.defaults if each in COLUMNS]:
         allowed = "parameters that are not named like a column of the sweep's table"
-        raise InputError(complaint("problem", taken[0], allowed, f"rename it in {name}"))
-    return maker
+        raise InputError(complaint("problem", clashes[0], allowed, f"rename it in {name}"))
+    return factory
 
 
-def digest_of(name: str, folder: Path) -> str:
+def _file_digest(name: str, folder: Path) -> str:
     """The sha256 of a user's problem file.
 
     Raises:
@@ -268,20 +264,20 @@ def digest_of(name: str, folder: Path) -> str:
 
 
 def column_values(columns: Mapping[str, Column], parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """What stands in the columns of parameters; none where a list stands for a single number.
+    """Parameters by column; None where a list replaces a single number.
 
     Arguments:
-        columns: as `Maker.columns` gives them.
+        columns: as `ProblemFactory.columns` returns them.
         parameters: of a problem.
     """
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name, column in columns.items():
         value = parameters.get(name)
         if column.type == "string":
-            found[name] = value if isinstance(value, str) else json.dumps(value)
+            values[name] = value if isinstance(value, str) else json.dumps(value)
         else:
-            found[name] = value if _TYPES.get(type(value)) == column.type else None
-    return found
+            values[name] = value if _TYPES.get(type(value)) == column.type else None
+    return values
 
 
 def _parameters(function: Any) -> dict[str, Any]:
@@ -294,11 +290,11 @@ def _parameters(function: Any) -> dict[str, Any]:
     }
 
 
-def _alike(value: Any, default: Any) -> Any:
-    """A value with its numbers of the type that the default's numbers have."""
+def _typed_like(value: Any, default: Any) -> Any:
+    """A value with its numbers of the same type as the default's."""
     if isinstance(value, (list, tuple)):
         each = default[0] if isinstance(default, list) and default else default
-        return [_alike(entry, each) for entry in value]
+        return [_typed_like(entry, each) for entry in value]
     if isinstance(default, float) and type(value) is int:
         return float(value)
     if type(default) is int and isinstance(value, float) and value.is_integer():

@@ -1,8 +1,7 @@
-"""What a sweep is made from, as a TOML file."""
+"""The spec of a sweep: which cases there are, as read from a TOML file."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from collections.abc import Iterator, Mapping
@@ -15,24 +14,33 @@ from ropeode.errors import InputError
 from ropeode.norms import norm_for
 from ropeode.problems.checks import run as run_checks
 from ropeode.problems.problem import Problem
-from ropeode.steppers import as_stepper
-from ropeode.study.accuracy_table import check_steppers, check_steps, default_steppers
+from ropeode.study.accuracy_table import check_steps, default_steppers
 from ropeode.study.spec import StudySpec, kind_apart, read_spec
-from ropeode.sweep.design.cases import Case, Design, Settings
+from ropeode.sweep.design.cases import Case, Settings, Task
 from ropeode.sweep.design.columns import COLUMNS, Column
-from ropeode.sweep.design.content_hash import surroundings
-from ropeode.sweep.design.distributions import Distribution, check_count, check_seeds
-from ropeode.sweep.design.problem_factory import FileMaker, Maker, RopeMaker, maker_for
-from ropeode.sweep.execution.tasks import MOST_KEPT, SHAPES, Task, batched
+from ropeode.sweep.design.content_hash import software
+from ropeode.sweep.design.distributions import Distribution
+from ropeode.sweep.design.problem_factory import problem_factory
+from ropeode.sweep.design.steppers import StepperSource, stepper_from, stepper_sources
+from ropeode.sweep.design.tables import NAMES, OF_RUNS, Tables, repeated
 from ropeode.validation import complaint, field
 
 DEFAULT_STEPS_PER_FRAME = (16, 32, 64)
 DEFAULT_ORDER_FACTORS = (1, 2, 4, 8)
-# What may be drawn beside parameters.
-_RUNS = ("stepper", "steps_per_frame")
-# Problems that are built to see whether all steppers can run on them. More are checked by
-# their parameters alone, and what then goes wrong is a row that says so.
+# Problems that are built to see whether all steppers can run on them. Of further ones only the
+# parameters are checked; what goes wrong with them later is a row that says so.
 _MOST_BUILT = 64
+# In one task. With more, a killed process would lose more work, and little would be gained.
+MOST_PROBLEMS = 64
+# In a sweep that keeps references, each in a file: most file systems suffer from more files.
+MOST_KEPT = 100_000
+# Of the states of one run of all problems of a task.
+_MOST_BYTES = 2**26
+# Parameters that determine the size of arrays. In a user's problem others may as well; then a
+# task is run in parts.
+_SHAPES = ("frames", "num_nodes", "num_masses", "start")
+# Problems that are sorted by shape at a time, so that memory is bounded.
+_SORTED_AT_ONCE = 1024
 
 
 def _steps(value: Any) -> tuple[int, ...]:
@@ -53,13 +61,14 @@ class SweepFields(StudySpec):
 
     Arguments:
         order_factors: the order at n steps per frame is observed from n times each of these;
-            an empty list where no order is asked for.
-        largest_stable_dt: whether that of each stepper on each problem is to be found.
+            an empty list where no order is requested.
+        largest_stable_dt: whether to compute it for each stepper on each problem.
 
     Raises:
         InputError: one line for each that cannot be used.
     """
 
+    steppers: Any = field(None, allowed="names of steppers", example='["rk4"]')
     steps_per_frame: Annotated[tuple[int, ...], BeforeValidator(_steps)] = field(
         DEFAULT_STEPS_PER_FRAME, allowed="different whole numbers >= 1", example="[16, 32, 64]"
     )
@@ -72,13 +81,17 @@ class SweepFields(StudySpec):
 
 
 class SweepSpec:
-    """A sweep, checked as a whole.
+    """A sweep: a grid, a random design, or each draw of one at each point of the other.
+
+    Cases are counted with the parameters that come first in the grid changing last, then seeds,
+    draws, steppers and steps. Each is made from its number, so that memory does not grow with
+    the size of the design.
 
     Arguments:
         values: the spec's values. A table `rope` holds parameters that all ropes share, a
             table `parameters` those of other problems; `grid` lists of values by parameter;
             `random` the count of draws, seeds, and a distribution by parameter.
-        folder: that the problem's file name starts from.
+        folder: from which relative names of files start.
 
     Raises:
         InputError: one line for each value that cannot be used.
@@ -86,56 +99,66 @@ class SweepSpec:
     """
 
     def __init__(self, values: Mapping[str, Any], folder: Path | None = None):
-        self._folder = (folder or Path()).resolve()
+        folder = (folder or Path()).resolve()
         rest = kind_apart(values)
-        tables = {name: rest.pop(name, {}) for name in ("rope", "parameters", "grid", "random")}
-        found: dict[str, Any] = {}
+        tables = {name: rest.pop(name, {}) for name in NAMES}
+        checked: dict[str, Any] = {}
 
         def check_fields() -> None:
-            found["fields"] = SweepFields(**rest)
-            found["fields"].check_level()
+            checked["fields"] = SweepFields(**rest)
+            checked["fields"].check_level()
 
-        def check_tables() -> None:
-            found["tables"] = _Tables(tables)
-
-        run_checks(check_fields, check_tables)
-        self.fields: SweepFields = found["fields"]
-        name = self.fields.kind if self.fields.problem == "rope" else self.fields.problem
-        if self.fields.problem != "rope" and self.fields.kind != "rope":
-            allowed = "none with another problem than 'rope'"
+        run_checks(
+            check_fields,
+            lambda: checked.update(steppers=_sources(rest.get("steppers"), folder)),
+            lambda: checked.update(tables=Tables(tables)),
+        )
+        self.fields: SweepFields = checked["fields"]
+        rope = self.fields.problem == "rope"
+        if not rope and self.fields.kind != "rope":
+            allowed = "none with a problem other than 'rope'"
             raise InputError(complaint("kind", self.fields.kind, allowed, "leave it out"))
-        self._maker = maker_for(name, self._folder)
-        self._design = self._designed(found["tables"])
+        name = self.fields.kind if rope else self.fields.problem
+        self._factory = problem_factory(name, folder)
+        self._set_design(checked["tables"])
+        self._settings = self._checked(folder, checked["steppers"])
 
     @property
     def count(self) -> int:
-        """How many cases there are."""
-        return self._design.problems * self._design.per_problem
+        """The number of cases."""
+        return self._problems * self._per_problem
 
     @property
     def columns(self) -> dict[str, Column]:
         """The columns of its table: those of every sweep, and one for each parameter."""
-        return {**COLUMNS, **self._design.columns}
+        return {**COLUMNS, **self._settings.columns}
+
+    @property
+    def software(self) -> Mapping[str, str]:
+        """The versions of the software that computes the rows."""
+        return self._settings.software
 
     @property
     def values(self) -> dict[str, Any]:
-        """What is asked for, as plain JSON values, in one form however it was written."""
-        design, settings = self._design, self._design.settings
+        """The spec as plain JSON values, the same however it was written."""
+        settings = self._settings
+        files = {label: each.file for label, each in settings.steppers.items() if each.file}
         return json.loads(
             json.dumps(
                 {
-                    **self._maker.identity,
-                    "steppers": design.steppers,
-                    "steps_per_frame": design.steps_per_frame,
+                    **settings.identity,
+                    "steppers": [] if "stepper" in self._drawn else [*settings.steppers],
+                    **({"stepper_files": files} if files else {}),
+                    "steps_per_frame": self.fields.steps_per_frame,
                     "norm": settings.norm,
-                    **settings.asked,
+                    **settings.reference_options,
                     "order_factors": settings.order_factors,
                     "largest_stable_dt": settings.largest_stable_dt,
-                    "fixed": design.fixed,
-                    "grid": design.grid,
-                    "seeds": design.seeds,
-                    "count": design.draws,
-                    "random": {name: _said(each) for name, each in design.drawn.items()},
+                    "fixed": self._fixed,
+                    "grid": self._grid,
+                    "seeds": self._seeds,
+                    "count": self._draws,
+                    "random": {name: each.as_written for name, each in self._drawn.items()},
                 }
             )
         )
@@ -148,74 +171,159 @@ class SweepSpec:
             stop: the one after the last; by default all that are left.
         """
         stop = self.count if stop is None else min(stop, self.count)
-        each = self._design.per_problem
+        each = self._per_problem
         for index in range(start // each, math.ceil(stop / each)):
-            for case in self._design.cases_of(self._design.point(index)):
+            for case in self._cases_of(index):
                 if start <= case.number < stop:
                     yield case
 
     def tasks(self, first: int = 0) -> Iterator[Task]:
-        """All cases in tasks, made one after the other.
+        """All cases in tasks, made one after the other; problems of one shape share tasks.
 
         Arguments:
             first: the task to begin with; the cases of those before are not made.
         """
-        settings = self._design.settings
-        around = surroundings(str(settings.asked["level"]))
-        digest = self._maker.digest if isinstance(self._maker, FileMaker) else None
-        keep = self._design.problems <= MOST_KEPT
-        for cases in batched(self._design, first):
-            yield Task(self._folder, around, digest, keep, cases)
+        shape_drawn = any(name in self._drawn for name in _SHAPES)
+        number = 0
+        for start in range(0, self._problems, _SORTED_AT_ONCE):
+            shapes: dict[tuple[int, int, int], list[int]] = {}
+            for index in range(start, min(start + _SORTED_AT_ONCE, self._problems)):
+                given, *_ = self._given(index, draw_them=shape_drawn)
+                shapes.setdefault(self._shape(given), []).append(index)
+            for (dim, nodes, frames), alike in shapes.items():
+                # Positions and velocities at all samples.
+                most = _MOST_BYTES // (16 * dim * nodes * (frames + 1))
+                most = max(1, min(MOST_PROBLEMS, most))
+                for at in range(0, len(alike), most):
+                    if number >= first:
+                        some = alike[at : at + most]
+                        yield Task(number, tuple(c for i in some for c in self._cases_of(i)))
+                    number += 1
 
-    def _designed(self, tables: _Tables) -> Design:
-        fields, maker = self.fields, self._maker
-        fixed = tables.fixed(maker)
-        if fields.frames is not None:
-            if "frames" in {**fixed, **tables.grid, **tables.drawn}:
-                raise InputError(_twice("frames"))
-            fixed["frames"] = fields.frames
+    @property
+    def _problems(self) -> int:
+        """The number of problems."""
+        return math.prod(map(len, self._grid.values())) * max(1, len(self._seeds) * self._draws)
+
+    @property
+    def _per_problem(self) -> int:
+        """The number of cases of each problem."""
+        steppers = 1 if "stepper" in self._drawn else len(self._settings.steppers)
+        steps = 1 if "steps_per_frame" in self._drawn else len(self.fields.steps_per_frame)
+        return steppers * steps
+
+    def _given(
+        self, index: int, draw_them: bool = True
+    ) -> tuple[dict[str, Any], int | None, int | None]:
+        """What the spec says of a problem, maybe with a stepper and steps; its seed and draw."""
+        rest, given, seed, draw = index, {**self._fixed}, None, None
+        if self._seeds:
+            rest, draw = divmod(rest, self._draws)
+            rest, at = divmod(rest, len(self._seeds))
+            seed = self._seeds[at]
+        for name, values in reversed(self._grid.items()):
+            rest, at = divmod(rest, len(values))
+            given[name] = values[at]
+        if draw_them and seed is not None and draw is not None:
+            for name, each in self._drawn.items():
+                given[name] = each.value(seed, draw, name, self._entries(each, given))
+        return self._pins_at_rest(given), seed, draw
+
+    def _cases_of(self, index: int) -> Iterator[Case]:
+        """The cases of a problem."""
+        given, seed, draw = self._given(index)
+        settings = self._settings
+        steppers = [given.pop("stepper")] if "stepper" in given else settings.steppers
+        steps = (
+            [given.pop("steps_per_frame")]
+            if "steps_per_frame" in given
+            else self.fields.steps_per_frame
+        )
+        try:
+            parameters = self._factory.complete(given)
+        except InputError:
+            # A case like others until its problem is built; then a row says why it failed.
+            parameters = self._factory.with_defaults(given)
+        problem_key = settings.problem_key(parameters)
+        runs = [(stepper, n) for stepper in steppers for n in steps]
+        for number, (stepper, n) in enumerate(runs, index * self._per_problem):
+            yield Case(
+                number=number,
+                key=settings.case_key(problem_key, stepper, n, seed, draw),
+                problem_key=problem_key,
+                parameters=parameters,
+                stepper=stepper,
+                steps_per_frame=n,
+                seed=seed,
+                draw=draw,
+                settings=settings,
+            )
+
+    def _entries(self, distribution: Distribution, given: Mapping[str, Any]) -> int | None:
+        """The number of entries of a list that is drawn; None for what is not a list."""
+        if distribution.for_each is None:
+            return None
+        nodes = given.get("num_nodes", self._factory.defaults.get("num_nodes"))
+        return int(nodes) - (distribution.for_each == "spring")
+
+    def _pins_at_rest(self, given: dict[str, Any]) -> dict[str, Any]:
+        """The same with drawn velocities of pinned nodes set to zero."""
+        distribution = self._drawn.get("initial_velocity")
+        if distribution and distribution.for_each == "node" and "initial_velocity" in given:
+            velocity = given["initial_velocity"]
+            for node in given.get("pinned", self._factory.defaults.get("pinned", ())):
+                if 0 <= node < len(velocity):
+                    velocity[node] = [0.0] * len(velocity[node])
+        return given
+
+    def _shape(self, given: Mapping[str, Any]) -> tuple[int, int, int]:
+        """Components of a position, nodes or masses, and frames; 1 for each that is unknown."""
+        given = {**self._factory.defaults, **given}
+
+        def whole(name: str) -> int:
+            # A value that cannot be used is reported when the problem is built.
+            value = given.get(name)
+            return int(value) if isinstance(value, (int, float)) and value >= 1 else 1
+
+        start = given.get("start")
+        dim = len(start) if isinstance(start, (list, tuple)) else 1
+        return dim, max(whole("num_nodes"), whole("num_masses")), whole("frames")
+
+    def _set_design(self, tables: Tables) -> None:
+        """Take the tables over, after the names in them have been checked."""
+        factory, grid, drawn = self._factory, tables.grid, tables.drawn
+        fixed = tables.fixed(factory)
+        if self.fields.frames is not None:
+            if "frames" in {**fixed, **grid, **drawn}:
+                raise InputError(repeated("frames"))
+            fixed["frames"] = self.fields.frames
+        parameters = {name: each for name, each in drawn.items() if name not in OF_RUNS}
         run_checks(
-            lambda: maker.check_names(fixed, "fixed"),
-            lambda: maker.check_names(tables.grid, "grid"),
-            lambda: maker.check_names(
-                {name: each for name, each in tables.drawn.items() if name not in _RUNS}, "random"
-            ),
-            lambda: self._check_complete({**fixed, **tables.grid, **tables.drawn}),
-            lambda: tables.check_steppers(),
-            lambda: self._check_lists(tables.drawn),
+            lambda: factory.check_names(fixed, "fixed"),
+            lambda: factory.check_names(grid, "grid"),
+            lambda: factory.check_names(parameters, "random"),
+            lambda: self._check_required({**fixed, **grid, **drawn}),
+            lambda: tables.check_runs(),
+            lambda: self._check_lists(drawn),
         )
-        # What says how large arrays are changes last, so that few shapes alternate.
-        grid = dict(sorted(tables.grid.items(), key=lambda item: item[0] not in SHAPES))
-        designed = Design(
-            maker=maker,
-            fixed=fixed,
-            grid=grid,
-            drawn=tables.drawn,
-            seeds=tables.seeds,
-            draws=tables.count,
-            steppers=fields.steppers or (),
-            steps_per_frame=fields.steps_per_frame,
-            settings=Settings(
-                norm=fields.norm,
-                asked=fields.asked,
-                order_factors=fields.order_factors,
-                largest_stable_dt=fields.largest_stable_dt,
-            ),
-            columns={},
-        )
-        return _checked(designed)
+        self._fixed, self._drawn = fixed, drawn
+        self._seeds, self._draws = tables.seeds, tables.draws
+        # Parameters that determine shapes change last, so that few shapes alternate.
+        self._grid = dict(sorted(grid.items(), key=lambda item: item[0] not in _SHAPES))
 
-    def _check_complete(self, given: Mapping[str, Any]) -> None:
+    def _check_required(self, given: Mapping[str, Any]) -> None:
         faults = [
-            complaint(name, None, f"a value: {self._maker.name!r} has no default for it", "give it")
-            for name in self._maker.needed
+            complaint(
+                name, None, f"a value: {self._factory.name!r} has no default for it", "add it"
+            )
+            for name in self._factory.required
             if name not in given
         ]
         if faults:
             raise InputError(faults)
 
     def _check_lists(self, drawn: Mapping[str, Distribution]) -> None:
-        if "num_nodes" in self._maker.defaults:
+        if "num_nodes" in self._factory.defaults:
             return
         faults = [
             complaint(f"random.{name}", each.for_each, "no for_each without nodes", "leave it out")
@@ -225,203 +333,73 @@ class SweepSpec:
         if faults:
             raise InputError(faults)
 
+    def _checked(self, folder: Path, steppers: Mapping[str, StepperSource] | None) -> Settings:
+        """The settings of all cases, after examples of the problems have been tried.
 
-class _Tables:
-    """The tables of a spec, each checked on its own.
+        Each value of the grid, each end of a distribution and each stepper is tried, with the
+        first values of all other parameters.
 
-    Raises:
-        InputError: one line for each value that cannot be used.
-    """
-
-    def __init__(self, given: Mapping[str, Any]):
-        self.rope: dict[str, Any] = {}
-        self.parameters: dict[str, Any] = {}
-        self.grid: dict[str, tuple[Any, ...]] = {}
-        self.drawn: dict[str, Distribution] = {}
-        self.seeds: tuple[int, ...] = ()
-        self.count = 1
-        faults = [
-            complaint(name, table, "a table", f"write [{name}] above its values")
-            for name, table in given.items()
-            if not isinstance(table, Mapping)
-        ]
-        if faults:
-            raise InputError(faults)
-        self.rope, self.parameters = dict(given["rope"]), dict(given["parameters"])
+        Raises:
+            InputError: one line for each that cannot be used.
+        """
+        factory, fields = self._factory, self.fields
+        examples = [*self._examples()]
+        run_checks(*(lambda each=each: factory.check(each) for each in examples))
+        built: list[Problem] = []
         run_checks(
-            lambda: _check_plain("rope", self.rope),
-            lambda: _check_plain("parameters", self.parameters),
             *(
-                lambda name=name, values=values: self._set_grid(name, values)
-                for name, values in given["grid"].items()
-            ),
-            *(
-                lambda name=name, value=value: self._set_random(name, value)
-                for name, value in given["random"].items()
-            ),
-        )
-        self._check_together(given["random"])
-
-    def _set_grid(self, name: str, values: Any) -> None:
-        fix = f"for example {name} = [0.0, 0.1] below [grid]"
-        if name in _RUNS or name == "steppers":
-            top = "steppers" if name == "stepper" else name
-            raise InputError(complaint(f"grid.{name}", values, "parameters", f"write {top} above"))
-        if not isinstance(values, (list, tuple)) or not values:
-            raise InputError(complaint(f"grid.{name}", values, "a list of values", fix))
-        _check_plain("grid", {name: list(values)})
-        if any(value in values[:at] for at, value in enumerate(values)):
-            allowed = "different values"
-            raise InputError(complaint(f"grid.{name}", values, allowed, "drop repeated ones"))
-        self.grid[name] = tuple(values)
-
-    def _set_random(self, name: str, value: Any) -> None:
-        try:
-            if name == "count":
-                self.count = check_count(value)
-            elif name == "seeds":
-                self.seeds = check_seeds(value)
-            else:
-                self._set_drawn(name, value)
-        except InputError:
-            raise
-        except ValueError as error:
-            example = {"count": "100", "seeds": "[0, 1]"}.get(name, "{ uniform = [0.0, 0.1] }")
-            allowed = {
-                "count": "a whole number from 1 to 2^32",
-                "seeds": "different whole numbers >= 0",
-            }
-            words = f"{allowed.get(name, 'a distribution')} ({error})"
-            raise InputError(
-                complaint(f"random.{name}", value, words, f"for example {name} = {example}")
-            ) from None
-
-    def _set_drawn(self, name: str, value: Any) -> None:
-        if not isinstance(value, Mapping):
-            raise ValueError("it is no table")
-        try:
-            drawn = Distribution(**value)
-        except InputError as error:
-            raise InputError([f"random.{name}.{line}" for line in error.problems]) from None
-        _check_plain("random", {name: drawn.extremes})
-        if name == "steppers":
-            raise ValueError("one is drawn at a time: write stepper")
-        self.drawn[name] = drawn
-
-    def _check_together(self, random: Mapping[str, Any]) -> None:
-        faults = [
-            _twice(name)
-            for name in {**self.rope, **self.parameters, **self.grid, **self.drawn}
-            if sum(name in t for t in (self.rope, self.parameters, self.grid, self.drawn)) > 1
-        ]
-        if self.drawn and "count" not in random:
-            faults.append(complaint("random.count", None, "how many are drawn", "add count = 100"))
-        if random and not self.drawn:
-            example = "damping = { uniform = [0.0, 0.1] }"
-            faults.append(
-                complaint("random", [*random], "a parameter to draw", f"for example {example}")
-            )
-        if faults:
-            raise InputError(faults)
-        if self.drawn and not self.seeds:
-            self.seeds = (0,)
-
-    def fixed(self, maker: Maker) -> dict[str, Any]:
-        """The parameters that all problems share.
-
-        Raises:
-            InputError: they are in the table of another kind of problem.
-        """
-        right, wrong = (
-            ("rope", "parameters")
-            if isinstance(maker, RopeMaker)
-            else (
-                "parameters",
-                "rope",
+                lambda each=each: built.append(factory.build(each))
+                for each in examples[:_MOST_BUILT]
             )
         )
-        if given := getattr(self, wrong):
-            raise InputError(
-                complaint(wrong, given, f"none with {maker.name!r}", f"write [{right}] above them")
-            )
-        return dict(getattr(self, right))
+        if "stepper" in self._drawn:
+            steppers = stepper_sources(self._drawn["stepper"].extremes, folder)
+            self._drawn["stepper"] = Distribution(choice=tuple(steppers))
+        elif steppers is None:
+            steppers = stepper_sources(default_steppers(built[0]), folder)
+        loaded = [stepper_from(source, folder) for source in steppers.values()]
+        refusals = [refusal for p in built for each in loaded if (refusal := each.refusal(p))]
+        if refusals:
+            raise InputError(list(dict.fromkeys(refusals)))
+        if fields.largest_stable_dt:
+            built[0].require_mechanics("largest_stable_dt")
+        return Settings(
+            problem=factory.name,
+            folder=folder,
+            identity=factory.identity,
+            columns=factory.columns(factory.complete(examples[0])),
+            steppers=steppers,
+            norm=norm_for(built[0], fields.norm).name,
+            reference_options=fields.asked,
+            order_factors=fields.order_factors,
+            largest_stable_dt=fields.largest_stable_dt,
+            keep_references=self._problems <= MOST_KEPT,
+            software=software(fields.level),
+        )
 
-    def check_steppers(self) -> None:
-        """See that what is drawn of steppers and steps can be used, and has one form.
+    def _examples(self) -> Iterator[dict[str, Any]]:
+        """Parameters that stand for all others: each value once, with the first of the rest."""
+        drawn = {name: each for name, each in self._drawn.items() if name not in OF_RUNS}
+        first = {**self._fixed, **{name: values[0] for name, values in self._grid.items()}}
+        ends = {name: each.extremes[0] for name, each in drawn.items()}
 
-        Raises:
-            InputError: one line for each that cannot.
-        """
-        if (drawn := self.drawn.get("stepper")) is not None:
-            if drawn.choice is None or drawn.for_each is not None:
-                fix = 'for example stepper = { choice = ["rk4"] }'
-                raise InputError(
-                    complaint("random.stepper", _said(drawn), "a choice of names", fix)
-                )
-            labels = tuple(each.label for each in check_steppers(drawn.choice))
-            self.drawn["stepper"] = Distribution(choice=labels)
-        if (drawn := self.drawn.get("steps_per_frame")) is not None:
-            if not (drawn.choice or drawn.integers) or drawn.for_each is not None:
-                fix = "for example steps_per_frame = { integers = [16, 64] }"
-                allowed = "whole numbers"
-                raise InputError(complaint("random.steps_per_frame", _said(drawn), allowed, fix))
-            ends = check_steps(list(dict.fromkeys(drawn.extremes)))
-            if drawn.choice:
-                self.drawn["steps_per_frame"] = Distribution(choice=tuple(ends))
+        def example(given: dict[str, Any], ends: Mapping[str, Any]) -> dict[str, Any]:
+            for name, end in ends.items():
+                entries = self._entries(drawn[name], given)
+                given[name] = end if entries is None else [end] * entries
+            return self._pins_at_rest(given)
 
-
-def _checked(design: Design) -> Design:
-    """The design with what it says of its problems filled in: steppers, norm, columns.
-
-    Each value of the grid, each end of a distribution and each stepper is tried, with the
-    first values of all other parameters.
-
-    Raises:
-        InputError: one line for each that cannot be used.
-    """
-    maker = design.maker
-    tried = [*_tried(design)]
-    run_checks(*(lambda each=each: maker.check(each) for each in tried))
-    built: list[Problem] = []
-    run_checks(*(lambda each=each: built.append(maker.build(each)) for each in tried[:_MOST_BUILT]))
-    steppers = tuple(design.steppers)
-    if not steppers and "stepper" not in design.drawn:
-        steppers = tuple(as_stepper(name).label for name in default_steppers(built[0]))
-    drawn = design.drawn.get("stepper")
-    every = [as_stepper(name) for name in (drawn.extremes if drawn else steppers)]
-    refusals = [refusal for p in built for each in every if (refusal := each.refusal(p))]
-    if refusals:
-        raise InputError(list(dict.fromkeys(refusals)))
-    if design.settings.largest_stable_dt:
-        built[0].require_mechanics("largest_stable_dt")
-    norm = norm_for(built[0], design.settings.norm)
-    return dataclasses.replace(
-        design,
-        steppers=steppers,
-        settings=dataclasses.replace(design.settings, norm=norm.name),
-        columns=maker.columns(maker.normal(tried[0])),
-    )
+        yield example({**first}, ends)
+        for name, values in self._grid.items():
+            for value in values[1:]:
+                yield example({**first, name: value}, ends)
+        for name, each in drawn.items():
+            for end in each.extremes[1:]:
+                yield example({**first}, {**ends, name: end})
 
 
-def _tried(design: Design) -> Iterator[dict[str, Any]]:
-    """Parameters that stand for all others: each value once, with the first of the rest."""
-    drawn = {name: each for name, each in design.drawn.items() if name not in _RUNS}
-    first = {**design.fixed, **{name: values[0] for name, values in design.grid.items()}}
-    ends = {name: each.extremes[0] for name, each in drawn.items()}
-
-    def whole(given: dict[str, Any], ends: Mapping[str, Any]) -> dict[str, Any]:
-        for name, end in ends.items():
-            entries = design.entries(drawn[name], given)
-            given[name] = end if entries is None else [end] * entries
-        return design.held(given)
-
-    yield whole({**first}, ends)
-    for name, values in design.grid.items():
-        for value in values[1:]:
-            yield whole({**first, name: value}, ends)
-    for name, each in drawn.items():
-        for end in each.extremes[1:]:
-            yield whole({**first}, {**ends, name: end})
+def _sources(given: Any, folder: Path) -> dict[str, StepperSource] | None:
+    return None if given is None else stepper_sources(given, folder)
 
 
 def read_sweep(path: Path) -> SweepSpec:
@@ -437,43 +415,10 @@ def read_sweep(path: Path) -> SweepSpec:
     return SweepSpec(read_spec(path), Path(path).parent)
 
 
-def _check_plain(table: str, values: Mapping[str, Any]) -> None:
-    """See that values are numbers, words, true or false, and lists of them.
-
-    Raises:
-        InputError: one is not.
-    """
-
-    def plain(value: Any) -> bool:
-        if isinstance(value, (list, tuple)):
-            return all(map(plain, value))
-        if isinstance(value, float):
-            return math.isfinite(value)
-        return isinstance(value, (str, int))
-
-    allowed = "finite numbers, words, true or false, and lists of them"
-    if faults := [
-        complaint(f"{table}.{name}", value, allowed, "write it as one of them")
-        for name, value in values.items()
-        if not plain(value)
-    ]:
-        raise InputError(faults)
-
-
-def _said(drawn: Distribution) -> dict[str, Any]:
-    """A distribution as it is written."""
-    return drawn.model_dump(exclude_none=True)
-
-
-def _twice(name: str) -> str:
-    allowed = "one place for each parameter"
-    return complaint(name, "in two tables", allowed, "take it out of one of them")
-
-
 COMMENTED_SWEEP = """\
-# What `ropeode sweep THIS-FILE -o FOLDER` computes: every stepper with every number of steps on
-# every problem of a design. A case that is in the folder already is not computed again, so
-# that a sweep can be extended: more values, draws, seeds, steppers or steps.
+# `ropeode sweep THIS-FILE -o FOLDER` runs every stepper with every number of steps on every
+# problem of a design, and writes one row for each case. Rows that are in the folder already are
+# not computed again; with --extend the design may grow by values, draws, seeds, steppers or steps.
 
 # "rope", another problem of the library (pendulum, kepler, lorenz, van-der-pol, ...), or your
 # own: "FILE.py:NAME", where NAME is a function of parameters that returns a Problem.
@@ -483,8 +428,9 @@ problem = "rope"
 # without a stiffness).
 kind = "rope"
 
-# `ropeode steppers` lists them with their options, as in "stormer-verlet:start=rest". By
-# default those of `ropeode table` that can run on the problem.
+# `ropeode steppers` lists them with their options, as in "stormer-verlet:start=rest". Your own is
+# "FILE.py:NAME"; "diffrax:Heun" and "scipy:RK45" work too. By default those of `ropeode table`
+# that can run on the problem.
 steppers = ["semi-implicit-euler", "rk4"]
 
 # Step sizes: dt = frame / steps_per_frame.
@@ -493,7 +439,7 @@ steps_per_frame = [16, 32, 64]
 # The order at n steps per frame is observed from runs with n times each of these. [] for none.
 order_factors = [1, 2, 4, 8]
 
-# Whether the largest step size is to be found with which a rope can hang still.
+# Whether to compute the largest step size at which a rope can hang still.
 largest_stable_dt = false
 
 # How an error is measured: position-max, position-rms, velocity-max or velocity-rms; for
@@ -511,11 +457,11 @@ norm = "position-max"
 # pip install '.[extended]'.
 level = "consensus"
 
-# With level "extended": to how many digits two runs are to agree, and how many seconds they have.
+# With level "extended": the digits to which two runs must agree, and their time limit in seconds.
 # digits = 18
 # time_limit = 60
 
-# What all ropes share; what is not said here has its default. For other problems: [parameters].
+# Parameters that all ropes share; any other has its default. For other problems: [parameters].
 [rope]
 gravity = [0.0, -1.0]
 initial_velocity = [0.0, 0.0]
@@ -526,13 +472,13 @@ num_nodes = [8, 16]
 damping = [0.01, 0.1]
 frames = [20]
 
-# Each combination is taken with each draw: `count` draws for each seed. A draw is
+# Random draws: `count` draws for each seed, each of them at every point of the grid. A draw is
 # { uniform = [0.0, 0.1] }, { log_uniform = [10.0, 1000.0] }, { integers = [4, 32] } or
 # { choice = [1.0, 2.0] }. Ends that are lists are those of each component. With
 # for_each = "node" or "spring" a list is drawn, with an entry for each of them.
-[random]
-count = 2
-seeds = [0]
-stiffness = { log_uniform = [50.0, 200.0] }
-node_mass = { uniform = [0.5, 2.0], for_each = "node" }
+# [random]
+# count = 2
+# seeds = [0]
+# stiffness = { log_uniform = [50.0, 200.0] }
+# node_mass = { uniform = [0.5, 2.0], for_each = "node" }
 """

@@ -1,1 +1,1 @@
-"""Where and how a sweep runs: tasks, worker processes, and the rows that they return."""
+"""How a sweep runs: engines that compute tasks, and the rows of a task."""

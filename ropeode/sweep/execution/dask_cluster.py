@@ -1,4 +1,4 @@
-"""The tasks of a sweep on a Dask cluster that is there already."""
+"""An engine that computes the tasks of a sweep on a running Dask cluster."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from concurrent.futures import Future
 from typing import Any
 
 from ropeode.errors import InputError, RopeodeError
-from ropeode.sweep.execution.engines import AHEAD, Row, Work, on_one_core
+from ropeode.sweep.design.columns import Row
+from ropeode.sweep.execution.engines import AHEAD, Work, on_one_core
 from ropeode.validation import complaint, require
 
 _CONNECT_S = 10.0
 _COUNT_EVERY_S = 1.0
-# A cluster that grows by need takes its time to give the first worker.
+# A cluster that starts workers on demand needs time for the first one.
 NO_WORKERS_S = 300.0
 
 
 class DaskCluster:
-    """The workers of a Dask scheduler. Dask itself retries what died with a worker.
+    """The workers of a Dask scheduler. Dask itself retries the tasks of a worker that died.
 
     Arguments:
-        work: what to do with a task; the workers can import it.
+        work: computes a task; the workers can import it.
         address: of the scheduler, as in ``tcp://host:8786``.
 
     Raises:
@@ -43,49 +44,45 @@ class DaskCluster:
             fix = "for example tcp://host:8786"
             raise InputError(complaint("scheduler", address, allowed, fix)) from error
         self._executor = self._client.get_executor(pure=False)
-        self._threads, self._counted, self._seen = 0, -_COUNT_EVERY_S, time.monotonic()
+        self._threads, self._counted_at, self._alive_at = 0, -_COUNT_EVERY_S, time.monotonic()
 
     def slots(self) -> int:
-        """A few more tasks than there are threads now, so that none of them has to wait."""
+        """A few more tasks than threads, so that no thread has to wait."""
         return AHEAD * max(1, self._count())
 
     def submit(self, task: Any) -> Future[list[Row]]:
-        """Have a task worked on by any worker."""
+        """Send a task to any worker."""
         return self._executor.submit(on_one_core, self._work, task)
 
     def check(self) -> None:
         """Raises:
-        RopeodeError: there have been no workers for five minutes, or the scheduler is gone.
+        RopeodeError: there have been no workers for five minutes, or the scheduler has gone.
         """
         self._count()
-        waited = time.monotonic() - self._seen
+        waited = time.monotonic() - self._alive_at
         if waited > NO_WORKERS_S:
             raise RopeodeError(
                 f"scheduler: {self._address} has had no workers for {waited:.0f} seconds; finished "
-                "cases are kept. Fix: start workers, and give the same command again"
+                "cases are kept. Fix: start workers, then run the same command again"
             )
 
     def close(self) -> None:
-        """Take back what was given to the cluster, and leave it."""
+        """Cancel the tasks on the cluster, and disconnect."""
         self._executor.shutdown(wait=False)
         self._client.close()
 
     def _count(self) -> int:
-        """Threads of all workers, not asked for more than once a second."""
+        """Threads of all workers, counted at most once a second."""
         now = time.monotonic()
-        if now - self._counted >= _COUNT_EVERY_S:
+        if now - self._counted_at >= _COUNT_EVERY_S:
             try:
                 self._threads = sum(self._client.nthreads().values())
             except (OSError, RuntimeError, ValueError) as error:
-                raise self.gone() from error
-            self._counted = now
+                raise RopeodeError(
+                    f"scheduler: the connection to {self._address} is lost; finished cases are "
+                    "kept. Fix: start the cluster again, then run the same command again"
+                ) from error
+            self._counted_at = now
             if self._threads:
-                self._seen = now
+                self._alive_at = now
         return self._threads
-
-    def gone(self) -> RopeodeError:
-        """What to say when the scheduler does not answer any more."""
-        return RopeodeError(
-            f"scheduler: the connection to {self._address} is lost; finished cases are kept. Fix: "
-            "start the cluster again, and give the same command again"
-        )

@@ -1,7 +1,7 @@
-"""Where the tasks of a sweep are worked on: in this process, or in others of this machine.
+"""Engines that compute the tasks of a sweep: this process, or others of this machine.
 
-An engine takes tasks and gives futures. Whose fault it is when a process dies is found out in
-`ropeode.sweep.execution.dispatch`, for all engines alike.
+An engine takes tasks and returns futures. When a process dies, `ropeode.sweep.task_queue` finds the
+case that is to blame, for all engines alike.
 """
 
 from __future__ import annotations
@@ -17,46 +17,46 @@ from multiprocessing.context import SpawnContext
 from typing import Any, Protocol
 
 from ropeode.errors import RopeodeError
+from ropeode.sweep.design.columns import Row
 
-Row = dict[str, Any]
 Work = Callable[[Any], list[Row]]
 
-# Tasks under way for each worker: one that it works on, and one that it will go on with.
+# Tasks under way for each worker: the current one and the next.
 AHEAD = 2
 _START_S = 120.0
 _STARTS = 3
 
 
 class Engine(Protocol):
-    """What works on tasks.
+    """An object that computes tasks.
 
     Fields:
-        lost: what a future raises when the process that worked on its task is gone.
+        lost: the exceptions of a future whose process has died.
     """
 
     lost: tuple[type[BaseException], ...]
 
     def slots(self) -> int:
-        """How many tasks are to be under way."""
+        """The number of tasks that should be under way."""
         ...
 
     def submit(self, task: Any) -> Future[list[Row]]:
-        """Have a task worked on."""
+        """Start a task."""
         ...
 
     def check(self) -> None:
         """Raises:
-        RopeodeError: nobody is left to do the work.
+        RopeodeError: no worker is left.
         """
         ...
 
     def close(self) -> None:
-        """End what was started, at once."""
+        """End all processes that were started, at once."""
         ...
 
 
 class InProcess:
-    """Works on a task at once; a process that dies takes the sweep along."""
+    """Computes each task at once, in this process; a crash aborts the sweep."""
 
     lost: tuple[type[BaseException], ...] = ()
 
@@ -68,7 +68,7 @@ class InProcess:
         return 1
 
     def submit(self, task: Any) -> Future[list[Row]]:
-        """Work on a task; the future is done."""
+        """Compute a task; the future is done."""
         future: Future[list[Row]] = Future()
         try:
             future.set_result(self._work(task))
@@ -80,15 +80,15 @@ class InProcess:
         """There is always this process."""
 
     def close(self) -> None:
-        """There is nothing to end."""
+        """No process was started."""
 
 
 class LocalProcesses:
-    """Processes of this machine, each with a queue of its own, so that one may die alone.
+    """Processes of this machine, each with its own queue, so that one may die alone.
 
     Arguments:
-        work: what to do with a task; it can be pickled.
-        workers: how many processes.
+        work: computes a task; it can be pickled.
+        workers: number of processes.
 
     Raises:
         RopeodeError: processes cannot be started.
@@ -103,11 +103,11 @@ class LocalProcesses:
         self._workers = [_Worker(self._context) for _ in range(workers)]
 
     def slots(self) -> int:
-        """A few more tasks than processes, so that none of them has to wait."""
+        """A few more tasks than processes, so that no process has to wait."""
         return AHEAD * len(self._workers)
 
     def submit(self, task: Any) -> Future[list[Row]]:
-        """Give a task to the process that has fewest, or to a new one if that one is dead."""
+        """Send a task to the process with the fewest, or to a new one if that one has died."""
         i = min(range(len(self._workers)), key=lambda i: self._workers[i].busy())
         try:
             return self._workers[i].submit(self._work, task)
@@ -117,7 +117,7 @@ class LocalProcesses:
             return self._workers[i].submit(self._work, task)
 
     def check(self) -> None:
-        """A dead process makes its futures raise at once."""
+        """When a process dies, its futures raise at once."""
 
     def close(self) -> None:
         """Kill the processes."""
@@ -126,32 +126,32 @@ class LocalProcesses:
 
 
 class _Worker:
-    """One process, which has been seen to start."""
+    """One process, which has started."""
 
     def __init__(self, context: SpawnContext):
         for _ in range(_STARTS):
             self._pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
-            self._given: list[Future] = []
+            self._tasks: list[Future] = []
             with contextlib.suppress(BrokenExecutor):
                 self._process = self._pool.submit(os.getpid).result(_START_S)
                 return
             self._pool.shutdown()
         raise RopeodeError(
-            "workers: a process of Python ends while it starts. Fix: in a script, call this below "
-            "`if __name__ == '__main__':`"
+            "workers: the Python process of a worker ends while it starts. Fix: in a script, call "
+            "this below `if __name__ == '__main__':`"
         )
 
     def busy(self) -> int:
-        self._given = [future for future in self._given if not future.done()]
-        return len(self._given)
+        self._tasks = [future for future in self._tasks if not future.done()]
+        return len(self._tasks)
 
     def submit(self, work: Work, task: Any) -> Future[list[Row]]:
         future = self._pool.submit(_work, work, task)
-        self._given.append(future)
+        self._tasks.append(future)
         return future
 
     def close(self) -> None:
-        # The pool would wait for the task that the process is at.
+        # The pool would wait for the current task.
         if self.busy():
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._process, signal.SIGKILL)
@@ -159,7 +159,7 @@ class _Worker:
 
 
 def on_one_core(work: Work, task: Any) -> list[Row]:
-    """Do the work of a worker, which has one processor: there is a worker for each."""
+    """Compute a task on one processor, since there is a worker for each."""
     from ropeode.threads import use_cores
 
     use_cores(1)
@@ -167,7 +167,7 @@ def on_one_core(work: Work, task: Any) -> list[Row]:
 
 
 def _begin() -> None:
-    """Set up a worker: Ctrl-C is for its parent alone, with which it ends, however that ends."""
+    """Set up a worker: it ignores Ctrl-C, and ends with its parent, however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -180,7 +180,7 @@ def _begin() -> None:
 
 
 def _work(work: Work, task: Any) -> list[Row]:
-    """Do the work, in a process that is all its own."""
+    """Compute a task in a process that does nothing else."""
     from ropeode.references.jax_setup import set_up_jax
 
     set_up_jax()

@@ -1,13 +1,14 @@
-"""References of a sweep: made once for each problem, and kept in the sweep's folder."""
+"""References of a sweep: computed once for each problem, and kept in the sweep's folder."""
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import io
 import json
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,143 +16,118 @@ from ropeode.errors import ReferenceRefused
 from ropeode.files import make_folder, write_whole
 from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
+from ropeode.references.certificate import Certificate
 from ropeode.references.ensemble import each_reference
 from ropeode.references.reference import Reference
 from ropeode.validation import in_one_line
 
 FOLDER = "references"
-_SCHEMA = "ropeode.sweep-reference/1"
+_SCHEMA = "ropeode.sweep-reference/2"
 _DIGEST_BYTES = 32
+# What a file does not say of a certificate: durations differ from run to run, and the witnesses'
+# numbers are not needed for rows.
+_NOT_KEPT: Mapping[str, Any] = {
+    "drift": {},
+    "witnesses": (),
+    "seconds": np.nan,
+    "compile_seconds": np.nan,
+}
 
 
-class Known(NamedTuple):
-    """What a sweep needs of a reference: the part inside the trust horizon.
+def references_of(
+    folder: Path, problems: Mapping[str, Problem], options: Mapping[str, Any], *, keep: bool
+) -> dict[str, Reference | str]:
+    """The references of problems up to their trust horizons: read, or computed side by side.
 
-    Fields:
-        states: at the trusted samples, ``(trusted, *state)``.
-        bounds: the estimated error bound for each quantity, ``(trusted,)``.
-        horizon: the first sample time outside; None if there is none.
-        reason: why the horizon ends there.
-    """
-
-    states: np.ndarray
-    bounds: Mapping[str, np.ndarray]
-    horizon: float | None
-    reason: str | None
-
-
-class Refused(NamedTuple):
-    """That no reference can be had, and why."""
-
-    reason: str
-
-
-def known_references(
-    folder: Path, problems: Mapping[str, Problem], asked: Mapping[str, Any], *, keep: bool
-) -> dict[str, Known | Refused]:
-    """The references of problems, from the folder, or else made side by side and kept there.
-
-    What becomes of each does not depend on the others. Processes that make the same one at the
-    same time write the same file, each of them whole.
+    Each is independent of the others. Processes that compute the same reference at the same time
+    write the same file, each of them whole.
 
     Arguments:
         folder: of the sweep.
-        problems: what to solve, by their keys.
-        asked: of the references, as `ropeode.reference` takes it.
-        keep: whether those that are made are to be kept, each as soon as it is there.
+        problems: by key.
+        options: of the references, as `ropeode.reference` takes them.
+        keep: whether new references are written to the folder, each as soon as it is computed.
 
     Returns:
-        By key.
+        By key the reference, or the reason why there is none.
 
     Raises:
         InputError: a file cannot be written.
     """
-    found: dict[str, Known | Refused] = {}
+    references: dict[str, Reference | str] = {}
     families: dict[Hashable, list[str]] = {}
     for key, problem in problems.items():
-        if (known := _read(reference_path(folder, key), key)) is not None:
-            found[key] = known
+        if (kept := _read(reference_path(folder, key), key, problem)) is not None:
+            references[key] = kept
         else:
             families.setdefault(family(problem), []).append(key)
     for keys in families.values():
-        made = _made([problems[key] for key in keys], asked)
-        for key, outcome in zip(keys, made, strict=True):
-            found[key] = _inside(outcome) if isinstance(outcome, Reference) else _refused(outcome)
-            # What a solver stumbled over may be gone with the next try.
+        outcomes = _computed([problems[key] for key in keys], options)
+        for key, outcome in zip(keys, outcomes, strict=True):
+            new = _trusted(outcome) if isinstance(outcome, Reference) else in_one_line(outcome)
+            references[key] = new
+            # Where a solver raised, the next attempt may succeed.
             if keep and isinstance(outcome, (Reference, ReferenceRefused)):
                 path = reference_path(folder, key)
                 make_folder(path.parent)
-                told = _told(outcome) if isinstance(outcome, Reference) else {}
-                write_whole(path, _packed(key, found[key], told))
-    return found
+                write_whole(path, _packed(key, new, outcome))
+    return references
 
 
-def _made(problems: Sequence[Problem], asked: Mapping[str, Any]) -> Iterator[Reference | Exception]:
-    """The reference of each problem of a family, or why there is none."""
+def _computed(
+    problems: Sequence[Problem], options: Mapping[str, Any]
+) -> Iterator[Reference | Exception]:
+    """The reference of each problem of a family, or the exception in its place."""
     done = 0
     try:
-        for outcome in each_reference(Ensemble.of(problems), **asked):
+        for outcome in each_reference(Ensemble.of(problems), **options):
             yield outcome
             done += 1
     except Exception as error:
         if len(problems) == 1:
             yield error
             return
-        # One of them it is; the others are not to suffer for it.
+        # One problem raised; the others are solved without it.
         for problem in problems[done:]:
-            yield from _made([problem], asked)
-
-
-def _refused(error: Exception) -> Refused:
-    return Refused(in_one_line(error))
+            yield from _computed([problem], options)
 
 
 def reference_path(folder: Path, key: str) -> Path:
-    """Where the reference of a problem is kept; at most some thousand files in a folder."""
+    """The file of a problem's reference; one folder contains some thousand files at most."""
     return folder / FOLDER / key[:2] / f"{key}.npz"
 
 
-def _inside(made: Reference) -> Known:
-    return Known(
-        states=made.states[: made.trusted],
-        bounds={name: series[: made.trusted] for name, series in made.certificate.bounds.items()},
-        horizon=made.horizon,
-        reason=made.certificate.horizon_reason,
-    )
+def _trusted(reference: Reference) -> Reference:
+    """A reference up to its trust horizon, as `_read` returns it."""
+    certificate, trusted = reference.certificate, reference.trusted
+    bounds = {name: series[:trusted] for name, series in certificate.bounds.items()}
+    certificate = dataclasses.replace(certificate, bounds=bounds, **_NOT_KEPT)
+    return Reference(reference.problem, reference.states[:trusted], certificate)
 
 
-def _told(made: Reference) -> dict[str, Any]:
-    """What else the certificate says, for whoever looks into the file."""
-    certificate = made.certificate
-    return {
-        "level": certificate.level,
-        "solver": certificate.solver,
-        "rtol": certificate.rtol,
-        "atol": certificate.atol,
-        "accuracy": certificate.accuracy,
-        "witnesses": [f"{each.role}: {each.solver}" for each in certificate.witnesses],
-        "versions": dict(certificate.versions),
-        "parameters": dict(made.problem.parameters),
-    }
-
-
-def _packed(key: str, found: Known | Refused, told: Mapping[str, Any]) -> bytes:
-    """A file's contents: NumPy arrays with words in JSON, and the sha256 of them all."""
-    words: dict[str, Any] = {"schema": _SCHEMA, "key": key, **told}
+def _packed(key: str, new: Reference | str, outcome: Reference | Exception) -> bytes:
+    """The contents of a file: NumPy arrays, the rest as JSON, and the sha256 of both."""
+    words: dict[str, Any] = {"schema": _SCHEMA, "key": key}
     arrays: dict[str, Any] = {}
-    if isinstance(found, Refused):
-        words["refused"] = found.reason
+    if isinstance(new, Reference) and isinstance(outcome, Reference):
+        kept = {k: v for k, v in vars(new.certificate).items() if k not in _NOT_KEPT}
+        arrays = {f"bound_{name}": series for name, series in kept.pop("bounds").items()}
+        arrays["states"] = new.states
+        words |= {
+            "certificate": kept,
+            # For readers of the file.
+            "witnesses": [f"{w.role}: {w.solver}" for w in outcome.certificate.witnesses],
+            "parameters": dict(outcome.problem.parameters),
+        }
     else:
-        words |= {"horizon": found.horizon, "reason": found.reason}
-        arrays["states"] = found.states
-        arrays |= {f"bound_{name}": series for name, series in found.bounds.items()}
+        words["refused"] = new
     file = io.BytesIO()
-    np.savez(file, words=np.array(json.dumps(words)), **arrays)
+    np.savez(file, words=np.array(json.dumps(words, default=dict, sort_keys=True)), **arrays)
     return file.getvalue() + hashlib.sha256(file.getvalue()).digest()
 
 
-def _read(path: Path, key: str) -> Known | Refused | None:
-    """What a file says; None if there is none, or it is not as it was written."""
+def _read(path: Path, key: str, problem: Problem) -> Reference | str | None:
+    """The contents of a file; None if there is no file, or it is damaged."""
     try:
         contents = path.read_bytes()
     except OSError:
@@ -164,10 +140,11 @@ def _read(path: Path, key: str) -> Known | Refused | None:
         if (words["schema"], words["key"]) != (_SCHEMA, key):
             return None
         if "refused" in words:
-            return Refused(words["refused"])
+            return words["refused"]
         bounds = {
             name.removeprefix("bound_"): arrays[name]
             for name in arrays.files
             if name.startswith("bound_")
         }
-        return Known(arrays["states"], bounds, words["horizon"], words["reason"])
+        certificate = Certificate(**words["certificate"], bounds=bounds, **_NOT_KEPT)
+        return Reference(problem, arrays["states"], certificate)

@@ -1,4 +1,4 @@
-"""Rows of one sweep that are rows of a larger one too."""
+"""Rows of a sweep that also belong to a larger one."""
 
 from __future__ import annotations
 
@@ -13,46 +13,44 @@ from ropeode.sweep.design.cases import Case
 from ropeode.sweep.design.spec import SweepSpec
 from ropeode.sweep.storage.row_files import (
     NUMBER,
-    PARTITION,
     Store,
     files_of,
+    partition_of,
     partitions,
     read_file,
 )
 
 _OPEN_FILES = 4
-# Of a key, in hexadecimal digits, that rows are looked up by; the rest is compared then.
+# Rows are looked up by so many hexadecimal digits of their keys; then whole keys are compared.
 _DIGITS = 16
 
 
 def take_over(old: Path, new: Path, sweep: SweepSpec) -> int:
-    """Write the rows that a sweep shares with one before it.
+    """Copy the rows that a sweep shares with the one before it.
 
-    What a row says of its inputs is said anew: its number, and columns that the sweep before
-    did not have.
+    The input columns of a copied row are rewritten: its number changes, and the sweep before
+    may have had fewer parameters.
 
     Arguments:
-        old: folder of the rows that are there.
-        new: folder of rows, to be made.
-        sweep: whose cases are looked for.
+        old: folder of the rows of the sweep before.
+        new: folder of rows, which is created.
+        sweep: the larger one.
 
     Returns:
-        how many of the old rows are of no case of the sweep.
+        The number of old rows that do not belong to any case of the sweep.
     """
-    known = _Known(old)
-    store = Store(new, sweep.columns)
-    left = known.count
-    tasks = enumerate(sweep.tasks())
-    for partition, those in itertools.groupby(tasks, lambda each: each[0] // PARTITION):
-        shared = known.rows([case for _, task in those for case in task.cases], store)
+    rows, store = _RowsByKey(old), Store(new, sweep.columns)
+    lost = rows.count
+    for partition, tasks in itertools.groupby(sweep.tasks(), partition_of):
+        shared = rows.of([case for task in tasks for case in task.cases], store)
         if shared is not None:
-            left -= shared.num_rows
+            lost -= shared.num_rows
             store.add(partition, shared)
-    return left
+    return lost
 
 
-class _Known:
-    """The rows of a folder, found by their keys: 16 bytes of memory for each."""
+class _RowsByKey:
+    """The rows of a folder, looked up by their keys: 16 bytes of memory for each."""
 
     def __init__(self, folder: Path):
         self._files = [path for name in partitions(folder) for path in files_of(folder, name)]
@@ -73,16 +71,16 @@ class _Known:
     def count(self) -> int:
         return len(self._hashes)
 
-    def rows(self, cases: list[Case], store: Store) -> pa.Table | None:
-        """The rows of those of the cases that are known."""
+    def of(self, cases: list[Case], store: Store) -> pa.Table | None:
+        """The rows of those cases that have one."""
         if not self.count:
             return None
         wanted = _hashes([case.key for case in cases])
         place = np.searchsorted(self._hashes, wanted).clip(max=self.count - 1)
-        found = np.flatnonzero(self._hashes[place] == wanted)
+        hits = np.flatnonzero(self._hashes[place] == wanted)
         tables = []
-        for at in np.unique(self._file[place[found]]):
-            own = found[self._file[place[found]] == at]
+        for at in np.unique(self._file[place[hits]]):
+            own = hits[self._file[place[hits]] == at]
             rows = self._table(int(at)).take(self._row[place[own]])
             same = [
                 cases[i].key == key for i, key in zip(own, rows["key"].to_pylist(), strict=True)

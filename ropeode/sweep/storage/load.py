@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ropeode.errors import InputError
-from ropeode.sweep.design.columns import INPUTS
-from ropeode.sweep.storage.index import Index, read_index
+from ropeode.sweep.storage.folder import Index, read_index
 from ropeode.validation import complaint, require, unknown
 
 if TYPE_CHECKING:
@@ -17,25 +16,25 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Form = Literal["pandas", "xarray"]
-# Cells of an xarray object for each row there is.
+# An xarray object may have this many cells for each row.
 _MOST_CELLS = 4
 
 
 def load_sweep(
     folder: str | Path, *, columns: Sequence[str] | None = None, form: Form = "pandas"
 ) -> pd.DataFrame | xr.Dataset:
-    """The rows of a sweep, in the order of its spec, also while it is still running.
+    """The rows of a sweep, in the order of its spec; a running sweep can be read too.
 
     Arguments:
         folder: of the sweep.
-        columns: to load; all by default. Steps, stepper and parameters always are for xarray.
+        columns: to load; all by default. An xarray object always has all inputs.
         form: ``pandas``: a `DataFrame` whose index is the number of the case, with types that
-            know missing values. ``xarray``: a `Dataset` whose dimensions are the inputs that
-            differ; what is missing is NaN.
+            allow missing values. ``xarray``: a `Dataset` whose dimensions are the inputs that
+            differ; missing values are NaN.
 
     Raises:
-        InputError: there is no sweep in the folder, or no such column; or the inputs that
-            differ are so many that most cells of an xarray object would be empty.
+        InputError: there is no sweep in the folder, or no such column; or so many inputs
+            differ that most cells of an xarray object would be empty.
         RopeodeError: a file is damaged.
     """
     require("pandas", "data", "sweeps")
@@ -49,7 +48,7 @@ def load_sweep(
     if form != "xarray":
         raise InputError(unknown("form", str(form), ("pandas", "xarray")))
     require("xarray", "data", "sweeps")
-    inputs = input_names(index)
+    inputs = index.inputs
     wanted = None if columns is None else list(dict.fromkeys([*inputs, *columns]))
     return _dataset(_frame(Path(folder), index, wanted), inputs)
 
@@ -67,14 +66,6 @@ def sweep_in(folder: str | Path) -> Index:
     return index
 
 
-def input_names(index: Index) -> list[str]:
-    """The columns that say what was run, without those that say it all in one."""
-    from ropeode.sweep.design.columns import COLUMNS
-
-    inputs = [name for name in index.columns if name in INPUTS or name not in COLUMNS]
-    return [name for name in inputs if name not in ("key", "parameters")]
-
-
 def _frame(folder: Path, index: Index, columns: Sequence[str] | None) -> pd.DataFrame:
     import pandas as pd
     import pyarrow as pa
@@ -90,7 +81,7 @@ def _frame(folder: Path, index: Index, columns: Sequence[str] | None) -> pd.Data
         pa.bool_(): pd.BooleanDtype(),
         pa.string(): pd.StringDtype(),
     }
-    # Tasks hold cases of one shape, which need not be neighbours.
+    # Cases of one task have one shape, and need not be neighbours.
     table = pa.concat_tables([schema.empty_table(), *tables]).sort_by(NUMBER)
     return table.to_pandas(types_mapper=types.get).set_index(NUMBER)
 
@@ -101,7 +92,7 @@ def _dataset(frame: Any, inputs: Sequence[str]) -> xr.Dataset:
     sizes = {name: frame[name].nunique(dropna=False) for name in inputs}
     dims = [name for name, size in sizes.items() if size > 1]
     if "draw" in dims:
-        # What is drawn differs from draw to draw and makes no dimension of its own.
+        # Drawn parameters differ from draw to draw; they are not dimensions of their own.
         drawn = frame.groupby(["seed", "draw"], dropna=False)
         grid = [name for name in dims if drawn[name].nunique(dropna=False).max() > 1]
         dims = [name for name in dims if name in ("seed", "draw", *grid)]

@@ -1,9 +1,9 @@
-"""The rows of a sweep on disk: Parquet files that are written whole, and few of them.
+"""The rows of a sweep on disk, in few Parquet files, each of which is written whole.
 
 A sweep's tasks, in their order, are cut into partitions of `PARTITION` tasks. While a partition
-is open, each result is a small file of its own, in the folder ``000012/``. When all its tasks are
-done they are merged into one, ``000012.parquet``: from the moment that this name is there, the
-folder counts no more. So a process that is killed at any moment leaves each row behind once.
+is open, the rows of each task are a small file in the folder ``000012/``. When all its tasks are
+done these files are merged into ``000012.parquet``; as soon as that file exists, the folder is
+ignored. So a process that is killed at any moment leaves each row behind exactly once.
 """
 
 from __future__ import annotations
@@ -20,24 +20,23 @@ import pyarrow.parquet as pq
 
 from ropeode.errors import RopeodeError
 from ropeode.files import write_whole
-from ropeode.sweep.design.columns import Column
-from ropeode.sweep.execution.engines import Row
-from ropeode.sweep.storage.disk_errors import disk_named
+from ropeode.sweep.design.columns import Column, Row
+from ropeode.sweep.storage.folder import write_errors
 
 if TYPE_CHECKING:
-    from ropeode.sweep.design.cases import Case
+    from ropeode.sweep.design.cases import Case, Task
 
 PARTITION = 256
 NUMBER = "case"
-_LOOKS = 5
+_ATTEMPTS = 5
 
 
 class Store:
     """The rows in one folder.
 
     Arguments:
-        folder: of the rows; it is made when the first are added.
-        columns: of a row, beside its number in the sweep.
+        folder: of the rows; it is created when the first are added.
+        columns: of a row; its number in the sweep comes in addition.
     """
 
     def __init__(self, folder: Path, columns: Mapping[str, Column]):
@@ -46,12 +45,12 @@ class Store:
         self.schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in types.items()])
 
     def clean(self) -> None:
-        """Remove what a killed process has left: parts of files, and folders that are merged.
+        """Remove what a killed process may leave: parts of files, and folders already merged.
 
         Raises:
             RopeodeError: the operating system refuses.
         """
-        with disk_named(self.folder):
+        with write_errors(self.folder):
             for part in self.folder.glob("**/.*.part"):
                 part.unlink()
             for folder in self.folder.glob("*/"):
@@ -59,15 +58,15 @@ class Store:
                     shutil.rmtree(folder)
 
     def count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return sum(pq.read_metadata(path).num_rows for path in self.folder.glob("**/*.parquet"))
 
     def sealed(self, partition: int) -> bool:
-        """Whether all rows of a partition are there."""
+        """Whether a partition is complete and merged."""
         return self._sealed(_name(partition)).exists()
 
     def keys(self, partition: int) -> set[str]:
-        """The keys of the rows that an open partition has so far."""
+        """The keys of the rows in an open partition."""
         return {
             key
             for part in files_of(self.folder, _name(partition))
@@ -80,8 +79,8 @@ class Store:
         return pa.Table.from_pylist(numbered, schema=self.schema).sort_by(NUMBER)
 
     def renewed(self, cases: Sequence[Case], rows: pa.Table) -> pa.Table:
-        """Rows of another sweep as rows of this one: what they say of inputs is said anew."""
-        inputs = pa.Table.from_pylist([{NUMBER: c.number, **c.values()} for c in cases])
+        """Rows of another sweep as rows of this one: the results stay, the inputs are rewritten."""
+        inputs = pa.Table.from_pylist([{NUMBER: c.number, **c.inputs()} for c in cases])
         own = [
             (inputs if name in inputs.column_names else rows).column(name).cast(kind)
             for name, kind in zip(self.schema.names, self.schema.types, strict=True)
@@ -93,18 +92,18 @@ class Store:
 
         Arguments:
             partition: its number.
-            table: of rows none of which was added before, in the store's schema.
+            table: of new rows, in the store's schema.
 
         Raises:
             RopeodeError: the operating system refuses.
         """
         folder = self.folder / _name(partition)
-        with disk_named(self.folder):
+        with write_errors(self.folder):
             folder.mkdir(parents=True, exist_ok=True)
             write_whole(folder / f"{table[NUMBER][0].as_py():012d}.parquet", _parquet(table))
 
     def seal(self, partition: int) -> None:
-        """Merge the files of a partition to which nothing will be added.
+        """Merge the files of a partition that is complete.
 
         Raises:
             RopeodeError: the operating system refuses.
@@ -115,8 +114,8 @@ class Store:
         table = pa.concat_tables(read_file(part) for part in parts).sort_by(NUMBER)
         numbers = table[NUMBER].to_numpy()
         if (numbers[1:] == numbers[:-1]).any():
-            raise RopeodeError(f"{parts[0].parent}: a case is there twice; nothing was removed")
-        with disk_named(self.folder):
+            raise RopeodeError(f"{parts[0].parent}: a case has two rows; nothing was removed")
+        with write_errors(self.folder):
             write_whole(self._sealed(_name(partition)), _parquet(table))
             _sync(self.folder)
             shutil.rmtree(parts[0].parent)
@@ -128,7 +127,7 @@ class Store:
 def read_parts(folder: Path, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
     """The rows of a folder, a partition at a time, each sorted by case.
 
-    A run may be at work in the folder: a partition is read as it is at one moment.
+    A run may be writing to the folder: each partition is read as it is at one moment.
 
     Arguments:
         folder: of the rows.
@@ -139,7 +138,7 @@ def read_parts(folder: Path, columns: Sequence[str] | None = None) -> Iterator[p
     """
     wanted = None if columns is None else list(dict.fromkeys([NUMBER, *columns]))
     for name in partitions(folder):
-        for _ in range(_LOOKS):
+        for _ in range(_ATTEMPTS):
             with contextlib.suppress(FileNotFoundError):
                 tables = [read_file(path, wanted) for path in files_of(folder, name)]
                 break
@@ -149,14 +148,19 @@ def read_parts(folder: Path, columns: Sequence[str] | None = None) -> Iterator[p
             yield pa.concat_tables(tables).sort_by(NUMBER)
 
 
+def partition_of(task: Task) -> int:
+    """The number of the partition that a task belongs to."""
+    return task.number // PARTITION
+
+
 def partitions(folder: Path) -> list[str]:
-    """The names of the partitions of a folder, which may not be there, in their order."""
+    """The names of the partitions in a folder, sorted; none if there is no folder."""
     names = {path.name.partition(".")[0] for path in folder.glob("*")}
     return sorted(names - {""})
 
 
 def files_of(folder: Path, partition: str) -> list[Path]:
-    """The files that hold the rows of a partition."""
+    """The files with the rows of a partition."""
     sealed = folder / f"{partition}.parquet"
     return [sealed] if sealed.exists() else sorted((folder / partition).glob("*.parquet"))
 
@@ -165,8 +169,8 @@ def read_file(path: Path, columns: list[str] | None = None) -> pa.Table:
     """All of a file, or some columns of it.
 
     Raises:
-        FileNotFoundError: it is not there.
-        RopeodeError: it is no Parquet file, or a damaged one.
+        FileNotFoundError: it does not exist.
+        RopeodeError: it is not a Parquet file, or damaged.
     """
     contents = path.read_bytes()
     try:
@@ -175,7 +179,7 @@ def read_file(path: Path, columns: list[str] | None = None) -> pa.Table:
     except (pa.ArrowException, OSError) as error:
         raise RopeodeError(
             f"{path}: damaged ({' '.join(str(error).split())}). Fix: remove it; the same command "
-            "computes its cases again"
+            "then computes its cases again"
         ) from error
 
 
@@ -186,7 +190,7 @@ def _parquet(table: pa.Table) -> bytes:
 
 
 def _sync(folder: Path) -> None:
-    """Let names reach the disk before others are removed."""
+    """Make sure that new names are on disk before old ones are removed."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -1,4 +1,4 @@
-"""A sweep in a few numbers, however many rows it has."""
+"""A summary of a sweep, whatever the number of its rows."""
 
 from __future__ import annotations
 
@@ -15,19 +15,18 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _RANGES = ("error_max", "observed_order", "largest_stable_dt")
-_EXPECTED, _RESOLVED = "expected_order", "resolved"
-_COUNTS = ("status", "order_verdict", _RESOLVED, _EXPECTED)
-# Different reasons that are counted at a time.
+_COUNTS = ("status", "order_verdict", "resolved", "expected_order")
+# Different reasons that are counted at the same time.
 _MOST_REASONS = 10_000
 
 
 @dataclasses.dataclass(frozen=True)
 class StepperSummary:
-    """What a sweep says of one stepper.
+    """The results of one stepper in a sweep.
 
     Arguments:
-        counts: for `status`, `order_verdict`, `resolved` and `expected_order`, how many rows
-            have which value.
+        counts: of the values of `status`, `order_verdict`, `expected_order` and, where the
+            status is ok, `resolved`.
         ranges: the least and the greatest `error_max`, `observed_order` and
             `largest_stable_dt`, where there is one.
     """
@@ -38,15 +37,15 @@ class StepperSummary:
 
 @dataclasses.dataclass(frozen=True)
 class SweepSummary:
-    """What is in a sweep's folder.
+    """The contents of a sweep's folder.
 
     Arguments:
         folder: of the sweep.
-        spec: what is asked for, as plain values.
+        spec: of the sweep, as plain values.
         total: cases of the sweep.
-        done: rows that are there.
+        done: finished cases.
         steppers: by name.
-        reasons: how many rows have which status and reason, for those that have a reason.
+        reasons: counts of each status with its reason, for the rows that have one.
     """
 
     folder: Path
@@ -58,7 +57,7 @@ class SweepSummary:
 
     @property
     def statuses(self) -> Counter:
-        """How many rows have which status."""
+        """The number of rows with each status."""
         return sum((each.counts["status"] for each in self.steppers.values()), Counter())
 
 
@@ -73,6 +72,8 @@ def summarize(folder: str | Path) -> SweepSummary:
         RopeodeError: a file is damaged.
     """
     require("pyarrow", "data", "sweeps")
+    import pyarrow.compute as pc
+
     from ropeode.sweep.storage.row_files import read_parts
 
     index = sweep_in(folder)
@@ -83,8 +84,11 @@ def summarize(folder: str | Path) -> SweepSummary:
     wanted = ["stepper", "reason", *_COUNTS, *_RANGES]
     for table in read_parts(Path(folder) / index.rows, wanted):
         done += table.num_rows
+        # A run that diverged has no error at all.
+        measured = table.filter(pc.field("status") == "ok")
         for name in _COUNTS:
-            for stepper, value, number in _grouped(table, ["stepper", name]):
+            rows = measured if name == "resolved" else table
+            for stepper, value, number in _grouped(rows, ["stepper", name]):
                 of_stepper = counts.setdefault(stepper, {name: Counter() for name in _COUNTS})
                 of_stepper[name][value] += number
         for stepper, *ends in _extremes(table):
@@ -110,13 +114,13 @@ def summarize(folder: str | Path) -> SweepSummary:
 
 def _grouped(table: pa.Table, names: list[str]) -> list[tuple]:
     """The different values of columns, and how often each occurs."""
-    found = table.select(names).group_by(names).aggregate([([], "count_all")])
-    return [tuple(row[name] for name in [*names, "count_all"]) for row in found.to_pylist()]
+    groups = table.select(names).group_by(names).aggregate([([], "count_all")])
+    return [tuple(row[name] for name in [*names, "count_all"]) for row in groups.to_pylist()]
 
 
 def _extremes(table: pa.Table) -> list[tuple]:
     """Each stepper with the least and the greatest value of each column of `_RANGES`."""
-    asked = [(name, kind) for name in _RANGES for kind in ("min", "max")]
-    found = table.select(["stepper", *_RANGES]).group_by("stepper").aggregate(asked)
-    names = ["stepper", *(f"{name}_{kind}" for name, kind in asked)]
-    return [tuple(row[name] for name in names) for row in found.to_pylist()]
+    ends = [(name, kind) for name in _RANGES for kind in ("min", "max")]
+    groups = table.select(["stepper", *_RANGES]).group_by("stepper").aggregate(ends)
+    names = ["stepper", *(f"{name}_{kind}" for name, kind in ends)]
+    return [tuple(row[name] for name in names) for row in groups.to_pylist()]

@@ -1,4 +1,4 @@
-"""Maps of sweeps: what is a number is coloured, what is none is hatched and says why."""
+"""Maps of sweeps: numbers are coloured; cells without one are hatched, with a reason."""
 
 from __future__ import annotations
 
@@ -123,5 +123,29 @@ def test_a_map_of_no_numbers_at_all(frame):
 
 
 def test_rows_that_would_share_a_cell_are_refused(frame):
-    with pytest.raises(InputError, match="differ in damping, of which 3 .* where damping="):
+    message = (
+        r"3 rows share a cell, .* in damping; .*damping: 0.01, 0.1, 1.0.*--where damping=0.01."
+    )
+    with pytest.raises(InputError, match=message):
         plot_sweep(frame, "stepper", "steps_per_frame", "error_max")
+
+
+def test_one_value_of_each_input_that_matters_is_selected(frame):
+    """The draw decides on the stiffness, and the seed on nothing alone."""
+    frames = [
+        frame.assign(seed=seed, draw=draw, stiffness=10.0 * seed + draw)
+        for seed in (0, 1)
+        for draw in (0, 1)
+    ]
+    with pytest.raises(InputError) as refused:
+        plot_sweep(pd.concat(frames), "damping", "steps_per_frame", "error_max")
+    [line] = refused.value.problems
+    assert "differ in seed, draw, stiffness; " in line
+    assert line.endswith("for example --where seed=0 --where draw=0.")
+    selected = {"seed": 0, "draw": 0}
+    plot_sweep(pd.concat(frames), "damping", "steps_per_frame", "error_max", selected)
+
+
+def test_a_sweep_without_rows(frame):
+    with pytest.raises(InputError, match="^sweep: 'no finished case' given; .* run the sweep"):
+        plot_sweep(frame.iloc[:0], "damping", "steps_per_frame", "error_max")

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import InputError, RopeodeError
-from ropeode.sweep.execution.dispatch import Piece, dispatched
+from ropeode.sweep.task_queue import dispatched
 from tests.sweep.stand_in import Sweep, row
 
 
 class Gone(Exception):
-    """What this engine's futures raise when a process is gone."""
+    """What this engine's futures raise when a process has died."""
 
 
 class Scripted:
@@ -33,7 +33,7 @@ class Scripted:
     def __init__(self, slots=1, deadly=(), accidents=(), raising=(), order=(0,)):
         self._slots, self.deadly, self.raising = slots, set(deadly), set(raising)
         self.accidents, self.order = set(accidents), order
-        self.given, self.most, self.waiting = 0, 0, []
+        self.submitted, self.most, self.waiting = 0, 0, []
 
     def slots(self):
         self._advance()
@@ -41,8 +41,8 @@ class Scripted:
 
     def submit(self, task):
         future = Future()
-        self.given += 1
-        self.waiting.append((future, task, self.given in self.accidents))
+        self.submitted += 1
+        self.waiting.append((future, task, self.submitted in self.accidents))
         self.most = max(self.most, len(self.waiting))
         if len(self.waiting) >= self._slots:
             self._advance()
@@ -55,7 +55,7 @@ class Scripted:
         """Finish the next one, or all, if one of them kills."""
         if not self.waiting:
             return
-        at = self.order[self.given % len(self.order)] % len(self.waiting)
+        at = self.order[self.submitted % len(self.order)] % len(self.waiting)
         future, task, accident = self.waiting.pop(at)
         numbers = {case.number for case in task.cases}
         if numbers & self.deadly or accident:
@@ -69,19 +69,18 @@ class Scripted:
 
 
 def rows_of(sweep, engine):
-    pieces = (Piece(task, n) for n, task in enumerate(sweep.tasks()))
-    found = {}
-    for piece, rows in dispatched(pieces, engine):
-        for case, each in zip(piece.task.cases, rows, strict=True):
-            assert case.number not in found
-            assert case.number // sweep.per_task == piece.partition
-            found[case.number] = each
-    return found
+    by_number = {}
+    for task, rows in dispatched(sweep.tasks(), engine):
+        for case, each in zip(task.cases, rows, strict=True):
+            assert case.number not in by_number
+            assert case.number // sweep.per_task == task.number
+            by_number[case.number] = each
+    return by_number
 
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    monkeypatch.setattr("ropeode.sweep.execution.dispatch._CHECK_EVERY_S", 0.001)
+    monkeypatch.setattr("ropeode.sweep.task_queue._CHECK_EVERY_S", 0.001)
 
 
 @given(
@@ -92,33 +91,34 @@ def impatient(monkeypatch):
     order=st.lists(st.integers(0, 4), min_size=1, max_size=5),
 )
 @settings(deadline=None, max_examples=60)
-def test_every_case_has_one_row_and_only_the_guilty_a_bad_one(
+def test_every_case_has_one_row_and_only_the_culprits_a_bad_one(
     slots, deadly, raising, accidents, order
 ):
     """Accidents that strike one case three times in a row would be no accidents."""
     sweep = Sweep(count=40, per_task=8)
     close = [a for a in accidents if {a + 1, a + 2} & accidents]
     engine = Scripted(slots, deadly, accidents - set(close), raising - deadly, order)
-    found = rows_of(sweep, engine)
-    assert set(found) == set(range(40))
-    assert {n for n in found if found[n]["status"] == "worker-died"} == deadly
-    assert {n for n in found if found[n]["status"] == "failed"} == raising - deadly
+    rows = rows_of(sweep, engine)
+    assert set(rows) == set(range(40))
+    assert {n for n in rows if rows[n]["status"] == "worker-died"} == deadly
+    assert {n for n in rows if rows[n]["status"] == "failed"} == raising - deadly
     assert engine.most <= slots
     for number in raising - deadly:
-        assert found[number]["reason"] == "ArithmeticError: nonsense"
+        assert rows[number]["reason"] == "ArithmeticError: nonsense"
 
 
-def test_no_more_tasks_are_made_than_there_is_room_for():
-    """A hundred million tasks do not fit into memory."""
-    made = []
+@pytest.mark.parametrize("deadly", [(), range(400)])
+def test_no_more_tasks_are_made_than_there_is_room_for(deadly):
+    """A hundred million tasks do not fit into memory, not even if all of them kill processes."""
+    taken = []
 
-    def pieces():
-        for n, task in enumerate(Sweep(count=4000).tasks()):
-            made.append(n)
-            yield Piece(task, n)
+    def tasks():
+        for task in Sweep(count=400, per_task=1).tasks():
+            taken.append(task.number)
+            yield task
 
-    for done, _ in enumerate(dispatched(pieces(), Scripted(slots=3))):
-        assert len(made) <= done + 1 + 3
+    for done, _ in enumerate(dispatched(tasks(), Scripted(3, deadly))):
+        assert len(taken) <= done + 1 + 3
 
 
 @pytest.mark.parametrize(

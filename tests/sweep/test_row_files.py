@@ -1,4 +1,4 @@
-"""Rows on disk: whole or not at all, once each, in few files, whatever is killed when."""
+"""Rows on disk: whole or not at all, once each, in few files, whenever a process is killed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from unittest import mock
 
@@ -20,18 +19,13 @@ from hypothesis import strategies as st
 
 from ropeode.errors import RopeodeError
 from ropeode.sweep.design.columns import COLUMNS
-from ropeode.sweep.execution import task_queue
 from ropeode.sweep.execution.engines import InProcess
-from ropeode.sweep.execution.task_queue import work_through
 from ropeode.sweep.storage import row_files
 from ropeode.sweep.storage.row_files import Store
+from ropeode.sweep.task_queue import work_through
 from tests.sweep.stand_in import Rows, Sweep, expected, stored
 
 ROOT = Path(__file__).parents[2]
-
-
-def quiet(done: int, total: int) -> None:
-    """Progress that nobody watches."""
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -42,12 +36,11 @@ def files(folder: Path) -> dict[str, bytes]:
 def small_partitions(monkeypatch):
     """Partitions of five tasks, so that few cases have many."""
     monkeypatch.setattr(row_files, "PARTITION", 5)
-    monkeypatch.setattr(task_queue, "PARTITION", 5)
 
 
 def test_rows_come_back_as_they_were_and_in_few_files(tmp_path):
     sweep = Sweep(count=47)
-    work_through(sweep, Store(tmp_path, COLUMNS), InProcess(Rows()), quiet)
+    work_through(sweep, Store(tmp_path, COLUMNS), InProcess(Rows()))
     assert stored(tmp_path) == expected(sweep)
     assert sorted(files(tmp_path)) == ["000000.parquet", "000001.parquet", "000002.parquet"]
     # Anyone can read them, without ropeode.
@@ -66,7 +59,7 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
     """Each change of the disk is a place to die: before it, or right after it."""
     sweep = Sweep(count=27)
     undisturbed = tmp_path_factory.mktemp("undisturbed")
-    work_through(sweep, Store(undisturbed, COLUMNS), InProcess(Rows()), quiet)
+    work_through(sweep, Store(undisturbed, COLUMNS), InProcess(Rows()))
     folder = tmp_path_factory.mktemp("killed")
 
     def dying(real, left):
@@ -96,72 +89,83 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
                 real = getattr(where, name)
                 stack.enter_context(mock.patch.object(where, name, dying(real, left)))
             with contextlib.suppress(Killed):
-                work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()), quiet)
+                work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
         there = [each["key"] for each in stored(folder)]
         assert len(there) == len(set(there)), "a row is there twice"
         assert before <= set(there), "a row that was there is gone"
-    work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()), quiet)
+    work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
     assert files(folder) == files(undisturbed)
     shutil.rmtree(folder)
 
 
-def start(folder: Path, count: int, seconds: float) -> subprocess.Popen:
+def run(folder: Path, count: int, writes: int | None) -> subprocess.CompletedProcess:
     code = (
         "from pathlib import Path\nfrom tests.sweep.stand_in import run\n"
-        f"run(Path({str(folder)!r}), {count}, {seconds})"
+        "from ropeode.sweep.storage import row_files\nrow_files.PARTITION = 5\n"
+        f"run(Path({str(folder)!r}), {count}, {writes})"
     )
-    return subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE)
+    return subprocess.run([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE)
 
 
-def test_processes_killed_at_many_moments_lose_no_row(tmp_path):
-    """With SIGKILL, each a little later than the one before."""
-    sweep, folder = Sweep(count=400), tmp_path / "killed"
-    seen: set[str] = set()
-    killed = 0
-    for moment in range(12):
-        process = start(folder, sweep.count, 0.005)
-        while not list(folder.rglob("*.parquet")) and process.poll() is None:
-            time.sleep(0.001)
-        time.sleep(0.013 * moment)
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
-        killed += process.returncode == -signal.SIGKILL
-        there = [each["key"] for each in stored(folder)]
-        assert len(there) == len(set(there))
-        assert seen <= set(there)
-        seen = set(there)
-    assert killed >= 6
-    process = start(folder, sweep.count, 0.0)
-    assert process.communicate() == (None, b"")
+def test_a_process_that_is_killed_loses_no_row(tmp_path):
+    """With SIGKILL, before a file of a task and before a merged one are put in place."""
+    sweep, folder = Sweep(count=47), tmp_path / "killed"
+    before: set[str] = set()
+    for writes, rows in ((3, 12), (2, 20)):
+        done = run(folder, sweep.count, writes)
+        assert (done.returncode, done.stderr) == (-signal.SIGKILL, b"")
+        keys = [each["key"] for each in stored(folder)]
+        assert len(set(keys)) == len(keys) == rows
+        assert before <= set(keys)
+        before = set(keys)
+    assert [name for name in files(folder) if name.endswith(".part")]
+    work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
     assert stored(folder) == expected(sweep)
     assert not [name for name in files(folder) if name.endswith(".part")]
+
+
+def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
+    """Making and hashing them would take hours for a large sweep."""
+    work_through(Sweep(count=47), Store(tmp_path, COLUMNS), InProcess(Rows()))
+    (tmp_path / "000002.parquet").unlink()
+    made, tasks = [], Sweep.tasks
+
+    def counted(sweep, first=0):
+        for task in tasks(sweep, first):
+            made.append(task.number)
+            yield task
+
+    monkeypatch.setattr(Sweep, "tasks", counted)
+    work_through(Sweep(count=47), Store(tmp_path, COLUMNS), InProcess(Rows()))
+    assert made == [10, 11]
+    assert stored(tmp_path) == expected(Sweep(count=47))
 
 
 def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
     """A limit on the size of files stands for the disk: no partition can be merged."""
     sweep, folder = Sweep(count=47), tmp_path / "full"
-    work_through(sweep, Store(tmp_path / "free", COLUMNS), InProcess(Rows()), quiet)
+    work_through(sweep, Store(tmp_path / "free", COLUMNS), InProcess(Rows()))
     merged = files(tmp_path / "free")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     limit = len(merged["000000.parquet"]) - 1
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
         with pytest.raises(RopeodeError, match="cannot be written to .*finished cases are kept"):
-            work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()), quiet)
+            work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert stored(folder) == expected(sweep)[:20]
     assert not [name for name in files(folder) if name.endswith(".part")]
-    work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()), quiet)
+    work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
     assert files(folder) == merged
 
 
 def test_a_damaged_file_is_named(tmp_path):
-    work_through(Sweep(count=8), Store(tmp_path, COLUMNS), InProcess(Rows()), quiet)
+    work_through(Sweep(count=8), Store(tmp_path, COLUMNS), InProcess(Rows()))
     path = tmp_path / "000000.parquet"
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(RopeodeError, match="000000.parquet: damaged .* Fix: remove it"):
         stored(tmp_path)
     path.unlink()
-    work_through(Sweep(count=8), Store(tmp_path, COLUMNS), InProcess(Rows()), quiet)
+    work_through(Sweep(count=8), Store(tmp_path, COLUMNS), InProcess(Rows()))
     assert stored(tmp_path) == expected(Sweep(count=8))

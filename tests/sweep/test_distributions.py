@@ -1,4 +1,4 @@
-"""Draws: the same everywhere and whatever else is drawn, and from the distribution they name."""
+"""Draws: the same everywhere, whatever else is drawn, and from the right distribution."""
 
 import decimal
 import subprocess
@@ -38,7 +38,7 @@ def test_integers_and_choices_are_as_likely():
     assert stats.chisquare(np.unique(chosen, return_counts=True)[1]).pvalue > 0.01
 
 
-def test_neighbours_know_nothing_of_each_other():
+def test_neighbours_are_independent():
     uniform = Distribution(uniform=[0.0, 1.0])
     series = [
         draws(uniform),
@@ -47,9 +47,9 @@ def test_neighbours_know_nothing_of_each_other():
         [uniform.value(5, draw, "damping", 2)[1] for draw in range(2000)],
         [*draws(uniform)[1:], 0.5],
     ]
-    apart = np.corrcoef(series) - np.eye(len(series))
+    correlations = np.corrcoef(series) - np.eye(len(series))
     # Five standard deviations of the correlation of independent series of this length.
-    assert np.max(np.abs(apart)) < 5 / np.sqrt(2000)
+    assert np.max(np.abs(correlations)) < 5 / np.sqrt(2000)
 
 
 @given(whole, whole, names, st.integers(1, 5), st.integers(1, 5))
@@ -70,13 +70,13 @@ def test_more_entries_leave_the_first_ones(seed, draw, name, few, more):
 @settings(max_examples=50, deadline=None)
 def test_logarithms_are_rounded_rightly(low, factor, draw):
     high = min(low * factor, 1e300)
-    found = Distribution(log_uniform=[low, high]).value(1, draw, "x", None)
+    drawn = Distribution(log_uniform=[low, high]).value(1, draw, "x", None)
     fraction = Distribution(uniform=[0.0, 1.0]).value(1, draw, "x", None)
     with decimal.localcontext(decimal.Context(prec=60)):
         start, end = decimal.Decimal(low), decimal.Decimal(high)
         exact = start * (end / start) ** decimal.Decimal(fraction)
-        assert float(exact) == found
-    assert low <= found <= high
+        assert float(exact) == drawn
+    assert low <= drawn <= high
 
 
 def test_another_process_draws_the_same():
@@ -102,6 +102,6 @@ def test_another_process_draws_the_same():
         {},
     ],
 )
-def test_what_is_no_distribution(given):
+def test_bad_distributions(given):
     with pytest.raises(InputError, match="given; allowed: "):
         Distribution(**given)

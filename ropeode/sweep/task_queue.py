@@ -1,0 +1,153 @@
+"""The task queue: tasks go to an engine, and rows to a store, even if processes die.
+
+When a worker dies, or its code raises, each case of its task is a suspect. The task is tried
+again in halves, until each suspect is alone. A case that raises gets a row with the error. A case
+with which a worker died is tried again while nothing else runs, so that no neighbour can be the
+cause; if the worker still dies, the case gets a row that says so.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import Counter, deque
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from typing import TYPE_CHECKING
+
+from ropeode.errors import InputError, RopeodeError
+from ropeode.progress import Progress, silent
+from ropeode.sweep.design.columns import Row, failed_row
+from ropeode.sweep.execution.engines import Engine
+from ropeode.sweep.storage import row_files
+from ropeode.sweep.storage.row_files import Store, partition_of
+
+if TYPE_CHECKING:
+    from ropeode.sweep.design.cases import Task
+    from ropeode.sweep.design.spec import SweepSpec
+
+DIED = "worker-died"
+_CHECK_EVERY_S = 1.0
+# How often a single case may kill its process: once beside others, which may have been the cause,
+# and then this often alone.
+_TRIES_ALONE = 2
+
+
+def work_through(
+    sweep: SweepSpec, store: Store, engine: Engine, progress: Progress = silent
+) -> None:
+    """Compute all cases that the store does not have, and store their rows.
+
+    Arguments:
+        sweep: whose `count` and `tasks` are used.
+        store: that no other process writes to.
+        engine: that computes them.
+        progress: called at first and after each task.
+
+    Raises:
+        RopeodeError: the disk is full, or no worker is left; the store keeps its rows.
+    """
+    store.clean()
+    pending: Counter[int] = Counter()  # Cases under way, by partition.
+    handed_out: set[int] = set()  # Partitions whose tasks all went to the engine.
+
+    def unfinished() -> Iterator[Task]:
+        """All tasks, without the cases that have rows."""
+        first = next(n for n in itertools.count() if not store.sealed(n))
+        tasks = sweep.tasks(first * row_files.PARTITION)
+        for partition, numbered in itertools.groupby(tasks, partition_of):
+            if store.sealed(partition):
+                continue
+            keys = store.keys(partition)
+            for task in numbered:
+                if rest := task.without(keys):
+                    pending[partition] += len(rest.cases)
+                    yield rest
+            handed_out.add(partition)
+            seal_if_complete(partition)
+
+    def seal_if_complete(partition: int) -> None:
+        if partition in handed_out and not pending[partition]:
+            store.seal(partition)
+            handed_out.remove(partition)
+            del pending[partition]
+
+    done = before = store.count()
+    began = time.monotonic()
+    progress(f"{done} of {sweep.count} cases", done / sweep.count)
+    for task, rows in dispatched(unfinished(), engine):
+        partition = partition_of(task)
+        store.add(partition, store.table(task.cases, rows))
+        pending[partition] -= len(rows)
+        seal_if_complete(partition)
+        done += len(rows)
+        rate = (done - before) / max(time.monotonic() - began, 1e-9)
+        progress(f"{done} of {sweep.count} cases, {rate:.3g} cases/s", done / sweep.count)
+
+
+def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, list[Row]]]:
+    """The rows of all tasks, whole or in parts, in the order in which they are done.
+
+    Arguments:
+        tasks: taken one by one, as the engine has room for them.
+        engine: that computes them.
+
+    Raises:
+        RopeodeError: a disk is full, or no worker is left.
+    """
+    halves: deque[Task] = deque()
+    suspects: deque[Task] = deque()
+    deaths: Counter[str] = Counter()  # Of processes, by the key of the single case that they ran.
+    running: dict[Future[list[Row]], Task] = {}
+    while True:
+        suspect_runs = any(task.cases[0].key in deaths for task in running.values())
+        while not (suspects or suspect_runs) and len(running) < engine.slots():
+            task = halves.popleft() if halves else next(tasks, None)
+            if task is None:
+                break
+            running[engine.submit(task)] = task
+        if suspects and not running:
+            task = suspects.popleft()
+            running[engine.submit(task)] = task
+        if not running:
+            return
+        done, _ = wait(running, timeout=_CHECK_EVERY_S, return_when=FIRST_COMPLETED)
+        if not done:
+            engine.check()
+        for future in done:
+            task = running.pop(future)
+            first = task.cases[0]
+            status, reason = _failure(future, engine)
+            if not status:
+                yield task, future.result()
+            elif len(task.cases) > 1:
+                middle = len(task.cases) // 2
+                halves.append(task._replace(cases=task.cases[:middle]))
+                halves.append(task._replace(cases=task.cases[middle:]))
+            elif status == DIED and deaths[first.key] < _TRIES_ALONE:
+                deaths[first.key] += 1
+                suspects.append(task)
+            else:
+                yield task, [failed_row(first.inputs(), status, reason)]
+
+
+def _failure(future: Future[list[Row]], engine: Engine) -> tuple[str, str]:
+    """Status and reason of a failure; empty if there was none.
+
+    Raises:
+        RopeodeError: any case would fail in this way.
+    """
+    try:
+        error = future.exception()
+    except CancelledError:
+        raise RopeodeError("scheduler: it has gone; finished cases are kept") from None
+    if error is None:
+        return "", ""
+    if isinstance(error, engine.lost):
+        return DIED, "the process that ran it died each time, also when it ran alone"
+    if isinstance(error, (OSError, InputError)):
+        raise RopeodeError(
+            f"a worker cannot go on ({error}); finished cases are kept. Fix: remove the cause, "
+            "then run the same command again"
+        ) from error
+    return "failed", f"{type(error).__name__}: {' '.join(str(error).split())}"
