@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from ropeode.checking.diagnosis.written_rounding import rounding_of
-from ropeode.checking.problems import convergence_problems
 from ropeode.checking.richardson import limit_of
+from ropeode.checking.written_precision import rounding_of
 
 DTS = [0.1 / 2**k for k in range(6)]
 TRUTH = np.array([[1.0, 2.0], [-0.5, 0.3], [4.0, 0.0]])
@@ -81,10 +80,8 @@ def test_two_runs_say_nothing():
     [("{:.6g}", 5e-6), ("{:.4f}", 5e-5), ("{:.3e}", 5e-4 * 10 ** np.floor(0.0)), ("{!r}", 0.0)],
 )
 def test_the_digits_of_printed_numbers_are_seen(text, rounding):
-    problem = convergence_problems()["unequal"]
-    values = np.random.default_rng(1).uniform(-9.9, 9.9, (4, *problem.y0.shape))
-    printed = np.array([float(text.format(float(value))) for value in values.ravel()])
-    runs = [(0.1, printed.reshape(values.shape))]
-    found = rounding_of(runs, "position", problem)
-    assert found == pytest.approx(rounding, rel=1e-6)
-    assert np.max(np.abs(printed - values.ravel())) <= found * (1 + 1e-9)
+    values = np.random.default_rng(1).uniform(-9.9, 9.9, 120)
+    printed = np.array([float(text.format(float(value))) for value in values])
+    error = rounding_of(printed)
+    assert error == pytest.approx(rounding, rel=1e-6)
+    assert np.max(np.abs(printed - values)) <= error * (1 + 1e-9)
