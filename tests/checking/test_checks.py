@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from ropeode.checking.checks.stability import LIMITS
 from ropeode.checking.energy_drift import measure_drift
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.render.formats import format_check
 from ropeode.steppers import STEPPERS
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase
@@ -28,6 +31,11 @@ RIGHT = {
 }
 
 
+@functools.cache
+def report_on(step):
+    return check_stepper(step, **RIGHT[step])
+
+
 @pytest.mark.parametrize(
     "step",
     [
@@ -41,9 +49,20 @@ RIGHT = {
     ids=lambda step: step.__name__,
 )
 def test_right_steppers_pass_every_check(step):
-    report = check_stepper(step, **RIGHT[step])
+    report = report_on(step)
     assert report.passed, report.failed
     assert {finding.check for finding in report.findings} == set(CHECKS)
+
+
+def test_the_documentation_counts_the_checks_as_a_report_does():
+    report = report_on(steps.velocity_verlet)
+    can_fail = sum(finding.status == "pass" for finding in report.findings)
+    root, count = Path(__file__).parents[2], len(CHECKS)
+    assert f"Right: {can_fail} of {count} checks passed" in format_check(report)
+    assert f"of {count} checks fail" in (root / "README.md").read_text()
+    page = (root / "docs/check.md").read_text()
+    assert f"There are {count}," in page
+    assert f"{can_fail} of them can fail" in page
 
 
 @dataclasses.dataclass(frozen=True)
