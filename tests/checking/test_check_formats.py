@@ -29,7 +29,7 @@ def report():
 
 
 @pytest.mark.parametrize("form", CHECK_FORMATS)
-def test_every_format_says_what_was_found(report, form):
+def test_every_format_has_every_finding(report, form):
     text = format_check(report, form)
     for finding in report.findings:
         assert finding.check in text.replace("\\_", "_")

@@ -81,7 +81,7 @@ def test_six_printed_digits_and_more_frames():
     assert 1e-7 < damping["spread"] < 0.005
 
 
-def test_initial_velocities_that_nobody_asked_for(known):
+def test_wrong_initial_velocities(known):
     diagnosis = found(known, runs("stormer-verlet", initial_velocity=(1.0, 0.5)))
     assert diagnosis.evidence["parameters"]["velocity"]["found"] == pytest.approx([1.0, 0.5])
 

@@ -370,7 +370,7 @@ def test_how_many_digits_there_are(digits, unit):
     assert not single_precision(values)
 
 
-def test_full_precision_is_told_from_single():
+def test_full_and_single_precision_are_distinguished():
     values = np.random.default_rng(2).normal(size=999)
     assert digits_of(values)[0] >= 16
     assert last_digit(values) == 0.0

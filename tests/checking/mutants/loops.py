@@ -1,4 +1,4 @@
-"""Wrong programs around a right step: they write trajectories, which `ropeode grade` judges."""
+"""Wrong programs around a right step: they write trajectories, which `ropeode grade` grades."""
 
 from __future__ import annotations
 
