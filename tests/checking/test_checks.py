@@ -141,6 +141,15 @@ def test_each_check_fails_a_wrong_stepper(check):
     assert not report.passed
 
 
+def nowhere_far_away(acceleration, t, x, v, dt, args):
+    v = v + dt * acceleration(t, x, v, args)
+    return np.where(np.abs(x) < 100.0, x + dt * v, np.nan), v
+
+
+def test_a_transformed_run_that_is_not_finite_fails():
+    assert not check_stepper(nowhere_far_away, only=["translation"]).passed
+
+
 def test_rotation_passes_a_force_that_only_mirror_fails():
     """So that mirror and rotation are not the same check twice."""
     assert check_stepper(steps.handed, only=["rotation"]).passed

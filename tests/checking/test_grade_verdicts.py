@@ -370,6 +370,10 @@ def test_how_many_digits_there_are(digits, unit):
     assert not single_precision(values)
 
 
+def test_digits_and_decimals_of_numbers_with_an_exponent():
+    assert digits_of(np.array([1.25e-7, 3e20])) == (3, 9)
+
+
 def test_full_and_single_precision_are_distinguished():
     values = np.random.default_rng(2).normal(size=999)
     assert digits_of(values)[0] >= 16
