@@ -1,15 +1,16 @@
-"""How often the judge rejects a right stepper, on random ropes.
+"""How often the checks reject a right stepper, on random ropes.
 
     python benchmarks/false_alarms.py --ropes 8 --seed 1 --out docs/false_alarms.jsonl
     python benchmarks/false_alarms.py --out docs/false_alarms.jsonl --show
 
-The right steppers of tests/checking/right_steppers.py, with all that may be claimed of them, are
-judged by all checks, with random ropes in place of the judge's own: masses, springs, rest lengths,
-pins, velocities, damping, drive, gravity, spans and frames are drawn. Steppers that run in Python
-get every fifth set of ropes, since they take a hundred times as long.
+The right steppers of tests/checking/right_steppers.py are checked with all claims that are true of
+them, on random ropes instead of the check ropes: masses, springs, rest lengths, pins, velocities,
+damping, drive, gravity, spans and frames are drawn. Steppers that run in Python get every fifth set
+of ropes, because they take a hundred times as long.
 
-Each set of ropes is a line of the file, written when it is known; the same command goes on where
-it was interrupted. `--show` judges nothing, and prints what the file holds, for docs/judge.md.
+The outcome of each set of ropes is written to the file at once, as a line; the same command resumes
+if interrupted. `--show` checks nothing, and prints the outcomes in the file, for
+docs/testing-the-checks.md.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ CONFIDENCE = 0.95
 INTERPRETED_EVERY = 5
 
 
-def judged(seed: int, index: int) -> dict[str, Any]:
+def checked(seed: int, index: int) -> dict[str, Any]:
     """One set of ropes, as a line of the file."""
     drawn, refused = ropes(seed, index)
     counts: Counter[str] = Counter()
@@ -58,9 +59,9 @@ def judged(seed: int, index: int) -> dict[str, Any]:
     }
 
 
-def known(out: Path, seed: int) -> dict[int, dict[str, Any]]:
+def outcomes(out: Path, seed: int) -> dict[int, dict[str, Any]]:
     """The outcomes in the file; a line that was cut off does not count."""
-    found = {}
+    record = {}
     for text in out.read_text().splitlines() if out.exists() else ():
         try:
             line = json.loads(text)
@@ -68,8 +69,8 @@ def known(out: Path, seed: int) -> dict[int, dict[str, Any]]:
             continue
         if line["seed"] != seed:
             raise SystemExit(f"{out} has ropes of seed {line['seed']}; give another --out")
-        found[line["index"]] = line
-    return found
+        record[line["index"]] = line
+    return record
 
 
 def largest_rate(rejected: int, made: int) -> float:
@@ -82,18 +83,18 @@ def main() -> None:
     parser.add_argument("--ropes", type=int, default=8, help="random sets (default 8)")
     parser.add_argument("--seed", type=int, default=1, help="of their drawing (default 1)")
     parser.add_argument("--out", type=Path, required=True, help="file of outcomes, *.jsonl")
-    parser.add_argument("--show", action="store_true", help="the result; nothing is judged")
+    parser.add_argument("--show", action="store_true", help="the result; nothing is checked")
     options = parser.parse_args()
-    # A warning out of the judge is a fault of the judge.
+    # A warning is a bug of a check.
     warnings.simplefilter("error")
-    found = known(options.out, options.seed)
-    left = [index for index in range(options.ropes) if index not in found and not options.show]
+    record = outcomes(options.out, options.seed)
+    missing = [index for index in range(options.ropes) if index not in record and not options.show]
     with options.out.open("a") as file:
-        for index in track(left, description="sets of ropes", console=Console(stderr=True)):
-            found[index] = judged(options.seed, index)
-            file.write(json.dumps(found[index]) + "\n")
+        for index in track(missing, description="sets of ropes", console=Console(stderr=True)):
+            record[index] = checked(options.seed, index)
+            file.write(json.dumps(record[index]) + "\n")
             file.flush()
-    print(shown(list(found.values())))
+    print(shown(list(record.values())))
 
 
 def shown(lines: list[dict[str, Any]]) -> str:
@@ -114,7 +115,7 @@ def shown(lines: list[dict[str, Any]]) -> str:
         f"{rate:.3f} % of such checks are false alarms."
     )
     listed = [f"- {name}, `{check}`: {line}" for name, check, line in rejected]
-    head = ["check", "judged", "rejected"]
+    head = ["check", "verdicts", "rejected"]
     return "\n".join([words, "", *listed, "", tabulate(rows, head, tablefmt="pipe")])
 
 

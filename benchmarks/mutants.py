@@ -1,18 +1,20 @@
-"""Which wrong steppers the judge rejects, and by which checks.
+"""Which wrong steppers are rejected, and by which checks.
 
     python benchmarks/mutants.py --out docs/mutants.jsonl
     python benchmarks/mutants.py --out docs/mutants.jsonl --show families
+    python benchmarks/mutants.py --out again.jsonl --sample 10 --seed 1
 
-Each mutant of tests/checking/mutants is judged by all checks, and with the claims of the right
-stepper that it was made from. Each outcome is a line of the file, written when it is known; the
-same command goes on where it was interrupted. `--show` judges nothing, and prints a table of what
-the file holds, for docs/judge.md.
+Each mutant of tests/checking/mutants is checked with the claims of the right stepper that it was
+made from. Each outcome is written to the file at once; the same command resumes if interrupted.
+`--show` checks nothing, and prints a table of the outcomes in the file, for
+docs/testing-the-checks.md. `--sample 10` draws a tenth of the mutants at random.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import random
 import sys
 import warnings
 from pathlib import Path
@@ -29,24 +31,23 @@ from tests.checking.mutants.all import MUTANTS, REFUSED, rejected_by
 from tests.checking.mutants.loops import LOOPS
 from tests.checking.mutants.survivors import SURVIVORS
 
+Record = dict[str, dict[str, Any]]
 
-def known(out: Path) -> dict[str, dict[str, Any]]:
+
+def outcomes(out: Path) -> Record:
     """The outcomes in the file; a line that was cut off does not count."""
-    found = {}
+    record = {}
     for text in out.read_text().splitlines() if out.exists() else ():
         try:
             line = json.loads(text)
         except json.JSONDecodeError:
             continue
-        found[line["name"]] = line
-    return found
-
-
-Record = dict[str, dict[str, Any]]
+        record[line["name"]] = line
+    return record
 
 
 def families(record: Record) -> str:
-    """Mutants by family, and what became of them."""
+    """Mutants by family, and how many were rejected."""
     rows = []
     for family in dict.fromkeys(line["family"] for line in record.values()):
         of = [line for line in record.values() if line["family"] == family]
@@ -67,15 +68,15 @@ def checks(record: Record) -> str:
     steppers = [line["rejected_by"] for name, line in record.items() if MUTANTS[name] not in LOOPS]
     rows = []
     for check in CHECKS:
-        by = [found for found in steppers if check in found]
+        by = [rejecting for rejecting in steppers if check in rejecting]
         quick = "" if check in SLOW else "yes"
-        rows.append([f"`{check}`", quick, len(by), sum(len(found) == 1 for found in by)])
+        rows.append([f"`{check}`", quick, len(by), sum(len(each) == 1 for each in by)])
     head = ["check", "in quick mode", "rejects", "alone"]
     return tabulate(rows, head, tablefmt="pipe", colalign=("left", "left", "right", "right"))
 
 
 def alone(record: Record) -> str:
-    """The mutants that one check alone rejects."""
+    """The mutants that only one check rejects."""
     rows = [
         [f"`{line['rejected_by'][0]}`", name]
         for name, line in record.items()
@@ -87,28 +88,29 @@ def alone(record: Record) -> str:
 
 
 def quick(record: Record) -> str:
-    """What quick mode misses of what all checks reject."""
+    """The mutants that only the checks outside quick mode reject."""
     missed = [
         f"- {name} ({', '.join(f'`{check}`' for check in line['rejected_by'])})"
         for name, line in record.items()
         if line["rejected_by"] and set(line["rejected_by"]) <= set(SLOW)
     ]
-    return f"Quick mode misses {len(missed)} of them:\n\n" + "\n".join(missed)
+    return f"Quick mode misses {len(missed)} mutants:\n\n" + "\n".join(missed)
 
 
 def claims(record: Record) -> str:
-    """What passes if its author claims nothing but an order."""
+    """The mutants that pass if only an order is claimed."""
     structure = {"energy", "symplectic", "reversible"}
     passing = [
         f"- {name} ({', '.join(f'`{check}`' for check in line['rejected_by'])})"
         for name, line in record.items()
         if line["rejected_by"] and set(line["rejected_by"]) <= structure
     ]
-    return f"If the order alone is claimed, {len(passing)} more pass:\n\n" + "\n".join(passing)
+    head = f"If only the order is claimed, {len(passing)} more mutants pass:"
+    return "\n".join([head, "", *passing])
 
 
 def survivors(record: Record) -> str:
-    """What no check rejects, with the reason."""
+    """The mutants that no check rejects, with the reason."""
     rows = [
         [name, SURVIVORS.get(name, "not listed")]
         for name, line in record.items()
@@ -124,28 +126,29 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="file of outcomes, *.jsonl")
     parser.add_argument("--only", default="", help="mutants whose name has this in it")
-    parser.add_argument("--show", choices=list(SHOWN), help="a table; nothing is judged")
+    parser.add_argument("--sample", type=int, default=1, help="draw one of so many mutants")
+    parser.add_argument("--seed", type=int, default=1, help="of the sample (default 1)")
+    parser.add_argument("--show", choices=list(SHOWN), help="a table; nothing is checked")
     options = parser.parse_args()
-    found = known(options.out)
+    record = outcomes(options.out)
     if options.show:
-        print(SHOWN[options.show]({name: found[name] for name in MUTANTS if name in found}))
+        print(SHOWN[options.show]({name: record[name] for name in MUTANTS if name in record}))
         return
-    # A warning out of the judge is a fault of the judge.
+    # A warning is a bug of a check.
     warnings.simplefilter("error")
-    left = [
-        mutant
-        for mutant in MUTANTS.values()
-        if mutant.name not in found and options.only in mutant.name
-    ]
+    names = [name for name in MUTANTS if options.only in name]
+    if options.sample > 1:
+        names = random.Random(options.seed).sample(names, len(names) // options.sample)
+    missing = [MUTANTS[name] for name in names if name not in record]
     with options.out.open("a") as file:
-        for mutant in track(left, description="mutants", console=Console(stderr=True)):
+        for mutant in track(missing, description="mutants", console=Console(stderr=True)):
             line = {"name": mutant.name, "family": mutant.family, "change": mutant.change}
-            found[mutant.name] = {**line, "rejected_by": rejected_by(mutant)}
-            file.write(json.dumps(found[mutant.name]) + "\n")
+            record[mutant.name] = {**line, "rejected_by": rejected_by(mutant)}
+            file.write(json.dumps(record[mutant.name]) + "\n")
             file.flush()
     for name in MUTANTS:
-        if name in found and not found[name]["rejected_by"]:
-            print(f"survives: {name}\n    {found[name]['change']}")
+        if name in record and not record[name]["rejected_by"]:
+            print(f"survives: {name}\n    {record[name]['change']}")
 
 
 if __name__ == "__main__":

@@ -16,8 +16,8 @@ from .case_studies.formats import format_report as format_report
 from .case_studies.report import Report as Report
 from .case_studies.report import rope_report as rope_report
 from .checking.check import check_stepper as check_stepper
+from .checking.check_ropes import CheckArgs as CheckArgs
 from .checking.grade import grade as grade
-from .checking.problems import CheckArgs as CheckArgs
 from .checking.report import CheckReport as CheckReport
 from .checking.trajectories.studies import trajectory_energy_curves as trajectory_energy_curves
 from .checking.trajectories.studies import trajectory_error_curves as trajectory_error_curves

@@ -91,7 +91,7 @@ def distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> np.n
     block = max(1, _BLOCK_BYTES // max(1, problem.y0.nbytes))
     parts = [
         norm.over_nodes(
-            _node_distances(
+            node_distances(
                 problem.quantity(norm.quantity, a[first : min(first + block, times)]),
                 problem.quantity(norm.quantity, b[first : min(first + block, times)]),
             )
@@ -101,8 +101,13 @@ def distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> np.n
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _node_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Euclidean distance of each node, ``(times, nodes)``."""
+def node_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Euclidean distance of each node, ``(times, nodes)``.
+
+    Arguments:
+        a: one quantity, ``(times, nodes, dim)``.
+        b: the same quantity of another trajectory.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         difference = np.abs(a - b)
         largest = np.max(difference, axis=2, keepdims=True)

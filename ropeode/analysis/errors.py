@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.norms import Norm, distance, norm_for
+from ropeode.norms import Norm, distance, node_distances, norm_for
 from ropeode.references.reference import Reference
 from ropeode.simulation import Trajectory
 
@@ -106,6 +106,30 @@ def distances(states: np.ndarray, reference: Reference, norm: Norm) -> np.ndarra
     """
     samples = min(len(states), reference.trusted)
     return distance(reference.problem, norm, states[:samples], reference.states[:samples])
+
+
+def quantity_distances(values: np.ndarray, reference: Reference, norm: Norm) -> np.ndarray:
+    """As `distances`, where only the quantity that the norm measures is known.
+
+    Arguments:
+        values: the quantity at the first sample times, ``(times, nodes, dim)``.
+        reference: of the problem.
+        norm: in which the distance is measured.
+    """
+    samples = min(len(values), reference.trusted)
+    right = reference.problem.quantity(norm.quantity, reference.states[:samples])
+    return norm.over_nodes(node_distances(values[:samples], right))
+
+
+def differences(states: np.ndarray, reference: Reference) -> np.ndarray:
+    """States minus the reference, component by component, at each trusted sample.
+
+    Arguments:
+        states: at the first sample times of the reference's problem, ``(times, *state)``.
+        reference: of the problem, or of another with the same sample times.
+    """
+    samples = min(len(states), reference.trusted)
+    return states[:samples] - reference.states[:samples]
 
 
 def resolution(reference: Reference, norm: Norm) -> np.ndarray:

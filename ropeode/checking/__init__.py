@@ -1,1 +1,1 @@
-"""Steppers that users bring: checked, diagnosed, and graded from their trajectories."""
+"""Checks of users' steppers, the diagnosis of wrong ones, and grades for trajectories."""

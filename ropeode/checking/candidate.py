@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.checking.problems import undamped
+from ropeode.checking.check_ropes import undamped
 from ropeode.problems.problem import Problem
 from ropeode.simulation import simulate
 from ropeode.simulation.method import Method, method_of

@@ -8,8 +8,8 @@ from typing import Any
 
 from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination, references_ahead
+from ropeode.checking.check_ropes import convergence_problems, undamped
 from ropeode.checking.checks import CHECKS, SLOW
-from ropeode.checking.problems import convergence_problems, undamped
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding
 from ropeode.checking.time_limit import kept_output, within
 from ropeode.errors import InputError, UserCodeError
@@ -138,9 +138,9 @@ def _notes(trial: Trial, printed: str) -> Iterator[str]:
 
 def _diagnosed(examination: Examination) -> tuple[Diagnosis, ...]:
     # Not above: it imports diffrax and optimistix, and most steppers need none of it.
-    from ropeode.checking.diagnosis.diagnose import diagnose
+    from ropeode.checking.diagnosis.stepper import diagnose_stepper
 
-    return diagnose(examination)
+    return diagnose_stepper(examination)
 
 
 def _made(examination: Examination, name: str, limit: float) -> Finding:

@@ -11,8 +11,8 @@ from concurrent.futures import Future
 import numpy as np
 
 from ropeode.checking.candidate import Candidate
+from ropeode.checking.check_ropes import UNITS, convergence_problems, generic, in_other_units
 from ropeode.checking.convergence import converging, ladder, steps_to_dts
-from ropeode.checking.problems import UNITS, convergence_problems, generic, in_other_units
 from ropeode.checking.report import Claims, Convergence
 from ropeode.errors import RopeodeError
 from ropeode.problems.problem import Problem

@@ -1,4 +1,4 @@
-"""Whether runs converge to the right solution, and how fast: positions and velocities apart."""
+"""Whether runs converge to the right solution, and with which order, for each quantity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR
+from ropeode.analysis.errors import distances, quantity_distances
+from ropeode.analysis.errors import resolution as resolution_of
 from ropeode.analysis.order import (
     PRE_ASYMPTOTIC,
     ROUND_OFF,
@@ -17,66 +18,66 @@ from ropeode.analysis.order import (
 )
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
-from ropeode.norms import NORMS, distance
+from ropeode.norms import NORMS, Norm, distance
 from ropeode.references.reference import Reference, motion
 from ropeode.simulation.trajectory import step_size
 
-# An observed order is the expected one if it is not further below it than this.
+# An observed order may be lower than the expected one by this.
 TOLERANCE = 0.25
-# An interval wider than this, though it may show an order, is worth finer steps and a second look.
+# A wider interval may show an order, but asks for finer steps and a look at all errors.
 _WIDE = 0.4
-# A limit is another than the reference if it is further from it than its own uncertainty, and so
-# many times the reference's bound and what rounding does to the runs.
+# A limit is wrong if its distance from the reference exceeds the sum of its own uncertainty, so
+# many times the reference's bound, and so many times the round-off of the runs.
 _BOUND, _ROUNDING = 3.0, 30.0
-# Steps per frame: where a ladder begins, its ratio, and how far it is followed.
+# Steps per frame: the coarsest, their ratio, how many runs at least, and the finest.
 _COARSEST, _RATIO, _LEVELS, _MOST_STEPS = 6, 1.5, 8, 2000
 _PLURAL = {"position": "positions", "velocity": "velocities", "state": "states"}
-# The ratio where there is little room between coarse steps and what a reference can tell.
+# The ratio for high orders, whose errors soon fall below what a reference can resolve.
 _CLOSE = 1.2
 
 
 def ladder(observe: Callable[[Sequence[int]], Convergence]) -> Convergence:
-    """Observe at finer and finer steps until both orders are known, or it is of no more use.
+    """Make runs with finer and finer steps until all orders are certain, or nothing helps.
 
     Arguments:
-        observe: makes the runs with so many steps per frame, and says what came of them.
+        observe: makes runs with these numbers of steps per frame, and measures their convergence.
     """
     levels = [_even(_COARSEST * _RATIO**k) for k in range(_LEVELS)]
     while True:
-        found = observe(levels)
-        if not any(_finer_steps_would_help(order) for order in found.orders.values()):
+        convergence = observe(levels)
+        if not any(_finer_steps_would_help(order) for order in convergence.orders.values()):
             break
         if levels[-1] * _RATIO > _MOST_STEPS:
             break
         levels.append(_even(levels[-1] * _RATIO))
-    undetermined = any(order.verdict == "undetermined" for order in found.orders.values())
-    finest = _finest_resolved(levels, found)
+    undetermined = any(each.verdict == "undetermined" for each in convergence.orders.values())
+    finest = _finest_resolved(levels, convergence)
     if undetermined and finest < levels[-1]:
-        # Of a high order: only coarse steps have errors that a reference can tell.
+        # The order is high: only coarse steps have errors that a reference can resolve.
         return observe(_close_levels(finest))
-    return found
+    return convergence
 
 
 def _even(steps: float) -> int:
-    """The even number next to it: errors of two-step methods differ between even and odd."""
+    """The nearest even number: errors of two-step methods differ between even and odd ones."""
     return 2 * round(0.5 * steps)
 
 
-def _finest_resolved(levels: Sequence[int], found: Convergence) -> int:
-    """The most steps at which some error can still be told."""
+def _finest_resolved(levels: Sequence[int], convergence: Convergence) -> int:
+    """The largest number of steps at which some error is resolved."""
     return max(
         (
             steps
-            for quantity, errors in found.errors.items()
+            for quantity, errors in convergence.errors.items()
             for steps, error in zip(levels, errors, strict=True)
-            if error is not None and error >= found.resolution[quantity]
+            if error is not None and error >= convergence.resolution[quantity]
         ),
         default=levels[0],
     )
 
 
 def _close_levels(most: int) -> list[int]:
-    """Numbers of steps from 1 on, close to each other, to a little beyond `most`."""
+    """Closely spaced numbers of steps, from 1 to a little beyond `most`."""
     levels = [1]
     while levels[-1] < _RATIO * most:
         levels.append(max(levels[-1] + 1, round(levels[-1] * _CLOSE)))
@@ -100,55 +101,48 @@ def converging(
     doubles: Sequence[np.ndarray | None] = (),
     quantities: Sequence[str] | None = None,
 ) -> Convergence:
-    """Hold runs with several step sizes against the reference of their problem.
+    """Measure the errors of runs with several step sizes, their orders and their limit.
 
     Arguments:
         reference: of the problem.
         runs: step size and states ``(times, *state)`` of each, not-a-number from where it
             diverged.
         expected: the order that is claimed.
-        doubles: states of the same runs with other roundings, which show how large the
-            round-off is; None for a run that has none.
-        quantities: that are looked at; by default all that the problem has.
+        doubles: states of the same runs with different rounding, which show the size of the
+            round-off; None for a run that has none.
+        quantities: of the problem, that the runs have; by default all.
     """
     problem = reference.problem
-    inside = slice(1, reference.trusted)
+    quantities = quantities or problem.quantities
     errors: dict[str, tuple[float | None, ...]] = {}
     orders: dict[str, ObservedOrder] = {}
     resolution: dict[str, float] = {}
-    rounding_of: dict[str, float] = {}
-    order_of_runs = sorted(range(len(runs)), key=lambda i: -runs[i][0])
-    dts = tuple(runs[i][0] for i in order_of_runs)
-    for quantity in quantities or problem.quantities:
+    round_off: dict[str, float] = {}
+    coarse_to_fine = sorted(range(len(runs)), key=lambda i: -runs[i][0])
+    dts = tuple(runs[i][0] for i in coarse_to_fine)
+    for quantity in quantities:
         norm = NORMS[f"{quantity}-max"]
-
-        def apart(a: np.ndarray, b: np.ndarray, norm=norm) -> float | None:
-            both = slice(0, reference.trusted)
-            if np.isnan(a[both]).any() or np.isnan(b[both]).any():
-                return None
-            return float(np.max(distance(problem, norm, a, b)[inside]))
-
-        found = [apart(runs[i][1], reference.states) for i in order_of_runs]
+        largest = [_largest_error(runs[i][1], reference, norm) for i in coarse_to_fine]
         rounding = [
-            apart(runs[i][1], double) or 0.0
+            _round_off(runs[i][1], double, reference, norm)
             if i < len(doubles) and (double := doubles[i]) is not None
             else 0.0
-            for i in order_of_runs
+            for i in coarse_to_fine
         ]
-        errors[quantity] = tuple(found)
+        errors[quantity] = tuple(largest)
         # Of the finer half: coarse runs may have grown huge.
-        rounding_of[quantity] = max(rounding[len(rounding) // 2 :])
-        resolution[quantity] = float(RESOLUTION_FACTOR * reference.bound(norm)[-1])
+        round_off[quantity] = max(rounding[len(rounding) // 2 :])
+        resolution[quantity] = float(resolution_of(reference, norm)[-1])
         orders[quantity] = observed_order(
             dts,
-            found,
+            largest,
             resolution=resolution[quantity],
             rounding=rounding,
             motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
-            # Where an interval is too wide, `_is_lower` weighs all errors.
+            # If an interval is too wide, `_is_lower` takes all errors.
             widest=np.inf,
         )
-    limits = _limits(reference, runs, rounding_of, quantities or problem.quantities)
+    limits = _limits(reference, runs, round_off)
     return Convergence(
         problem=problem.name,
         dts=dts,
@@ -160,29 +154,40 @@ def converging(
     )
 
 
+def _largest_error(states: np.ndarray, reference: Reference, norm: Norm) -> float | None:
+    """None if the run diverged before the trust horizon."""
+    if np.isnan(states[: reference.trusted]).any():
+        return None
+    return float(np.max(distances(states, reference, norm)[1:]))
+
+
+def _round_off(a: np.ndarray, b: np.ndarray, reference: Reference, norm: Norm) -> float:
+    """The largest difference between two runs; 0 if one of them diverged."""
+    a, b = a[: reference.trusted], b[: reference.trusted]
+    if np.isnan(a).any() or np.isnan(b).any():
+        return 0.0
+    return float(np.max(distance(reference.problem, norm, a, b)[1:]))
+
+
 def _limits(
-    reference: Reference,
-    runs: Sequence[tuple[float, np.ndarray]],
-    rounding: Mapping[str, float],
-    quantities: Sequence[str],
+    reference: Reference, runs: Sequence[tuple[float, np.ndarray]], round_off: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """How far the limit of the runs is from the reference, and how far it may be."""
-    problem, known = reference.problem, slice(0, reference.trusted)
+    """The distance of the limit of the runs from the reference, and the largest one allowed."""
+    problem, trusted = reference.problem, slice(0, reference.trusted)
     dts = [dt for dt, _ in runs]
-    found = {}
-    for quantity in quantities:
+    limits = {}
+    for quantity, rounding in round_off.items():
         norm = NORMS[f"{quantity}-max"]
-        limit = limit_of(dts, [problem.quantity(quantity, states[known]) for _, states in runs])
+        limit = limit_of(dts, [problem.quantity(quantity, states[trusted]) for _, states in runs])
         if limit is None:
             continue
-        right = problem.quantity(quantity, reference.states[known])
-        off = np.max(np.linalg.norm(limit.values - right, axis=2), axis=1)
-        # The uncertainty is of components, of which a node has a few.
-        per_node = np.sqrt(right.shape[2]) * limit.uncertainty
-        allowed = per_node + _BOUND * reference.bound(norm) + _ROUNDING * rounding[quantity]
+        off = quantity_distances(limit.values, reference, norm)
+        # The uncertainty is that of a component, of which a node has several.
+        per_node = np.sqrt(limit.values.shape[2]) * limit.uncertainty
+        allowed = per_node + _BOUND * reference.bound(norm) + _ROUNDING * rounding
         worst = int(np.argmax(off - allowed))
-        found[quantity] = float(off[worst]), float(allowed[worst])
-    return found
+        limits[quantity] = float(off[worst]), float(allowed[worst])
+    return limits
 
 
 def steps_to_dts(reference: Reference, steps: Sequence[int]) -> list[float]:
@@ -194,87 +199,85 @@ def _is_wide(interval: tuple[float, float]) -> bool:
     return interval[1] - interval[0] > _WIDE
 
 
-def _is_lower(found: Convergence, quantity: str, expected: int) -> bool:
+def _is_lower(convergence: Convergence, quantity: str, expected: int) -> bool:
     """Whether an observed order is below the expected one.
 
-    A wide interval may hold any order: the error's leading term may change its sign among the
-    steps, and rounding forbid finer ones. Then all errors count that can be told, with more
-    room where the order is high.
+    A wide interval may contain any order: the leading term of the error may change its sign
+    among the steps, and rounding rule out finer ones. Then all resolved errors count, with more
+    tolerance for high orders.
     """
-    order = found.orders[quantity]
+    order = convergence.orders[quantity]
     assert order.ci95 is not None
     assert order.observed is not None
     if order.ci95[1] < expected - TOLERANCE:
         return True
     least = expected - max(TOLERANCE, expected / 8.0)
-    return _is_wide(order.ci95) and max(order.observed, _overall(found, quantity)) < least
+    return _is_wide(order.ci95) and max(order.observed, _slope(convergence, quantity)) < least
 
 
-def _overall(found: Convergence, quantity: str) -> float:
+def _slope(convergence: Convergence, quantity: str) -> float:
     """The slope of all errors that are neither unstable nor lost in rounding."""
-    left_out = found.orders[quantity].left_out
+    left_out = convergence.orders[quantity].left_out
     lost = {point.dt for point in left_out if point.reason != PRE_ASYMPTOTIC}
     points = [
         (dt, error)
-        for dt, error in zip(found.dts, found.errors[quantity], strict=True)
+        for dt, error in zip(convergence.dts, convergence.errors[quantity], strict=True)
         if error and dt not in lost
     ]
     dts, errors = np.log(np.array(points)).T
     return float(np.polyfit(dts, errors, 1)[0])
 
 
-def convergence_finding(check: str, found: Convergence) -> Finding:
-    """The verdict on what was observed.
+def convergence_finding(check: str, convergence: Convergence) -> Finding:
+    """The verdict on the convergence of runs.
 
     Arguments:
         check: name of the check.
-        found: by `converging`.
+        convergence: measured by `converging`.
     """
-    faults, words, known = [], [], True
-    for quantity, order in found.orders.items():
-        last = found.errors[quantity][-1]
-        them = _PLURAL[quantity]
+    expected, limits = convergence.expected, convergence.limits
+    wrong, words, determined = False, [], True
+    for quantity, order in convergence.orders.items():
+        finest, them = convergence.errors[quantity][-1], _PLURAL[quantity]
         if order.verdict == "undetermined":
-            known = False
+            determined = False
             words.append(f"{them}: order undetermined ({order.why})")
-            if found.expected is not None or last is None:
-                faults.append(quantity)
+            wrong |= expected is not None or finest is None
             continue
         assert order.observed is not None
         assert order.ci95 is not None
-        size = "diverges" if last is None else f"{last:.1e}"
         if order.verdict == "does not converge":
-            words.append(f"{them} do not converge: error {size} at the finest dt")
-            faults.append(quantity)
+            size = "the run diverges" if finest is None else f"error {finest:.1e}"
+            words.append(f"{them} do not converge: {size} at the finest dt")
+            wrong = True
             continue
         low, high = order.ci95
         words.append(
             f"{them} order {order.observed:.2f} [{low:.2f}, {high:.2f}]"
             if high <= WIDEST_RATIO * low
             else f"{them} order between {low:.2f} and {high:.2f}, all errors together fall with "
-            f"the power {_overall(found, quantity):.2f} of dt"
+            f"the power {_slope(convergence, quantity):.2f} of dt"
         )
-        if found.expected is not None and _is_lower(found, quantity, found.expected):
-            faults.append(quantity)
-    for quantity, (off, allowed) in found.limits.items():
+        wrong |= expected is not None and _is_lower(convergence, quantity, expected)
+    for quantity, (off, allowed) in limits.items():
         if off > allowed:
-            words.append(f"limit of {_PLURAL[quantity]} off by {off:.1e} (known to {allowed:.0e})")
-            faults.append(quantity)
+            words.append(f"wrong limit of {_PLURAL[quantity]}: off by {off:.1e} (± {allowed:.0e})")
+            wrong = True
     line = "; ".join(words)
-    if found.expected is not None:
-        line += f"; expected {found.expected}"
+    if expected is not None:
+        line += f"; expected {expected}"
     return Finding(
         check=check,
-        status="fail" if faults else "pass" if known else "note",
+        status="fail" if wrong else "pass" if determined else "note",
         line=line,
         evidence={
             quantity: {
                 "observed": order.observed,
                 "ci95": order.ci95,
                 "verdict": order.verdict,
-                "limit_off": found.limits[quantity][0] if quantity in found.limits else None,
+                "limit_off": limits[quantity][0] if quantity in limits else None,
             }
-            for quantity, order in found.orders.items()
+            for quantity, order in convergence.orders.items()
         },
-        convergence=found,
+        convergence=convergence,
     )

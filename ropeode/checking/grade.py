@@ -1,4 +1,4 @@
-"""Grading trajectories that any program wrote: does it solve the problem, and how well?"""
+"""Grades trajectories from any program: does it solve the problem, and with which order?"""
 
 from __future__ import annotations
 
@@ -14,16 +14,11 @@ from ropeode.checking.trajectories.conservation import energy_finding, pins_find
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import check_initial_states
 from ropeode.checking.trajectories.layout import Layout, states_of
-from ropeode.checking.trajectories.run_files import (
-    Progress,
-    Run,
-    names_of,
-    quantities_of,
-    read_runs,
-)
-from ropeode.checking.trajectories.time_errors import clock_diagnosis
+from ropeode.checking.trajectories.run_files import Run, names_of, quantities_of, read_runs
+from ropeode.checking.trajectories.time_errors import timing_diagnosis
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.reference import Reference, problem_of, reference_for
 from ropeode.validation import check_whole, complaint
 
@@ -37,23 +32,23 @@ def grade(
     accuracy: float | None = None,
     rtol: float | None = None,
     diagnose: bool = True,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
     **asked: Any,
 ) -> CheckReport:
-    """Hold trajectories of one program, with several step sizes, against a certified reference.
+    """Compare trajectories of one program, with several step sizes, with a certified reference.
 
-    Files are read in blocks, and only samples at the problem's sample times are kept, so that
-    they may be larger than memory. docs/grade.md says what they have to hold.
+    Files are read in blocks, and only the samples at the problem's sample times are kept, so
+    files may be larger than memory. docs/grade.md describes their format.
 
     Arguments:
         files: CSV, NPZ or NetCDF, at least three, one for each step size.
-        problem: that the program is to solve, or a reference of it that exists already.
-        dts: step size of each file; None where the files say it.
-        expected_order: that the program is to have; None if it is not known.
+        problem: the problem that the program should solve, or a reference of it.
+        dts: step size of each file; None if the files contain it.
+        expected_order: the order that the program should have; None to measure it.
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
-        diagnose: look for the cause of errors that are wrong, or of which nothing is claimed.
-        progress: called with what is being done and the fraction that is done.
+        diagnose: look for the cause if the order is wrong or not claimed.
+        progress: called with the current task and the fraction that is done.
         asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
 
     Returns:
@@ -61,7 +56,7 @@ def grade(
 
     Raises:
         InputError: an argument or a file cannot be used; one line for each, with the place.
-        ReferenceRefused: no reference can be had for the problem.
+        ReferenceRefused: no reference of the problem can be certified.
     """
     started = time.perf_counter()
     if expected_order is not None:
@@ -69,36 +64,36 @@ def grade(
     if isinstance(files, (str, Path)):
         raise InputError(complaint("files", str(files), "a list of files", "put it into a list"))
     own = problem_of(problem)
-    runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * share))
+    runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * (share or 0.0)))
     off = check_initial_states(runs, own)
-    known = reference_for(
+    reference = reference_for(
         problem, accuracy, rtol, progress=lambda text: progress(text, 0.9), **asked
     )
-    order, notes = _order(known, runs, expected_order)
-    exact = "to the last digit" if off == 0.0 else f"to rounding ({off:.1e})"
+    order, notes = _order(reference, runs, expected_order)
+    exactly = "exactly" if off == 0.0 else f"to rounding ({off:.1e})"
     findings = (
-        Finding("initial-state", "pass", f"the first sample is the initial state, {exact}"),
+        Finding("initial-state", "pass", f"the first sample is the initial state {exactly}"),
         order,
-        pins_finding(known, runs),
-        energy_finding(known, runs),
+        pins_finding(reference, runs),
+        energy_finding(reference, runs),
     )
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
     if diagnose and (wrong or expected_order is None):
         progress("diagnosis", 0.95)
-        clock = clock_diagnosis(known, runs)
+        timing = timing_diagnosis(reference, runs)
         if wrong:
-            diagnosis = _solved_instead(known, runs) if clock is None else (clock,)
-        elif clock is not None:
-            # Nothing that was claimed is refuted, and yet it is hardly meant.
-            notes = (*notes, clock.line)
+            diagnosis = _diagnosed(reference, runs) if timing is None else (timing,)
+        elif timing is not None:
+            # No claim is refuted, but such a program is hardly intended.
+            notes = (*notes, timing.line)
     progress("done", 1.0)
     return CheckReport(
         label=names_of(runs),
         claims=Claims(order=expected_order),
         findings=findings,
         diagnosis=diagnosis,
-        notes=(*notes, *_notes(runs, known)),
+        notes=(*notes, *_notes(runs, reference)),
         seconds=time.perf_counter() - started,
     )
 
@@ -106,19 +101,19 @@ def grade(
 def _order(
     reference: Reference, runs: Sequence[Run], expected: int | None
 ) -> tuple[Finding, tuple[str, ...]]:
-    """The verdict on convergence; errors that a wrong count of steps explains need no order."""
+    """The verdict on convergence; no order is needed if a wrong number of steps explains all."""
     try:
         return order_finding(reference, runs, expected)
     except InputError:
-        clock = clock_diagnosis(reference, runs)
-        if clock is None:
+        timing = timing_diagnosis(reference, runs)
+        if timing is None:
             raise
-        return Finding("order", "fail", f"no order; {clock.line}", clock.evidence), ()
+        return Finding("order", "fail", f"no order; {timing.line}", timing.evidence), ()
 
 
-def _solved_instead(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
-    """What the runs solve in place of the problem, as far as they tell."""
-    # Not above: it imports diffrax and optimistix, and right programs need none of it.
+def _diagnosed(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
+    """What the runs solve instead of the problem."""
+    # Not above: it imports diffrax and optimistix, which right programs do not need.
     from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
 
     problem = reference.problem
@@ -134,15 +129,15 @@ def _solved_instead(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosi
 def _notes(runs: Sequence[Run], reference: Reference) -> list[str]:
     notes = [
         f"{run.path.name}: dt = {run.dt:g} does not divide the {run.interval:g} between samples; "
-        "the last step before each has to be a shorter one"
+        "the last step before each sample must be shorter"
         for run in runs
         if run.uneven
     ]
     if reference.horizon is not None:
         notes.append(
-            f"judged before t = {reference.horizon:g} only, where the reference is trusted"
+            f"only samples before t = {reference.horizon:g} count, where the reference is trusted"
         )
     layout = Layout.of(reference.problem)
     if layout.mechanical and runs[0].values.shape[2] == layout.dim:
-        notes.append("the files have no velocities: positions alone are judged")
+        notes.append("the files have no velocities: only positions are graded")
     return notes

@@ -1,4 +1,4 @@
-"""What came of a check: one finding for each check, and the verdict."""
+"""The report of a check: one finding for each check, and the verdict."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ Status = Literal["pass", "fail", "note", "skip"]
 
 @dataclasses.dataclass(frozen=True)
 class Claims:
-    """What the author says of a stepper; what is not said is found out and not judged.
+    """What the author claims of a stepper. A property without a claim is measured, not tested.
 
     Arguments:
-        order: of convergence, on every problem; None where it is not said.
-        method: the stepper of ropeode that it is meant to be, by name with options; the order
-            on each class of problem, the limit of stability, symplecticity and reversibility
-            then have to be those.
-        symplectic: whether its one-step map is, on problems without damping.
-        reversible: whether steps forward undo steps backward, on problems without damping.
-        conserves_energy: whether its energy stays bounded there, in the long run.
+        order: of convergence, on every problem; None if no order is claimed.
+        method: the stepper of ropeode that it implements, by name with options; it must then
+            have that stepper's order on each class of problem, stability limit and structure.
+        symplectic: whether its one-step map is symplectic, on problems without damping.
+        reversible: whether a step back undoes a step forward, on problems without damping.
+        conserves_energy: whether energy stays bounded in a long run without damping.
     """
 
     order: int | None = None
@@ -34,20 +33,20 @@ class Claims:
 
 @dataclasses.dataclass(frozen=True)
 class Convergence:
-    """Errors of runs of one problem, held against its reference.
+    """Errors of the runs of one problem against its reference, and their orders.
 
     Arguments:
         problem: its name.
         dts: step sizes, from coarse to fine.
         errors: for each quantity (position, velocity) the largest error at each step size;
-            None where a run diverged.
+            None for a run that diverged.
         resolution: for each quantity ten times the reference's estimated bound: a smaller
             error is unresolved.
-        orders: for each quantity what was observed.
-        expected: the order that is claimed on this problem; None where nothing is.
-        limits: for each quantity how far the runs' limit for dt to zero is from the
-            reference, and how far it may be by what is known of both; none where there are
-            too few runs to tell.
+        orders: the observed order of each quantity.
+        expected: the order that is claimed on this problem; None if nothing is claimed.
+        limits: for each quantity the distance between the limit of the runs for dt to zero and
+            the reference, and the largest distance that the uncertainty of both allows; without
+            the quantities that have too few runs for a limit.
     """
 
     problem: str
@@ -61,15 +60,15 @@ class Convergence:
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """What one check found.
+    """The result of one check.
 
     Arguments:
         check: its name.
-        status: `pass`; `fail`: the stepper is wrong; `note`: something was measured that no
-            claim was made about; `skip`: the check does not apply.
-        line: what was found, with its evidence, in one line.
+        status: `pass`; `fail`: the stepper is wrong; `note`: a measurement that no claim covers;
+            `skip`: the check does not apply.
+        line: the result with its evidence, in one line.
         evidence: the numbers behind it, as plain JSON values.
-        convergence: the errors and orders, where that is what was checked.
+        convergence: the errors and orders, for checks of order.
     """
 
     check: str
@@ -81,10 +80,10 @@ class Finding:
 
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
-    """What is wrong, as far as the evidence says.
+    """What is wrong, as far as the evidence goes.
 
     Arguments:
-        cause: one of a few words, such as `parameters`, `start`, `lagged-damping`,
+        cause: a keyword, such as `parameters`, `start`, `lagged-damping`,
             `damping-per-step`, `stage-time`, `in-place`, `float32`, or `unknown`.
         line: a sentence for the author.
         evidence: the numbers behind it, as plain JSON values.
@@ -101,11 +100,11 @@ class CheckReport:
 
     Arguments:
         label: what was checked.
-        claims: what its author says.
-        findings: one for each check that was asked for.
-        diagnosis: what explains the failures; empty where nothing failed.
-        notes: what should be known beside, such as that the stepper prints.
-        seconds: that it took.
+        claims: of its author.
+        findings: one for each check.
+        diagnosis: the causes of failures; empty if nothing failed.
+        notes: further observations, for example that the stepper prints.
+        seconds: the time that the check took.
     """
 
     label: str
@@ -117,10 +116,10 @@ class CheckReport:
 
     @property
     def failed(self) -> tuple[Finding, ...]:
-        """The findings that say that the stepper is wrong."""
+        """The findings of checks that failed."""
         return tuple(finding for finding in self.findings if finding.status == "fail")
 
     @property
     def passed(self) -> bool:
-        """Whether every check that applies passed, and there was one."""
+        """Whether at least one check passed, and none failed."""
         return not self.failed and any(finding.status == "pass" for finding in self.findings)

@@ -1,4 +1,4 @@
-"""What runs with smaller and smaller steps tend to, and how well that is known."""
+"""Richardson extrapolation of runs to dt = 0, with the uncertainty of the limit."""
 
 from __future__ import annotations
 
@@ -8,31 +8,30 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import optimize
 
-# Fewer runs say nothing of how well the limit is known.
+# Fewer runs do not show how uncertain the limit is.
 FEWEST_RUNS = 3
-# Terms of the error's expansion that are taken out; more of them amplify rounding.
+# Terms of the error expansion that are eliminated; more would amplify rounding.
 _MOST_TERMS = 6
-# An order is a whole number; observed with a few coarse runs it is off by this at most.
-_WHOLE = 0.3
+# An order is an integer; observed with a few coarse runs it is off by at most this.
+_INTEGER_TOLERANCE = 0.3
 _HIGHEST_ORDER = 8.4
-# Two extrapolations that differ by this may both be off by more, in the same direction.
+# The errors of two extrapolations may be larger than their difference, if they have one sign.
 _SAFETY = 3.0
-# What has blown up so far is not extrapolated from.
+# Runs that have grown so large are not extrapolated.
 _HUGE = 1e100
-# Rounding in a run, in units of float64's own, before extrapolation amplifies it.
+# Round-off in a run, relative to its values, before extrapolation amplifies it.
 _ROUNDING = 100.0 * float(np.finfo(np.float64).eps)
 _TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclasses.dataclass(frozen=True)
 class Limit:
-    """What one quantity of a stepper's runs tends to as dt goes to 0.
+    """The limit of one quantity of a stepper's runs as dt goes to 0.
 
     Arguments:
         values: at the sample times, ``(times, ...)``.
-        uncertainty: how far from the true limit they may be at each time, ``(times,)``; an
-            estimate that does not shrink with time.
-        order: with which the runs tend to it; None where they do not depend on dt.
+        uncertainty: estimated error at each time, ``(times,)``; it does not decrease with time.
+        order: with which the runs tend to the limit; None if they do not depend on dt.
     """
 
     values: np.ndarray
@@ -43,24 +42,25 @@ class Limit:
 def limit_of(
     dts: Sequence[float], runs: Sequence[np.ndarray], rounding: float = 0.0
 ) -> Limit | None:
-    """Richardson's extrapolation to dt = 0, with the order that the runs themselves show.
+    """Richardson extrapolation to dt = 0, with the order that the runs themselves show.
 
     The order is that of the differences between three successive runs. With it the terms
-    ``dt^p, dt^(p + 1), ...`` of the error are taken out, one for each further run. The
-    uncertainty is the difference to the extrapolation with one run fewer, or to the one that
-    begins at order 1, which is right whatever the order, if that is larger. Of all sequences of
-    runs (the coarsest may be pre-asymptotic, the finest rounded) the best known one counts.
+    ``dt^p, dt^(p + 1), ...`` of the error are eliminated, one for each further run. The
+    uncertainty is the difference to the extrapolation with one run fewer, or, if larger, to the
+    one that begins at order 1, which is right whatever the order. Of all sequences of runs (the
+    coarsest may be pre-asymptotic, the finest rounded) the one with the smallest uncertainty
+    counts.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
 
     Arguments:
-        dts: step sizes, different.
-        runs: what each gives at the same times, ``(times, ...)``; those that are not finite
-            are left out.
-        rounding: of the numbers in the runs, where they have fewer digits than float64.
+        dts: different step sizes.
+        runs: the values of each run at the same times, ``(times, ...)``; runs that are not
+            finite are left out.
+        rounding: error of the numbers in the runs, where they have fewer digits than float64.
 
     Returns:
-        None where no three runs tend to anything with a whole order.
+        None if no three runs tend to a limit with an integer order.
     """
     usable = [(dt, run) for dt, run in zip(dts, runs, strict=True) if np.all(np.isfinite(run))]
     if len(usable) < FEWEST_RUNS:
@@ -81,14 +81,14 @@ def limit_of(
             part = slice(first, last)
             if not np.all(np.abs(values[part]) < _HUGE):
                 continue
-            found = _extrapolated(dt[part], values[part], order, rounding)
-            if best is None or found.uncertainty[-1] < best.uncertainty[-1]:
-                best = found
+            limit = _extrapolated(dt[part], values[part], order, rounding)
+            if best is None or limit.uncertainty[-1] < best.uncertainty[-1]:
+                best = limit
     return best
 
 
 def _order(dt: np.ndarray, values: np.ndarray, rounding: float) -> int | None:
-    """The whole order that the differences of three runs show; None where they show none."""
+    """The integer order that the differences of three runs show; None if they show none."""
     with np.errstate(over="ignore"):  # Runs that blew up have huge numbers, and no order.
         far, near = (float(np.sqrt(np.mean((values[k] - values[k + 1]) ** 2))) for k in (0, 1))
     if not (np.isfinite(far) and rounding < near < far):
@@ -102,7 +102,7 @@ def _order(dt: np.ndarray, values: np.ndarray, rounding: float) -> int | None:
         return None
     observed = float(optimize.brentq(excess, 0.3, _HIGHEST_ORDER))  # pyright: ignore
     order = round(observed)
-    return order if order >= 1 and abs(observed - order) <= _WHOLE else None
+    return order if order >= 1 and abs(observed - order) <= _INTEGER_TOLERANCE else None
 
 
 def _extrapolated(dt: np.ndarray, values: np.ndarray, order: int, rounding: float) -> Limit:
@@ -112,13 +112,13 @@ def _extrapolated(dt: np.ndarray, values: np.ndarray, order: int, rounding: floa
         np.tensordot(_weights(dt[1:], order), values[1:], 1),
         np.tensordot(_weights(dt, 1), values, 1),
     )
-    apart = np.max([np.abs(full - other).reshape(len(full), -1) for other in others], axis=(0, 2))
+    change = np.max([np.abs(full - other).reshape(len(full), -1) for other in others], axis=(0, 2))
     noise = rounding * float(np.sum(np.abs(weights)))
-    return Limit(full, np.maximum.accumulate(_SAFETY * apart) + noise, order)
+    return Limit(full, np.maximum.accumulate(_SAFETY * change) + noise, order)
 
 
 def _weights(dt: np.ndarray, order: int) -> np.ndarray:
-    """Weights of runs that add up to 1 and take out the first terms of the error."""
+    """Weights of runs that add up to 1 and eliminate the first terms of the error."""
     scaled = dt / dt[0]
     rows = [np.ones_like(scaled), *(scaled ** (order + k) for k in range(len(dt) - 1))]
     right = np.zeros(len(dt))

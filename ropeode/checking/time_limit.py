@@ -1,4 +1,4 @@
-"""A user's code, run so that it cannot hang the caller, and so that what it prints is kept."""
+"""Runs a user's code under a time limit, and captures what it prints."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ class TimeIsUp(BaseException):
 
 
 def within(seconds: float, work: Callable[[], T]) -> T:
-    """Do the work in a thread of its own, and give up on it when its time is over.
+    """Call a function in a thread of its own, and abandon it at the time limit.
 
-    A loop in Python is ended. What hangs inside compiled code cannot be: its thread is left
-    to itself, and does not keep the process from ending.
+    A loop in Python is interrupted. Compiled code cannot be: its thread goes on, but does not
+    keep the process from ending.
 
     Arguments:
-        seconds: that it has.
-        work: to be done; what it raises is raised.
+        seconds: the time limit.
+        work: the function; its exceptions are raised here.
 
     Raises:
         UserCodeError: it did not return in time.
     """
-    found: list[T] = []
+    results: list[T] = []
     raised: list[BaseException] = []
 
     def run() -> None:
         try:
-            found.append(work())
+            results.append(work())
         except BaseException as error:
             raised.append(error)
 
@@ -49,19 +49,19 @@ def within(seconds: float, work: Callable[[], T]) -> T:
         )
         worker.join(1.0)
         raise UserCodeError(
-            f"step: it did not return within {seconds:g} s; allowed: a step that ends. Fix: see "
-            "whether a loop in it ends, or allow more time with the time limit."
+            f"step: a check did not finish within {seconds:g} s; allowed: a step that returns. "
+            "Fix: look for a loop that does not end, or raise the time limit (--time-limit)."
         )
     if raised:
         raise raised[0]
-    return found[0]
+    return results[0]
 
 
 class Printed(io.StringIO):
-    """What was printed, up to a thousand characters."""
+    """Printed text, up to a thousand characters."""
 
     def write(self, text: str) -> int:
-        """Keep the beginning, and drop the rest."""
+        """Keep the beginning and discard the rest."""
         if self.tell() < 1000:
             super().write(text)
         return len(text)
@@ -69,7 +69,7 @@ class Printed(io.StringIO):
 
 @contextlib.contextmanager
 def kept_output() -> Iterator[Printed]:
-    """Standard output, kept away from the terminal."""
+    """Capture standard output."""
     printed = Printed()
     with contextlib.redirect_stdout(printed):
         yield printed

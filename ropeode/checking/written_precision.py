@@ -1,4 +1,4 @@
-"""With how many digits numbers were written, and in which precision they were computed."""
+"""How many digits printed numbers have, and in which precision they were computed."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ import math
 
 import numpy as np
 
-# So many numbers are looked at.
-_LOOKED_AT = 4096
+# At most so many numbers are examined.
+_SAMPLE = 4096
 _FLOAT32 = float(np.finfo(np.float32).eps)
-# A float32 is written with up to nine digits, a float64 with up to 17.
+# A float32 needs up to nine digits; a number with more than 15 is a float64 in full.
 _DIGITS_OF_FLOAT32, _DIGITS_OF_FLOAT64 = 9, 15
 
 
 def digits_of(values: np.ndarray) -> tuple[int, int]:
-    """The largest numbers of digits, and of decimals, that any of the numbers has.
+    """The largest numbers of digits and of decimals among some numbers.
 
-    They are those of the shortest text that stands for it, so that nothing need be known of
-    how it was written.
+    Counted in the shortest text that stands for each number, whatever the file contained.
 
     Arguments:
         values: finite numbers, of any shape.
@@ -33,10 +32,10 @@ def digits_of(values: np.ndarray) -> tuple[int, int]:
 
 
 def last_digit(values: np.ndarray) -> float:
-    """By how much the numbers may be off because of how they are written: half a last digit.
+    """The largest error of rounding to the digits that the numbers have: half a last digit.
 
-    Numbers with so many decimals have an error of the same size, and numbers with so many
-    digits one relative to their own; the larger of the two is right for either.
+    A fixed number of decimals gives an error of one size, a fixed number of digits one relative
+    to each number; the larger of the two bounds either.
 
     Arguments:
         values: finite numbers, of any shape.
@@ -49,7 +48,7 @@ def last_digit(values: np.ndarray) -> float:
 
 
 def single_precision(values: np.ndarray) -> bool:
-    """Whether all the numbers are such as float32 can hold, and have digits enough to tell.
+    """Whether float32 can hold all the numbers, and they have enough digits to decide it.
 
     Arguments:
         values: finite numbers, of any shape.
@@ -70,6 +69,20 @@ def epsilon(values: np.ndarray) -> float:
     return _FLOAT32 if single_precision(values) else float(np.finfo(np.float64).eps)
 
 
+def rounding_of(values: np.ndarray) -> float:
+    """The largest error of rounding the numbers to float32, or to the digits that they have.
+
+    Arguments:
+        values: finite numbers, of any shape.
+
+    Returns:
+        0 for numbers with all digits of float64.
+    """
+    if single_precision(values):
+        return float(np.max(np.abs(values), initial=0.0)) * _FLOAT32 / 2.0
+    return last_digit(values)
+
+
 def _some(values: np.ndarray) -> list[float]:
     flat = values.reshape(-1)
-    return flat[:: max(1, len(flat) // _LOOKED_AT)].tolist()
+    return flat[:: max(1, len(flat) // _SAMPLE)].tolist()

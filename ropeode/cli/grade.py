@@ -1,4 +1,4 @@
-"""The command that grades trajectories which any program wrote."""
+"""The command that grades trajectories from any program."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ropeode.validation import complaint
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path))
-@click.option("--problem", metavar="SPEC", help="The problem, as a file like `ropeode spec` has.")
-@click.option("--reference", metavar="FILE", help="A reference of it that exists already.")
+@click.option("--problem", metavar="SPEC", help="File of the problem, like that of `ropeode spec`.")
+@click.option("--reference", metavar="FILE", help="A stored reference of the problem.")
 @click.option("--dt", metavar="A[,B...]", help="Step size of each file. [as the files say]")
-@click.option("--order", metavar="N", help="The order that the program is to have.")
+@click.option("--order", metavar="N", help="The order that the program should have.")
 @click.option("--init", metavar="DIR", help="Write a spec and a program to start from.")
 @format_option
 @click.option("--out", metavar="FILE", help="Write the report to FILE and print nothing.")
@@ -33,12 +33,12 @@ def grade(
     form: str | None,
     out: str | None,
 ) -> int:
-    """Grade trajectories that any program wrote: does it solve the problem?
+    """Grade trajectories from any program: does it solve the problem?
 
-    FILES are CSV (t,node,x,y and, if known, vx,vy), NPZ or NetCDF, one for each of at least
-    three step sizes. `ropeode grade --init DIR` writes all that is needed to begin: a spec, the
-    initial state, a program in C++, and a page that explains them. The exit code is 0 if every
-    check that applies passes, 1 if the program is wrong, and 2 if it cannot be graded.
+    FILES are CSV (t,node,x,y and optionally vx,vy), NPZ or NetCDF, one for each of at least
+    three step sizes. `ropeode grade --init DIR` writes a spec, the initial state, a program in
+    C++ and a page that explains them. The exit code is 0 if no check fails, 1 if the program is
+    wrong, and 2 if it cannot be graded.
     """
     path = check_writable("out", out) if out else None
     if init is not None:
@@ -48,7 +48,7 @@ def grade(
         raise InputError(complaint("files", "none", allowed, "see `ropeode grade --init DIR`"))
     if problem is None and reference is None:
         fix = "give --problem SPEC; `ropeode grade --init DIR` writes one"
-        raise InputError(complaint("problem", "none", "the problem that they are of", fix))
+        raise InputError(complaint("problem", "none", "the problem that they solve", fix))
     set_up_jax()
     from ropeode.checking.grade import grade as graded
     from ropeode.render.formats import format_check
@@ -70,22 +70,22 @@ def grade(
 
 
 def _job(problem: str | None, reference: str | None) -> Any:
-    """What the spec says, held against the reference where one is given."""
+    """The problem of the spec, the reference, or both."""
     from ropeode.study.spec import TableJob, read_spec
 
     spec = Path(problem) if problem is not None else None
     values = read_spec(spec) if spec else {}
     if reference is not None:
-        # Where it was typed, and not where the spec is.
+        # Relative to the current folder, not to that of the spec.
         values["reference"] = (
             str(Path(reference).resolve()) if Path(reference).exists() else reference
         )
     return TableJob(values, folder=spec.parent if spec else None)
 
 
-def _init(folder: str, problem: str | None, more: bool) -> int:
-    """Write what is needed to begin."""
-    if more:
+def _init(folder: str, problem: str | None, other_options: bool) -> int:
+    """Write the starter files."""
+    if other_options:
         allowed, fix = "no other option but --problem", "leave out the others"
         raise InputError(complaint("init", folder, allowed, fix))
     set_up_jax()

@@ -1,4 +1,4 @@
-"""The report on a stepper, in every format."""
+"""The report on a stepper or on trajectories, in every format."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _HEADERS = ("", "check", "finding")
 
 
 def as_text(report: CheckReport) -> str:
-    """One line or a few for each check, the errors behind what failed, and the verdict."""
+    """A few lines for each check, the errors behind a failed order, and the verdict."""
     width = max(len(finding.check) for finding in report.findings)
     lines = [*wrapped(title(report)), ""]
     for finding in report.findings:
         head = f"{_MARKS[finding.status]:5}  {finding.check:{width}}  "
         first, *others = _hanging(finding.line, len(head))
         lines += [head + first, *others]
-    if found := shown(report):
-        lines += ["", *wrapped(_errors_title(found)), *_plain_grid(found)]
+    if convergence := shown(report):
+        lines += ["", *wrapped(_errors_title(convergence)), *_plain_grid(convergence)]
     for diagnosis in report.diagnosis:
         lines += ["", *wrapped(f"Diagnosis ({diagnosis.cause}): {diagnosis.line}")]
     for note in report.notes:
@@ -39,7 +39,7 @@ def as_text(report: CheckReport) -> str:
 
 
 def as_markdown(report: CheckReport) -> str:
-    """A pipe table, and the errors behind what failed."""
+    """Pipe tables: the findings, and the errors behind a failed order."""
     return markup.markdown(blocks(report))
 
 
@@ -49,7 +49,7 @@ def as_latex(report: CheckReport) -> str:
 
 
 def as_html(report: CheckReport) -> str:
-    """A page that needs nothing beside it."""
+    """A self-contained page."""
     return markup.html_page(blocks(report))
 
 
@@ -94,19 +94,19 @@ def as_dict(report: CheckReport) -> dict[str, Any]:
     }
 
 
-def _convergence_dict(found: Convergence | None) -> dict[str, Any] | None:
-    if found is None:
+def _convergence_dict(convergence: Convergence | None) -> dict[str, Any] | None:
+    if convergence is None:
         return None
     return {
-        "problem": found.problem,
-        "expected": found.expected,
-        "dt": list(found.dts),
+        "problem": convergence.problem,
+        "expected": convergence.expected,
+        "dt": list(convergence.dts),
         "quantities": {
             quantity: {
-                "errors": list(found.errors[quantity]),
-                "resolution": found.resolution[quantity],
-                "limit_off": found.limits.get(quantity, (None, None))[0],
-                "limit_allowed": found.limits.get(quantity, (None, None))[1],
+                "errors": list(convergence.errors[quantity]),
+                "resolution": convergence.resolution[quantity],
+                "limit_off": convergence.limits.get(quantity, (None, None))[0],
+                "limit_allowed": convergence.limits.get(quantity, (None, None))[1],
                 "observed": order.observed,
                 "ci95": order.ci95,
                 "verdict": order.verdict,
@@ -114,7 +114,7 @@ def _convergence_dict(found: Convergence | None) -> dict[str, Any] | None:
                 "used": list(order.used),
                 "left_out": [vars(point) for point in order.left_out],
             }
-            for quantity, order in found.orders.items()
+            for quantity, order in convergence.orders.items()
         },
     }
 
@@ -122,24 +122,26 @@ def _convergence_dict(found: Convergence | None) -> dict[str, Any] | None:
 def blocks(report: CheckReport) -> list[Block]:
     """The report as headings, paragraphs and tables."""
     rows = [(_MARKS[each.status], each.check, each.line) for each in report.findings]
-    made: list[Block] = [
+    shown_blocks: list[Block] = [
         Heading(title(report)),
         Paragraph(verdict(report)),
         Grid(_HEADERS, rows, left=frozenset({0, 1, 2}), long=frozenset({2})),
     ]
-    if found := shown(report):
-        made += [Paragraph(_errors_title(found)), _errors_grid(found)]
-    made += [Paragraph(f"Diagnosis ({each.cause}): {each.line}") for each in report.diagnosis]
-    return [*made, *(Paragraph(f"Note: {note}") for note in report.notes)]
+    if convergence := shown(report):
+        shown_blocks += [Paragraph(_errors_title(convergence)), _errors_grid(convergence)]
+    shown_blocks += [
+        Paragraph(f"Diagnosis ({each.cause}): {each.line}") for each in report.diagnosis
+    ]
+    return [*shown_blocks, *(Paragraph(f"Note: {note}") for note in report.notes)]
 
 
 def title(report: CheckReport) -> str:
-    """What was checked, and against which claims."""
+    """The stepper and the claims."""
     return f"Check of {report.label}: {claims_words(report.claims)}"
 
 
 def claims_words(claims: Claims) -> str:
-    """What is claimed."""
+    """The claims, as part of a sentence."""
     words = []
     if claims.method is not None:
         words.append(f"claimed to be {claims.method}")
@@ -152,43 +154,50 @@ def claims_words(claims: Claims) -> str:
     ):
         if claim is not None:
             words.append(f"claimed to {what}" if claim else f"claimed not to {what}")
-    return ", ".join(words) or "nothing is claimed of it, so what is found is not judged by a claim"
+    return ", ".join(words) or "nothing is claimed, so orders and structure are only measured"
 
 
 def verdict(report: CheckReport) -> str:
-    """The end of the matter, in one sentence."""
-    judged = [each for each in report.findings if each.status in ("pass", "fail")]
+    """The verdict in one sentence; it counts every check that was asked for."""
+    count = dict.fromkeys(_MARKS, 0)
+    for finding in report.findings:
+        count[finding.status] += 1
+    checks = "1 check" if len(report.findings) == 1 else f"{len(report.findings)} checks"
     if report.failed:
         names = ", ".join(each.check for each in report.failed)
-        return f"Wrong: {len(report.failed)} of {len(judged)} checks fail ({names})."
+        verb = "fails" if count["fail"] == 1 else "fail"
+        return f"Wrong: {count['fail']} of {checks} {verb} ({names})."
     if not report.passed:
-        return "No verdict: no check could be judged."
-    return f"Right, as far as {_counted(len(judged))} can tell ({report.seconds:.1f} s)."
-
-
-def _counted(checks: int) -> str:
-    return "one check" if checks == 1 else f"{checks} checks"
+        return f"No verdict: none of {checks} can pass or fail without a claim."
+    others = "".join(
+        f"; {count[status]} {words}"
+        for status, words in (("note", "only measured (no claim)"), ("skip", "not applicable"))
+        if count[status]
+    )
+    return (
+        f"Right: {count['pass']} of {checks} passed, none failed{others} ({report.seconds:.1f} s)."
+    )
 
 
 def shown(report: CheckReport) -> Convergence | None:
-    """The errors that are shown, of the first order that failed; JSON has those of all."""
-    found = [each.convergence for each in report.failed if each.convergence is not None]
-    return found[0] if found else None
+    """The errors to show: of the first order that failed. JSON has those of all orders."""
+    failed = (each.convergence for each in report.failed if each.convergence is not None)
+    return next(failed, None)
 
 
-def _errors_title(found: Convergence) -> str:
-    return f"Largest errors on {found.problem!r}, as dt goes to 0"
+def _errors_title(convergence: Convergence) -> str:
+    return f"Largest errors on the rope {convergence.problem!r}, as dt goes to 0"
 
 
-def _errors_grid(found: Convergence) -> Grid:
-    quantities = list(found.errors)
+def _errors_grid(convergence: Convergence) -> Grid:
+    quantities = list(convergence.errors)
     rows = [
         (
             f"{dt:.4g}",
-            *(_error(found.errors[q][i], found.resolution[q]) for q in quantities),
-            "; ".join(filter(None, (_left_out(found, q, dt) for q in quantities))),
+            *(_error(convergence.errors[q][i], convergence.resolution[q]) for q in quantities),
+            "; ".join(filter(None, (_left_out(convergence, q, dt) for q in quantities))),
         )
-        for i, dt in enumerate(found.dts)
+        for i, dt in enumerate(convergence.dts)
     ]
     headers = ("dt", *quantities, "not used")
     if not any(row[-1] for row in rows):
@@ -196,8 +205,8 @@ def _errors_grid(found: Convergence) -> Grid:
     return Grid(headers, rows, left=frozenset({1 + len(quantities)}))
 
 
-def _plain_grid(found: Convergence) -> list[str]:
-    grid = _errors_grid(found)
+def _plain_grid(convergence: Convergence) -> list[str]:
+    grid = _errors_grid(convergence)
     lines = tabulate(
         [grid.headers, *grid.rows],
         tablefmt="plain",
@@ -213,11 +222,13 @@ def _error(error: float | None, resolution: float) -> str:
     return f"< {resolution:.1e}" if error < resolution else f"{error:.3e}"
 
 
-def _left_out(found: Convergence, quantity: str, dt: float) -> str:
-    return next((point.reason for point in found.orders[quantity].left_out if point.dt == dt), "")
+def _left_out(convergence: Convergence, quantity: str, dt: float) -> str:
+    return next(
+        (point.reason for point in convergence.orders[quantity].left_out if point.dt == dt), ""
+    )
 
 
 def _hanging(text: str, indent: int) -> list[str]:
-    """The lines of a paragraph that stands to the right of something."""
+    """The lines of a paragraph with a hanging indent."""
     first, *others = textwrap.wrap(text, WIDTH - indent) or [""]
     return [first, *(" " * indent + line for line in others)]

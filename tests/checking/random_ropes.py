@@ -1,4 +1,4 @@
-"""Random ropes in place of the judge's own, and what it finds of right steppers on them."""
+"""Random ropes instead of the check ropes, and the findings of right steppers on them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from unittest import mock
 
 import numpy as np
 
-from ropeode.checking import check_context, problems
+from ropeode.checking import check_context, check_ropes
 from ropeode.checking.candidate import Candidate
 from ropeode.checking.check import checked_claims
 from ropeode.checking.check_context import Examination
+from ropeode.checking.check_ropes import DIM, NODES, check_rope
 from ropeode.checking.checks import (
     CHECKS,
     conservation,
@@ -24,7 +25,6 @@ from ropeode.checking.checks import (
     structure,
     symmetry,
 )
-from ropeode.checking.problems import DIM, NODES, check_rope
 from ropeode.checking.report import Claims, Finding
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
@@ -34,7 +34,7 @@ from ropeode.steppers.base import Stepper
 from ropeode.steppers.functions import StepFunction
 from tests.checking.right_steppers import RIGHT
 
-# Whose ropes are replaced.
+# Modules in which the ropes are replaced.
 MODULES = (
     check_context,
     conservation,
@@ -121,9 +121,10 @@ def ropes(seed: int, index: int) -> tuple[dict[str, Any], int]:
 
 
 def drawn_ropes(random: Random) -> dict[str, Any]:
-    """What stands for the judge's ropes: functions by their names in `checking.problems`."""
+    """Replacements for the check ropes: functions by their names in `checking.check_ropes`."""
     convergence = {
-        name: rope(random, name, **ALIKE.get(name, {})) for name in problems.convergence_problems()
+        name: rope(random, name, **ALIKE.get(name, {}))
+        for name in check_ropes.convergence_problems()
     }
     # What the checks beside those of order look at is damped and pinned, too.
     convergence["unequal"] = generic = rope(
@@ -147,7 +148,7 @@ def drawn_ropes(random: Random) -> dict[str, Any]:
 
 def hanging(random: Random) -> Problem:
     """A random rope that hangs still."""
-    return problems.hanging_rope(
+    return check_ropes.hanging_rope(
         mass=numbers(random, 0.5, 1.5, NODES),
         stiffness=numbers(random, 7.0, 10.0, NODES - 1),
         rest_length=numbers(random, 0.6, 1.0, NODES - 1),
@@ -156,16 +157,16 @@ def hanging(random: Random) -> Problem:
 
 
 def pushed(random: Random, still: Problem) -> Problem:
-    """The same, pushed aside as the judge's own is, and sampled as that one."""
-    own = problems.swing()
-    aside = own.y0[0] - problems.hanging().y0[0]
+    """The same, displaced and sampled like the check rope."""
+    own = check_ropes.swing()
+    aside = own.y0[0] - check_ropes.hanging().y0[0]
     aside = aside + 0.03 * random.normal(size=aside.shape) * still.args.free[:, None]
     return still.changed(y0=still.y0 + np.stack([aside, 0.0 * aside]), ts=own.ts, name="swing")
 
 
 @contextlib.contextmanager
 def in_place(drawn: dict[str, Any]) -> Iterator[None]:
-    """The drawn ropes in place of the judge's."""
+    """The drawn ropes instead of the check ropes."""
     with contextlib.ExitStack() as stack:
         for module in MODULES:
             for name, function in drawn.items():
@@ -192,7 +193,7 @@ def findings(name: str, drawn: dict[str, Any]) -> dict[str, Finding]:
     this = Examination(candidate, claims, declared)
     checks = {**CHECKS}
     if claims.method is None:
-        # It judges nothing of which no method is claimed, and takes long.
+        # Without a claimed method it cannot fail, and it takes long.
         del checks["stability"]
     with in_place(drawn):
         return {check: in_float64(function)(this) for check, function in checks.items()}

@@ -13,8 +13,8 @@ from scipy import integrate
 
 from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
+from ropeode.checking.check_ropes import convergence_problems, undamped
 from ropeode.checking.checks.symmetry import rotation, time_shift, translation
-from ropeode.checking.problems import convergence_problems, undamped
 from ropeode.checking.report import Claims
 from ropeode.errors import InputError, UserCodeError
 from ropeode.simulation import simulate

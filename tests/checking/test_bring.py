@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ropeode.checking.check import check_stepper
-from ropeode.checking.problems import convergence_problems
+from ropeode.checking.check_ropes import convergence_problems
 from ropeode.errors import InputError, UserCodeError
 from ropeode.simulation import simulate
 from ropeode.simulation.method import method_of

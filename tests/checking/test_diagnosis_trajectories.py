@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from ropeode import Rope, simulate
-from ropeode.checking.diagnosis.parameters import explicable
+from ropeode.checking.check_ropes import convergence_problems
+from ropeode.checking.diagnosis.parameters import has_parameters
 from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
-from ropeode.checking.problems import convergence_problems
 from ropeode.problems.library import PROBLEMS
 from ropeode.references.reference import reference
 
-FRAMES = 6
+FRAMES = 3
 STEPS = (64, 128, 256, 512)
 CLAIMED = {"num_nodes": 6, "end": (90.0, 0.0), "gravity": (0.0, -0.7), "damping": 0.01}
 
@@ -28,17 +28,17 @@ def known():
     return reference(problem)
 
 
-def runs(stepper, digits=None, **changes):
-    """Runs of another rope than the claimed one, maybe printed and read again."""
-    made = []
+def runs(stepper, digits=None, frames=FRAMES, **changes):
+    """Runs of another rope than the claimed one, possibly printed and read again."""
+    pairs = []
     for steps in STEPS:
-        run = simulate(Rope(**{**CLAIMED, **changes}).problem(FRAMES), stepper, steps)
+        run = simulate(Rope(**{**CLAIMED, **changes}).problem(frames), stepper, steps)
         states = run.states
         if digits is not None:
             printed = [float(f"{value:.{digits}g}") for value in states.ravel()]
             states = np.array(printed).reshape(states.shape)
-        made.append((run.dt, states))
-    return made
+        pairs.append((run.dt, states))
+    return pairs
 
 
 def found(known, given, quantities=("position", "velocity")):
@@ -62,17 +62,26 @@ def test_the_rope_that_was_solved_instead(known):
         assert diagnosis.evidence["orders"]["position"]["observed"] == pytest.approx(1.0, abs=0.1)
 
 
-def test_numbers_printed_with_six_digits_are_known_less_well(known):
-    given = runs("semi-implicit-euler", digits=6, damping=0.0, gravity=(0.0, -0.49))
-    diagnosis = found(known, given)
+def test_fewer_printed_digits_give_a_larger_spread(known):
+    printed = runs("semi-implicit-euler", digits=7, damping=0.0, gravity=(0.0, -0.49))
+    diagnosis = found(known, printed)
     damping = diagnosis.evidence["parameters"]["damping"]
     assert abs(damping["found"]) <= damping["spread"]
-    assert 1e-7 < damping["spread"] < 0.005
+    assert damping["spread"] < 0.005
     exact = found(known, runs("semi-implicit-euler", damping=0.0, gravity=(0.0, -0.49)))
     assert exact.evidence["parameters"]["damping"]["spread"] < damping["spread"]
 
 
-def test_initial_velocities_that_nobody_asked_for(known):
+@pytest.mark.slow
+def test_six_printed_digits_and_more_frames():
+    known = reference(Rope(**CLAIMED).problem(6))
+    printed = runs("semi-implicit-euler", digits=6, frames=6, damping=0.0, gravity=(0.0, -0.49))
+    damping = found(known, printed).evidence["parameters"]["damping"]
+    assert abs(damping["found"]) <= damping["spread"]
+    assert 1e-7 < damping["spread"] < 0.005
+
+
+def test_wrong_initial_velocities(known):
     diagnosis = found(known, runs("stormer-verlet", initial_velocity=(1.0, 0.5)))
     assert diagnosis.evidence["parameters"]["velocity"]["found"] == pytest.approx([1.0, 0.5])
 
@@ -90,6 +99,7 @@ def test_right_runs_have_no_wrong_numbers(known, stepper):
     assert "tend to the right solution" in diagnosis.line
 
 
+@pytest.mark.slow
 def test_another_mass_at_each_node_is_no_number(known):
     diagnosis = found(known, runs("stormer-verlet", node_mass=[1.0, 2.0, 0.5, 1.0, 3.0, 0.7]))
     assert diagnosis.cause == "unknown"
@@ -105,8 +115,8 @@ def test_what_is_no_rope_has_no_such_numbers(known):
     problem = PROBLEMS["pendulum"]()
     (diagnosis,) = diagnose_trajectories(problem, known, [], problem.quantities)
     assert diagnosis.cause == "unknown"
-    assert "none are known" in diagnosis.line
+    assert "no parameters" in diagnosis.line
 
 
 def test_the_ropes_of_a_check_are_ropes_too():
-    assert all(explicable(problem) for problem in convergence_problems().values())
+    assert all(has_parameters(problem) for problem in convergence_problems().values())

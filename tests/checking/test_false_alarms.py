@@ -6,15 +6,15 @@ import pytest
 
 from tests.checking.random_ropes import findings, ropes
 
-# Of each kind one or two, with other ropes than benchmarks/false_alarms.py draws by default.
-HERE = (
-    "dormand-prince5",
+# Of each kind one, with other ropes than benchmarks/false_alarms.py draws by default.
+STEPPERS = (
     "yoshida4",
-    "ropeode stormer-verlet:damping=lagged",
+    pytest.param("dormand-prince5", marks=pytest.mark.slow),
+    pytest.param("ropeode stormer-verlet:damping=lagged", marks=pytest.mark.slow),
 )
 
 
-@pytest.mark.parametrize("name", HERE)
+@pytest.mark.parametrize("name", STEPPERS)
 def test_right_steppers_are_not_rejected_on_random_ropes(name):
     drawn, _ = ropes(2, 0)
     found = findings(name, drawn)

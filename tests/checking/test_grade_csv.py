@@ -207,19 +207,19 @@ def test_what_is_no_text(folder, problem):
     with pytest.raises(InputError, match="it.csv, line 1: "):
         read(folder, problem, ["\x00\x7f" * 100_000])
     for block in (2000, 2**22):
-        with pytest.raises(InputError, match="it.csv, line 3: 'a line without an end'"):
+        with pytest.raises(InputError, match="it.csv, line 3: 'a line that does not end'"):
             read(folder, problem, [*right_lines()[:2], "1" * 10_000], "", block)
 
 
 def test_nodes_of_another_problem_have_their_reasons(folder, problem):
-    for shape, words in (((7, 3, 4), "the file 3"), ((7, 5, 4), "has 4 nodes, from 0 to 3")):
+    for shape, words in (((7, 3, 4), "the file 3"), ((7, 5, 4), "has nodes 0 to 3 only")):
         lines = csv_lines(np.arange(7) / 3, np.zeros(shape), 1 / 3)
         with pytest.raises(InputError, match=words):
             read(folder, problem, lines)
     from_one = [
         re.sub(r",(\d),", lambda m: f",{int(m[1]) + 1},", line, count=1) for line in right_lines()
     ]
-    with pytest.raises(InputError, match="line 3, column 2 .* count nodes from 0"):
+    with pytest.raises(InputError, match="line 3, column 2 .* number nodes from 0"):
         read(folder, problem, from_one)
 
 

@@ -1,4 +1,4 @@
-"""The three formats say the same, and what is no such file is told apart."""
+"""The three formats give the same report, and damaged files are refused."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_what_numpy_can_store_and_nobody_wants(folder, small_rope):
         np.savez(path, **{**right, **changed})
         assert words in complaint_of(path, small_rope)
     np.savez(path, t=right["t"])
-    assert "write 'positions' as well" in complaint_of(path, small_rope)
+    assert "add the array 'positions'" in complaint_of(path, small_rope)
 
 
 def test_numbers_that_are_declared_and_not_there(folder, small_rope):

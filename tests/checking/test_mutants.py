@@ -1,4 +1,4 @@
-"""The judge rejects wrong steppers: those of a stored record, and a part of them once more here."""
+"""The checks reject wrong steppers: a stored record of all, and a part of them again here."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ RECORD = {
         (Path(__file__).parents[2] / "docs/mutants.jsonl").read_text().splitlines(),
     )
 }
-# The gate judges every so many-th again, by the one check of those that reject it which costs
-# least: a few steps, or runs of one problem, before long runs and derivatives.
-EVERY = 9
+# Every so many-th mutant is checked again, by the cheapest of the checks that reject it: a few
+# steps or the runs of one problem, rather than long runs and derivatives. Of those, and of the
+# programs, every so many-th is checked at each change; the others are slow tests.
+EVERY, EVERY_FAST = 9, 5
 LAST = ("symplectic", *AT_LAST)
 CHEAP_FIRST = (
     *(name for name in CHECKS if not name.startswith("order-") and name not in LAST),
@@ -36,6 +37,13 @@ CHEAP = [name for name in CHEAP_FIRST if name not in (*LAST, *UNCLAIMED)]
 AGAIN = [
     name for name in list(MUTANTS)[::EVERY] if name not in SURVIVORS and MUTANTS[name] not in LOOPS
 ]
+
+
+def mostly_slow(values):
+    return [
+        pytest.param(value, marks=pytest.mark.slow if i % EVERY_FAST else [])
+        for i, value in enumerate(values)
+    ]
 
 
 def test_the_record_is_of_these_mutants():
@@ -50,25 +58,26 @@ def test_what_survives_is_listed_with_its_reason():
     assert all(reason.endswith(".") for reason in SURVIVORS.values())
 
 
-@pytest.mark.parametrize("name", AGAIN)
+@pytest.mark.parametrize("name", mostly_slow(AGAIN))
 def test_wrong_steppers_are_rejected(name):
     by = RECORD[name]["rejected_by"]
     if by == [REFUSED]:
         assert rejected_by(MUTANTS[name]) == by
     elif MUTANTS[name] in KEPT:
-        # What it does depends on what it was asked before.
+        # What it does depends on earlier calls.
         assert rejected_by(MUTANTS[name], CHEAP)
     else:
         only = [next(check for check in CHEAP_FIRST if check in by)]
         assert rejected_by(MUTANTS[name], only) == only
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SURVIVORS)
 def test_survivors_are_not_rejected_by_the_checks_that_take_little_time(name):
     assert rejected_by(MUTANTS[name], CHEAP) == []
 
 
-@pytest.mark.parametrize("mutant", LOOPS, ids=lambda mutant: mutant.name)
+@pytest.mark.parametrize("mutant", mostly_slow(LOOPS), ids=lambda mutant: mutant.name)
 def test_wrong_programs_are_rejected(mutant):
     assert rejected_by(mutant) == RECORD[mutant.name]["rejected_by"] != []
 

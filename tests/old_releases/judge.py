@@ -20,8 +20,8 @@ import jax
 import numpy as np
 
 from ropeode.checking.check_context import reference_of
+from ropeode.checking.check_ropes import convergence_problems, generic
 from ropeode.checking.convergence import convergence_finding, converging, steps_to_dts
-from ropeode.checking.problems import convergence_problems, generic
 from ropeode.norms import NORMS, distance
 from ropeode.references.reference import reference
 

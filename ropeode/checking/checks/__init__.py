@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable
 
 from ropeode.checking.check_context import Examination
+from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.checks.conservation import energy, free_flight, momentum, pins
 from ropeode.checking.checks.orders import order
 from ropeode.checking.checks.rounding import float32, zero_length
@@ -21,7 +22,6 @@ from ropeode.checking.checks.symmetry import (
     translation,
     units,
 )
-from ropeode.checking.problems import convergence_problems
 from ropeode.checking.report import Finding
 
 Check = Callable[[Examination], Finding]
@@ -49,8 +49,8 @@ CHECKS: dict[str, Check] = {
     "zero-length": zero_length,
 }
 
-# What is left out where there is little time. Damping, drive and unlike numbers are in the two
-# orders that stay.
+# Left out by --quick. The two checks of order that stay cover damping, drive and unequal
+# parameters.
 SLOW = (
     "order-textbook",
     "order-damped",

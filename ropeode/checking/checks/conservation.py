@@ -1,22 +1,22 @@
-"""What stays: pinned nodes, momentum, energy."""
+"""What a motion conserves: the places of pinned nodes, momentum, energy."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ropeode.checking.check_context import Examination
-from ropeode.checking.drift import drift_of
-from ropeode.checking.problems import convergence_problems, swing
+from ropeode.checking.check_ropes import convergence_problems, swing
+from ropeode.checking.energy_drift import measure_drift
 from ropeode.checking.report import Finding
 
 _STEPS = 16
-# Of the size of the rope: pinned nodes move by rounding at most.
-_STILL = 1e-13
-# Step sizes of free flight, and how straight it is, by rounding of differences over such steps.
+# Pinned nodes move by rounding at most, as a part of the rope's size.
+_PIN_TOLERANCE = 1e-13
+# Step sizes of free flight, and the rounding of differences over such steps.
 _FLIGHTS = (1e-3, 0.02, 0.3, 10.0)
-_FLIES = 1e-11
-# Of the sum of the nodes' momenta.
-_CONSERVED = 1e-11
+_FLIGHT_TOLERANCE = 1e-11
+# As a part of the sum of the nodes' momenta.
+_MOMENTUM_TOLERANCE = 1e-11
 # Steps in half a time unit; the fastest mode of the swing then turns by 0.4 in a step.
 _ENERGY_STEPS = 8
 
@@ -24,24 +24,24 @@ _ENERGY_STEPS = 8
 def free_flight(examination: Examination) -> Finding:
     """Nodes on which no force acts move by ``dt v`` in a step, however long that is.
 
-    Every consistent method does so exactly; it shows a clock that is not the caller's, and
-    friction that is not the problem's.
+    Every consistent method does so exactly. The check finds steps that use another dt than the
+    caller's, and friction that the problem does not have.
     """
     problem = convergence_problems()["free"]
-    nothing = problem.args._replace(stiffness=np.zeros_like(problem.args.stiffness))
+    without_springs = problem.args._replace(stiffness=np.zeros_like(problem.args.stiffness))
     x0, v0 = problem.y0
     worst, at = 0.0, 0.0
     for dt in _FLIGHTS:
-        flying = problem.changed(args=nothing, ts=problem.ts[0] + np.array([0.0, dt]))
+        flying = problem.changed(args=without_springs, ts=problem.ts[0] + np.array([0.0, dt]))
         x, v = examination.candidate.run(flying, 1)[1]
         off = max(np.max(np.abs(x - x0 - dt * v0)) / (1.0 + dt), np.max(np.abs(v - v0)))
         if not off <= worst:
             worst, at = float(off), dt
     evidence = {"off": worst, "dt": at}
-    if not worst <= _FLIES * problem.scale:
-        line = f"a node without forces does not move by dt v, but {worst:.1e} off at dt = {at:g}"
+    if not worst <= _FLIGHT_TOLERANCE * problem.scale:
+        line = f"a node without forces does not move by dt v: off by {worst:.1e} at dt = {at:g}"
         return Finding("free-flight", "fail", line, evidence)
-    line = f"a node without forces moves by dt v, to {worst:.1e}, at dt from 0.001 to 10"
+    line = f"a node without forces moves by dt v, to within {worst:.1e}, for dt from 0.001 to 10"
     return Finding("free-flight", "pass", line, evidence)
 
 
@@ -51,36 +51,36 @@ def pins(examination: Examination) -> Finding:
     states = examination.candidate.run(problem, _STEPS)
     pinned = problem.args.free == 0.0
     moved = float(np.max(np.abs(states - problem.y0)[:, :, pinned])) / problem.scale
-    if not moved <= _STILL:
-        line = f"a pinned node moves, by {moved:.1e} of the rope's size"
+    if not moved <= _PIN_TOLERANCE:
+        line = f"a pinned node moves by {moved:.1e} of the rope's size"
         return Finding("pins", "fail", line, {"moved": moved})
-    exactly = "to the last bit" if moved == 0.0 else f"to rounding ({moved:.1e})"
-    return Finding("pins", "pass", f"pinned nodes keep still {exactly}", {"moved": moved})
+    exactly = "exactly" if moved == 0.0 else f"to rounding ({moved:.1e})"
+    return Finding("pins", "pass", f"pinned nodes stay in place {exactly}", {"moved": moved})
 
 
 def momentum(examination: Examination) -> Finding:
-    """Nothing changes the momentum of a rope that is not held and feels no gravity."""
+    """The momentum of a rope without pins and gravity is constant."""
     problem = convergence_problems()["free"]
     states = examination.candidate.run(problem, _STEPS)
     each = problem.args.mass[:, None] * states[:, 1]
     total = np.sum(each, axis=1)
     size = float(np.max(np.sum(np.abs(each), axis=1)))
     changed = float(np.max(np.abs(total - total[0]))) / size
-    if not changed <= _CONSERVED:
-        line = f"momentum of a free rope changes, by {changed:.1e} of the nodes' momenta"
+    if not changed <= _MOMENTUM_TOLERANCE:
+        line = f"the momentum of a free rope changes by {changed:.1e} of the nodes' momenta"
         return Finding("momentum", "fail", line, {"changed": changed})
-    line = f"momentum of a free rope is kept to {changed:.1e}"
+    line = f"the momentum of a free rope is constant to {changed:.1e}"
     return Finding("momentum", "pass", line, {"changed": changed})
 
 
 def energy(examination: Examination) -> Finding:
-    """What becomes of the energy of an undamped rope in the long run."""
+    """Whether the energy of an undamped rope is bounded, drifts or grows in a long run."""
     problem = swing()
-    found = drift_of(problem, examination.candidate.run(problem, _ENERGY_STEPS))
+    drift = measure_drift(problem, examination.candidate.run(problem, _ENERGY_STEPS))
     claimed = examination.conserves_energy
     if claimed is None:
-        return Finding("energy", "note", found.line, found.evidence)
-    if claimed == (found.verdict == "bounded"):
-        return Finding("energy", "pass", found.line, found.evidence)
-    claim = "it is claimed to stay bounded" if claimed else "it is claimed not to"
-    return Finding("energy", "fail", f"{found.line}; {claim}", found.evidence)
+        return Finding("energy", "note", drift.line, drift.evidence)
+    if claimed == (drift.verdict == "bounded"):
+        return Finding("energy", "pass", drift.line, drift.evidence)
+    claim = "claimed to stay bounded" if claimed else "claimed not to stay bounded"
+    return Finding("energy", "fail", f"{drift.line}; {claim}", drift.evidence)

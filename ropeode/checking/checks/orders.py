@@ -1,4 +1,4 @@
-"""Convergence to the right solution, and its order."""
+"""Convergence to the right solution, and its observed order."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 
 from ropeode.checking.check_context import Examination
+from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.convergence import convergence_finding
-from ropeode.checking.problems import convergence_problems
 from ropeode.checking.report import Finding
 
 
@@ -22,7 +22,7 @@ def order(examination: Examination, problem: str) -> Finding:
     check = f"order-{problem}"
     if refusal := examination.refusal(convergence_problems()[problem]):
         return Finding(check, "skip", refusal)
-    found = convergence_finding(check, examination.convergence(problem))
+    finding = convergence_finding(check, examination.convergence(problem))
     whole, solved = convergence_problems()[problem], examination.problem(problem)
     left_out = [
         f"no {force}: {why}"
@@ -30,5 +30,5 @@ def order(examination: Examination, problem: str) -> Finding:
         if not np.array_equal(getattr(whole.args, force), getattr(solved.args, force))
     ]
     if not left_out:
-        return found
-    return dataclasses.replace(found, line=f"{found.line} ({'; '.join(left_out)})")
+        return finding
+    return dataclasses.replace(finding, line=f"{finding.line} ({'; '.join(left_out)})")

@@ -1,11 +1,11 @@
-"""How a step behaves, apart from what it computes."""
+"""Side effects of a step, and the first sample of a run."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ropeode.checking.check_context import Examination
-from ropeode.checking.problems import generic
+from ropeode.checking.check_ropes import generic
 from ropeode.checking.report import Finding
 from ropeode.simulation import step_size
 from ropeode.simulation.step_map import StepMap
@@ -17,36 +17,32 @@ _ROUNDINGS = 4.0
 
 
 def determinism(examination: Examination) -> Finding:
-    """The same input gives the same output, in one step and in a run, to the last bit."""
+    """Two runs of the same problem give the same result to the last bit.
+
+    `check_stepper` has compared single steps before.
+    """
     check = "determinism"
-    if not examination.candidate.method.trial.repeatable:
-        return Finding(
-            check,
-            "fail",
-            "the same step, made again, gives another result: it keeps something from call to "
-            "call, or draws random numbers (a method that remembers needs a Stepper with `init`)",
-        )
     first, again = (examination.candidate.run(generic(), _STEPS) for _ in range(2))
     if not np.array_equal(first, again, equal_nan=True):
-        apart = float(np.nanmax(np.abs(first - again)))
-        line = f"two runs of the same problem differ, by {apart:.1e}"
-        return Finding(check, "fail", line, {"difference": apart})
-    return Finding(check, "pass", "runs repeat to the last bit")
+        difference = float(np.nanmax(np.abs(first - again)))
+        line = f"not deterministic: two runs of the same problem differ by {difference:.1e}"
+        return Finding(check, "fail", line, {"difference": difference})
+    return Finding(check, "pass", "deterministic: repeated runs are identical to the last bit")
 
 
 def purity(examination: Examination) -> Finding:
-    """A step writes to nothing that it is given."""
+    """A step does not modify its arguments."""
     check, mutated = "purity", examination.candidate.method.trial.writes_to
     if mutated:
         names = " and ".join(mutated)
         return Finding(
             check,
             "fail",
-            f"a step writes to what it is given ({names}); make a copy, as in x = x + dt * v "
-            "in place of x += dt * v",
+            f"the step modifies its arguments ({names}); write x = x + dt * v instead of "
+            "x += dt * v, which changes the caller's array",
             {"mutates": list(mutated)},
         )
-    return Finding(check, "pass", "a step leaves what it is given as it is")
+    return Finding(check, "pass", "the step does not modify its arguments")
 
 
 def first_sample(examination: Examination) -> Finding:
@@ -56,14 +52,14 @@ def first_sample(examination: Examination) -> Finding:
     first = StepMap(problem, examination.candidate.method).first_sample(problem.y0, dt)
     off = np.abs(first - problem.y0)
     # A two-step method takes its velocities from differences, which are as good as its order.
-    apart = float(np.max(off[0] if examination.candidate.stepper.equal_frames else off))
+    largest = float(np.max(off[0] if examination.candidate.stepper.equal_frames else off))
     rounding = _ROUNDINGS * np.finfo(np.float64).eps * problem.scale
-    if not apart <= rounding:
+    if not largest <= rounding:
         return Finding(
             "first-sample",
             "fail",
-            f"the first sample is not the initial state, but {apart:.1e} off it",
-            {"difference": apart},
+            f"the first sample is not the initial state: it is off by {largest:.1e}",
+            {"difference": largest},
         )
-    exact = "to the last bit" if apart == 0.0 else f"to rounding ({apart:.1e})"
-    return Finding("first-sample", "pass", f"the first sample is the initial state, {exact}")
+    exactly = "exactly" if largest == 0.0 else f"to rounding ({largest:.1e})"
+    return Finding("first-sample", "pass", f"the first sample is the initial state {exactly}")

@@ -1,4 +1,4 @@
-"""Up to which step size an undamped oscillation stays small."""
+"""The largest step size at which small undamped oscillations do not grow."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ropeode.analysis.equilibrium import frequencies
 from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
-from ropeode.checking.problems import hanging
+from ropeode.checking.check_ropes import hanging
 from ropeode.checking.report import Finding
 from ropeode.problems.problem import Problem
 from ropeode.simulation.step_map import StepMap
@@ -24,13 +24,13 @@ LIMITS = {
     "velocity-verlet": 2.0,
     "rk4": 2.0 * math.sqrt(2.0),
 }
-# In units of 1/omega: where the search begins, and where it is given up.
+# In units of 1/omega: where the search begins and ends.
 _SMALLEST, _LARGEST = 0.05, 8.0
 _GRID = 24
-# The factor by which a mode may grow in a step, as far as finite differences can tell.
+# Growth of a mode per step that finite differences cannot distinguish from none.
 _GROWTH = 1e-6
 _PRECISION = 1e-4
-# How far from theory a limit may lie.
+# The relative difference from theory that is allowed.
 _AGREE = 0.01
 
 
@@ -45,16 +45,16 @@ def stability(examination: Examination) -> Finding:
     theory = LIMITS[method]
     evidence["theory"] = theory
     agrees = abs(limit - theory) <= _AGREE * max(theory, _SMALLEST)
-    line += f"; {method} in theory: {theory:.3f}"
+    line += f"; theory for {method}: {theory:.3f}"
     return Finding("stability", "pass" if agrees else "fail", line, evidence)
 
 
 def _words(limit: float) -> str:
     if limit == 0.0:
-        return f"unstable at every dt, even at dt = {_SMALLEST:g}/omega"
+        return f"unstable even at the smallest dt tried, {_SMALLEST:g}/omega"
     if limit >= _LARGEST:
-        return f"stable at every dt up to {_LARGEST:g}/omega"
-    return f"stable up to dt = {limit:.3f}/omega without damping"
+        return f"stable up to the largest dt tried, {_LARGEST:g}/omega"
+    return f"without damping, stable up to dt = {limit:.3f}/omega"
 
 
 def stability_limit(candidate: Candidate) -> float:
@@ -64,11 +64,10 @@ def stability_limit(candidate: Candidate) -> float:
     which modes grow (von Neumann's criterion); omega is the rope's largest frequency.
 
     Arguments:
-        candidate: whose step it is.
+        candidate: the stepper.
 
     Returns:
-        0 where it is unstable at the smallest step tried, and 8 where it is stable at the
-        largest.
+        0 if it is unstable at the smallest step tried, and 8 if it is stable at the largest.
     """
     problem = hanging()
     one_step = StepMap(problem, candidate.method)
@@ -94,7 +93,7 @@ def stability_limit(candidate: Candidate) -> float:
 
 
 def _largest_factor(one_step: StepMap, problem: Problem, dt: float) -> float:
-    """The spectral radius of one step, over what can move of what is carried."""
+    """The spectral radius of one step, over the movable part of what the stepper carries."""
     carried = one_step.start(problem.y0, dt)
     free = np.broadcast_to((problem.args.free > 0.0)[:, None], problem.y0.shape[1:])
     matrix = one_step.derivative(carried, dt, one_step.moving(carried, free))

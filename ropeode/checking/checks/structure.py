@@ -1,22 +1,22 @@
-"""Whether one step has the structure of a mechanical motion."""
+"""Whether one step is symplectic, and whether it is reversible."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ropeode.checking.check_context import Examination
-from ropeode.checking.jacobian import jacobian
-from ropeode.checking.problems import undamped
+from ropeode.checking.check_ropes import undamped
+from ropeode.checking.finite_differences import jacobian
 from ropeode.checking.report import Finding
 from ropeode.problems.problem import Problem
 
 _DT = 0.2
-# What finite differences leave of zero, and a step that goes back of where it came from.
+# What the errors of finite differences, and of rounding, leave of zero.
 _SYMPLECTIC, _REVERSIBLE = 1e-7, 1e-10
 
 
 def symplectic(examination: Examination) -> Finding:
-    """Whether the one-step map keeps areas of phase space: ``J^T W J = W``.
+    """Whether the one-step map preserves areas of phase space: ``J^T W J = W``.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, section VI.2.
     """
@@ -34,18 +34,18 @@ def symplectic(examination: Examination) -> Finding:
     form = np.zeros((2 * n, 2 * n))
     form[:n, n:], form[n:, :n] = np.diag(masses), -np.diag(masses)
     off = float(np.max(np.abs(derivative.T @ form @ derivative - form)) / np.max(masses))
-    return _judged(
+    return _finding(
         examination.symplectic,
         off <= _SYMPLECTIC,
         "symplectic",
-        f"the one-step map is symplectic, to {off:.1e}",
-        f"the one-step map is not symplectic: off by {off:.1e} at dt = {_DT:g}",
+        f"the one-step map is symplectic to {off:.1e}",
+        f"the one-step map is not symplectic: J^T W J - W is {off:.1e} at dt = {_DT:g}",
         off,
     )
 
 
 def reversible(examination: Examination) -> Finding:
-    """Whether a step, and one with the velocities turned round, lead back to the start.
+    """Whether a step, a reversal of velocities and another step lead back to the start.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, section V.1.
     """
@@ -54,13 +54,12 @@ def reversible(examination: Examination) -> Finding:
     there = _stepped(examination, problem)
     back = turn * _stepped(examination, problem.changed(y0=turn * there))
     off = float(np.max(np.abs(back - problem.y0))) / problem.scale
-    return _judged(
+    return _finding(
         examination.claims.reversible,
         off <= _REVERSIBLE,
         "reversible",
-        f"a step forward and one back end where they began, to {off:.1e}",
-        f"a step forward and one back do not end where they began, but {off:.1e} away "
-        f"at dt = {_DT:g}",
+        f"a step forward and a step back return to the start, to within {off:.1e}",
+        f"a step forward and a step back end {off:.1e} away from the start at dt = {_DT:g}",
         off,
     )
 
@@ -70,14 +69,14 @@ def _stepped(examination: Examination, problem: Problem) -> np.ndarray:
     return examination.candidate.run(one, 1)[1]
 
 
-def _judged(
-    claimed: bool | None, found: bool, check: str, good: str, bad: str, off: float
+def _finding(
+    claimed: bool | None, holds: bool, check: str, good: str, bad: str, off: float
 ) -> Finding:
     evidence = {"residual": off, "dt": _DT}
     if claimed is None:
-        return Finding(check, "note", good if found else bad, evidence)
-    if claimed and not found:
-        return Finding(check, "fail", f"{bad}; it is claimed to be so", evidence)
-    if found and not claimed:
-        return Finding(check, "fail", f"{good}; it is claimed not to be", evidence)
-    return Finding(check, "pass", good if found else bad, evidence)
+        return Finding(check, "note", good if holds else bad, evidence)
+    if claimed and not holds:
+        return Finding(check, "fail", f"{bad}; claimed to be {check}", evidence)
+    if holds and not claimed:
+        return Finding(check, "fail", f"{good}; claimed not to be {check}", evidence)
+    return Finding(check, "pass", good if holds else bad, evidence)

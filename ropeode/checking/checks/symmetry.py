@@ -1,4 +1,4 @@
-"""What is moved, turned, mirrored, renumbered, begun later or measured otherwise moves the same."""
+"""Symmetries: a rope that is moved, rotated or renumbered still moves in the same way."""
 
 from __future__ import annotations
 
@@ -7,21 +7,27 @@ from collections.abc import Callable
 import numpy as np
 
 from ropeode.checking.check_context import Examination
-from ropeode.checking.problems import UNITS, convergence_problems, generic, in_other_units
+from ropeode.checking.check_ropes import (
+    UNITS,
+    convergence_problems,
+    generic,
+    in_other_units,
+    renumbered,
+)
 from ropeode.checking.report import Finding
 from ropeode.problems.problem import Problem
 
 _STEPS = 10
-# Of the size of the rope: rounding stays three digits below, and what an unsymmetric formula
-# changes several above.
+# As a part of the rope's size: rounding is three digits smaller, and an asymmetric formula
+# changes several digits more.
 _TOLERANCE = 1e-10
-# So far that limits of a playing field show, and so near that rounding does not.
+# Large enough to reveal limits on positions and speeds, too small for rounding to matter.
 _SHIFT = np.array([310.0, -230.0, 170.0])
 _LATER = 2.7182818
 
 
 def translation(examination: Examination) -> Finding:
-    """A rope elsewhere moves in the same way."""
+    """A translated rope moves in the same way."""
     problem = generic()
     shift = np.stack([_SHIFT, 0.0 * _SHIFT])[:, None]
     return _compared(
@@ -29,12 +35,12 @@ def translation(examination: Examination) -> Finding:
         "translation",
         problem.changed(y0=problem.y0 + shift),
         lambda states: states - shift,
-        "moved elsewhere",
+        "that is translated",
     )
 
 
 def boost(examination: Examination) -> Finding:
-    """A free rope that flies along moves in the same way, seen from beside it."""
+    """A free rope in a uniformly moving frame of reference moves in the same way."""
     problem = convergence_problems()["free"]
     since = problem.ts - problem.ts[0]
     flown = np.stack([np.outer(since, _SHIFT), np.tile(_SHIFT, (len(since), 1))], axis=1)[
@@ -45,68 +51,66 @@ def boost(examination: Examination) -> Finding:
         "boost",
         problem.changed(y0=problem.y0 + flown[0]),
         lambda states: states - flown,
-        "that is free and flies along",
+        "in a uniformly moving frame of reference",
         problem=problem,
     )
 
 
 def rotation(examination: Examination) -> Finding:
-    """A rope that is turned, with gravity, moves in the same way."""
+    """A rope that is rotated together with gravity moves in the same way."""
     turn = _orthogonal()
     if np.linalg.det(turn) < 0:
         turn = -turn
-    return _transformed(examination, "rotation", turn, "turned in space, with gravity")
+    return _transformed(examination, "rotation", turn, "that is rotated together with gravity")
 
 
 def mirror(examination: Examination) -> Finding:
-    """A rope that is mirrored, with gravity, moves in the same way."""
+    """A rope that is mirrored together with gravity moves in the same way."""
     normal = _orthogonal()[0]
     return _transformed(
-        examination, "mirror", np.eye(3) - 2.0 * np.outer(normal, normal), "mirrored, with gravity"
+        examination,
+        "mirror",
+        np.eye(3) - 2.0 * np.outer(normal, normal),
+        "that is mirrored together with gravity",
     )
 
 
 def node_order(examination: Examination) -> Finding:
-    """A rope whose nodes are numbered from its other end moves in the same way."""
-    problem = generic()
-    args = problem.args
-    names = ("mass", "stiffness", "rest_length", "free", "damping")
-    reversed_args = args._replace(**{name: getattr(args, name)[::-1].copy() for name in names})
-    other = problem.changed(y0=problem.y0[:, ::-1].copy(), args=reversed_args)
+    """A rope whose nodes are numbered from the other end moves in the same way."""
     return _compared(
         examination,
         "node-order",
-        other,
+        renumbered(generic()),
         lambda states: states[:, :, ::-1],
         "numbered from the other end",
-        "; are nodes updated one by one, with what neighbours have moved to already?",
+        "; are nodes updated one by one, from neighbours that have already moved?",
     )
 
 
 def time_shift(examination: Examination) -> Finding:
-    """A rope without a drive moves in the same way whenever it is let go."""
+    """A rope without a drive moves in the same way at any starting time."""
     problem = generic()
     later = problem.changed(ts=problem.ts + _LATER)
-    return _compared(examination, "time-shift", later, lambda states: states, "begun later")
+    return _compared(examination, "time-shift", later, lambda states: states, "that starts later")
 
 
 def units(examination: Examination) -> Finding:
-    """A rope whose lengths are measured in another unit moves in the same way."""
+    """A rope in another unit of length moves in the same way."""
     textbook = convergence_problems()["textbook"]
-    # The textbook's lengths are whole numbers, and in another unit they are not.
+    # The textbook's lengths are integers, but not in another unit.
     for problem in (textbook, generic()):
-        found = _compared(
+        finding = _compared(
             examination,
             "units",
             in_other_units(problem),
             lambda states: states / UNITS,
-            "measured in another unit of length",
-            "; is there a constant in it that has a unit, or a length made a whole number?",
+            "in another unit of length",
+            "; does the step contain a constant with a unit, or convert a length to an integer?",
             problem,
         )
-        if found.status == "fail":
+        if finding.status == "fail":
             break
-    return found
+    return finding
 
 
 def _orthogonal() -> np.ndarray:
@@ -131,12 +135,12 @@ def _compared(
     hint: str = "",
     problem: Problem | None = None,
 ) -> Finding:
-    """A run of a problem (by default the generic one) beside the same of a transformed one."""
+    """Compare a run of a problem (by default the generic one) with one of a transformed problem."""
     run, problem = examination.candidate.run, problem or generic()
     own, others = run(problem, _STEPS), back(run(other, _STEPS))
-    apart = float(np.max(np.abs(own - others))) / problem.scale
-    if not apart <= _TOLERANCE:
-        line = f"the rope {words} moves otherwise, by {apart:.1e} of its size{hint}"
-        return Finding(check, "fail", line, {"difference": apart})
-    line = f"the rope {words} moves the same, to {apart:.1e} of its size"
-    return Finding(check, "pass", line, {"difference": apart})
+    difference = float(np.max(np.abs(own - others))) / problem.scale
+    if not difference <= _TOLERANCE:
+        line = f"a rope {words} moves differently, by {difference:.1e} of its size{hint}"
+        return Finding(check, "fail", line, {"difference": difference})
+    line = f"a rope {words} moves in the same way, to {difference:.1e} of its size"
+    return Finding(check, "pass", line, {"difference": difference})

@@ -1,108 +1,172 @@
-"""The rope that a stepper solves in place of the one that it was given."""
+"""The rope that a stepper solves instead of the one that it should solve."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
-from ropeode.checking.candidate import Candidate
-from ropeode.checking.check_context import reference_of
-from ropeode.checking.diagnosis.diagnostic_ropes import alike, alike_again, alike_otherwise
-from ropeode.checking.diagnosis.equation import equation, misfit_of
-from ropeode.checking.diagnosis.fit import Fit, Observed, explanations, fit, observed
-from ropeode.checking.diagnosis.fitted_numbers import Number, laws_that_hold, numbers_of, with_found
-from ropeode.checking.diagnosis.runs import runs_of
-from ropeode.checking.diagnosis.wording import told
+from ropeode.analysis.errors import RESOLUTION_FACTOR, distances, resolution
+from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.checking.convergence import TOLERANCE
+from ropeode.checking.diagnosis.fitted_numbers import (
+    Number,
+    numbers_of,
+    rounded,
+    simplified,
+    with_fitted,
+)
+from ropeode.checking.diagnosis.limits import ObservedLimit, Runs
+from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.report import Diagnosis
 from ropeode.errors import ReferenceRefused
+from ropeode.norms import NORMS
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references.reference import Reference, motion
 
-# Of the uncertainty of the first limit, as it reaches the prediction of a second one.
-_CARRIED_OVER = 10.0
+# By how much of its spread a number that is not simple may be rounded.
+_PART = 0.1
 
 
-def solved_instead(candidate: Candidate) -> Diagnosis | bool:
-    """Say which rope a stepper solves, if it is another one than it was given.
-
-    Numbers are fitted to what its runs tend to on one rope. They have to explain that to its
-    uncertainty, a certified reference of the rope that they make has to agree, and they have
-    to predict the limit on a second rope from another initial state.
+@dataclasses.dataclass(frozen=True)
+class EffectiveProblem:
+    """A rope that a stepper solves.
 
     Arguments:
-        candidate: the stepper.
+        numbers: the parameters that differ from the claimed ones.
+        orders: of each quantity, observed against the certified reference of this rope.
+        limit_orders: the order with which each quantity tends to its own limit.
+        bound: the estimated bound of that reference, in the first quantity.
+        misfit: the largest difference between the reference and the limit of the runs, in units
+            of the limit's uncertainty.
+    """
+
+    numbers: tuple[Number, ...]
+    orders: dict[str, ObservedOrder]
+    limit_orders: dict[str, int | None]
+    bound: float
+    misfit: float
+
+
+def confirmed_problem(
+    limit: ObservedLimit, fit: Fit, runs: Runs, certify: Callable[[Problem], Reference]
+) -> EffectiveProblem | None:
+    """The rope of a fit, if its certified reference confirms that the runs converge to it.
+
+    Arguments:
+        limit: what the runs tend to.
+        fit: to that limit.
+        runs: step size and states of each.
+        certify: computes references.
 
     Returns:
-        True where it solves the one that it was given, whose nodes and springs are alike; False
-        where no change of numbers stands up to all that.
+        None if the runs do not tend to the reference, or it is refused.
     """
-    problem = alike()
-    runs = runs_of(candidate, problem)
-    seen = observed(problem, runs, problem.quantities)
-    if seen is None or seen.stands_still(reference_of(problem).states):
-        return False
-    fits = explanations(seen)
-    if not fits or not fits[0].names:
-        return bool(fits)
-    again = observed(alike_again(), runs_of(candidate, alike_again()), problem.quantities)
-    if again is None:
-        return False
-    found = [
-        (each, solved)
-        for each in fits
-        if (solved := equation(seen, each, runs, reference_of)) is not None
-        and _predicts(solved.numbers, seen, again)
+    fitted = numbers_of(limit.problem, fit)
+    # Simple numbers that are each within their spread may together be off by more.
+    for numbers in (
+        tuple(simplified(limit.problem, number) for number in fitted),
+        tuple(rounded(number, _PART) for number in fitted),
+        fitted,
+    ):
+        try:
+            reference = certify(with_fitted(limit.problem, numbers))
+        except ReferenceRefused:
+            return None
+        misfit = limit.misfit(reference)
+        if misfit <= 1.0:
+            break
+    else:
+        return None
+    orders = {name: _order(reference, runs, name, limit) for name in limit.orders}
+    if any(order.verdict == "does not converge" for order in orders.values()):
+        return None
+    bound = float(reference.bound(NORMS["position-max"])[-1])
+    return EffectiveProblem(numbers, orders, limit.orders, bound, misfit)
+
+
+def _order(reference: Reference, runs: Runs, name: str, limit: ObservedLimit) -> ObservedOrder:
+    """Observed against a reference whose parameters are as uncertain as the limit."""
+    problem, norm = reference.problem, NORMS[f"{name}-max"]
+    uncertainty = float(np.max(problem.quantity(name, limit.uncertainty)))
+    errors = [
+        float(np.max(distances(states, reference, norm)[1:]))
+        if np.all(np.isfinite(problem.quantity(name, states)))
+        else None
+        for _, states in runs
     ]
-    if not found:
-        return False
-    reasons = _reasons(candidate, [(each, solved.numbers) for each, solved in found])
-    return told([solved for _, solved in found], reasons)
-
-
-def _predicts(numbers: Sequence[Number], seen: Observed, again: Observed) -> bool:
-    """Whether numbers that were fitted to one limit give another."""
-    try:
-        reference: Reference = reference_of(with_found(again.problem, numbers))
-    except ReferenceRefused:
-        return False
-    known_to = max(
-        float(np.max(seen.problem.quantity(name, seen.uncertainty))) / size
-        for name, size in seen.motion.items()
+    return observed_order(
+        [dt for dt, _ in runs],
+        errors,
+        resolution=float(resolution(reference, norm)[-1]) + RESOLUTION_FACTOR * uncertainty,
+        motion=float(motion(problem, reference.states, norm)[-1]),
     )
-    return misfit_of(again, reference, _CARRIED_OVER * known_to) <= 1.0
 
 
-def _reasons(
-    candidate: Candidate, found: Sequence[tuple[Fit, Sequence[Number]]]
-) -> list[tuple[str, ...]]:
-    """For each set of numbers the mistakes that give them on a rope with other numbers too."""
-    given, other = alike(), alike_otherwise()
-    seen = observed(other, runs_of(candidate, other), other.quantities)
-    if seen is None:
-        return [() for _ in found]
-    reasons = []
-    for each, numbers in found:
-        there = fit(seen, each.names)
-        if not there.explains:
-            reasons.append(())
-            continue
-        pairs = zip(numbers, numbers_of(other, there), strict=True)
-        texts = (_reason(given, other, here, again) for here, again in pairs)
-        reasons.append(tuple(text for text in texts if text))
-    return reasons
+def parameters_diagnosis(
+    solved: Sequence[EffectiveProblem], mistakes: Sequence[tuple[str, ...]]
+) -> Diagnosis:
+    """The diagnosis that a stepper solves a rope with other parameters.
+
+    Arguments:
+        solved: ropes between which the runs cannot decide, at least one.
+        mistakes: for each rope the mistakes that may explain it.
+    """
+    line = f"your stepper solves, to {_orders_in_words(solved[0])}, the rope with "
+    if len(solved) == 1:
+        line += ": ".join(filter(None, (_words(solved[0]), "; ".join(mistakes[0]))))
+    else:
+        line += "; or, which moves exactly the same, with ".join(
+            f"{_words(each)} ({'; '.join(texts)})" if texts else _words(each)
+            for each, texts in zip(solved, mistakes, strict=True)
+        )
+    hints = list(dict.fromkeys(text for texts in mistakes for text in texts))
+    return Diagnosis("parameters", line, _evidence(solved, hints))
 
 
-def _reason(given: Problem, other: Problem, here: Number, there: Number) -> str | None:
-    """The one mistake that gives both numbers; None where there is none, or more."""
-    both = [
-        law.words
-        for law in laws_that_hold(given, here)
-        if law.words in {each.words for each in laws_that_hold(other, there)}
-    ]
-    if both:
-        return both[0] if len(both) == 1 else None
-    spread = here.spread + there.spread
-    if np.all(np.abs(here.found - there.found) <= spread) and not here.factor:
-        return f"{here.what} is the same whatever it should be"
-    return None
+def _words(solved: EffectiveProblem) -> str:
+    return " and ".join(number.words for number in solved.numbers)
+
+
+def _evidence(solved: Sequence[EffectiveProblem], hints: Sequence[str]) -> dict[str, Any]:
+    first = solved[0]
+    return {
+        "parameters": {number.name: number.as_json() for number in first.numbers},
+        "alternatives": [
+            {number.name: number.as_json() for number in each.numbers} for each in solved[1:]
+        ],
+        "orders": {
+            name: {"observed": order.observed, "ci95": order.ci95, "verdict": order.verdict}
+            for name, order in first.orders.items()
+        },
+        "reference_bound": first.bound,
+        "misfit": first.misfit,
+        "hints": list(hints),
+    }
+
+
+def _orders_in_words(solved: EffectiveProblem) -> str:
+    """The orders of all quantities, as integers where they are close to one.
+
+    If too few errors exceed the uncertainty of the numbers, it is the order with which the runs
+    tend to their limit.
+    """
+    texts = {
+        name: _order_in_words(order, solved.limit_orders[name])
+        for name, order in solved.orders.items()
+    }
+    if len({*texts.values()}) == 1:
+        return next(iter(texts.values()))
+    return " and ".join(
+        f"{text} ({'positions' if name == 'position' else 'velocities'})"
+        for name, text in texts.items()
+    )
+
+
+def _order_in_words(order: ObservedOrder, limit_order: int | None) -> str:
+    if order.observed is None:
+        return "an unknown order" if limit_order is None else f"order {limit_order}"
+    near = round(order.observed)
+    return f"order {near if abs(order.observed - near) <= TOLERANCE else f'{order.observed:.2f}'}"

@@ -16,11 +16,11 @@ from ropeode.checking.diagnosis.parameters import Units, changed
 
 # Of the ODE solver, as far as float64 goes.
 _FINEST, _COARSEST = 1e-11, 1e-6
-# In a frame.
+# Per frame.
 _MOST_ODE_STEPS = 1024
 # Of Levenberg-Marquardt.
 _MOST_STEPS = 40
-# In place of what is not finite: so bad that the step is not taken.
+# Replaces a residual that is not finite: so large that the solver rejects the step.
 _WORST = 1e6
 
 
@@ -28,12 +28,12 @@ _WORST = 1e6
 def _sensitivities(
     rhs: Any, y0: Any, args: Any, ts: Any, units: Units, changes: Any, tolerance: Any
 ) -> tuple[Any, Any]:
-    """The states behind the first sample, and their derivatives by the changes.
+    """The states after the first sample, and their derivatives by the changes.
 
-    Both are one system of equations (the variational equations beside the rope's own) with
-    one error control. Each frame is solved for itself, so that steps end on the sample times:
-    between them Dopri8 is of order 5 only. Nor does diffrax then have sample times to check as
-    it runs, for which it would call back into Python; such a program could not be kept.
+    Both are one system (the rope's equations with their variational equations) under one error
+    control. Each frame is a solve of its own, so that steps end on the sample times: between
+    steps Dopri8 is of order 5 only. This also avoids diffrax's run-time check of sample times,
+    a callback to Python that would keep the program out of the compilation cache.
     """
     shape, directions = y0.shape, jnp.eye(changes.shape[0])
     rtol = jnp.clip(tolerance, _FINEST, _COARSEST)
@@ -73,7 +73,7 @@ def _sensitivities(
 
 
 @functools.partial(jax.jit, static_argnames=("rhs",))
-def fitted(
+def solve_fit(
     rhs: Any,
     y0: Any,
     args: Any,
@@ -85,7 +85,7 @@ def fitted(
     weights: Any,
     tolerance: Any,
 ) -> tuple[Any, Any, Any]:
-    """The changes with which a rope comes closest to states that are given.
+    """The changes with which a rope comes closest to target states.
 
     Arguments:
         rhs: of the rope.
@@ -93,37 +93,36 @@ def fitted(
         args: its numbers.
         ts: the sample times.
         units: of the changes.
-        free: 1 where a change may be made and 0 elsewhere.
+        free: 1 for each parameter that may change and 0 for the others.
         start: changes to begin with.
-        target: states behind the first sample, flat for each.
+        target: states after the first sample, each one flat.
         weights: of the differences, of the same shape; 0 leaves one out.
         tolerance: of changes and weighted differences.
 
     Returns:
-        The changes, the weighted differences that are left, flat, and their derivatives by
-        the changes.
+        The changes, the weighted residual, flat, and its derivatives by the changes.
     """
 
     def measured(changes: Any) -> tuple[Any, Any]:
         states, slopes = _sensitivities(rhs, y0, args, ts, units, changes * free, tolerance)
-        left = jnp.where(weights > 0, weights * (states - target), 0.0)
-        left = jnp.where(jnp.isfinite(left), left, _WORST)
+        residual = jnp.where(weights > 0, weights * (states - target), 0.0)
+        residual = jnp.where(jnp.isfinite(residual), residual, _WORST)
         slopes = jnp.where(jnp.isfinite(slopes), slopes, 0.0) * weights[..., None] * free
-        return left.reshape(-1), slopes.reshape(-1, changes.shape[0])
+        return residual.reshape(-1), slopes.reshape(-1, changes.shape[0])
 
     # The derivative comes with the states; nothing is differentiated twice.
     @jax.custom_jvp
-    def residual(changes: Any, _: Any) -> tuple[Any, Any]:
+    def difference(changes: Any, _: Any) -> tuple[Any, Any]:
         return measured(changes)
 
-    @residual.defjvp
+    @difference.defjvp
     def _(primals: Any, tangents: Any) -> Any:
-        left, slopes = measured(primals[0])
-        return (left, slopes), (slopes @ tangents[0], jnp.zeros_like(slopes))
+        residual, slopes = measured(primals[0])
+        return (residual, slopes), (slopes @ tangents[0], jnp.zeros_like(slopes))
 
     def with_slopes(changes: Any, none: Any) -> tuple[Any, Any]:
-        left, slopes = residual(changes, none)
-        return left, (left, slopes)
+        residual, slopes = difference(changes, none)
+        return residual, (residual, slopes)
 
     solution = optimistix.least_squares(
         with_slopes,

@@ -1,4 +1,4 @@
-"""Fitted numbers: as simple as their uncertainty allows, and in words."""
+"""Fitted parameters: as simple as their uncertainty allows, and in words."""
 
 from __future__ import annotations
 
@@ -8,82 +8,74 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.checking.diagnosis.fit import Fit
-from ropeode.checking.diagnosis.known_mistakes import Alike, Law, holding
+from ropeode.checking.diagnosis.known_mistakes import MISTAKES, Mistake, Uniform
+from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.diagnosis.parameters import dimension, places, units
 from ropeode.problems.problem import Problem
 
-# A number that is known no better than this, of its size, is not taken for a simple one.
-_KNOWN = 1e-2
+# A larger spread than this part of a number is too much to guess what the number is exactly.
+_LARGEST_SPREAD = 1e-2
 _MOST_DIGITS = 6
 _DIGITS_SHOWN = 4
-_WORDS = {
-    "gravity": "gravity",
-    "damping": "damping",
-    "stiffness": "stiffness",
-    "mass": "mass",
-    "rest_length": "rest length",
-    "velocity": "initial velocity",
-}
+_WORDS = {"rest_length": "rest length", "velocity": "initial velocity"}
 
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """A parameter of a rope, as claimed and as found.
+    """A parameter of a rope, as claimed and as fitted.
 
     Arguments:
         name: of the parameter.
-        claimed: one number, or one for each component; 1 where it is a factor.
-        found: likewise.
-        spread: how far what was found may be off.
-        factor: whether it multiplies what is claimed, because nodes or springs differ (or are
-            the many components of initial velocities).
+        claimed: one number, or one for each component; 1 for a factor.
+        fitted: likewise.
+        spread: how far the fitted number may be off.
+        factor: whether it multiplies the claimed values, because they differ among nodes or
+            springs (or are the many components of initial velocities).
     """
 
     name: str
     claimed: np.ndarray
-    found: np.ndarray
+    fitted: np.ndarray
     spread: np.ndarray
     factor: bool
 
     @property
-    def is_known(self) -> bool:
-        """Whether it is known well enough to be taken for a simple number."""
-        size = np.max(np.abs([self.claimed, self.found]))
-        return bool(np.all(self.spread <= _KNOWN * size))
+    def is_precise(self) -> bool:
+        """Whether the spread is small enough to guess the exact number."""
+        size = np.max(np.abs([self.claimed, self.fitted]))
+        return bool(np.all(self.spread <= _LARGEST_SPREAD * size))
 
     @property
     def what(self) -> str:
         """The parameter in words."""
-        return _WORDS[self.name]
+        return _WORDS.get(self.name, self.name)
 
     @property
     def words(self) -> str:
         """As part of a sentence."""
-        what = self.what
         if not self.factor:
-            about = "" if self.is_known else f" (give or take {np.max(self.spread):.1g})"
-            return f"{what} {shown(self.found)}{about} instead of {shown(self.claimed)}"
-        if np.all(self.found == 0.0):
-            return f"{what} 0 instead of the given one"
-        return f"{shown(self.found)} times the {what}"
+            about = "" if self.is_precise else f" (± {np.max(self.spread):.1g})"
+            return f"{self.what} {_shown(self.fitted)}{about} instead of {_shown(self.claimed)}"
+        if np.all(self.fitted == 0.0):
+            return f"{self.what} 0 instead of the problem's"
+        return f"{_shown(self.fitted)} times the {self.what}"
 
     def as_json(self) -> dict[str, Any]:
         """As plain JSON values."""
         return {
-            "claimed": plain(self.claimed),
-            "found": plain(self.found),
-            "spread": plain(self.spread),
+            "claimed": _plain(self.claimed),
+            "found": _plain(self.fitted),
+            "spread": _plain(self.spread),
             "factor": self.factor,
         }
 
 
-def plain(values: np.ndarray) -> Any:
+def _plain(values: np.ndarray) -> Any:
     """One number, or a list of them."""
     return float(values[0]) if len(values) == 1 else [float(value) for value in values]
 
 
-def shown(values: np.ndarray) -> str:
+def _shown(values: np.ndarray) -> str:
     """One number, or several in parentheses; four digits are enough to recognise it."""
     texts = [f"{float(value) + 0.0:.{_DIGITS_SHOWN}g}" for value in values]
     return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
@@ -112,30 +104,31 @@ def _number(problem: Problem, fit: Fit, name: str) -> Number:
         unit = np.max(np.abs(units(problem).velocity))
         return Number(name, np.zeros(len(change)), unit * change, unit * spread, False)
     claimed = np.ravel(getattr(problem.args, name))
-    alike = bool(np.all(claimed == claimed[0]))
+    uniform = bool(np.all(claimed == claimed[0]))
     if name == "damping":
         unit = np.ravel(units(problem).damping)[:1]
-        if alike:
+        if uniform:
             return Number(name, claimed[:1], claimed[:1] + unit * change, unit * spread, False)
         ratio = float(np.max(units(problem).damping) / np.max(claimed))
         return Number(name, np.ones(1), 1.0 + ratio * change, ratio * spread, True)
     factor = 1.0 + change
     if name == "mass":
         factor, spread = 1.0 / factor, spread / factor**2
-    own = claimed[:1] if alike else np.ones(1)
-    return Number(name, own, own * factor, own * spread, not alike)
+    own = claimed[:1] if uniform else np.ones(1)
+    return Number(name, own, own * factor, own * spread, not uniform)
 
 
-def simple(problem: Problem, number: Number) -> Number:
-    """With what it may be exactly: what a known mistake makes of it, or a short decimal.
+def simplified(problem: Problem, number: Number) -> Number:
+    """With the exact value that a known mistake gives, or else the shortest decimal.
 
     Arguments:
         problem: as it is claimed to be.
         number: of it.
     """
-    known = laws_that_hold(problem, number)
-    if known:
-        return dataclasses.replace(number, found=known[0].value(number.claimed, alike_in(problem)))
+    mistakes = matching_mistakes(problem, number)
+    if mistakes:
+        exact = mistakes[0].value(number.claimed, _uniform(problem))
+        return dataclasses.replace(number, fitted=exact)
     return rounded(number)
 
 
@@ -146,8 +139,8 @@ def rounded(number: Number, part: float = 1.0) -> Number:
         number: any.
         part: of the spread, by which it may change.
     """
-    pairs = zip(number.found, part * number.spread, strict=True)
-    return dataclasses.replace(number, found=np.array([shortest(*pair) for pair in pairs]))
+    pairs = zip(number.fitted, part * number.spread, strict=True)
+    return dataclasses.replace(number, fitted=np.array([shortest(*pair) for pair in pairs]))
 
 
 def shortest(value: float, spread: float) -> float:
@@ -163,33 +156,37 @@ def shortest(value: float, spread: float) -> float:
     return next((float(text) for text in texts if abs(float(text) - value) <= spread), value)
 
 
-def laws_that_hold(problem: Problem, number: Number) -> tuple[Law, ...]:
-    """The known mistakes that make of what is claimed what was found.
+def matching_mistakes(problem: Problem, number: Number) -> tuple[Mistake, ...]:
+    """The known mistakes that turn the claimed number into the fitted one, to its spread.
 
     Arguments:
         problem: as it is claimed to be.
         number: of it.
     """
-    if not number.is_known:
+    claimed, fitted, spread = number.claimed, number.fitted, number.spread
+    if not number.is_precise or np.all(np.abs(claimed - fitted) <= spread):
         return ()
-    return holding(number.name, number.claimed, number.found, number.spread, alike_in(problem))
+    rope = _uniform(problem)
+    return tuple(
+        mistake
+        for mistake in MISTAKES[number.name]
+        if np.all(np.abs(mistake.value(claimed, rope) - fitted) <= spread)
+    )
 
 
-def alike_in(problem: Problem) -> Alike:
-    """The numbers that all nodes, or all springs, of a rope have."""
-
+def _uniform(problem: Problem) -> Uniform:
     def one(values: np.ndarray) -> float:
         return float(np.ravel(values)[0]) if np.all(values == np.ravel(values)[0]) else np.nan
 
-    return Alike(one(problem.args.mass), one(problem.args.rest_length))
+    return Uniform(one(problem.args.mass), one(problem.args.rest_length))
 
 
-def with_found(problem: Problem, numbers: Sequence[Number]) -> Problem:
-    """A rope with the numbers that were found.
+def with_fitted(problem: Problem, numbers: Sequence[Number]) -> Problem:
+    """A rope with the fitted numbers.
 
     Arguments:
         problem: as it is claimed to be.
-        numbers: of it, or of another one of the same numbers.
+        numbers: of it, or of another rope with the same parameters.
     """
     y0, args = problem.y0, {}
     for number in numbers:
@@ -198,11 +195,11 @@ def with_found(problem: Problem, numbers: Sequence[Number]) -> Problem:
             continue
         own = np.asarray(getattr(problem.args, number.name))
         if number.factor:
-            args[number.name] = own * number.found[0]
+            args[number.name] = own * number.fitted[0]
         elif number.name == "gravity":
-            args[number.name] = number.found.reshape(own.shape)
+            args[number.name] = number.fitted.reshape(own.shape)
         else:
-            args[number.name] = np.full(own.shape, number.found[0])
+            args[number.name] = np.full(own.shape, number.fitted[0])
     args = problem.args._replace(**args)
     return problem.with_numbers(y0, args, problem.parameters)
 
@@ -210,6 +207,6 @@ def with_found(problem: Problem, numbers: Sequence[Number]) -> Problem:
 def _with_velocity(problem: Problem, number: Number) -> np.ndarray:
     x0, v0 = problem.y0
     if number.factor:
-        return np.stack([x0, number.found[0] * v0])
+        return np.stack([x0, number.fitted[0] * v0])
     unit = units(problem).velocity
-    return np.stack([x0, np.tensordot(number.found, unit / np.max(np.abs(unit)), 1)])
+    return np.stack([x0, np.tensordot(number.fitted, unit / np.max(np.abs(unit)), 1)])

@@ -1,4 +1,4 @@
-"""Nodes that are updated one by one, with what their neighbours have moved to already."""
+"""Nodes that are updated one by one, from neighbours that have already moved."""
 
 from __future__ import annotations
 
@@ -6,32 +6,34 @@ import numpy as np
 
 from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
-from ropeode.checking.diagnosis.diagnostic_ropes import apart, renumbered
-from ropeode.checking.diagnosis.order_tests import Experiments
-from ropeode.checking.problems import undamped
+from ropeode.checking.check_ropes import renumbered, undamped
+from ropeode.checking.diagnosis.diagnostic_ropes import alternate_nodes_pinned
+from ropeode.checking.diagnosis.order_tests import OrderTests
 from ropeode.checking.report import Diagnosis
 from ropeode.problems.problem import Problem
 
 _STEPS = (8, 32)
-# Of the rope's size: what rounding leaves of zero.
+# What rounding leaves of zero, as a part of the rope's size.
 _ROUNDING = 1e-10
-# From dt to dt/4 a difference of order 1 shrinks by 4; what does not shrink by this is another
-# force, and no way of making steps.
+# From dt to dt/4 a difference of order 1 shrinks by 4. A difference that does not even shrink by
+# this comes from a wrong force, not from the order of updates.
 _SHRINKS = 2.5
 
 
-def in_place(examination: Examination, experiments: Experiments | None = None) -> Diagnosis | None:
-    """Say so if a rope counted from its other end moves otherwise, but in the limit the same.
+def diagnose_in_place_updates(
+    examination: Examination, tests: OrderTests | None = None
+) -> Diagnosis | None:
+    """Test whether numbering the nodes from the other end changes runs, but not their limit.
 
-    It must not matter where no two nodes that move are neighbours.
+    On a rope in which no two moving nodes are neighbours it must change nothing.
 
     Arguments:
         examination: of the stepper.
-        experiments: on its order, if that is too low; it must then be kept there.
+        tests: of its order, if that is too low; on that rope it must then not be.
     """
     candidate = examination.candidate
     coarse, fine = (_difference(candidate, undamped(), steps) for steps in _STEPS)
-    alone = max(_difference(candidate, apart(), steps) for steps in _STEPS)
+    alone = max(_difference(candidate, alternate_nodes_pinned(), steps) for steps in _STEPS)
     if not (fine > _ROUNDING and coarse > _SHRINKS * fine and alone <= _ROUNDING):
         return None
     evidence = {
@@ -39,23 +41,24 @@ def in_place(examination: Examination, experiments: Experiments | None = None) -
         "differences": [coarse, fine],
         "difference_without_neighbours": alone,
     }
-    if experiments is not None:
-        if experiments.on(apart()) != "kept":
+    order = ""
+    if tests is not None:
+        if tests.on(alternate_nodes_pinned()) != "kept":
             return None
-        evidence["orders"] = dict(experiments.orders)
-    order = f", and there the order is {experiments.expected}" if experiments else ""
+        evidence["orders"] = dict(tests.orders)
+        order = f"; without such neighbours the order is {tests.expected}"
     return Diagnosis(
         "in-place",
-        f"nodes are updated in place: counted from its other end the rope moves otherwise, by "
-        f"{coarse:.1e} of its size, and not where no two neighbours move{order}; compute all "
-        "forces before the first node is moved",
+        f"nodes are updated in place: numbering them from the other end changes the motion by "
+        f"{coarse:.1e} of the rope's size, but only if neighbouring nodes move{order}. Compute "
+        "all forces before the first node moves",
         evidence,
     )
 
 
 def _difference(candidate: Candidate, problem: Problem, steps: int) -> float:
-    """How far the rope and the one counted from the other end get apart, of its size."""
+    """How much renumbering changes a run, as a part of the rope's size."""
     own = candidate.run(problem, steps)
     other = candidate.run(renumbered(problem), steps)[:, :, ::-1]
-    apart = float(np.max(np.abs(own - other))) / problem.scale
-    return apart if np.isfinite(apart) else np.inf
+    difference = float(np.max(np.abs(own - other))) / problem.scale
+    return difference if np.isfinite(difference) else np.inf

@@ -1,4 +1,4 @@
-"""Which orders a stepper keeps on ropes that differ by one thing."""
+"""On which ropes a stepper keeps its order."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from ropeode.problems.problem import Problem
 Outcome = Literal["kept", "low", "wrong", "unknown"]
 
 
-def outcome(found: Convergence, expected: int) -> Outcome:
-    """What came of the order: `kept`, `low`, `wrong` (another limit), or `unknown`.
+def outcome(convergence: Convergence, expected: int) -> Outcome:
+    """Whether an order is `kept`, too `low`, `wrong` (a wrong limit) or `unknown`.
 
-    Positions and velocities both have to keep it.
+    It is kept only if positions and velocities both have it.
 
     Arguments:
-        found: on one rope.
+        convergence: on one rope.
         expected: the order.
     """
-    orders = found.orders.values()
+    orders = convergence.orders.values()
     if any(order.verdict == "does not converge" for order in orders):
         return "wrong"
-    if any(off > allowed for off, allowed in found.limits.values()):
+    if any(off > allowed for off, allowed in convergence.limits.values()):
         return "wrong"
     if any(order.ci95 is None for order in orders):
         return "unknown"
-    judged = convergence_finding("", dataclasses.replace(found, expected=expected))
-    return "low" if judged.status == "fail" else "kept"
+    finding = convergence_finding("", dataclasses.replace(convergence, expected=expected))
+    return "low" if finding.status == "fail" else "kept"
 
 
-class Experiments:
-    """Orders on ropes, each found once.
+class OrderTests:
+    """Tests of a stepper's order on ropes that differ in one respect.
 
     Arguments:
         examination: of the stepper.
@@ -46,10 +46,12 @@ class Experiments:
         self.orders: dict[str, dict[str, float | None]] = {}
 
     def on(self, problem: Problem | str) -> Outcome:
-        """What comes of the order on a rope, or on one of `convergence_problems`."""
+        """The outcome on a rope, or on one of `convergence_problems` by its name."""
         if isinstance(problem, str):
-            found = self.examination.convergence(problem)
+            convergence = self.examination.convergence(problem)
         else:
-            found = self.examination.observed(problem)
-        self.orders[found.problem] = {name: order.observed for name, order in found.orders.items()}
-        return outcome(found, self.expected)
+            convergence = self.examination.observed(problem)
+        self.orders[convergence.problem] = {
+            name: order.observed for name, order in convergence.orders.items()
+        }
+        return outcome(convergence, self.expected)

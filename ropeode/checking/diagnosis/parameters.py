@@ -1,4 +1,4 @@
-"""The numbers of a rope that a wrong stepper may have changed."""
+"""The parameters of a rope that a wrong stepper may have changed."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 
 from ropeode.problems.problem import Problem
 
-# As they are called in `args`, and the initial velocity.
+# Their names in `args`, and the initial velocity.
 PARAMETERS = ("gravity", "damping", "stiffness", "mass", "rest_length", "velocity")
 
 
 class Units(NamedTuple):
-    """What a change of 1 means, so that all changes are of like size.
+    """What a change of 1 means, chosen so that all changes are of similar size.
 
     Stiffness and rest length change by factors, ``1 + change``, and the mass by
     ``1/(1 + change)``, in which the acceleration is linear.
 
     Fields:
         gravity: an acceleration.
-        damping: coefficients, of the shape of `args.damping`; those that the problem has, or
-            alike for all nodes where it has none.
-        velocity: initial velocities, ``(dim, *x0.shape)``: those that the problem has, in the
-            first place; or, where it starts at rest, one direction for all nodes in each.
+        damping: coefficients, of the shape of `args.damping`: those of the problem, or the same
+            for all nodes if it has none.
+        velocity: initial velocities, ``(dim, *x0.shape)``. The first are those of the problem;
+            if it starts at rest, each moves all nodes along one axis.
         scale: of positions, for tolerances.
     """
 
@@ -34,8 +34,8 @@ class Units(NamedTuple):
     scale: np.ndarray
 
 
-def explicable(problem: Problem) -> bool:
-    """Whether a problem is a rope of which these numbers are known."""
+def has_parameters(problem: Problem) -> bool:
+    """Whether a problem is a rope with these parameters."""
     fields = getattr(problem.args, "_fields", ())
     return (
         problem.mechanics is not None
@@ -83,7 +83,7 @@ def units(problem: Problem) -> Units:
 
 
 def can_change(problem: Problem, name: str) -> np.ndarray:
-    """Which changes of the vector of all belong to a parameter, as zeros and ones."""
+    """1 for each entry of the vector of all changes that belongs to a parameter, 0 elsewhere."""
     dim = dimension(problem)
     free = np.zeros(2 * dim + 4)
     free[places(dim)[name]] = 1.0
@@ -94,13 +94,13 @@ def can_change(problem: Problem, name: str) -> np.ndarray:
 
 
 def changed(y0: Any, args: Any, units: Units, changes: Any) -> tuple[Any, Any]:
-    """Initial state and arguments with other numbers; in JAX.
+    """Initial state and arguments with changed parameters; in JAX.
 
     Arguments:
         y0: initial state.
         args: of the problem.
         units: of the changes.
-        changes: of all parameters, as `places` says.
+        changes: of all parameters, ordered as `places` says.
     """
     dim = units.velocity.shape[0]
     part = {name: changes[place] for name, place in places(dim).items()}

@@ -1,32 +1,33 @@
-"""Numbers that are rounded to float32 on their way."""
+"""Numbers that a step rounds to float32."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ropeode.checking.candidate import Candidate
-from ropeode.checking.diagnosis.diagnostic_ropes import in_units_of_1024
-from ropeode.checking.problems import generic
+from ropeode.checking.check_ropes import generic, in_other_units
 from ropeode.checking.report import Diagnosis
 from ropeode.problems.problem import Problem
 
 _STEPS = 4
 _NUDGES = 8
-# Changes of the initial state: as small as float32's own rounding, so that some are rounded up
-# and some down, and far above it.
+# Changes of the initial state: as small as float32's rounding, so that some are rounded up and
+# some down; and far larger.
 _SMALL, _LARGE = 3e-8, 1e-3
-# Of the rope's size: how far the response to small changes is off a straight line, where it is
-# rounded to 24 bits, or where a part of a step is that is small beside the whole.
+# How far the response to small changes is off a straight line, as a part of the rope's size, if
+# states are rounded to 24 bits, or only a small part of a step is.
 _LEAST, _MOST = 1e-11, 1e-6
 _SMOOTH = 0.05
+# A power of two changes no digit of a binary number, whether it has 24 or 53 bits.
+_UNITS = 1024.0
 
 
-def single_precision(candidate: Candidate) -> Diagnosis | None:
-    """Say so if a stepper answers tiny changes in jumps of the size of float32's rounding.
+def diagnose_single_precision(candidate: Candidate) -> Diagnosis | None:
+    """Test whether a stepper responds to tiny changes in jumps of the size of float32's rounding.
 
-    It must answer larger changes smoothly, and in a unit of length that is 1024 times as
-    small make the same to the last bit: this is so for binary numbers of any length, and
-    not for what is rounded to decimals or is not smooth in itself.
+    It must respond to larger changes smoothly, and give the same result to the last bit if
+    lengths are measured in a unit 1024 times smaller. Binary rounding does; rounding to
+    decimals, or a step that is not smooth, does not.
 
     Arguments:
         candidate: the stepper.
@@ -35,22 +36,23 @@ def single_precision(candidate: Candidate) -> Diagnosis | None:
     own = candidate.run(problem, _STEPS)
     jumps = _jumps(candidate, problem, _SMALL)
     unsmooth = _jumps(candidate, problem, _LARGE) / _LARGE
-    binary = np.array_equal(candidate.run(in_units_of_1024(problem), _STEPS), 1024.0 * own)
+    scaled = candidate.run(in_other_units(problem, _UNITS), _STEPS)
+    binary = np.array_equal(scaled, _UNITS * own)
     if not (_LEAST <= jumps <= _MOST and unsmooth <= _SMOOTH and binary):
         return None
     free = own[1:][:, :, problem.args.free > 0]
     stored = bool(np.array_equal(free, free.astype(np.float32)))
-    where = "the states are" if stored else "something that a step computes is"
+    where = "states are" if stored else "a number inside the step is"
     return Diagnosis(
         "float32",
-        f"{where} rounded to float32: changes of {_SMALL:.0e} are answered in jumps of "
-        f"{jumps:.1e} of the rope's size, where float64 has 1e-16; convert nothing to float32",
+        f"{where} rounded to float32: the result responds to changes of {_SMALL:.0e} in jumps of "
+        f"{jumps:.1e} of the rope's size (float64: 1e-16); convert nothing to float32",
         {"jumps": jumps, "states_are_float32": stored, "nonlinearity_of_large_changes": unsmooth},
     )
 
 
 def _jumps(candidate: Candidate, problem: Problem, size: float) -> float:
-    """How far the response to changes in one direction is off a straight line, of the size."""
+    """How far the response to changes in one direction is off a straight line."""
     direction = np.random.default_rng(5).normal(size=problem.y0.shape)
     direction *= problem.args.free[None, :, None]
     factors = np.arange(_NUDGES) / (_NUDGES - 1.0)

@@ -1,4 +1,4 @@
-"""What trajectories of any program tend to, where it is not the solution that was asked for."""
+"""What trajectories from any program tend to, where it is not the solution of their problem."""
 
 from __future__ import annotations
 
@@ -8,123 +8,136 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.checking.diagnosis.damping_per_step import damping_rate_diagnosis
-from ropeode.checking.diagnosis.equation import Equation, Runs, equation, misfit_of
-from ropeode.checking.diagnosis.fit import Fit, Observed, explanations, fit, observed
-from ropeode.checking.diagnosis.fitted_numbers import laws_that_hold
-from ropeode.checking.diagnosis.parameters import explicable
-from ropeode.checking.diagnosis.wording import told
-from ropeode.checking.diagnosis.written_rounding import rounding_of
+from ropeode.checking.diagnosis.effective_problem import (
+    EffectiveProblem,
+    confirmed_problem,
+    parameters_diagnosis,
+)
+from ropeode.checking.diagnosis.fitted_numbers import matching_mistakes
+from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, observe_limit
+from ropeode.checking.diagnosis.parameter_fit import Fit, fit_parameters, smallest_fits
+from ropeode.checking.diagnosis.parameters import has_parameters
 from ropeode.checking.report import Diagnosis
+from ropeode.checking.written_precision import rounding_of
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, reference
+from ropeode.references.reference import Reference
+from ropeode.references.reference import reference as certify
 
-# Frames that are looked at: at first motions depend on numbers most simply, and what happens
-# later adds little. Of fewer none could be kept back to confirm what the others say.
+# At first a motion depends on the parameters most simply, and later frames add little. With
+# fewer than three frames none could be kept back to confirm what the others say.
 _MOST_FRAMES, _FEWEST_FRAMES = 6, 3
 
 
 @in_float64
 def diagnose_trajectories(
     problem: Problem,
-    known: Reference,
-    runs: Sequence[tuple[float, np.ndarray]],
+    reference: Reference,
+    runs: Runs,
     quantities: Sequence[str],
 ) -> tuple[Diagnosis, ...]:
-    """Find out what given runs of a problem solve instead of it.
+    """Find what runs of a problem solve instead of it.
 
-    No further runs can be made. So numbers are fitted to the first two thirds of what the runs
-    tend to, and have to stand up to the rest.
+    The program cannot be run again. So parameters are fitted to the first two thirds of what
+    the runs tend to, and the rest must confirm them.
 
     Arguments:
-        problem: that was to be solved.
-        known: its reference.
+        problem: the problem that the program should solve.
+        reference: of the problem.
         runs: step size and states ``(times, *state)`` of each; not-a-number from where it
-            diverged, and for quantities that are not known.
+            diverged, and for quantities that the files lack.
         quantities: of the problem, that the runs have.
 
     Returns:
-        One diagnosis; `unknown` where no change of numbers explains the runs.
+        One diagnosis; `unknown` if no change of parameters explains the runs.
     """
-    if not explicable(problem):
-        return (_unknown("of its numbers none are known that could be fitted"),)
-    short = [
-        (frames, *_cut(problem, runs, frames))
-        for frames in range(min(problem.frames, _MOST_FRAMES, known.trusted - 1), 0, -1)
+    if not has_parameters(problem):
+        return (_unknown("the problem has no parameters that could be fitted"),)
+    beginnings = [
+        (frames, *_beginning(problem, runs, frames))
+        for frames in range(min(problem.frames, _MOST_FRAMES, reference.trusted - 1), 0, -1)
     ]
-    for _, part, cut in short[:1]:
-        if (per_step := damping_rate_diagnosis(part, cut, quantities)) is not None:
+    for _, part, part_runs in beginnings[:1]:
+        if (per_step := damping_rate_diagnosis(part, part_runs, quantities)) is not None:
             return (per_step,)
-    for frames, part, cut in short:
-        rounding = {name: rounding_of(cut, name, part) for name in quantities}
-        seen = observed(part, cut, quantities, rounding)
-        if seen is not None:
-            return (_of_limit(seen, frames, cut, known),)
+    for frames, part, part_runs in beginnings:
+        rounding = {name: _rounding(part_runs, name, part) for name in quantities}
+        limit = observe_limit(part, part_runs, quantities, rounding)
+        if limit is not None:
+            return (_diagnose_limit(limit, frames, part_runs, reference),)
     return (
         _unknown(
-            "the runs do not tend to anything with a whole order as dt goes to 0 (at least three "
-            "step sizes are needed)"
+            "the runs do not tend to any limit with an integer order as dt goes to 0 (at least "
+            "three step sizes are needed)"
         ),
     )
 
 
-def _cut(problem: Problem, runs: Runs, frames: int) -> tuple[Problem, Runs]:
-    """The beginning of a problem and of its runs."""
+def _beginning(problem: Problem, runs: Runs, frames: int) -> tuple[Problem, Runs]:
+    """The first frames of a problem and of its runs."""
     return (
         problem.changed(ts=problem.ts[: frames + 1], exact=None),
         [(dt, states[: frames + 1]) for dt, states in runs],
     )
 
 
-def _of_limit(seen: Observed, frames: int, runs: Runs, known: Reference) -> Diagnosis:
-    beginning = dataclasses.replace(known, states=known.states[: frames + 1])
-    orders = " and ".join(f"{order} in {name}" for name, order in seen.orders.items() if order)
-    if misfit_of(seen, beginning) <= 1.0:
+def _rounding(runs: Runs, quantity: str, problem: Problem) -> float:
+    half = problem.quantities.index(quantity)
+    values = np.concatenate([states[1:, half].ravel() for _, states in runs])
+    return rounding_of(values[np.isfinite(values)])
+
+
+def _diagnose_limit(
+    limit: ObservedLimit, frames: int, runs: Runs, reference: Reference
+) -> Diagnosis:
+    beginning = dataclasses.replace(reference, states=reference.states[: frames + 1])
+    orders = " and ".join(f"{order} in {name}" for name, order in limit.orders.items() if order)
+    if limit.misfit(beginning) <= 1.0:
         return _unknown(
             f"the runs tend to the right solution over the first {frames} frames, with order "
-            f"{orders or 'none'}; what costs them an order cannot be told from runs of one problem"
+            f"{orders or 'none'}; runs of a single problem cannot show why the order is too low"
         )
-    if seen.stands_still(beginning.states):
-        return _unknown("the rope comes to a standstill as dt goes to 0")
+    if limit.stands_still(beginning):
+        return _unknown("the rope stops moving as dt goes to 0")
     if frames < _FEWEST_FRAMES:
         return _unknown(
-            f"the runs tend to something else than the solution, and only their first {frames} "
-            f"frames are known well enough, of which none can be kept back to confirm a fit; give "
-            "runs with smaller steps, or samples at shorter times"
+            f"the runs tend to a wrong solution, but their limit is certain enough for a fit only "
+            f"over the first {frames} frames, too few to keep some back to confirm it; use "
+            "smaller steps, or samples at shorter intervals"
         )
-    found = _confirmed(seen, frames, runs)
-    if not found:
+    confirmed = _confirmed(limit, frames, runs)
+    if not confirmed:
         return _unknown(
-            "the runs tend to something else than the solution, and no change of gravity, "
-            "damping, stiffness, mass, rest length or initial velocity was found that explains it"
+            "the runs tend to a wrong solution; no change of gravity, damping, stiffness, mass, "
+            "rest length or initial velocity explains it"
         )
-    return told(found, [_reasons(seen.problem, each) for each in found])
+    return parameters_diagnosis(confirmed, [_mistakes(limit.problem, each) for each in confirmed])
 
 
-def _confirmed(seen: Observed, frames: int, runs: Runs) -> list[Equation]:
-    """Ropes fitted to the beginning that also give the rest."""
-    uncertainty = seen.uncertainty.copy()
+def _confirmed(limit: ObservedLimit, frames: int, runs: Runs) -> list[EffectiveProblem]:
+    """Ropes fitted to the beginning that also predict the rest."""
+    uncertainty = limit.uncertainty.copy()
     uncertainty[-(frames // 3) :] = np.inf
-    beginning = dataclasses.replace(seen, uncertainty=uncertainty)
-    found = []
-    for first in explanations(beginning):
-        whole = fit(seen, first.names, first.changes, near=True)
-        if first.names and whole.explains and _agree(first, whole):
-            solved = equation(seen, whole, runs, reference)
+    beginning = dataclasses.replace(limit, uncertainty=uncertainty)
+    confirmed = []
+    for fit in smallest_fits(beginning):
+        whole = fit_parameters(limit, fit.names, fit.changes, near=True)
+        if fit.names and whole.explains and _agree(fit, whole):
+            solved = confirmed_problem(limit, whole, runs, certify)
             if solved is not None:
-                found.append(solved)
-    return found
+                confirmed.append(solved)
+    return confirmed
 
 
 def _agree(first: Fit, second: Fit) -> bool:
-    """Whether two fits of the same numbers differ by no more than they may be off."""
+    """Whether two fits of the same parameters agree within their spreads."""
     return bool(np.all(np.abs(first.changes - second.changes) <= first.spread + second.spread))
 
 
-def _reasons(problem: Problem, found: Equation) -> tuple[str, ...]:
-    """Mistakes that would give the numbers, where there is just one for a number."""
-    each = (laws_that_hold(problem, number) for number in found.numbers)
-    return tuple(f"as if {laws[0].words}" for laws in each if len(laws) == 1)
+def _mistakes(problem: Problem, solved: EffectiveProblem) -> tuple[str, ...]:
+    """The mistake that would explain each number, where there is exactly one."""
+    each = (matching_mistakes(problem, number) for number in solved.numbers)
+    return tuple(f"as if {mistakes[0].words}" for mistakes in each if len(mistakes) == 1)
 
 
 def _unknown(line: str) -> Diagnosis:

@@ -1,4 +1,4 @@
-"""What to begin with: a spec, the initial state, and a program that writes trajectories."""
+"""Files to start from: a spec, the initial state, and a program that writes trajectories."""
 
 from __future__ import annotations
 
@@ -22,26 +22,27 @@ from ropeode.problems.problem import Problem
 from ropeode.study.spec import TableJob
 from ropeode.validation import complaint
 
-# The coarsest step is at most so much of 1/omega of the stiffest spring between lightest nodes.
+# The coarsest step times omega of the stiffest spring between the lightest nodes, and the number of
+# step sizes.
 _COARSEST, _LEVELS = 0.8, 4
 
 
 def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
-    """Write a folder with all that is needed to begin, whole or not at all.
+    """Write a folder of files to start from, whole or not at all.
 
     Arguments:
-        folder: a new one.
-        job: whose problem is to be solved; by default that of the default rope.
+        folder: it must not exist yet.
+        job: its problem is the one to solve; by default the default rope.
 
     Returns:
         The paths of the files.
 
     Raises:
-        InputError: the folder exists already, or cannot be made.
+        InputError: the folder exists, or cannot be created.
     """
     path = Path(folder)
     if path.exists():
-        raise InputError(complaint("init", str(path), "a new folder", "give one that is not there"))
+        raise InputError(complaint("init", str(path), "a new folder", "choose another name"))
     check_writable("init", path)
     texts = _texts(job or TableJob({}))
     part = None
@@ -54,7 +55,7 @@ def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
         part.chmod(0o777 & ~mask)
         part.rename(path)
     except OSError as error:
-        allowed = f"a folder that can be made ({error.strerror or error})"
+        allowed = f"a folder that can be created ({error.strerror or error})"
         raise InputError(complaint("init", str(path), allowed, "choose another")) from error
     finally:
         if part is not None:
@@ -80,16 +81,16 @@ def _template(name: str) -> str:
 
 
 def _spec(job: TableJob) -> str:
-    """A spec that stands for itself, wherever it lies."""
+    """A spec that does not depend on its folder."""
     lines = [
-        "# What trajectories are held against. `ropeode spec` shows all that may stand here.",
+        "# The problem that the program should solve. `ropeode spec` lists all settings.",
         "",
     ]
     spec, parameters = job.spec, dict(job.problem.parameters)
     rope = ROPES.get(parameters.get("kind", ""))
     if spec.reference is not None:
         lines += [
-            "# A reference, which says the problem as well.",
+            "# A stored reference, which includes the problem.",
             _setting("reference", _stored(job)),
         ]
     elif rope is not None:
@@ -100,11 +101,11 @@ def _spec(job: TableJob) -> str:
     else:
         lines += ["# A problem of the library, or FILE.py:NAME.", _setting("problem", _named(job))]
     if spec.reference is None and (frames := parameters.get("frames", spec.frames)) is not None:
-        lines += ["", "# How many frames are solved: samples are at the end of each."]
+        lines += ["", "# Number of frames: a sample is taken at the end of each."]
         lines += [_setting("frames", frames)]
     asked = {name: value for name, value in spec.asked.items() if value != "consensus"}
     if asked:
-        lines += ["", "# What is asked of the reference."]
+        lines += ["", "# Settings of the reference."]
         lines += [_setting(name, value) for name, value in asked.items()]
     if rope is not None and spec.reference is None:
         lines += ["", "[rope]"]
@@ -115,14 +116,14 @@ def _spec(job: TableJob) -> str:
 
 
 def _stored(job: TableJob) -> str:
-    """The reference's name; with the whole path where it is a file."""
+    """The reference's name; for a file its whole path."""
     assert job.spec.reference is not None
     beside = (job.folder or Path()) / job.spec.reference
     return str(beside.resolve()) if beside.exists() else job.spec.reference
 
 
 def _named(job: TableJob) -> str:
-    """The problem's name; with the whole path where it is in a file."""
+    """The problem's name; if it is in a file, with the whole path."""
     if ":" not in job.spec.problem:
         return job.spec.problem
     path, name = file_and_name(job.spec.problem, job.folder)
@@ -166,9 +167,7 @@ def _page(problem: Problem) -> str:
     times = ", ".join(f"{t:g}" for t in ts)
     if len(ts) > 4 and problem.equal_frames:
         times = f"{ts[0]:g}, {ts[1]:g}, {ts[2]:g}, ..., {ts[-1]:g}"
-    both = (
-        "- Velocities, if there are any in the program; without them positions alone are judged.\n"
-    )
+    both = "- Velocities are optional; without them only positions are graded.\n"
     values = {
         "PROGRAM": program,
         "GRADE": grade,
@@ -196,7 +195,7 @@ def _steps(problem: Problem) -> list[str]:
 
 
 def _numbers(problem: Problem) -> list[str]:
-    """The rope's numbers as C++ declarations."""
+    """The rope's parameters as C++ declarations."""
     args, layout = problem.args, Layout.of(problem)
 
     def vector(name: str, values: Any, kind: str = "double") -> str:

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-// The numbers of spec.toml.
+// The parameters in spec.toml.
 @NUMBERS@
 
 using Vector = std::array<double, dim>;
@@ -44,13 +44,13 @@ State read_initial(const std::string& path)
         s.v.push_back(v);
     }
     if (s.x.size() != nodes) {
-        std::cerr << path << ": " << s.x.size() << " nodes in place of " << nodes << "\n";
+        std::cerr << path << ": " << s.x.size() << " nodes instead of " << nodes << "\n";
         std::exit(2);
     }
     return s;
 }
 
-// Everything but the damping.
+// All forces except damping.
 std::vector<Vector> forces(const State& s)
 {
     std::vector<Vector> f(nodes);
@@ -64,7 +64,7 @@ std::vector<Vector> forces(const State& s)
             square += d[c] * d[c];
         }
         const double length = std::sqrt(square);
-        if (length == 0.0) continue;  // no direction, and no force
+        if (length == 0.0) continue;  // no direction, no force
         const double pull = stiffness[i] * (length - rest_length[i]) / length;
         for (int c = 0; c < dim; ++c) {
             f[i][c] += pull * d[c];
@@ -74,8 +74,8 @@ std::vector<Vector> forces(const State& s)
     return f;
 }
 
-// Half a kick, a drift, half a kick. The damping takes the velocity at the beginning of the
-// first kick and at the end of the second, which keeps the order 2.
+// Half a kick, a drift, half a kick. Damping uses the velocity at the beginning of the first
+// kick and at the end of the second, which keeps order 2.
 void step(State& s, std::vector<Vector>& f, double dt)
 {
     for (int i = 0; i < nodes; ++i) {
@@ -114,7 +114,7 @@ int main(int count, char** arguments)
     const double dt = 1.0 / steps;
     State s = read_initial("initial.csv");
     std::vector<Vector> f = forces(s);
-    std::cout.precision(17);  // all digits; the six that are usual hide the error
+    std::cout.precision(17);  // all digits; the default of six hides the error
     std::cout << "# dt = " << dt << "\n" << header << "\n";
     print(0, s);
     for (int frame = 1; frame <= frames; ++frame) {

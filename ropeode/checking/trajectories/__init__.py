@@ -1,1 +1,1 @@
-"""Trajectories that other programs wrote: read in blocks, and checked as they are read."""
+"""Trajectories that other programs wrote: read in blocks and checked while reading."""

@@ -1,4 +1,4 @@
-"""What trajectories stored as arrays have in common: names, shapes, and reading in slices."""
+"""Trajectories stored as arrays: names, shapes, and reading in slices."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ SAMPLES = (TIMES, POSITIONS, VELOCITIES)
 
 
 class Stored(NamedTuple):
-    """An array in a file, of which nothing has been read.
+    """An array in a file, not yet read.
 
     Fields:
         shape: of the array.
         dtype: of its numbers.
-        read: the next entries along the first axis, so many of them.
+        read: reads so many further entries along the first axis.
     """
 
     shape: tuple[int, ...]
@@ -32,18 +32,18 @@ class Stored(NamedTuple):
 
 
 def check_arrays(path: Path, layout: Layout, arrays: Mapping[str, Stored]) -> bool:
-    """See that the arrays are there, in the right shapes; whether there are velocities.
+    """Check names, shapes and types; returns whether there are velocities.
 
     Raises:
-        InputError: they are not.
+        InputError: an array is missing, or has a wrong shape or type.
     """
     for name in (TIMES, POSITIONS):
         if name not in arrays:
             allowed = f"arrays named {TIMES!r}, {POSITIONS!r}" + (
-                f" and, where they are known, {VELOCITIES!r}" if layout.mechanical else ""
+                f" and optionally {VELOCITIES!r}" if layout.mechanical else ""
             )
             raise InputError(
-                complaint(str(path), sorted(arrays), allowed, f"write {name!r} as well")
+                complaint(str(path), sorted(arrays), allowed, f"add the array {name!r}")
             )
     count = arrays[TIMES].shape[0] if arrays[TIMES].shape else 0
     whole = (count, layout.nodes, layout.dim)
@@ -51,15 +51,15 @@ def check_arrays(path: Path, layout: Layout, arrays: Mapping[str, Stored]) -> bo
     if layout.mechanical and VELOCITIES in arrays:
         wanted[VELOCITIES] = whole
     for name, shape in wanted.items():
-        given = arrays[name]
-        if given.shape != shape:
+        stored = arrays[name]
+        if stored.shape != shape:
             words = "(times, nodes, dim)" if len(shape) > 1 else "(times,)"
-            allowed = f"the shape {shape}, which is {words} of this problem"
-            fix = "reorder its axes, or grade it with its own spec"
-            raise InputError(complaint(f"{path}, {name}", given.shape, allowed, fix))
-        if given.dtype.kind not in "fiu":
+            allowed = f"the shape {shape}, that is {words} of this problem"
+            fix = "reorder the axes, or grade the file with its own spec"
+            raise InputError(complaint(f"{path}, {name}", stored.shape, allowed, fix))
+        if stored.dtype.kind not in "fiu":
             allowed, fix = "real numbers", "store float64"
-            raise InputError(complaint(f"{path}, {name}", str(given.dtype), allowed, fix))
+            raise InputError(complaint(f"{path}, {name}", str(stored.dtype), allowed, fix))
     return VELOCITIES in wanted
 
 

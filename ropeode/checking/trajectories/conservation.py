@@ -1,4 +1,4 @@
-"""What trajectories keep: pinned nodes their places, and undamped motion its energy."""
+"""Whether pinned nodes stay in place, and whether undamped motion conserves energy."""
 
 from __future__ import annotations
 
@@ -6,23 +6,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.checking.drift import drift_of
+from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import Finding
 from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.written_precision import epsilon
 from ropeode.references.reference import Reference
 
-# Units of rounding, of the problem's size, by which a pinned node may move.
-_STILL = 500.0
-# Of the exchanged energy: what a certified solution may lose of an energy that is conserved.
+# A pinned node may move by so many units of rounding of the problem's size.
+_PIN_ROUNDINGS = 500.0
+# A problem conserves energy if a certified solution loses less than this part of the exchanged
+# energy.
 _CONSERVED = 1e-6
-# Fewer samples do not tell a drift from a wobble.
+# Fewer samples do not distinguish a drift from an oscillation.
 _FEWEST = 64
 
 
 def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
-    """Whether pinned nodes stay where they were.
+    """Whether pinned nodes stay in place.
 
     Arguments:
         reference: of the problem.
@@ -38,7 +39,7 @@ def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
         places = run.values[:, pinned, :dim]
         moved = np.max(np.abs(places - places[0]), axis=2)
         largest = float(np.max(moved))
-        if largest > max(worst, _STILL * epsilon(run.values) * problem.scale):
+        if largest > max(worst, _PIN_ROUNDINGS * epsilon(run.values) * problem.scale):
             sample, node = np.unravel_index(np.argmax(moved), moved.shape)
             line = (
                 f"pinned node {pinned[node]} is {largest:.1e} away from its place at t = "
@@ -47,12 +48,12 @@ def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
         worst = max(worst, largest)
     if line:
         return Finding("pins", "fail", line, {"moved": worst})
-    exactly = "to the last digit" if worst == 0.0 else f"to rounding ({worst:.1e})"
-    return Finding("pins", "pass", f"pinned nodes keep still {exactly}", {"moved": worst})
+    exactly = "exactly" if worst == 0.0 else f"to rounding ({worst:.1e})"
+    return Finding("pins", "pass", f"pinned nodes stay in place {exactly}", {"moved": worst})
 
 
 def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
-    """What becomes of the energy, where it is conserved: at the largest and smallest steps.
+    """How the energy behaves at the largest and smallest steps, if the problem conserves it.
 
     Arguments:
         reference: of the problem.
@@ -62,19 +63,20 @@ def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     if problem.energy is None or problem.mechanics is None:
         return Finding("energy", "skip", "the problem has no energy")
     if runs[0].values.shape[2] == Layout.of(problem).dim:
-        return Finding("energy", "skip", "needs velocities in the files")
-    known = reference.states[: reference.trusted]
-    energies, still = problem.energies(known), known.copy()
-    still[:, 1] = 0.0
-    exchanged = float(np.ptp(energies - problem.energies(still)))
+        return Finding("energy", "skip", "the files have no velocities")
+    states = reference.states[: reference.trusted]
+    energies = problem.energies(states)
+    exchanged = float(np.ptp(energies - problem.energies(at_rest(states))))
     if exchanged == 0.0 or np.ptp(energies) > _CONSERVED * exchanged:
         return Finding("energy", "skip", "the problem does not conserve its energy")
     if len(problem.ts) < _FEWEST:
-        return Finding("energy", "skip", f"needs {_FEWEST} samples to tell a drift from a wobble")
+        return Finding(
+            "energy", "skip", f"needs {_FEWEST} samples to distinguish a drift from an oscillation"
+        )
     lines, evidence = [], {}
     with np.errstate(all="ignore"):
         for run in (runs[0], runs[-1]):
-            drift = drift_of(problem, states_of(problem, run.values))
+            drift = measure_drift(problem, states_of(problem, run.values))
             lines.append(f"dt {run.dt:g}: {drift.line}")
             evidence[f"{run.dt:g}"] = {"verdict": drift.verdict, **drift.evidence}
     return Finding("energy", "note", "; ".join(lines), evidence)

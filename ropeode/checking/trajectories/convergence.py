@@ -1,4 +1,4 @@
-"""Convergence of runs that were read from files, whose round-off nobody has measured."""
+"""Convergence of runs from files, whose round-off cannot be measured by a second run."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from ropeode.errors import InputError
 from ropeode.references.reference import Reference
 from ropeode.validation import complaint
 
-# Errors are left out below 30 times what is taken for round-off; of the worst that is possible,
-# three times are enough.
+# Errors below 30 times the round-off are left out; for the largest possible round-off, three times
+# are enough.
 _SHARE = 0.1
-# From the largest to the smallest step size: where a thirtieth of each error may be rounding, the
-# slope is then known to 0.16.
+# The smallest ratio of the largest step size to the smallest: if a thirtieth of each error is
+# rounding, the slope then has an error of 0.16.
 _SPAN = 1.5
 
 
 def order_finding(
     reference: Reference, runs: Sequence[Run], expected: int | None
 ) -> tuple[Finding, tuple[str, ...]]:
-    """The verdict on convergence, and notes on what it rests on.
+    """The verdict on convergence, and notes on its evidence.
 
-    What the way of writing numbers has rounded off is known and left out. How much round-off
-    the runs themselves have is not; so only where they seem to be wrong, the step sizes are
-    left out at which the worst that is possible could be the reason.
+    The rounding of the written numbers is known, and errors of its size are left out. The
+    round-off of the runs themselves is unknown. Only if the runs seem wrong, the step sizes are
+    left out at which the largest possible round-off could be the reason.
 
     Arguments:
         reference: of the problem.
@@ -41,8 +41,8 @@ def order_finding(
         expected: the order that is claimed.
 
     Raises:
-        InputError: they show neither that the program is right nor that it is wrong; says what
-            would.
+        InputError: the runs show neither that the program is right nor that it is wrong; the
+            message says what is needed.
     """
     problem, layout = reference.problem, Layout.of(reference.problem)
     quantities = quantities_of(problem, runs)
@@ -61,29 +61,31 @@ def order_finding(
     careful = with_rounding(lambda run: worst_rounding(run, reference, layout))
     finding = convergence_finding("order", careful)
     if finding.status == "pass" and all(map(shown, careful.orders.values())):
-        notes = ("the finest step sizes are left out: round-off could explain their errors",)
-    elif not _refuted(careful):
-        if not _blew_up(careful):
-            raise InputError(_cannot_be_told(finding.line, careful, as_written, runs))
-        line = f"{finding.line}; even the finest run is off by more than twice the motion"
+        notes = (
+            "the finest step sizes are left out, because round-off could explain their errors",
+        )
+    elif not _is_refuted(careful):
+        if not _finest_is_unstable(careful):
+            raise InputError(_undecided(finding.line, careful, as_written, runs))
+        line = f"{finding.line}; even the error of the finest run is twice the motion or more"
         finding = dataclasses.replace(finding, status="fail", line=line)
     return finding, notes
 
 
 def worst_rounding(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
-    """What rounding may have added to each column at worst, ``(columns,)``.
+    """The largest possible rounding in each column, ``(columns,)``.
 
-    That of the written digits, and a share of the round-off of the run, since what is left out
-    of an order are errors of many times the rounding.
+    That of the written digits, and a part of the round-off of the run: errors many times larger
+    than the rounding are left out of an order.
     """
     return rounding_of(run, layout) + _SHARE * _round_off(run, reference, layout)
 
 
 def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
-    """The worst round-off that a sound program has in each column, ``(columns,)``.
+    """The largest round-off of a right program in each column, ``(columns,)``.
 
-    That of Störmer and Verlet's position form: each step rounds positions, and so velocities
-    by as much over dt; these errors add up as a random walk does, and are integrated.
+    It is that of the position form of Störmer and Verlet: each step rounds positions, and so
+    velocities by as much over dt. These errors add up like a random walk, and are integrated.
     """
     problem = reference.problem
     positions = problem.quantity(problem.quantities[0], reference.states)
@@ -95,50 +97,49 @@ def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
     return columns
 
 
-def _refuted(found: Convergence) -> bool:
-    """Whether something is known to be wrong: what is not shown aside."""
-    known = {quantity: order for quantity, order in found.orders.items() if shown(order)}
-    rest = dataclasses.replace(found, orders=known)
+def _is_refuted(convergence: Convergence) -> bool:
+    """Whether the quantities that do show an order are wrong."""
+    known = {name: order for name, order in convergence.orders.items() if shown(order)}
+    rest = dataclasses.replace(convergence, orders=known)
     return convergence_finding("order", rest).status == "fail"
 
 
 def shown(order: ObservedOrder) -> bool:
-    """Whether there is an order, over step sizes that are far enough apart."""
+    """Whether there is an order, over a sufficient range of step sizes."""
     return order.verdict != "undetermined" and order.used[0] >= _SPAN * order.used[-1]
 
 
-def _blew_up(found: Convergence) -> bool:
-    """Whether the run with the smallest steps did."""
-    finest = LeftOut(found.dts[-1], UNSTABLE)
-    return any(finest in order.left_out for order in found.orders.values())
+def _finest_is_unstable(convergence: Convergence) -> bool:
+    finest = LeftOut(convergence.dts[-1], UNSTABLE)
+    return any(finest in order.left_out for order in convergence.orders.values())
 
 
-def _cannot_be_told(
-    line: str, found: Convergence, as_written: Convergence, runs: Sequence[Run]
+def _undecided(
+    line: str, careful: Convergence, as_written: Convergence, runs: Sequence[Run]
 ) -> str:
     """The complaint that the files show neither that the program is right nor that it is wrong."""
     finest = runs[-1].values
     if _lost(as_written, ROUND_OFF):
         given = f"numbers with {digits_of(finest)[0]} digits"
-        fix = "write 17, as std::setprecision(17) and %.17g do"
-    elif _lost(found, ROUND_OFF) and single_precision(finest):
-        given, fix = "numbers in single precision", "compute in double, or take larger steps"
-    elif _lost(found, ROUND_OFF) or _lost(found, UNRESOLVED):
+        fix = "write 17 digits, with std::setprecision(17) or %.17g"
+    elif _lost(careful, ROUND_OFF) and single_precision(finest):
+        given, fix = (
+            "numbers in single precision",
+            "compute in double precision, or use larger steps",
+        )
+    elif _lost(careful, ROUND_OFF) or _lost(careful, UNRESOLVED):
         given = "errors so small that round-off or the reference's bound may hide them"
         fix = "add runs with larger steps"
     else:
-        given, fix = (
-            "step sizes that show no order",
-            "add runs, each with steps half as large",
-        )
+        given, fix = "step sizes that show no order", "add runs, each with half the step size"
     return complaint("files", given, f"runs that show an order ({line})", fix)
 
 
-def _lost(found: Convergence, reason: str) -> bool:
-    """Whether a step size was left out for this reason, where that left too few."""
+def _lost(convergence: Convergence, reason: str) -> bool:
+    """Whether an order is undetermined and a step size was left out for this reason."""
     return any(
         point.reason == reason
-        for order in found.orders.values()
+        for order in convergence.orders.values()
         if order.verdict == "undetermined"
         for point in order.left_out
     )

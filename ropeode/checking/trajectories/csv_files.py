@@ -24,15 +24,15 @@ _STEP = re.compile(r"#\s*dt\s*[=:]\s*(\S+)\s*")
 class CsvFile:
     """A file that begins with comments and a header, as ``t,node,x,y,vx,vy``.
 
-    A comment ``# dt = 0.01`` says the step size. Nodes are counted from 0, and those of one
-    time stand in a row, in their order.
+    A comment ``# dt = 0.01`` gives the step size. Nodes are numbered from 0; all nodes of one
+    time are written one after the other, in order.
 
     Arguments:
         path: of the file.
         layout: of its samples.
 
     Raises:
-        InputError: it cannot be read, or begins with something else.
+        InputError: it cannot be read, or does not begin with comments and a header.
     """
 
     def __init__(self, path: Path, layout: Layout):
@@ -54,15 +54,15 @@ class CsvFile:
             text = line.decode("utf-8-sig" if number == 1 else "utf-8", errors="replace").strip()
             if not text.startswith("#"):
                 break
-            if found := _STEP.fullmatch(text):
-                self.dt = found[1]
+            if match := _STEP.fullmatch(text):
+                self.dt = match[1]
         if not line:
             raise InputError(
                 complaint(
                     f"{self.path}, line {number}",
                     "nothing",
                     f"a header, {self._allowed_headers}, and the samples",
-                    "see whether the program wrote its output",
+                    "check whether the program wrote its output",
                 )
             )
         names = ",".join(part.strip() for part in text.split(","))
@@ -72,7 +72,7 @@ class CsvFile:
                     f"{self.path}, line {number}",
                     text,
                     f"the header {self._allowed_headers}",
-                    "write it above the numbers; each node is a line of its own",
+                    "write the header above the numbers, and one line for each node",
                 )
             )
         self.columns = tuple(names.split(","))
@@ -87,7 +87,7 @@ class CsvFile:
         """All samples, in blocks of a few megabytes.
 
         Raises:
-            InputError: a line is not as it has to be; names it, and the column.
+            InputError: a line is wrong; the message names the line and the column.
         """
         line, rest = self._header_lines + 1, b""
         pending: list[np.ndarray] = []
@@ -99,7 +99,7 @@ class CsvFile:
                 text, rest = piece[:cut], piece[cut:]
                 if len(rest) > _LONGEST_LINE:
                     number = line + text.count(b"\n")
-                    self._complain(number, "a line without an end", "lines of numbers")
+                    self._complain(number, "a line that does not end", "lines of numbers")
                 if not text:
                     continue
                 rows = self._rows(text, line)
@@ -112,8 +112,8 @@ class CsvFile:
                     yield self._block(rows[:whole], first)
                     self._check_nodes(rows[whole:], first + whole)
         if rest:
-            fix = "let the program finish; end each line, the last one too"
-            self._complain(line, rest.decode(errors="replace"), "a line that ends", fix)
+            fix = "let the program finish, and end the last line with a newline too"
+            self._complain(line, rest.decode(errors="replace"), "a complete line", fix)
         left = sum(map(len, pending))
         if left:
             rows = np.concatenate(pending)
@@ -146,12 +146,12 @@ class CsvFile:
         ).reshape(-1, width)
 
     def _row(self, row: bytes, line: int) -> list[float]:
-        """One line, read slowly and with care."""
+        """One line, with a message for whatever is wrong in it."""
         text = row.decode("utf-8", errors="replace")
         fields = text.split(",")
         if len(fields) != len(self.columns):
             given = f"{len(fields)} fields" if text.strip() else "an empty line"
-            fix = "write all of a node's numbers in its line, and nothing else"
+            fix = "write the numbers of one node in each line, and nothing else"
             self._complain(
                 line, given, f"{len(self.columns)} fields: {','.join(self.columns)}", fix
             )
@@ -160,7 +160,7 @@ class CsvFile:
             if _NOT_FINITE.match(value) or (
                 _NUMBER.fullmatch(value) and abs(float(value)) == np.inf
             ):
-                fix = "where the run blew up leave its file out, or take smaller steps"
+                fix = "leave out runs that diverged, or use smaller steps"
                 raise InputError(complaint(where, value.strip(), "a finite number", fix))
             if not _NUMBER.fullmatch(value):
                 fix = "write numbers as 1.25 or 1.25e-3"
@@ -185,7 +185,7 @@ class CsvFile:
         return Block(times, values[:, :, 2:], where)
 
     def _check_nodes(self, rows: np.ndarray, first: int) -> None:
-        """See that nodes are counted through; the first line is that of node 0."""
+        """Check that nodes are numbered in order; the first line is that of node 0."""
         nodes = self.layout.nodes
         expected = np.arange(len(rows)) % nodes
         wrong = rows[:, 1] != expected
@@ -193,15 +193,13 @@ class CsvFile:
             return
         i = int(np.argmax(wrong))
         given, node, time = rows[i, 1], int(expected[i]), rows[i, 0]
-        fix = f"write the nodes 0 to {nodes - 1} of each time, in their order, each once"
+        fix = f"write the nodes 0 to {nodes - 1} of each time in order, each once"
         if given == 1 and i == 0:
-            fix = "count nodes from 0"
+            fix = "number nodes from 0"
         elif given == nodes:
-            fix = (
-                f"the problem has {nodes} nodes, from 0 to {nodes - 1}: grade it with its own spec"
-            )
+            fix = f"the problem has nodes 0 to {nodes - 1} only; grade the file with its own spec"
         elif given == 0 and i < nodes:
-            fix = f"the problem has {nodes} nodes, and the file {i}: grade it with its own spec"
+            fix = f"the problem has {nodes} nodes, the file {i}; grade the file with its own spec"
         raise InputError(
             complaint(
                 f"{self.path}, line {first + i}, column 2 (node)",
@@ -212,7 +210,7 @@ class CsvFile:
         )
 
     def _complain_of_times(self, times: np.ndarray, first: int) -> None:
-        """One of the nodes has another time than the others."""
+        """Complain of a node whose time differs from that of the others."""
         sample = int(np.argmax((times != times[:, :1]).any(axis=1)))
         usual = float(np.median(times[sample]))
         node = int(np.argmax(times[sample] != usual))
@@ -221,12 +219,14 @@ class CsvFile:
             complaint(
                 f"{self.path}, line {first + sample * self.layout.nodes + node}, column 1 (t)",
                 float(times[sample, node]),
-                f"{usual!r}, like the other nodes of this time",
+                f"{usual!r}, like the other nodes of this sample",
                 fix,
             )
         )
 
-    def _complain(self, line: int, given: str, allowed: str, fix: str = "mend the program") -> None:
+    def _complain(
+        self, line: int, given: str, allowed: str, fix: str = "correct the program"
+    ) -> None:
         raise InputError(complaint(f"{self.path}, line {line}", given, allowed, fix))
 
 

@@ -1,4 +1,4 @@
-"""Whether trajectories begin where their problem does; if not, what they begin with instead."""
+"""Whether trajectories begin with the initial state of their problem; if not, with what."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.validation import complaint
 
-# Units of rounding by which a first sample may be off: positions are often computed.
+# Units of rounding by which a first sample may be off: programs often compute positions.
 _ROUNDINGS = 4.0
-# How much further than by its largest rate a step may lead, to be taken for the first one.
+# A first step may move the state by at most this many times its largest initial rate times dt.
 _ABOUT = 1.5
 
 
 def check_initial_states(runs: Sequence[Run], problem: Problem) -> float:
-    """See that the first sample of each run is the initial state.
+    """Check that the first sample of each run is the initial state.
 
     Arguments:
         runs: of the problem.
-        problem: whose initial state it has to be.
+        problem: with the right initial state.
 
     Returns:
-        By how much any number is off.
+        The largest error of any number.
 
     Raises:
-        InputError: one line for each run that begins with another one.
+        InputError: one line for each run that begins with another state.
     """
     layout, wanted = Layout.of(problem), samples_of(problem, problem.y0[None])[0]
     faults, largest = [], 0.0
     for run in runs:
-        given = run.values[0]
-        apart = np.abs(given - wanted[:, : given.shape[1]])
-        off = apart > _allowed(run, layout, problem)
-        largest = max(largest, float(np.max(apart)))
+        first = run.values[0]
+        error = np.abs(first - wanted[:, : first.shape[1]])
+        off = error > _allowed(run, layout, problem)
+        largest = max(largest, float(np.max(error)))
         if off.any():
             faults.append(_complaint(run, problem, layout, wanted, off))
     if faults:
@@ -48,7 +48,7 @@ def check_initial_states(runs: Sequence[Run], problem: Problem) -> float:
 
 
 def rounding_of(run: Run, layout: Layout) -> np.ndarray:
-    """By how much the numbers of each column may be off as they are written, ``(columns,)``."""
+    """The largest rounding error of the written numbers of each column, ``(columns,)``."""
     parts = np.split(run.values, range(layout.dim, run.values.shape[2], layout.dim), axis=2)
     return np.repeat([last_digit(part) for part in parts], layout.dim)
 
@@ -71,7 +71,7 @@ def _complaint(
     return complaint(
         f"{run.path}, initial state, node {node} ({name})",
         float(run.values[0, node, column]),
-        f"{wanted[node, column]:.9g}, as the problem says{cause}",
+        f"{wanted[node, column]:.9g}, the initial state of the problem{cause}",
         fix,
     )
 
@@ -79,40 +79,40 @@ def _complaint(
 def _cause(
     run: Run, problem: Problem, layout: Layout, wanted: np.ndarray, off: np.ndarray
 ) -> tuple[str, str]:
-    """What the file may begin with instead, and how to mend it."""
-    given, dim = run.values[0], layout.dim
-    wanted = wanted[:, : given.shape[1]]
+    """A likely cause of a wrong initial state, and how to mend it."""
+    first, dim = run.values[0], layout.dim
+    wanted = wanted[:, : first.shape[1]]
     allowed = _allowed(run, layout, problem)
 
     def same(other: np.ndarray) -> bool:
-        return bool((np.abs(given - other) <= allowed).all())
+        return bool((np.abs(first - other) <= allowed).all())
 
     if same(wanted[::-1]):
-        return "; the nodes are in reverse order", "count nodes from the other end"
+        return "; the nodes are in reverse order", "number nodes from the other end"
     if dim > 1 and same(wanted.reshape(len(wanted), -1, dim)[:, :, ::-1].reshape(wanted.shape)):
         return "; the coordinates are in reverse order", "write x before y"
     flips = np.where(np.arange(dim) == 1, -1.0, 1.0)
-    if dim > 1 and same(wanted * np.tile(flips, given.shape[1] // dim)):
-        return "; y points the other way", "let y point as in the spec"
-    shift = given[:, :dim] - wanted[:, :dim]
+    if dim > 1 and same(wanted * np.tile(flips, first.shape[1] // dim)):
+        return "; y points the other way", "let y point in the direction of the spec"
+    shift = first[:, :dim] - wanted[:, :dim]
     if not off[:, dim:].any() and np.ptp(shift, axis=0).max() <= 2.0 * allowed[:dim].max():
         return "; the whole state is shifted", "use the coordinates of the spec"
     if problem.mechanics is not None and _after_a_step(run, problem, layout):
         if not off[:, :dim].any():
-            fix = "write velocities of the time of the positions, or leave them out"
-            return "; the velocities are those of another time, as in leapfrog", fix
+            fix = "write velocities at the time of the positions, or leave them out"
+            return "; the velocities belong to another time, as in leapfrog", fix
         return "; it seems to be the state after the first step", "write the initial state first"
-    return "", "start from the state of the spec; `ropeode grade --init` writes it"
+    return "", "start from the initial state of the spec; `ropeode grade --init` writes it"
 
 
 @in_float64
 def _after_a_step(run: Run, problem: Problem, layout: Layout) -> bool:
-    """Whether the first sample is as near the initial state as a first step can lead."""
+    """Whether the first sample is close enough to the initial state to be one step after it."""
     mechanics = problem.require_mechanics("initial state")
     x0, v0 = problem.y0
     rate = float(np.max(np.abs(mechanics.acceleration(problem.ts[0], x0, v0, problem.args))))
     columns = np.full(run.values.shape[2], _ABOUT * run.dt * rate)
     speed = float(np.max(np.abs(v0), initial=0.0))
     columns[: layout.dim] = _ABOUT * run.dt * (speed + run.dt * rate)
-    apart = np.abs(run.values[0] - samples_of(problem, problem.y0[None])[0][:, : len(columns)])
-    return bool((apart <= columns + _allowed(run, layout, problem)).all())
+    error = np.abs(run.values[0] - samples_of(problem, problem.y0[None])[0][:, : len(columns)])
+    return bool((error <= columns + _allowed(run, layout, problem)).all())

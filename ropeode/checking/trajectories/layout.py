@@ -1,4 +1,4 @@
-"""What a file of samples has to hold, and how that becomes states of a problem."""
+"""The numbers in a file of samples, and the states that they stand for."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _AXES = ("x", "y", "z")
 
 
 class Block(NamedTuple):
-    """Some samples of a file, one after the other.
+    """Consecutive samples of a file.
 
     Fields:
         times: of the samples, ``(samples,)``.
-        values: of all nodes, ``(samples, nodes, columns)``: coordinates, and behind them
-            velocities if the file has them.
+        values: of all nodes, ``(samples, nodes, columns)``: coordinates, followed by velocities
+            if the file has them.
         where: names the place of a value in the file, from the indices of its sample, node
             and column; None stands for all nodes, or all columns.
     """
@@ -34,7 +34,7 @@ class Layout:
     """The numbers of a sample.
 
     Arguments:
-        nodes: how many there are; a number of a problem without any counts as one.
+        nodes: their number; each component of a problem without nodes counts as one.
         axes: names of a node's coordinates.
         mechanical: whether there are velocities.
     """
@@ -45,7 +45,7 @@ class Layout:
 
     @classmethod
     def of(cls, problem: Problem) -> Layout:
-        """That of a problem's samples."""
+        """The layout of a problem's samples."""
         _, nodes, dim = problem.quantity(problem.quantities[0], problem.y0[None]).shape
         axes = _AXES[:dim] if dim <= len(_AXES) else tuple(f"x{i}" for i in range(dim))
         return cls(nodes, axes, problem.mechanics is not None)
@@ -56,7 +56,7 @@ class Layout:
         return len(self.axes)
 
     def columns(self, velocities: bool) -> tuple[str, ...]:
-        """Names of a node's numbers, as they stand behind one another."""
+        """Names of a node's numbers, in order."""
         return self.axes + (tuple(f"v{axis}" for axis in self.axes) if velocities else ())
 
     @property
@@ -79,7 +79,7 @@ def samples_of(problem: Problem, states: np.ndarray) -> np.ndarray:
 def states_of(problem: Problem, values: np.ndarray) -> np.ndarray:
     """The states ``(samples, *state)`` that the numbers of a file stand for.
 
-    Velocities that are not given are zero; nobody is to look at them.
+    Velocities that the file lacks are zero, and must not be used.
 
     Arguments:
         problem: whose states they are.

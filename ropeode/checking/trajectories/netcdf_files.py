@@ -23,14 +23,14 @@ _LARGEST_CHUNK = 2**28
 class NetcdfFile:
     """A file with the variables `t`, `positions`, `velocities` and the global attribute `dt`.
 
-    The last two may lack. Dimensions may have any names.
+    The last two are optional. Dimensions may have any names.
 
     Arguments:
         path: of the file.
         layout: of its samples.
 
     Raises:
-        InputError: it cannot be read, or holds something else.
+        InputError: it cannot be read, or has other contents.
     """
 
     def __init__(self, path: Path, layout: Layout):
@@ -58,7 +58,7 @@ class NetcdfFile:
     @contextlib.contextmanager
     def _opened(self) -> Iterator[h5netcdf.File]:
         try:
-            # To tell what cannot be read from what is no NetCDF.
+            # Distinguishes a file that cannot be read from one that is not NetCDF.
             self.path.open("rb").close()
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
@@ -71,7 +71,7 @@ class NetcdfFile:
         except InputError:
             raise
         except Exception as error:
-            # HDF5 and h5netcdf raise errors of many kinds on what is not theirs.
+            # HDF5 and h5netcdf raise errors of many kinds on other files.
             allowed = f"a NetCDF4 file ({in_one_line(error)})"
             raise InputError(
                 complaint("file", str(self.path), allowed, "write it again")
@@ -85,7 +85,7 @@ class NetcdfFile:
         }
 
     def _stored(self, name: str, variable: Any) -> Stored:
-        """A variable that has all its numbers in the file itself."""
+        """A variable, if all its numbers are in the file itself."""
         data = variable._h5ds
         size = int(np.prod(data.shape, dtype=object)) * data.dtype.itemsize
         if data.chunks is None:
@@ -99,7 +99,7 @@ class NetcdfFile:
                 raise InputError(complaint(f"{self.path}, {name}", chunk, allowed, fix))
         if data.is_virtual or data.external or not whole:
             given, allowed = "numbers that are not in the file", "all numbers in the file itself"
-            fix = "write them all, into one file"
+            fix = "write all numbers into one file"
             raise InputError(complaint(f"{self.path}, {name}", given, allowed, fix))
         at = 0
 

@@ -24,16 +24,16 @@ _HEADERS = {
 
 
 class NpzFile:
-    """An archive of the arrays `t`, `positions`, `velocities` and `dt`; the last two may lack.
+    """An archive of the arrays `t`, `positions`, `velocities` and `dt`; the last two are optional.
 
-    No array is read as a whole, nor is anything unpickled.
+    Arrays are read in blocks, and nothing is unpickled.
 
     Arguments:
         path: of the file.
         layout: of its samples.
 
     Raises:
-        InputError: it cannot be read, or holds something else.
+        InputError: it cannot be read, or has other contents.
     """
 
     def __init__(self, path: Path, layout: Layout):
@@ -41,14 +41,14 @@ class NpzFile:
         self.dt: str | None = None
         with self._opened() as archive:
             self.size = path.stat().st_size
-            found = self._arrays(archive, (*array_files.SAMPLES, array_files.STEP))
-            step = found.pop(array_files.STEP, None)
+            arrays = self._arrays(archive, (*array_files.SAMPLES, array_files.STEP))
+            step = arrays.pop(array_files.STEP, None)
             if step is not None:
                 if step.shape not in ((), (1,)) or step.dtype.kind not in "fiu":
                     given, fix = f"{step.dtype} of the shape {step.shape}", "store dt as a number"
                     raise InputError(complaint(f"{path}, dt", given, "one real number", fix))
                 self.dt = repr(float(step.read(1).reshape(-1)[0]))
-            self.velocities = array_files.check_arrays(path, layout, found)
+            self.velocities = array_files.check_arrays(path, layout, arrays)
 
     def blocks(self) -> Iterator[Block]:
         """All samples, in blocks.
@@ -57,8 +57,8 @@ class NpzFile:
             InputError: the file is damaged.
         """
         with self._opened() as archive:
-            found = self._arrays(archive, array_files.SAMPLES)
-            yield from array_files.blocks_of(self.layout, found, self.velocities)
+            arrays = self._arrays(archive, array_files.SAMPLES)
+            yield from array_files.blocks_of(self.layout, arrays, self.velocities)
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[zipfile.ZipFile]:
@@ -80,7 +80,7 @@ class NpzFile:
             NotImplementedError,
             RuntimeError,
         ) as error:
-            allowed = f"an archive that numpy.savez wrote ({' '.join(str(error).split())})"
+            allowed = f"an archive written by numpy.savez ({' '.join(str(error).split())})"
             raise InputError(
                 complaint("file", str(self.path), allowed, "write it again")
             ) from error
@@ -90,7 +90,7 @@ class NpzFile:
         return {name: self._stored(archive, name) for name in names if f"{name}.npy" in there}
 
     def _stored(self, archive: zipfile.ZipFile, name: str) -> Stored:
-        """An array that has its beginning read, and no more."""
+        """An array, of which only the header is read."""
         info = archive.getinfo(f"{name}.npy")
         stream = archive.open(info)
         version = np.lib.format.read_magic(stream)  # type: ignore[arg-type]
@@ -120,5 +120,5 @@ class NpzFile:
 def _exactly(stream: IO[bytes], size: int) -> bytes:
     data = stream.read(size)
     if len(data) != size:
-        raise EOFError("it ends too early")
+        raise EOFError("the file is cut off")
     return data

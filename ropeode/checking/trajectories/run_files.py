@@ -1,4 +1,4 @@
-"""Runs of one program with several step sizes, one file for each."""
+"""Runs of one program with several step sizes, one file each."""
 
 from __future__ import annotations
 
@@ -16,27 +16,26 @@ from ropeode.checking.trajectories.npz_files import NpzFile
 from ropeode.checking.trajectories.sampling import Sampling
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.validation import complaint, finite_number
 
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
 FEWEST = 3
 _NAMES_SHOWN = 3
-# Two statements of a step size, or of a number of steps, are the same if they are so close.
+# Two values of a step size, or of a number of steps, are equal if they differ by less.
 _SAME = 1e-3
-
-Progress = Callable[[str, float], None]
 
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """What one file says at the sample times of the problem.
+    """The samples of one file at the sample times of the problem.
 
     Arguments:
         path: of the file.
         dt: step size.
-        values: ``(times, nodes, columns)``: positions and, if there are any, velocities.
-        interval: between the samples that the file has.
+        values: ``(times, nodes, columns)``: positions and, if the file has them, velocities.
+        interval: between the samples in the file.
     """
 
     path: Path
@@ -51,13 +50,13 @@ class Run:
 
     @property
     def uneven(self) -> bool:
-        """Whether steps of this size do not come out at the file's samples."""
+        """Whether the interval between samples is not a multiple of dt."""
         steps = self.interval / self.dt
         return abs(steps - np.rint(steps)) > _SAME * steps
 
 
 def quantities_of(problem: Problem, runs: Sequence[Run]) -> tuple[str, ...]:
-    """Which quantities of a problem its runs have: velocities may be missing."""
+    """The quantities of a problem that its runs have: velocities may be missing."""
     return problem.quantities[: runs[0].values.shape[2] // Layout.of(problem).dim]
 
 
@@ -71,18 +70,18 @@ def read_runs(
     files: Sequence[str | Path],
     problem: Problem,
     dts: Sequence[Any] | None = None,
-    progress: Progress = lambda text, fraction: None,
+    progress: Progress = silent,
     *,
     fewest: int = FEWEST,
 ) -> tuple[Run, ...]:
-    """Read the files, each in blocks; only what is asked for is kept.
+    """Read the files in blocks, keeping only the samples at the problem's sample times.
 
     Arguments:
         files: one for each step size.
-        problem: that all of them are to solve.
-        dts: step size of each; None where the files say them.
-        progress: called with what is being done and the fraction that is done.
-        fewest: how many files there have to be; fewer than three show no order.
+        problem: the problem that they should solve.
+        dts: step size of each; None if the files contain them.
+        progress: called with the current task and the fraction that is done.
+        fewest: the smallest number of files; fewer than three show no order.
 
     Returns:
         The runs, from coarse to fine.
@@ -92,14 +91,14 @@ def read_runs(
     """
     opened = open_files(files, Layout.of(problem), fewest)
     steps = _step_sizes(opened, dts)
-    total, before, faults, found = sum(file.size for file in opened), 0, [], []
+    total, before, faults, runs = sum(file.size for file in opened), 0, [], []
     for file, dt in zip(opened, steps, strict=True):
 
-        def told(share: float, file: File = file, before: int = before) -> None:
+        def report(share: float, file: File = file, before: int = before) -> None:
             progress(f"reading {file.path.name}", (before + share * file.size) / max(total, 1))
 
         try:
-            found.append(_read(file, dt, problem, told))
+            runs.append(_read(file, dt, problem, report))
         except InputError as error:
             faults += error.problems
         except OSError as error:
@@ -111,28 +110,31 @@ def read_runs(
     if len({file.velocities for file in opened}) > 1:
         without = [str(file.path) for file in opened if not file.velocities]
         allowed = "velocities in all files, or in none"
-        raise InputError(complaint("velocities", f"none in {without}", allowed, "write them all"))
-    return tuple(sorted(found, key=lambda run: -run.dt))
+        fix = "write them to all files"
+        raise InputError(complaint("velocities", f"none in {without}", allowed, fix))
+    return tuple(sorted(runs, key=lambda run: -run.dt))
 
 
 def open_files(files: Sequence[str | Path], layout: Layout, fewest: int = FEWEST) -> list[File]:
-    """The files, with their beginnings read.
+    """Open the files and read their headers.
 
     Raises:
-        InputError: one line for each that cannot be used, or they are too few.
+        InputError: one line for each that cannot be used, or there are too few.
     """
     paths = [Path(file) for file in files]
     faults, opened = [], []
     if len(paths) < fewest:
         allowed = f"at least {fewest}, with different step sizes" + (
-            ", since fewer show no order" if fewest > 1 else ""
+            ", because fewer show no order" if fewest > 1 else ""
         )
         raise InputError(complaint("files", len(paths), allowed, "run with more step sizes"))
     for path in paths:
         try:
             if path.suffix.lower() not in FORMATS:
                 allowed = f"a file whose name ends in {', '.join(FORMATS)}"
-                raise InputError(complaint("file", str(path), allowed, "name it by its format"))
+                raise InputError(
+                    complaint("file", str(path), allowed, "rename it according to its format")
+                )
             opened.append(FORMATS[path.suffix.lower()](path, layout))
         except InputError as error:
             faults += error.problems
@@ -142,46 +144,48 @@ def open_files(files: Sequence[str | Path], layout: Layout, fewest: int = FEWEST
 
 
 def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None) -> list[float]:
-    """The step size of each file, as it says itself or as is given.
+    """The step size of each file, from the file or from the caller.
 
     Raises:
-        InputError: one is missing, no positive number, repeated, or said in two ways.
+        InputError: one is missing, not a positive number, repeated, or contradictory.
     """
     if dts is not None and len(dts) != len(files):
-        allowed = f"one for each of the {len(files)} files, in their order"
-        raise InputError(complaint("dt", len(dts), allowed, "give as many"))
-    faults, found = [], []
+        allowed = f"one for each of the {len(files)} files, in the same order"
+        raise InputError(complaint("dt", len(dts), allowed, "give one for each file"))
+    faults, steps = [], []
     for i, file in enumerate(files):
-        said = [_positive(file, file.dt, faults)] if file.dt is not None else []
+        values = [_positive(file, file.dt, faults)] if file.dt is not None else []
         if dts is not None:
-            said.append(_positive(file, dts[i], faults))
-        if not said:
-            fix = "write '# dt = 0.01' above the header" if isinstance(file, CsvFile) else ""
+            values.append(_positive(file, dts[i], faults))
+        if not values:
+            fix = "store a number dt as well"
+            if isinstance(file, CsvFile):
+                fix = "write '# dt = 0.01' above the header"
             faults.append(
                 complaint(
                     f"{file.path}, dt",
                     "none",
                     "the step size, in the file or as --dt with one for each file",
-                    fix or "store a number dt as well",
+                    fix,
                 )
             )
-        elif len(said) == 2 and abs(said[0] - said[1]) > _SAME * abs(said[0]):
-            allowed = f"{said[0]:g}, which the file itself says"
-            faults.append(complaint(f"{file.path}, dt", said[1], allowed, "leave out one of them"))
-        found += said[:1]
+        elif len(values) == 2 and abs(values[0] - values[1]) > _SAME * abs(values[0]):
+            allowed, fix = f"{values[0]:g}, the dt in the file", "leave out one of them"
+            faults.append(complaint(f"{file.path}, dt", values[1], allowed, fix))
+        steps += values[:1]
     if faults:
         raise InputError(faults)
-    for i, dt in enumerate(found):
+    for i, dt in enumerate(steps):
         for j in range(i):
-            if abs(dt - found[j]) <= _SAME * dt:
-                allowed = f"different step sizes; {files[j].path} has this one too"
+            if abs(dt - steps[j]) <= _SAME * dt:
+                allowed = f"a different step size for each file; {files[j].path} has this one too"
                 faults.append(
                     complaint(f"{files[i].path}, dt", dt, allowed, "leave out one of the files")
                 )
                 break
     if faults:
         raise InputError(faults)
-    return found
+    return steps
 
 
 def _positive(file: File, given: Any, faults: list[str]) -> float:
@@ -196,16 +200,16 @@ def _positive(file: File, given: Any, faults: list[str]) -> float:
         return np.nan
 
 
-def _read(file: File, dt: float, problem: Problem, told: Callable[[float], None]) -> Run:
+def _read(file: File, dt: float, problem: Problem, report: Callable[[float], None]) -> Run:
     sampling = Sampling(file.path, problem.ts)
     span = float(problem.ts[-1] - problem.ts[0])
     for block in file.blocks():
         sampling.take(block)
-        told(min(1.0, float(block.times[-1] - problem.ts[0]) / span))
+        report(min(1.0, float(block.times[-1] - problem.ts[0]) / span))
     values = sampling.finish()
     interval = sampling.interval or span
     if dt > interval * (1.0 + _SAME):
         allowed = f"at most {interval:g}, the time between two samples of the file"
-        fix = "see whether dt belongs to another file"
+        fix = "check whether this dt belongs to another file"
         raise InputError(complaint(f"{file.path}, dt", dt, allowed, fix))
     return Run(file.path, dt, values, interval)

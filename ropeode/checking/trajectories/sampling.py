@@ -1,4 +1,4 @@
-"""The samples that are asked for, picked from all that a file has, which is looked through."""
+"""Selects the samples at the problem's sample times, and checks all times of a file."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
 from ropeode.validation import complaint
 
-# How far a time may be off by rounding, in units of the time: in float64, added up step by step;
-# and where it is written with few digits.
+# Relative rounding errors of times: in float64, added up step by step; and if written with few
+# digits.
 _ADDED_UP, _FEW_DIGITS = 1e-9, 1e-5
-# How unequal equal intervals may be, beside the rounding of the times.
+# Relative difference between equal intervals that is allowed beside the rounding of times.
 _UNEQUAL = 1e-3
-# Of an interval: a sample that is missing is told, however the times are rounded.
+# As a part of an interval: a missing sample is detected however the times are rounded.
 _HALF = 0.5
 
 
 class Sampling:
     """Takes blocks of samples in the order of time, and keeps those at the wanted times.
 
-    Samples have to be equally spaced, but where the wanted times are not; an interval that
+    Samples must be equally spaced, except where the wanted times are not; an interval that
     ends at a wanted time may be shorter.
 
     Arguments:
@@ -43,10 +43,10 @@ class Sampling:
         self.read = 0
 
     def take(self, block: Block) -> None:
-        """Look through a block.
+        """Check a block and keep its wanted samples.
 
         Raises:
-            InputError: a number is not finite, or times are not as they have to be.
+            InputError: a number is not finite, or a time is wrong.
         """
         if not len(block.times):
             return
@@ -70,7 +70,7 @@ class Sampling:
         self.read += len(block.times)
 
     def finish(self) -> np.ndarray:
-        """The numbers at all wanted times, ``(times, nodes, columns)``.
+        """The values at all wanted times, ``(times, nodes, columns)``.
 
         Raises:
             InputError: the file ends before the last of them.
@@ -78,7 +78,9 @@ class Sampling:
         missing = len(self._kept)
         if self._last is None:
             raise InputError(
-                complaint(str(self.path), "no samples", "a sample at each sample time", "add them")
+                complaint(
+                    str(self.path), "no samples", "a sample at each sample time", "write them"
+                )
             )
         if missing < len(self.wanted):
             last, where = self._last
@@ -86,10 +88,10 @@ class Sampling:
                 complaint(
                     where,
                     f"t = {last:.9g} as the last time",
-                    f"samples up to t = {self.wanted[-1]:g}; that at t = {self.wanted[missing]:g} "
-                    "is missing",
-                    "make the steps that are left, the last one shorter where dt does not divide "
-                    "the time",
+                    f"samples up to t = {self.wanted[-1]:g}; the one at t = "
+                    f"{self.wanted[missing]:g} is missing",
+                    "make the remaining steps; if dt does not divide the time, the last one is "
+                    "shorter",
                 )
             )
         return np.stack(self._kept)
@@ -113,7 +115,7 @@ class Sampling:
                 f"{self.path}, {block.where(sample, node, column)}",
                 float(given),
                 "finite numbers",
-                "where the run blew up leave its file out, or take smaller steps",
+                "leave out runs that diverged, or use smaller steps",
             )
         )
 
@@ -130,12 +132,12 @@ class Sampling:
                 self._at(block, sample),
                 f"t = {block.times[sample]:.9g} after t = {before[sample]:.9g}",
                 "times in increasing order, each once",
-                "sort the samples, write each once, and t with all its digits",
+                "sort the samples, write each once, and write t with all digits",
             )
         )
 
     def _same(self, time: float, index: int) -> bool:
-        """Whether a time is a wanted one, but for rounding or for the digits that it is given."""
+        """Whether a time is the wanted one, apart from rounding to its digits."""
         wanted, scale = float(self.wanted[index]), float(self._scale[index])
         if abs(time - wanted) <= _ADDED_UP * scale:
             return True
@@ -145,7 +147,7 @@ class Sampling:
         return time in (float(f"{wanted:.{max(digits, 1)}g}"), float(np.float32(wanted)))
 
     def _pick(self, block: Block) -> tuple[np.ndarray, int | None]:
-        """Keep what is wanted: which samples those are, and the first that another should be."""
+        """Keep wanted samples; returns which, and the first one before which one is missing."""
         hits = np.zeros(len(block.times), dtype=bool)
         first = len(self._kept)
         room = _FEW_DIGITS * self._scale[first:]
@@ -169,13 +171,13 @@ class Sampling:
                 self._at(block, sample),
                 f"t = {after:.9g} after t = {before:.9g}",
                 f"a sample at t = {self.wanted[len(self._kept)]:g}, which is missing",
-                "see that the number of steps before each sample is right, and make the last one "
-                "shorter where dt does not divide the time",
+                "check the number of steps before each sample; if dt does not divide the time, the "
+                "last one is shorter",
             )
         )
 
     def _check_spacing(self, block: Block, hits: np.ndarray, count: int) -> None:
-        """See that the first `count` samples of the block are equally spaced."""
+        """Check that the first `count` samples of the block are equally spaced."""
         start = 1 if self._last is None else 0
         before = np.append([] if self._last is None else self._last[0], block.times[:-1])
         ends, hit = block.times[start:count], hits[start:count]
@@ -203,15 +205,15 @@ class Sampling:
         raise InputError(
             complaint(
                 self._at(block, start + i),
-                f"a time {gaps[i]:.6g} after the one before",
-                f"equal intervals, here {usual[i]:.6g}; a shorter one only where it ends at a "
-                "sample time",
-                "write every step, or every k-th, of one and the same size",
+                f"a time {gaps[i]:.6g} after the previous one",
+                f"equal intervals, here {usual[i]:.6g}; only one that ends at a sample time may "
+                "be shorter",
+                "use one step size, and write every step or every k-th",
             )
         )
 
     def _usual_in_frames(self, gaps: np.ndarray, hit: np.ndarray) -> np.ndarray:
-        """For frames of unequal length: the first interval in the frame of each."""
+        """For frames of unequal length: the first interval in the frame of each gap."""
         usual = np.empty_like(gaps)
         for i, gap in enumerate(gaps):
             if self._into_frame == 0:

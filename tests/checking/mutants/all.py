@@ -1,4 +1,4 @@
-"""Every mutant, by name, and how it is judged."""
+"""Every mutant, by name, and how it is checked."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from ropeode.checking.check import check_stepper
 from ropeode.checking.checks import SLOW
 from ropeode.checking.report import CheckReport
 from ropeode.errors import InputError
@@ -15,6 +14,7 @@ from tests.checking.mutants.mistakes import MISTAKES
 from tests.checking.mutants.mutant import Mutant
 from tests.checking.mutants.rare import RARE
 from tests.checking.mutants.rules import BY_RULE
+from tests.checking.no_time_limit import check_stepper
 
 _ALL = (*MISTAKES, *RARE, *LOOPS, *BY_RULE)
 MUTANTS: dict[str, Mutant] = {mutant.name: mutant for mutant in _ALL}
@@ -22,23 +22,22 @@ assert len(MUTANTS) == len(_ALL), "two mutants have one name"
 
 # The family of programs that write trajectories.
 PROGRAMS = "trajectory loop"
-# What is said of a stepper or program that is not judged but refused, with exit code 2.
+# Stands for a stepper or program that is refused with exit code 2.
 REFUSED = "refused"
-# Rejects nothing of which no method is claimed.
+# Rejects nothing unless a method is claimed.
 UNCLAIMED = ("stability",)
-# These are long runs, or compile a stepper anew; they are made where others do not suffice.
+# These need long runs, or compile a stepper again; they run only where others do not suffice.
 AT_LAST = ("energy", "float32")
 _ENOUGH = 2
 
 
 def rejected_by(mutant: Mutant, only: Sequence[str] | None = None) -> list[str]:
-    """The checks that reject a mutant, with all the claims of what it was made from.
+    """The checks that reject a mutant, with all the claims of its original.
 
     Arguments:
-        mutant: a stepper, judged by `check_stepper`, or a program, by `grade`.
-        only: names of checks, for a stepper. By default all are made but those that cannot
-            reject it, and those in `AT_LAST` only where fewer than two others reject it, or no
-            other that quick mode makes too.
+        mutant: a stepper, checked by `check_stepper`, or a program, graded by `grade`.
+        only: names of checks, for a stepper. By default all but those that cannot reject it run,
+            and those in `AT_LAST` only if fewer than two others reject it, or none of quick mode.
     """
     try:
         if mutant.family == PROGRAMS:
@@ -46,9 +45,9 @@ def rejected_by(mutant: Mutant, only: Sequence[str] | None = None) -> list[str]:
                 return _failed(graded(mutant, Path(folder), diagnose=False))
         if only is not None:
             return _failed(_checked(mutant, only=only))
-        found = _failed(_checked(mutant, skip=(*UNCLAIMED, *AT_LAST)))
-        if len(found) >= _ENOUGH and not set(found) <= set(SLOW):
-            return found
+        failed = _failed(_checked(mutant, skip=(*UNCLAIMED, *AT_LAST)))
+        if len(failed) >= _ENOUGH and not set(failed) <= set(SLOW):
+            return failed
         return _failed(_checked(mutant, skip=UNCLAIMED))
     except InputError:
         return [REFUSED]

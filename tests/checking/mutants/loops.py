@@ -1,4 +1,4 @@
-"""Wrong programs around a right step: they write trajectories, which `ropeode grade` judges."""
+"""Wrong programs around a right step: they write trajectories, which `ropeode grade` grades."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.grade import grade
-from ropeode.checking.problems import convergence_problems
 from ropeode.checking.report import CheckReport
 from tests.checking.mutants.mutant import Mutant, replaced
 from tests.checking.mutants.originals import trajectory

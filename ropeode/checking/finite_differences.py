@@ -1,4 +1,4 @@
-"""The derivative of one step of a candidate, by finite differences."""
+"""Derivatives by finite differences."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-# Of fourth order: truncation and rounding meet at about 1e-12 of the scale.
+# For differences of fourth order: truncation and rounding are both about 1e-12 of the scale.
 _H = 1e-3
 
 
@@ -15,12 +15,12 @@ def jacobian(
 ) -> np.ndarray:
     """The derivative of a function of a vector, ``(outputs, inputs)``.
 
-    Central differences of fourth order, which need nothing but values: the step may be in any
+    Central differences of fourth order. They need only values, so the function may be in any
     language.
 
     Arguments:
         function: of a vector.
-        y: where.
+        y: the point.
         scale: of the components of `y`.
     """
     h = _H * scale

@@ -1,4 +1,4 @@
-"""The ropes that a stepper is checked on: of one family, so that it is compiled once for all."""
+"""The ropes on which steppers are checked: one family, so that a stepper is compiled once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NODES, DIM = 5, 3
 
 
 class CheckArgs(NamedTuple):
-    """The numbers in the equations of a check rope, as steppers that are checked see them.
+    """The parameters of a check rope, as the `args` of steppers under check.
 
     Fields:
         mass: of each node, ``(nodes,)``.
@@ -50,7 +50,7 @@ def acceleration(t: Any, x: Any, v: Any, args: CheckArgs) -> Any:
         t: time.
         x: positions, ``(nodes, dim)``.
         v: velocities, ``(nodes, dim)``.
-        args: the rope's numbers.
+        args: the rope's parameters.
     """
     drive = args.drive * jnp.cos(args.frequency * t)
     return rope.acceleration(t, x.T, v.T, _as_rope(args)).T + args.free[:, None] * drive
@@ -68,7 +68,7 @@ def energy(t: Any, y: Any, args: CheckArgs) -> Any:
     Arguments:
         t: time; not used.
         y: state, ``(2, nodes, dim)``.
-        args: the rope's numbers.
+        args: the rope's parameters.
     """
     return rope.energy(t, jnp.swapaxes(y, 1, 2), _as_rope(args))
 
@@ -99,14 +99,14 @@ def check_rope(
     drive: Any = (0.0, 0.0, 0.0),
     frequency: float = 0.0,
 ) -> Problem:
-    """A rope of the family; what is one number is the same for all nodes or springs.
+    """A rope of the family; a single number applies to all nodes or springs.
 
     Arguments:
         name: for reports.
         x0: initial positions, ``(NODES, DIM)``.
         ts: sample times.
-        v0: initial velocities, broadcast to those; pinned nodes keep still all the same.
-        mass: as in `CheckArgs`, like all that follows.
+        v0: initial velocities, broadcast to the shape of `x0`; those of pinned nodes are ignored.
+        mass: as in `CheckArgs`, like all that follow.
         stiffness: of the springs.
         rest_length: of the springs.
         pinned: indices of the nodes that do not move.
@@ -140,7 +140,7 @@ def _each(value: Any, count: int) -> np.ndarray:
 
 @functools.cache
 def _family() -> Problem:
-    """One of the family; the functions are tried on it once."""
+    """A member of the family; the functions are tried on it once."""
     return Problem.second_order(
         acceleration,
         _row((1.0, 0.0, 0.0)),
@@ -167,11 +167,11 @@ def _row(step: Sequence[float]) -> np.ndarray:
     return np.outer(np.arange(float(NODES)), step)
 
 
-# A crooked rope whose springs are neither at rest nor alike, and whose pin is inside.
-_CROOKED = np.array(
+# A crooked rope whose springs are neither at rest nor equally stretched, and its velocities.
+CROOKED = np.array(
     [[0.1, 0.2, 0.0], [0.9, -0.1, 0.3], [1.7, 0.5, 0.1], [2.4, 0.2, -0.6], [3.1, -0.4, -0.2]]
 )
-_MOVING = np.array(
+MOVING = np.array(
     [[0.3, -0.5, 0.2], [0.0, 0.0, 0.0], [-0.4, 0.3, 0.6], [0.2, 0.8, -0.3], [-0.6, 0.1, 0.5]]
 )
 _UNEQUAL: dict[str, Any] = {
@@ -184,13 +184,13 @@ _UNEQUAL: dict[str, Any] = {
 
 @functools.cache
 def convergence_problems() -> dict[str, Problem]:
-    """The problems on which orders are observed, by name; each can tell other mistakes apart."""
-    made = (
-        # As in the classroom: all numbers 1, a row at rest, let go.
+    """The problems on which orders are observed, by name; each exposes other mistakes."""
+    ropes = (
+        # As in the classroom: all parameters 1, a straight rope released at rest.
         check_rope(
             "textbook", _row((1.0, 0.0, 0.0)), (0.0, 0.7, 1.4, 2.1), gravity=(0.0, -1.0, 0.0)
         ),
-        # Masses that are alike and not 1, damping, rest lengths below 1; at rest.
+        # Equal masses that are not 1, damping, rest lengths below 1; at rest.
         check_rope(
             "damped",
             _row((0.55, 0.15, -0.1)),
@@ -201,12 +201,12 @@ def convergence_problems() -> dict[str, Problem]:
             gravity=(0.2, -0.9, 0.1),
             damping=0.35,
         ),
-        # All numbers unlike, moving at the start, in space.
+        # All parameters different, moving at the start, in three dimensions, a pin inside.
         check_rope(
             "unequal",
-            _CROOKED,
+            CROOKED,
             (0.0, 0.5, 1.0, 1.5),
-            v0=_MOVING,
+            v0=MOVING,
             gravity=(0.3, -0.8, 0.2),
             damping=(0.2, 0.1, 0.4, 0.3, 0.25),
             **_UNEQUAL,
@@ -214,9 +214,9 @@ def convergence_problems() -> dict[str, Problem]:
         # A force that depends on time, which does not start at 0.
         check_rope(
             "driven",
-            _CROOKED,
+            CROOKED,
             (0.4, 0.9, 1.4, 1.9),
-            v0=_MOVING,
+            v0=MOVING,
             gravity=(0.3, -0.8, 0.2),
             drive=(0.9, 0.7, -1.1),
             frequency=3.1,
@@ -225,36 +225,36 @@ def convergence_problems() -> dict[str, Problem]:
         # The same with damping, and frames that one step size does not divide.
         check_rope(
             "uneven",
-            _CROOKED,
+            CROOKED,
             (-0.3, 0.4, 0.65, 1.3),
-            v0=_MOVING,
+            v0=MOVING,
             gravity=(0.3, -0.8, 0.2),
             damping=(0.2, 0.1, 0.4, 0.3, 0.25),
             drive=(0.9, 0.7, -1.1),
             frequency=2.3,
             **_UNEQUAL,
         ),
-        # Nothing holds it and nothing pulls at it.
+        # Without pins and gravity.
         check_rope(
             "free",
-            _CROOKED,
+            CROOKED,
             (0.0, 0.6, 1.2, 1.8),
-            v0=np.add(_MOVING, (0.1, 0.05, -0.2)),
+            v0=np.add(MOVING, (0.1, 0.05, -0.2)),
             **{**_UNEQUAL, "pinned": ()},
         ),
     )
-    return {problem.name: problem for problem in made}
+    return {problem.name: problem for problem in ropes}
 
 
 @functools.cache
 def generic() -> Problem:
-    """All numbers unlike, with damping but no drive: for what is looked at in a few steps."""
+    """All parameters different, with damping but no drive: for checks of a few steps."""
     return convergence_problems()["unequal"]
 
 
 @functools.cache
 def undamped() -> Problem:
-    """The same without damping."""
+    """The same rope without damping."""
     return generic().changed(
         args=generic().args._replace(damping=np.zeros(NODES)), name="unequal, undamped"
     )
@@ -262,7 +262,7 @@ def undamped() -> Problem:
 
 @functools.cache
 def swing(frames: int = 400) -> Problem:
-    """A hanging rope, pushed aside, without damping; sampled long and often."""
+    """A hanging rope, displaced sideways, without damping, over a long time."""
     still = hanging()
     aside = np.zeros((NODES, DIM))
     aside[1:, 0], aside[1:, 2] = (0.1, 0.25, 0.4, 0.5), (0.05, 0.1, 0.1, -0.1)
@@ -275,7 +275,7 @@ def swing(frames: int = 400) -> Problem:
 
 @functools.cache
 def hanging() -> Problem:
-    """A rope that hangs still from its first node, without damping."""
+    """A rope that hangs at rest from its first node, without damping."""
     return hanging_rope(
         mass=np.array([1.0, 1.3, 0.7, 0.9, 1.1]),
         stiffness=np.array([9.0, 8.0, 7.5, 9.5]),
@@ -287,9 +287,9 @@ def hanging() -> Problem:
 def hanging_rope(
     mass: np.ndarray, stiffness: np.ndarray, rest_length: np.ndarray, gravity: float
 ) -> Problem:
-    """A rope with such numbers that hangs still from its first node, without damping.
+    """A rope that hangs at rest from its first node, without damping.
 
-    Each spring is longer than at rest by the weight below it over its stiffness.
+    Each spring is extended by the weight below it divided by its stiffness.
 
     Arguments:
         mass: of each node.
@@ -311,19 +311,32 @@ def hanging_rope(
     )
 
 
+def renumbered(problem: Problem) -> Problem:
+    """The same rope with its nodes numbered from the other end.
+
+    Arguments:
+        problem: of the family; its states are those of the new one with the nodes reversed.
+    """
+    args = problem.args
+    names = ("mass", "stiffness", "rest_length", "free", "damping")
+    reversed_args = args._replace(**{name: getattr(args, name)[::-1].copy() for name in names})
+    return problem.changed(y0=problem.y0[:, ::-1].copy(), args=reversed_args)
+
+
 # The ratio of two units of length: near 1, and without a pattern in its binary digits.
 UNITS = 1.1883951057781212
 
 
-def in_other_units(problem: Problem) -> Problem:
-    """A check rope with its lengths in another unit; its states are `UNITS` times as large.
+def in_other_units(problem: Problem, units: float = UNITS) -> Problem:
+    """A check rope with its lengths in another unit; its states are `units` times as large.
 
-    In exact arithmetic every stepper makes the same of both. In floating point every rounding
-    differs, and the difference of two runs is as large as their round-off.
+    In exact arithmetic a stepper computes the same motion. In floating point, with the default,
+    every rounding differs, so the difference between two runs shows the size of their round-off.
 
     Arguments:
         problem: of the family.
+        units: how many of the new units make an old one.
     """
     args = problem.args
-    scaled = {name: getattr(args, name) * UNITS for name in ("rest_length", "gravity", "drive")}
-    return problem.changed(y0=problem.y0 * UNITS, args=args._replace(**scaled))
+    scaled = {name: getattr(args, name) * units for name in ("rest_length", "gravity", "drive")}
+    return problem.changed(y0=problem.y0 * units, args=args._replace(**scaled))

@@ -1,0 +1,161 @@
+"""The rope, with other parameters, whose motion a stepper's runs tend to."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from ropeode.checking.diagnosis.limits import ObservedLimit
+from ropeode.checking.diagnosis.parameters import (
+    PARAMETERS,
+    can_change,
+    dimension,
+    places,
+    units,
+)
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+
+# Every rope with another mass moves like one with other gravity, damping and stiffness.
+_WITHOUT_MASS = tuple(name for name in PARAMETERS if name != "mass")
+# How precisely a fit is solved, as a part of the limit's uncertainty.
+_PRECISION = 1e-2
+# A change of so many times its spread is no accident.
+_CERTAIN = 10.0
+# The smallest inverse of a factor of the mass that is physical.
+_SMALLEST_INVERSE_MASS = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """A rope with some parameters changed so that it comes close to an observed limit.
+
+    Arguments:
+        names: of the parameters that could change.
+        changes: of all parameters, ordered as `parameters.places` says.
+        spread: how far each change may be from the true one, given the uncertainty of the
+            limit; 0 for parameters that could not change.
+        misfit: the largest difference to the limit, in units of its uncertainty.
+    """
+
+    names: tuple[str, ...]
+    changes: np.ndarray
+    spread: np.ndarray
+    misfit: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether the differences are within the uncertainty."""
+        return self.misfit <= 1.0
+
+
+@in_float64
+def fit_parameters(
+    limit: ObservedLimit,
+    names: Sequence[str],
+    start: np.ndarray | None = None,
+    *,
+    near: bool = False,
+) -> Fit:
+    """Change some parameters so that the rope moves like an observed limit.
+
+    The fit begins with the first samples alone, where the motion depends on the parameters
+    almost linearly, and then takes all samples; with `near` it takes all of them at once.
+
+    Arguments:
+        limit: what the runs tend to.
+        names: of the parameters that may change; none, to measure the misfit of the rope as
+            it is claimed to be.
+        start: changes to begin with; by default zero.
+        near: whether these are close to the result.
+    """
+    # Not above: it imports diffrax.
+    from ropeode.checking.diagnosis.fit_program import solve_fit
+
+    problem = limit.problem
+    count = 2 * dimension(problem) + 4
+    free = np.sum([can_change(problem, name) for name in names] or [np.zeros(count)], axis=0)
+    weights = 1.0 / limit.uncertainty[1:].reshape(len(problem.ts) - 1, -1)
+    # Scales the differences to size 1 at the start, which suits the solver.
+    tightness = max(
+        size * float(np.max(1.0 / problem.quantity(name, limit.uncertainty)))
+        for name, size in limit.motion.items()
+    )
+    early = weights * (np.arange(len(weights)) < max(len(weights) // 3, 1))[:, None]
+    changes = np.zeros(count) if start is None else start * free
+    residual, slopes = np.full(1, np.inf), np.zeros((1, count))
+    rope = (problem.rhs, problem.y0, problem.args, problem.ts, units(problem), free)
+    target = np.nan_to_num(limit.states[1:]).reshape(weights.shape)
+    for part in (early, weights) if names and not near else (weights,):
+        changes, residual, slopes = (
+            np.array(each)
+            for each in solve_fit(*rope, changes, target, part / tightness, _PRECISION / tightness)
+        )
+    misfit = float(np.max(np.abs(residual))) * tightness
+    inverse_mass = 1.0 + changes[places(dimension(problem))["mass"]]
+    if not np.all(np.isfinite(changes)) or np.any(inverse_mass < _SMALLEST_INVERSE_MASS):
+        misfit = np.inf
+    return Fit(tuple(names), changes, _spread(slopes * tightness, free), misfit)
+
+
+def _spread(slopes: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """The error of each change if every difference is off by 1, in the worst combination."""
+    spread = np.zeros(len(free))
+    inside = free > 0
+    if np.any(inside):
+        inverse = np.linalg.pinv(np.nan_to_num(slopes[:, inside]))
+        spread[inside] = np.sum(np.abs(inverse), axis=1)
+    return spread
+
+
+def smallest_fits(limit: ObservedLimit) -> tuple[Fit, ...]:
+    """The smallest sets of parameters whose change explains an observed limit.
+
+    Arguments:
+        limit: what the runs tend to.
+
+    Returns:
+        All fits with the fewest parameters that are within the uncertainty: if there are
+        several, the runs cannot decide between them. One fit without parameters if the rope is
+        as claimed; none if no change of these parameters explains the limit.
+    """
+    unchanged = fit_parameters(limit, ())
+    if unchanged.explains:
+        return (unchanged,)
+    whole = _fit_all(limit)
+    if not whole.explains:
+        return ()
+    needed = _certainly_changed(limit.problem, whole)
+    for size in range(1, len(_WITHOUT_MASS) + 1):
+        fits = [
+            fit_parameters(limit, names, whole.changes, near=True)
+            for names in itertools.combinations(PARAMETERS, size)
+            if needed <= {*names}
+        ]
+        if explaining := tuple(each for each in fits if each.explains):
+            return explaining
+    return ()
+
+
+def _fit_all(limit: ObservedLimit) -> Fit:
+    """Fit all parameters, starting from springs that pull; if that fails, that push."""
+    fit = fit_parameters(limit, _WITHOUT_MASS)
+    if fit.explains:
+        return fit
+    start = np.zeros(len(fit.changes))
+    start[places(dimension(limit.problem))["stiffness"]] = -2.0
+    other = fit_parameters(limit, _WITHOUT_MASS, start)
+    return min(fit, other, key=lambda each: each.misfit)
+
+
+def _certainly_changed(problem: Problem, whole: Fit) -> set[str]:
+    """Parameters that every explanation needs, because no other can replace them."""
+    certain = np.abs(whole.changes) > _CERTAIN * whole.spread
+    return {
+        name
+        for name, place in places(dimension(problem)).items()
+        if name in ("gravity", "rest_length", "velocity") and np.any(certain[place])
+    }
