@@ -17,8 +17,8 @@ from ropeode.analysis.order import (
 )
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
-from ropeode.norms import NORMS, distance
-from ropeode.references.reference import Reference, motion
+from ropeode.norms import NORMS, distance, motion
+from ropeode.references.reference import Reference
 from ropeode.simulation.trajectory import step_size
 
 # An observed order is the expected one if it is not further below it than this.

@@ -24,7 +24,9 @@ from ropeode.checking.trajectories.run_files import (
 from ropeode.checking.trajectories.time_errors import clock_diagnosis
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, problem_of, reference_for
+from ropeode.references.compute import reference_for
+from ropeode.references.options import ReferenceOptions
+from ropeode.references.reference import Reference, problem_of
 from ropeode.validation import check_whole, complaint
 
 
@@ -71,9 +73,8 @@ def grade(
     own = problem_of(problem)
     runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * share))
     off = check_initial_states(runs, own)
-    known = reference_for(
-        problem, accuracy, rtol, progress=lambda text: progress(text, 0.9), **asked
-    )
+    options = ReferenceOptions(accuracy, rtol, **asked)
+    known = reference_for(problem, options, lambda text, _: progress(text, 0.9))
     order, notes = _order(known, runs, expected_order)
     exact = "to the last digit" if off == 0.0 else f"to rounding ({off:.1e})"
     findings = (

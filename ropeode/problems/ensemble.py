@@ -150,7 +150,7 @@ class Ensemble(Sequence[Problem]):
             )
 
         start = member(0)
-        checks.right_hand_side(start.rhs, float(start.ts[0]), start.y0, start.args)
+        checks.right_hand_side(start.rhs, start.ts[0], start.y0, start.args)
         return cls(start, size, numbers, member)
 
     def numbers(self, start: int, stop: int) -> Numbers:

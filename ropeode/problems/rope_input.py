@@ -188,7 +188,7 @@ class RopeInput(Input):
         Raises:
             InputError: one line for each array that cannot be used.
         """
-        # Not above: that module builds on this one.
+        # Not above: few ropes become an ensemble.
         from ropeode.problems.rope_ensemble import rope_ensemble
 
         return rope_ensemble(self, frames, arrays)

@@ -9,7 +9,7 @@ from ropeode.checking.diagnosis.parameters import explicable
 from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
 from ropeode.checking.problems import convergence_problems
 from ropeode.problems.library import PROBLEMS
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 
 FRAMES = 6
 STEPS = (64, 128, 256, 512)

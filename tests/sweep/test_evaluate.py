@@ -14,13 +14,12 @@ from hypothesis import strategies as st
 from ropeode.analysis.motion import classify_motion
 from ropeode.analysis.stability import stability_limit
 from ropeode.errors import InputError, ReferenceRefused
-from ropeode.norms import NORMS, distance
+from ropeode.norms import NORMS, distance, motion
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.ensemble import each_reference
-from ropeode.references.reference import motion
+from ropeode.references.compute import each_reference
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.sweep.design.columns import STATUSES

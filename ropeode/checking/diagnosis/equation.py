@@ -18,9 +18,9 @@ from ropeode.checking.diagnosis.fitted_numbers import (
     with_found,
 )
 from ropeode.errors import ReferenceRefused
-from ropeode.norms import NORMS, distance
+from ropeode.norms import NORMS, distance, motion
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, motion
+from ropeode.references.reference import Reference
 
 Runs = Sequence[tuple[float, np.ndarray]]
 

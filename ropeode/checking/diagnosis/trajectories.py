@@ -17,7 +17,8 @@ from ropeode.checking.diagnosis.written_rounding import rounding_of
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, reference
+from ropeode.references.compute import reference
+from ropeode.references.reference import Reference
 
 # Frames that are looked at: at first motions depend on numbers most simply, and what happens
 # later adds little. Of fewer none could be kept back to confirm what the others say.

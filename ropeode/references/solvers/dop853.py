@@ -19,8 +19,8 @@ from scipy.integrate import DOP853
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.ladder import SIDE_BY_SIDE
 from ropeode.references.solvers.solution import Solution, absolute_tolerance, finite_samples
+from ropeode.references.solvers.solver import OWN_DOP853
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
@@ -39,8 +39,8 @@ def solve(
 ) -> list[Solution]:
     """Solve problems, each sample time being the end of a step.
 
-    What becomes of a problem does not depend on the others, to the last bit: all that lanes
-    share is a right-hand side that is evaluated for so many at a time.
+    The solution of a problem does not depend on the others, to the last bit: lanes share
+    nothing but the call that evaluates the right-hand side for all of them.
 
     Arguments:
         problems: of one family, without jump times.
@@ -73,7 +73,7 @@ def solve(
     seconds = (time.perf_counter() - started) / len(problems)
     return [
         Solution(
-            solver=SIDE_BY_SIDE,
+            solver=OWN_DOP853,
             rtol=max(rtol, _TIGHTEST_RTOL),
             atol=absolute_tolerance(problem, rtol),
             states=own[: finite_samples(own)].reshape(-1, *first.y0.shape),

@@ -33,6 +33,7 @@ SOURCES = (
     "norms.py",
     "precision.py",
     "problems",
+    "progress.py",
     "references",
     "simulation",
     "steppers",

@@ -15,7 +15,7 @@ from ropeode.errors import ReferenceRefused
 from ropeode.files import make_folder, write_whole
 from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
-from ropeode.references.ensemble import each_reference
+from ropeode.references.compute import each_reference
 from ropeode.references.reference import Reference
 from ropeode.validation import in_one_line
 
@@ -125,7 +125,7 @@ def _told(made: Reference) -> dict[str, Any]:
     certificate = made.certificate
     return {
         "level": certificate.level,
-        "solver": certificate.solver,
+        "solver": str(certificate.solver),
         "rtol": certificate.rtol,
         "atol": certificate.atol,
         "accuracy": certificate.accuracy,

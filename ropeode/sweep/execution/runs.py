@@ -13,10 +13,9 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR, ErrorSeries
 from ropeode.analysis.motion import Words, motion_words
 from ropeode.analysis.roundoff import in_other_units, in_own_units
 from ropeode.errors import InputError
-from ropeode.norms import Norm, distance
+from ropeode.norms import Norm, distance, motion
 from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import motion
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers.base import Stepper
 from ropeode.sweep.execution.references import Known
