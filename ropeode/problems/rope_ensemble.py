@@ -92,7 +92,7 @@ def _check(rope: RopeInput, values: Mapping[str, np.ndarray]) -> None:
     InputError: one line for each field with a value that a rope refuses.
     """
     if _VELOCITY in values and "stiffness" not in type(rope).model_fields:
-        # Whether velocities stretch a link is seen on each rope only.
+        # Only each rope itself shows whether velocities stretch a link.
         every = range(len(values[_VELOCITY]))
         tried = [{name: array[index] for name, array in values.items()} for index in every]
     else:

@@ -72,7 +72,7 @@ def reference(
         problem: what to solve, or an ensemble of problems.
         accuracy: the largest error bound that is still trusted, in the units of the positions
             (of the state, for a problem that is not mechanical); by default 1e-8 (or 1e4 times
-            `rtol`, if that is given and more) of how far a node (or component) moves.
+            `rtol`, if that is more) of how far a node (or component) moves.
         rtol: relative tolerance of the reference; by default the tightest that still helps. The
             absolute tolerance is `rtol` times the largest component of the initial state.
         level: `consensus` of float64 solvers, or `extended` precision, which needs heyoka.
@@ -152,7 +152,7 @@ def reference_for(
         progress: as for `reference`.
 
     Raises:
-        InputError: an option is given that a reference has settled already.
+        InputError: an option is set that an existing reference has fixed.
         ReferenceRefused: the problem has no reference.
     """
     if isinstance(problem, Problem):

@@ -209,7 +209,7 @@ def _time(time: float | None) -> str:
 
 def as_dict(study: Horizon) -> dict[str, Any]:
     """The study as nested plain values."""
-    problem, made, exponent = study.problem, study.reference.certificate, study.exponent
+    problem, reference, exponent = study.problem, study.reference, study.exponent
     return {
         "schema": SCHEMA,
         "problem": problem_dict(problem),
@@ -223,8 +223,8 @@ def as_dict(study: Horizon) -> dict[str, Any]:
         "size": study.size,
         "times": study.times.tolist(),
         "bound": _finite(study.bound),
-        "horizon": made.horizon,
-        "horizon_reason": made.horizon_reason,
+        "horizon": reference.horizon,
+        "horizon_reason": reference.certificate.horizon_reason,
         "largest_error_over_bound": study.worst_cover,
         "runs": [
             {

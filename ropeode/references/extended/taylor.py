@@ -179,24 +179,24 @@ class _Run:
     def _advance(
         self, taylor: Any, target: Any, steps: list[tuple[float, np.ndarray]]
     ) -> str | None:
-        """Step to a time, noting each step's end; why it was given up on the way, if it was."""
+        """Step to a time and record each step's end; return why it stopped early, if it did."""
         shortest = 2.0**-self.precision * float(self.problem.ts[-1] - self.problem.ts[0])
-        given_up: list[str] = []
+        reasons: list[str] = []
 
         def each_step(taylor: Any) -> bool:
             self._read_off(taylor, target)
             steps.append((float(taylor.time), taylor.state.astype(np.float64)))
             if abs(float(taylor.last_h)) < shortest and taylor.time != target:
-                given_up.append("its steps become too short")
+                reasons.append("its steps become too short")
             elif time.perf_counter() >= self.deadline:
-                given_up.append("the time limit")
-            return not given_up
+                reasons.append("the time limit")
+            return not reasons
 
         taylor.propagate_until(target, callback=each_step, write_tc=True)
-        return given_up[0] if given_up else None
+        return reasons[0] if reasons else None
 
     def _read_off(self, taylor: Any, target: Any) -> None:
-        """Samples inside the step that has just been made."""
+        """Record the samples inside the last step."""
         ts = self.problem.ts
         while (t := ts[len(self.samples)]) < target and t <= taylor.time:
             taylor.update_d_output(heyoka().real(float(t), self.precision))
@@ -209,7 +209,7 @@ class _Run:
         end: float,
         first: int,
     ) -> None:
-        """Drop the samples from where the right-hand side is another function."""
+        """Drop the samples from the first choice that changes on."""
         # At a jump time it may be either.
         inside = [step for step in steps if step[0] < end or end == self.problem.ts[-1]]
         inside = [step for step in inside if np.all(np.isfinite(step[1]))]

@@ -188,6 +188,6 @@ def _difference(path: Path, name: str, own: Any, its: Any) -> str:
     return complaint(
         name,
         own,
-        f"{shown(its)}, as in the problem of the reference in {str(path)!r}",
+        f"{shown(its)}, which is that of the problem in {str(path)!r}",
         "use another file, or compute a reference of this problem",
     )

@@ -28,7 +28,7 @@ _SAFETY, _LEAST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 10.0
 # Numbers in all lanes together: with all stages they stay in the processor's cache.
 _NUMBERS = 8192
 _MOST_LANES = 128
-# Problems enter when so many lanes are free.
+# Problems enter when this part of the lanes is free.
 _FREE = 0.25
 _compiling = threading.Lock()
 
@@ -205,12 +205,12 @@ class _Lanes:
 
     def _attempt(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The state and its slope after a step, and the error relative to the tolerance."""
-        apart = h[:, None]
+        step = h[:, None]
         stages = [self._slope]
         for row, node in zip(DOP853.A[1:], DOP853.C[1:], strict=True):
-            y = self._y + apart * _combination(row, stages)
+            y = self._y + step * _combination(row, stages)
             stages.append(self._rhs(self._t + node * h, y, self._on_device))
-        y_new = self._y + apart * _combination(DOP853.B, stages)
+        y_new = self._y + step * _combination(DOP853.B, stages)
         stages.append(self._rhs(self._t + h, y_new, self._on_device))
         scale = self._atol + np.maximum(np.abs(self._y), np.abs(y_new)) * self._rtol
         fifth = np.sum((_combination(DOP853.E5, stages) / scale) ** 2, axis=1)

@@ -1,4 +1,4 @@
-"""Which solver a run was made with."""
+"""The solvers of references, as values."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 
 @dataclasses.dataclass(frozen=True)
 class Solver:
-    """A solver that references are made with; as text what tables and files call it.
+    """A solver; `str` gives its name in tables and files.
 
     Arguments:
         library: that has it.
