@@ -46,8 +46,9 @@ from ropeode.errors import ReferenceRefused
 from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
+from ropeode.references.compute import reference
 from ropeode.references.extended.taylor import solve
-from ropeode.references.reference import Reference, reference
+from ropeode.references.reference import Reference
 
 # Ropes are what the package is for. Adding a problem changes which one a seed and an index draw.
 SHARES = {

@@ -3,8 +3,8 @@
     python benchmarks/files.py [--megabytes M] [--repeats R] [--folder DIR]
 
 Writes a reference's arrays of so many megabytes as `save_reference` does (NetCDF4, the sha256
-of the contents, the seal, fsync, rename), and beside it the same bytes with nothing but `write`
-and `fsync`. Checks the seal, and beside it reads the file, and hashes it with `hashlib`'s own
+of the contents, the checksum, fsync, rename), and beside it the same bytes with nothing but `write`
+and `fsync`. Checks the checksum, and beside it reads the file, and hashes it with `hashlib`'s own
 `file_digest`. Medians of interleaved runs, and the memory that checking takes at most.
 """
 
@@ -25,7 +25,7 @@ from tabulate import tabulate
 
 from ropeode.files import replacing
 from ropeode.references.files import netcdf
-from ropeode.references.files.checksum import check_seal, seal
+from ropeode.references.files.checksum import append_checksum, verify_checksum
 from ropeode.references.files.encoding import Array
 
 CHUNK = 2**20
@@ -42,7 +42,7 @@ def reference_write(path: Path, values: np.ndarray) -> None:
     arrays = {"state": Array(("time", "entry"), values, "state", "1")}
     with replacing(path) as part:
         netcdf.write(part, arrays, {"schema": "benchmark"})
-        seal(part)
+        append_checksum(part)
 
 
 def plain_read(path: Path) -> None:
@@ -81,24 +81,24 @@ def main() -> None:
         whole, bare = Path(folder) / "reference.nc", Path(folder) / "plain.bin"
         works: dict[str, Callable[[], object]] = {
             "plain write and fsync": lambda: plain_write(bare, values),
-            "reference: write, hash, seal": lambda: reference_write(whole, values),
+            "reference: write, hash, checksum": lambda: reference_write(whole, values),
             "plain read": lambda: plain_read(whole),
             "plain sha256": lambda: plain_hash(whole),
-            "reference: check the seal": lambda: check_seal(whole),
-            "reference: read and check all": lambda: (check_seal(whole), netcdf.read(whole)),
+            "reference: verify the checksum": lambda: verify_checksum(whole),
+            "reference: read and check all": lambda: (verify_checksum(whole), netcdf.read(whole)),
         }
         times: dict[str, list[float]] = {name: [] for name in works}
         for _ in range(options.repeats):
             for name, work in works.items():
                 times[name].append(seconds(work))
-        memory = peak_bytes(lambda: check_seal(whole))
+        memory = peak_bytes(lambda: verify_checksum(whole))
     medians = {name: statistics.median(each) for name, each in times.items()}
     peers = {
         "plain write and fsync": "plain write and fsync",
-        "reference: write, hash, seal": "plain write and fsync",
+        "reference: write, hash, checksum": "plain write and fsync",
         "plain read": "plain sha256",
         "plain sha256": "plain sha256",
-        "reference: check the seal": "plain sha256",
+        "reference: verify the checksum": "plain sha256",
         "reference: read and check all": "plain sha256",
     }
     rows = [
@@ -113,7 +113,7 @@ def main() -> None:
     ]
     print(f"{options.megabytes} MB, medians of {options.repeats} interleaved runs, in page cache\n")
     print(tabulate(rows, ["", "s", "spread", "MB/s", "ratio"], tablefmt="github"))
-    print(f"\nMemory that checking the seal takes at most: {memory / 2**20:.2f} MiB")
+    print(f"\nMemory that verifying the checksum takes at most: {memory / 2**20:.2f} MiB")
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ from ropeode import Problem, Rope, each_reference, reference
 from ropeode.norms import distance, norm_for
 from ropeode.problems.ensemble import Ensemble
 from ropeode.references.solvers import diffrax_solver, program_cache
+from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
 from ropeode.threads import cores
 
 
@@ -49,9 +50,7 @@ def numpy_rhs(problem: Problem) -> Callable:
 
 
 def by_ropeode(problem: Problem, rtol: float) -> np.ndarray:
-    return diffrax_solver.solve(
-        problem, "Dopri8", rtol, rtol * problem.scale, max_steps=10**6
-    ).states
+    return diffrax_solver.solve(problem, DOPRI8, rtol, rtol * problem.scale, max_steps=10**6).states
 
 
 def by_solve_ivp(problem: Problem, rtol: float) -> np.ndarray:
@@ -110,10 +109,10 @@ def main() -> None:
 
     problem = Rope().problem(frames=given.frames)
     known = reference(problem)
-    first = diffrax_solver.solve(problem, "Kvaerno5", 1e-6, 1e-4, max_steps=10)
+    first = diffrax_solver.solve(problem, KVAERNO5, 1e-6, 1e-4, max_steps=10)
     del first
     program_cache._compiled.cache_clear()
-    compiled = diffrax_solver.solve(problem, "Dopri8", 1e-6, 1e-4, max_steps=10**6)
+    compiled = diffrax_solver.solve(problem, DOPRI8, 1e-6, 1e-4, max_steps=10**6)
     print(f"Default rope, {given.frames} frames; truth: bound {known.bound()[-1]:.1e}.")
     print(f"ropeode compiles for {compiled.compile_seconds:.2f} s, once.")
 

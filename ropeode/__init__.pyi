@@ -33,14 +33,14 @@ from .problems.links import LinearDamping as LinearDamping
 from .problems.links import Links as Links
 from .problems.problem import Problem as Problem
 from .problems.rope import Rope as Rope
-from .references.ensemble import each_reference as each_reference
+from .references.compute import each_reference as each_reference
+from .references.compute import reference as reference
 from .references.files.library import load as load
 from .references.files.store import load_reference as load_reference
 from .references.files.store import save_reference as save_reference
 from .references.files.verify import Verification as Verification
 from .references.files.verify import verify_reference as verify_reference
 from .references.reference import Reference as Reference
-from .references.reference import reference as reference
 from .render.formats import format_check as format_check
 from .render.formats import format_horizon as format_horizon
 from .render.formats import format_table as format_table

@@ -101,6 +101,22 @@ def distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> np.n
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
+def motion(problem: Problem, states: np.ndarray, norm: Norm | None = None) -> np.ndarray:
+    """How far any node (or component) has got from where it started, up to each sample.
+
+    This is the size against which an error is large or small; unlike the size of the state
+    it does not change when the whole problem is moved. At least 1e-8 of the state's scale.
+
+    Arguments:
+        problem: whose motion it is.
+        states: ``(times, *state)``.
+        norm: by default the problem's first.
+    """
+    start = np.broadcast_to(problem.y0, states.shape)
+    farthest = np.maximum.accumulate(distance(problem, norm or norm_for(problem), states, start))
+    return np.maximum(farthest, 1e-8 * problem.scale)
+
+
 def node_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Euclidean distance of each node, ``(times, nodes)``.
 

@@ -16,6 +16,8 @@ from against.right_hand_sides import Compiled
 from against.timing import Peers
 from ropeode import Problem
 from ropeode.references.solvers import diffrax_solver
+from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
+from ropeode.references.solvers.solver import Solver as ReferenceSolver
 
 MOST_STEPS = 10**6
 _SCIPY_TIGHTEST = 100 * np.finfo(np.float64).eps
@@ -70,7 +72,7 @@ def _shaped(problem: Problem, y: Any) -> np.ndarray:
     return states
 
 
-def primary(problem: Problem, method: str) -> Solver:
+def primary(problem: Problem, method: ReferenceSolver) -> Solver:
     """Ropeode's solver of a reference, without what certifies it."""
 
     def solve(rtol: float, of: Problem = problem) -> np.ndarray:
@@ -94,9 +96,7 @@ def primary(problem: Problem, method: str) -> Solver:
         return calls[0]
 
     compiling = diffrax_solver.solve(problem, method, 1e-3, 1e-3, max_steps=10).compile_seconds
-    return Solver(
-        "ropeode", f"primary: diffrax {method}", "", solve, count, compile_seconds=compiling
-    )
+    return Solver("ropeode", f"primary: {method}", "", solve, count, compile_seconds=compiling)
 
 
 def _with_rhs(
@@ -235,7 +235,7 @@ def families(problem: Problem, *, stiff: bool, peers: Peers) -> list[list[Make]]
     Of a peer's methods the fastest is raced. CVODE with GMRES in place of dense matrices is
     not tried: it was slower in most trials.
     """
-    own = primary(problem, "Kvaerno5" if stiff else "Dopri8")
+    own = primary(problem, KVAERNO5 if stiff else DOPRI8)
     found: list[list[Make]] = [[lambda side: own], [lambda side: lsoda(problem, side)]]
     if stiff:
         peers.leave_out(f"SciPy DOP853 on {problem.name}", "it is explicit, and the problem stiff")

@@ -1,4 +1,4 @@
-"""The largest Lyapunov exponent: how fast neighbouring solutions part, or come together."""
+"""The largest Lyapunov exponent: how fast neighbouring solutions separate, or converge."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ from ropeode.analysis.equilibrium import free_coordinates
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.ladder import EXPLICIT, IMPLICIT, Progress, step_budget
+from ropeode.progress import Progress, silent
+from ropeode.references.ladder import EXPLICIT, IMPLICIT, step_budget
 from ropeode.references.solvers import diffrax_solver
+from ropeode.references.solvers.solver import Solver
 from ropeode.validation import check_positive, check_whole, complaint
 
 # Frames are divided until there are so many samples, to have something to average.
@@ -29,16 +31,16 @@ _CONFIDENCE = 0.95
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LyapunovExponent:
-    """The mean rate at which neighbouring solutions part, from a finite span.
+    """The mean rate at which neighbouring solutions separate, from a finite span.
 
     Arguments:
         value: per time unit, the mean over the second half of the span and over the tangents.
-            The first half is left to the tangents to turn to the fastest direction.
-        interval: of 95%; never narrower than `resolution` to each side.
+            During the first half the tangents turn to the fastest direction.
+        interval: the 95% interval; never narrower than `resolution` to each side.
         resolution: what a separation that grows like t^2, and not exponentially, shows as a
             rate in the second half of this span: ``2 ln 2 / (span / 2)``.
-        times: that were looked at and reached, ``(times,)``: the sample times, and if there are
-            fewer than 100 frames, others between them.
+        times: that the solver reached, ``(times,)``: the sample times, and others between them
+            if there are fewer than 100 frames.
         log_growth: ln of the factor by which each tangent has grown up to each sample,
             ``(tangents, times)``.
         solver: that integrated state and tangents together.
@@ -51,7 +53,7 @@ class LyapunovExponent:
     resolution: float
     times: np.ndarray
     log_growth: np.ndarray
-    solver: str
+    solver: Solver
     rtol: float
     failure: str | None
 
@@ -67,7 +69,7 @@ class LyapunovExponent:
 
     @property
     def sign(self) -> Literal["positive", "negative", "not told from zero"]:
-        """What can be said of its sign."""
+        """The sign, where the interval leaves no doubt."""
         low, high = self.interval
         if low > 0:
             return "positive"
@@ -80,27 +82,27 @@ def lyapunov_exponent(
     *,
     tangents: int = 3,
     rtol: float = 1e-10,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> LyapunovExponent:
     """Measure the largest Lyapunov exponent along a problem's solution.
 
     With the state y the directions u of small disturbances are integrated, and their size:
     ``u' = J u - r u`` and ``(ln s)' = r`` with ``r = (u, J u) / (u, u)`` and J the derivative
-    of the right-hand side. That is the method of Benettin et al. with renormalisation at all
-    times in place of now and then, so that no step has to end for it.
+    of the right-hand side. That is the method of Benettin et al., with continuous
+    instead of occasional renormalisation, so that no step has to end for it.
 
-    Rounding parts the computed solution from the true one where the exponent is positive. What
-    is measured from there on is the exponent of another solution of the same equations: the
-    same on an attractor or on an energy surface that solutions fill, and not in general.
+    Where the exponent is positive, rounding separates the computed solution from the true one.
+    From there on the exponent is that of another solution of the same equations: the same on an
+    attractor or on an energy surface that solutions fill, but not in general.
 
-    Where constraints were made part of the equations by differentiating them, disturbances off
-    them neither grow nor decay by much. The solver's errors bring them in, so that a negative
+    Where differentiated constraints are part of the equations, disturbances off the constraints
+    neither grow nor decay by much. The solver's errors introduce them, so that a negative
     exponent is lost after some ``ln(1/rtol) / |value|`` time units.
 
     The interval comes from the means over ten pieces of the second half (batch means), from its
-    drift, or from the spread of the tangents, whichever is widest. It says how well the mean
-    rate of *this span* is known. A span shorter than the slowest thing that the solution does,
-    as the period of an orbit, says nothing of what comes after it.
+    drift, or from the spread of the tangents, whichever is widest. It covers the mean
+    rate of *this span*. A span shorter than the slowest motion of the solution, such as
+    the period of an orbit, says nothing about later times.
 
     Sources: Benettin, Galgani, Giorgilli, Strelcyn, Meccanica 15 (1980) 9-20 and 21-30;
     Christiansen, Rugh, Nonlinearity 10 (1997) 1063-1072 (the continuous form); Schmeiser,
@@ -111,13 +113,13 @@ def lyapunov_exponent(
         tangents: how many directions, drawn at random. Coordinates that are held and
             directions that the constraints do not allow are left out.
         rtol: relative tolerance for state and tangents.
-        progress: called with a few words before each run.
+        progress: called before each run, with what it is.
 
     Returns:
         The exponent per unit of the problem's time.
 
     Raises:
-        InputError: an argument cannot be used, or the solver does not get through a tenth.
+        InputError: an argument cannot be used, or the solver stops in the first tenth.
     """
     tangents = check_whole("tangents", tangents, at_least=1, example="3")
     rtol = check_positive("rtol", rtol, example="1e-10")
@@ -135,7 +137,7 @@ def lyapunov_exponent(
     )
     solutions = []
     for method in (EXPLICIT, IMPLICIT):
-        progress(f"Lyapunov exponent: diffrax {method.primary} at {rtol:.0e}")
+        progress(f"Lyapunov exponent: {method.primary} at {rtol:.0e}", None)
         solutions.append(
             diffrax_solver.solve(
                 together,
@@ -147,18 +149,18 @@ def lyapunov_exponent(
         )
         if solutions[-1].failure is None or solutions[-1].steps < step_budget(problem):
             break
-    found = max(solutions, key=lambda solution: len(solution.states))
-    times = together.ts[: len(found.states)]
+    solution = max(solutions, key=lambda solution: len(solution.states))
+    times = together.ts[: len(solution.states)]
     if len(times) <= len(together.ts) // 10:
         raise InputError(
             complaint(
                 "problem",
-                f"{problem.name}, of which {found.solver} {found.failure}",
-                "one whose solution and tangents can be followed to the end",
-                "let it end earlier",
+                f"{problem.name}, with which {solution.solver} {solution.failure}",
+                "a problem that the solver can follow to the end, with its tangents",
+                "end it earlier",
             )
         )
-    log_growth = found.states[:, -tangents:].T
+    log_growth = solution.states[:, -tangents:].T
     value, interval, resolution = _mean_rate(times, log_growth)
     return LyapunovExponent(
         value=value,
@@ -166,9 +168,9 @@ def lyapunov_exponent(
         resolution=resolution,
         times=times,
         log_growth=log_growth,
-        solver=found.solver,
-        rtol=found.rtol,
-        failure=found.failure,
+        solver=solution.solver,
+        rtol=solution.rtol,
+        failure=solution.failure,
     )
 
 

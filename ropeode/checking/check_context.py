@@ -16,7 +16,8 @@ from ropeode.checking.convergence import converging, ladder, steps_to_dts
 from ropeode.checking.report import Claims, Convergence
 from ropeode.errors import RopeodeError
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, reference
+from ropeode.references.compute import reference
+from ropeode.references.reference import Reference
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import problem_class
 from ropeode.threads import cores

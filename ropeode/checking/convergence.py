@@ -18,8 +18,8 @@ from ropeode.analysis.order import (
 )
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
-from ropeode.norms import NORMS, Norm, distance
-from ropeode.references.reference import Reference, motion
+from ropeode.norms import NORMS, Norm, distance, motion
+from ropeode.references.reference import Reference
 from ropeode.simulation.trajectory import step_size
 
 # An observed order may be lower than the expected one by this.

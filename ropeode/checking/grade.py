@@ -19,7 +19,9 @@ from ropeode.checking.trajectories.time_errors import timing_diagnosis
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.reference import Reference, problem_of, reference_for
+from ropeode.references.compute import reference_for
+from ropeode.references.options import ReferenceOptions
+from ropeode.references.reference import Reference, problem_of
 from ropeode.validation import check_whole, complaint
 
 
@@ -66,9 +68,8 @@ def grade(
     own = problem_of(problem)
     runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * (share or 0.0)))
     off = check_initial_states(runs, own)
-    reference = reference_for(
-        problem, accuracy, rtol, progress=lambda text: progress(text, 0.9), **asked
-    )
+    options = ReferenceOptions(accuracy, rtol, **asked)
+    reference = reference_for(problem, options, lambda text, _: progress(text, 0.9))
     order, notes = _order(reference, runs, expected_order)
     exactly = "exactly" if off == 0.0 else f"to rounding ({off:.1e})"
     findings = (

@@ -1,4 +1,4 @@
-"""The command that says when float64 references lose their digits."""
+"""The command that reports when float64 references lose their digits."""
 
 from __future__ import annotations
 
@@ -18,10 +18,14 @@ from ropeode.validation import complaint
 @click.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options
-@click.option("--spans", metavar="T[,T...]", help="Spans whose need is told. [100,300,1000]")
+@click.option(
+    "--spans",
+    metavar="T[,T...]",
+    help="Spans whose required precision is reported. [100,300,1000]",
+)
 @click.option("--plot", metavar="FILE", help="Draw all errors over time: .png, .pdf or .svg.")
 @format_option
-@click.option("--out", metavar="FILE", help="Write the findings to FILE and print nothing.")
+@click.option("--out", metavar="FILE", help="Write the report to FILE instead of printing it.")
 def horizon(
     spec: Path | None,
     spans: str | None,
@@ -30,16 +34,16 @@ def horizon(
     out: str | None,
     **options: str | None,
 ) -> None:
-    """Tell when a reference in float64 stops being one.
+    """Report when float64 references lose their digits.
 
-    Holds the float64 solvers against a solution in extended precision: at which time how many
-    digits are left, how fast differences grow (with the Lyapunov exponent), and how many
-    digits of working precision a span of time needs. `ropeode horizon --damping 0 --frames
-    200 --time-limit 300` shows it on a rope that swings for ever.
+    Compares the float64 solvers with a solution in extended precision: how many digits are left
+    at which time, how fast differences grow (with the Lyapunov exponent), and how many digits
+    of working precision a span of time needs. Try `ropeode horizon --damping 0 --frames 200
+    --time-limit 300`, a rope that swings for ever.
 
-    Takes the problem from SPEC and the options as `ropeode table` does; steppers are of no
-    concern. --digits are those to be left at the end. Needs heyoka: pip install
-    '.[extended]', and for --plot matplotlib: pip install '.[plots]'.
+    Takes the problem from SPEC and the options, as `ropeode table` does. Steppers are ignored;
+    --digits is the number of digits that must be left at the end. Needs heyoka (pip install
+    '.[extended]'), and matplotlib for --plot (pip install '.[plots]').
     """
     path = check_writable("out", out) if out else None
     picture = None
@@ -56,19 +60,19 @@ def horizon(
     if options["level"] not in (None, "extended"):
         raise InputError(
             complaint(
-                "level", options["level"], "extended, and it need not be said", "leave it out"
+                "level", options["level"], "extended, which is the default here", "leave it out"
             )
         )
     job = job_from(spec, {**options, "level": "extended"})
-    asked = {name: value for name, value in job.spec.asked.items() if name != "level"}
-    wished = SPANS if spans is None else [part for part in spans.split(",") if part.strip()]
+    settings = {name: value for name, value in job.spec.asked.items() if name != "level"}
+    chosen = SPANS if spans is None else [part for part in spans.split(",") if part.strip()]
 
     with show_progress() as progress:
 
         def work() -> tuple[str, bytes | None]:
-            found = study(job.problem, wished, **asked, progress=progress)  # type: ignore[arg-type]
-            drawn = figure_bytes(plot_horizon(found), picture.suffix) if picture else None
-            return format_horizon(found, format_for(form, path)), drawn
+            result = study(job.problem, chosen, **settings, progress=progress)  # type: ignore[arg-type]
+            drawn = figure_bytes(plot_horizon(result), picture.suffix) if picture else None
+            return format_horizon(result, format_for(form, path)), drawn
 
         text, drawn = interruptible(work)
     with not_interrupted():

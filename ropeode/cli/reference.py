@@ -1,4 +1,4 @@
-"""The commands that write, show and check references in files."""
+"""The commands that write, show and verify references in files."""
 
 from __future__ import annotations
 
@@ -25,19 +25,21 @@ def reference() -> None:
 @reference.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options
-@click.option("--dense", is_flag=True, help="States between the samples as well.")
+@click.option("--dense", is_flag=True, help="Compute the states between the samples as well.")
 @click.option("-o", "--out", metavar="FILE", required=True, help="A NetCDF file, *.nc.")
 def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> None:
     """Compute a reference and write it to FILE.
 
-    Takes the problem and what is asked of the reference from SPEC and the options as
-    `ropeode table` does; steppers are of no concern.
+    Takes the problem and the reference's settings from SPEC and the options, as `ropeode table`
+    does. Steppers are ignored.
     """
     path = check_writable("out", out)
     set_up_jax()
+    from ropeode.references.compute import reference_for
     from ropeode.references.dense.dense_output import with_dense_output
     from ropeode.references.files.store import save_reference
-    from ropeode.references.reference import TIME_LIMIT, Reference, reference_for
+    from ropeode.references.options import ReferenceOptions
+    from ropeode.references.reference import Reference
     from ropeode.render.reference import summary
 
     job = job_from(spec, options)
@@ -45,25 +47,22 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
     with show_progress() as progress:
 
         def work() -> Reference:
-            def say(text: str) -> None:
-                progress(text, 0.0)
-
-            known = reference_for(job.given, **job.spec.asked, progress=say)
+            options = ReferenceOptions(**job.spec.asked)
+            reference = reference_for(job.given, options, progress)
             if not (dense or job.spec.dense):
-                return known
-            limit = job.spec.asked.get("time_limit", TIME_LIMIT)
-            return with_dense_output(known, time_limit=limit, progress=say)
+                return reference
+            return with_dense_output(reference, time_limit=options.time_limit, progress=progress)
 
-        known = interruptible(work)
-    save_reference(known, path)
-    click.echo(summary(known), nl=False)
+        computed = interruptible(work)
+    save_reference(computed, path)
+    click.echo(summary(computed), nl=False)
     click.echo(f"wrote {path}")
 
 
 @reference.command()
 @click.argument("file", type=click.Path(path_type=Path))
 def show(file: Path) -> None:
-    """Print what the reference in FILE is and what its bound rests on."""
+    """Print the reference in FILE: its problem, bound, witnesses and checksum."""
     from ropeode.references.files.library import find
     from ropeode.references.files.store import stored_facts
     from ropeode.render.reference import as_text
@@ -82,32 +81,37 @@ def list_library() -> None:
 
 @reference.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--problem", metavar="FILE.py:NAME", help="Where it is not of the library.")
-@click.option("--time-limit", metavar="S", help="Seconds for an extended reference. [60]")
+@click.option(
+    "--problem",
+    metavar="FILE.py:NAME",
+    help="If the library does not have it.",
+)
+@click.option("--time-limit", metavar="S", help="Seconds to recompute an extended reference. [60]")
 def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
     """Check FILE, and compute its reference again with today's solvers.
 
-    Exit code 1 if a stored value lies outside of the two bounds.
+    The exit code is 1 if a stored value differs from the new one by more than the two bounds.
     """
     set_up_jax()
     from ropeode.problems.files import load_problem
     from ropeode.references.files.library import find
     from ropeode.references.files.verify import verify_reference
-    from ropeode.render.reference import verification_words
+    from ropeode.references.options import TIME_LIMIT
+    from ropeode.render.reference import verification_text
     from ropeode.validation import check_positive
 
-    asked = {}
+    limit = TIME_LIMIT
     if time_limit is not None:
-        asked["time_limit"] = check_positive("time_limit", time_limit, example="600")
+        limit = check_positive("time_limit", time_limit, example="600")
     with show_progress() as progress:
-        found = interruptible(
+        verification = interruptible(
             lambda: verify_reference(
                 find(file),
                 load_problem(problem) if problem else None,
-                **asked,
-                progress=lambda text: progress(text, 0.0),
+                time_limit=limit,
+                progress=progress,
             )
         )
-    click.echo(verification_words(found), nl=False)
-    if not found.agrees:
+    click.echo(verification_text(verification), nl=False)
+    if not verification.agrees:
         raise SystemExit(1)

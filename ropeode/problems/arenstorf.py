@@ -22,8 +22,8 @@ class ArenstorfArgs(NamedTuple):
     moon: Any
 
 
-class _Given(Input):
-    """What `arenstorf` is given."""
+class _Arguments(Input):
+    """The arguments of `arenstorf`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     periods: Positive = field(..., allowed="a finite number > 0", example="1.0")
@@ -45,16 +45,16 @@ def arenstorf(frames: int = 20, periods: float = 1.0) -> Problem:
     Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.0,
     equations (0.1) and (0.2), after Arenstorf (1963).
     """
-    given = _Given(frames=frames, periods=periods)
+    checked = _Arguments(frames=frames, periods=periods)
     return Problem.second_order(
         acceleration,
         [[START, 0.0]],
         [[0.0, SPEED]],
-        np.linspace(0.0, given.periods * PERIOD, given.frames + 1),
+        np.linspace(0.0, checked.periods * PERIOD, checked.frames + 1),
         ArenstorfArgs(MOON),
         name="Arenstorf orbit",
         energy=energy,
-        parameters={"kind": "arenstorf", **given.model_dump(mode="json")},
+        parameters={"kind": "arenstorf", **checked.model_dump(mode="json")},
     )
 
 

@@ -1,4 +1,4 @@
-"""Checks of what a problem is made from, before anything is compiled."""
+"""Checks of the arguments of a problem."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from ropeode.validation import complaint, finite_numbers
 
 
 def run(*each: Callable[[], Any]) -> None:
-    """Run every check and raise what they found together.
+    """Run every check, and raise all faults together.
 
     Raises:
         InputError: with the lines of all the checks that failed, each line once.
     """
-    found: list[str] = []
+    faults: list[str] = []
     for check in each:
         try:
             check()
         except InputError as error:
-            found.extend(error.problems)
-    if found:
-        raise InputError(dict.fromkeys(found))
+            faults.extend(error.problems)
+    if faults:
+        raise InputError(dict.fromkeys(faults))
 
 
 def real_array(name: str, value: Any) -> np.ndarray:
@@ -45,7 +45,9 @@ def real_array(name: str, value: Any) -> np.ndarray:
     array = np.array(array, dtype=np.float64)
     if not np.all(np.isfinite(array)):
         where = np.argwhere(~np.isfinite(array))[0].tolist()
-        raise InputError(complaint(name, value, allowed, f"entry {where} is not finite, mend it"))
+        raise InputError(
+            complaint(name, value, allowed, f"correct entry {where}, which is not finite")
+        )
     return array
 
 
@@ -53,7 +55,7 @@ def sample_times(value: Any) -> np.ndarray:
     """`value` as a new float64 array of at least two increasing times.
 
     Raises:
-        InputError: it is none.
+        InputError: it is not.
     """
     ts = real_array("ts", value)
     if ts.ndim != 1 or len(ts) < 2:
@@ -127,11 +129,11 @@ def numeric_pytree(name: str, value: Any) -> Any:
 
 
 @in_float64
-def right_hand_side(rhs: Any, t: float, y: np.ndarray, args: Any) -> None:
+def right_hand_side(rhs: Any, t: np.float64, y: np.ndarray, args: Any) -> None:
     """Try a right-hand side on the initial state.
 
     Raises:
-        InputError: it is no function, or its result has the wrong shape or dtype or is
+        InputError: it is not a function, or its result has the wrong shape or dtype or is
             not finite.
         UserCodeError: it raised.
     """
@@ -139,22 +141,16 @@ def right_hand_side(rhs: Any, t: float, y: np.ndarray, args: Any) -> None:
 
 
 @in_float64
-def acceleration(function: Any, t: float, x: np.ndarray, v: np.ndarray, args: Any) -> None:
-    """Try an acceleration on the initial state; raises as `right_hand_side` does."""
+def acceleration(function: Any, t: np.float64, x: np.ndarray, v: np.ndarray, args: Any) -> None:
+    """Try an acceleration on the initial state; raises as `right_hand_side` does.
+
+    `Problem.second_order` calls the same compiled function with other velocities.
+    """
     _try("acceleration", "acceleration(t, x, v, args)", function, x, (t, x, v, args))
 
 
 def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tuple) -> None:
-    if not callable(function):
-        raise InputError(complaint(name, function, f"a function {signature}", "write one in JAX"))
-    try:
-        result = jax.eval_shape(function, *inputs)
-    except Exception as error:
-        raise UserCodeError(
-            f"{name}: raised {type(error).__name__} when it was tried on the initial state; "
-            f"allowed: a function {signature} in JAX. Fix: mend the error above; use "
-            "jax.numpy, and no Python `if` on values."
-        ) from error
+    result = _shape(name, signature, function, inputs)
     if getattr(result, "shape", None) != like.shape:
         what = getattr(result, "shape", type(result).__name__)
         raise InputError(
@@ -162,7 +158,7 @@ def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tup
                 f"{name} result",
                 what,
                 f"one array of the state's shape, {like.shape}",
-                f"return what {signature} needs, for example with jnp.stack",
+                f"return such an array from {signature}, for example with jnp.stack",
             )
         )
     if result.dtype != np.float64:
@@ -171,7 +167,7 @@ def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tup
                 f"{name} result",
                 str(result.dtype),
                 "float64",
-                "take out casts and 32-bit constants; compute with the dtype that comes in",
+                "remove casts and 32-bit constants; compute with the dtype of the arguments",
             )
         )
     value = np.asarray(jax.jit(function)(*inputs))
@@ -187,21 +183,21 @@ def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tup
 
 
 @in_float64
-def constraints(function: Any, t: float, y: np.ndarray, args: Any, quantities: Any) -> None:
+def constraints(function: Any, t: np.float64, y: np.ndarray, args: Any, quantities: Any) -> None:
     """Try constraints on the initial state.
 
     Raises:
-        InputError: they are no function, or give something else than residuals by quantity.
-        UserCodeError: it raised.
+        InputError: they are not a function, or do not return residuals by quantity.
+        UserCodeError: the function raised.
     """
-    found = _called("constraints", "constraints(t, y, args)", function, (t, y, args))
-    if not isinstance(found, Mapping) or not set(found) <= set(quantities):
+    residuals = _shape("constraints", "constraints(t, y, args)", function, (t, y, args))
+    if not isinstance(residuals, Mapping) or not set(residuals) <= set(quantities):
         raise InputError(
             complaint(
                 "constraints result",
-                found,
+                residuals,
                 f"a dict with keys among {', '.join(quantities)}",
-                "name what each residual is in the units of",
+                "name each residual by the quantity that has its units",
             )
         )
 
@@ -211,11 +207,11 @@ def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> None:
     """Try links on the initial positions.
 
     Raises:
-        InputError: they are no function, the positions are not ``(dim, nodes)``, or there is
-            not one length for each pair of neighbours.
-        UserCodeError: it raised.
+        InputError: they are not a function, the positions are not ``(dim, nodes)``, or there
+            is not one length for each pair of neighbours.
+        UserCodeError: the function raised.
     """
-    found = _called("links", "links(args)", function, (args,))
+    result = _shape("links", "links(args)", function, (args,))
     if x.ndim != 2 or node_axis != 1:
         raise InputError(
             complaint(
@@ -225,24 +221,26 @@ def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> None:
                 "transpose them",
             )
         )
-    if getattr(getattr(found, "length", None), "shape", None) != (x.shape[1] - 1,):
+    if getattr(getattr(result, "length", None), "shape", None) != (x.shape[1] - 1,):
         raise InputError(
             complaint(
                 "links result",
-                found,
+                result,
                 f"Links with {x.shape[1] - 1} lengths",
-                "give one length for each two neighbours",
+                "give one length for each pair of neighbours",
             )
         )
 
 
-def _called(name: str, signature: str, function: Any, inputs: tuple) -> Any:
+def _shape(name: str, signature: str, function: Any, inputs: tuple) -> Any:
+    """The result of a function in JAX, with shapes and dtypes in place of arrays."""
     if not callable(function):
         raise InputError(complaint(name, function, f"a function {signature}", "write one in JAX"))
     try:
-        return function(*inputs)
+        return jax.eval_shape(function, *inputs)
     except Exception as error:
         raise UserCodeError(
             f"{name}: raised {type(error).__name__} when it was tried on the initial state; "
-            f"allowed: a function {signature} in JAX. Fix: mend the error above."
+            f"allowed: a function {signature} in JAX. Fix: correct the error above; use "
+            "jax.numpy, and no Python `if` on values."
         ) from error

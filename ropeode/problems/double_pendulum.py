@@ -20,8 +20,8 @@ class DoublePendulumArgs(NamedTuple):
     gravity: Any
 
 
-class _Given(Input):
-    """What `double_pendulum` is given."""
+class _Arguments(Input):
+    """The arguments of `double_pendulum`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     masses: PositivePair = field(..., allowed="two finite numbers > 0", example="[1.0, 1.0]")
@@ -57,7 +57,7 @@ def double_pendulum(
 
     Source: Landau and Lifshitz, Mechanics, section 5, problem 1 (the Lagrangian).
     """
-    given = _Given(
+    checked = _Arguments(
         frames=frames,
         masses=masses,  # pyright: ignore[reportArgumentType]
         lengths=lengths,  # pyright: ignore[reportArgumentType]
@@ -67,13 +67,13 @@ def double_pendulum(
     )
     return Problem.second_order(
         acceleration,
-        np.reshape(given.angles, (2, 1)),
-        np.reshape(given.velocities, (2, 1)),
-        np.arange(given.frames + 1.0),
-        DoublePendulumArgs(np.array(given.masses), np.array(given.lengths), given.gravity),
+        np.reshape(checked.angles, (2, 1)),
+        np.reshape(checked.velocities, (2, 1)),
+        np.arange(checked.frames + 1.0),
+        DoublePendulumArgs(np.array(checked.masses), np.array(checked.lengths), checked.gravity),
         name="double pendulum",
         energy=energy,
-        parameters={"kind": "double-pendulum", **given.model_dump(mode="json")},
+        parameters={"kind": "double-pendulum", **checked.model_dump(mode="json")},
     )
 
 

@@ -37,7 +37,7 @@ class Ensemble(Sequence[Problem]):
         first: the first member.
         size: the number of members.
         numbers: ``numbers(start, stop)`` gives the `Numbers` of these members. Called for some
-            at a time, so that an ensemble takes no more memory than what it is made from.
+            at a time, so that an ensemble takes no more memory than the arrays behind it.
         member: gives a member by its index.
         built_apart: those members that may differ in what makes a stepper refuse them; the
             others are like the first.
@@ -106,15 +106,15 @@ class Ensemble(Sequence[Problem]):
             y0: initial states, ``(members, *state)``; by default that of `problem`.
             args: arguments with one more axis in front of each array, ``(members, ...)``; by
                 default those of `problem`.
-            parameters: gives what a member was made from, by its index.
+            parameters: gives the `parameters` of a member, by its index.
 
         Raises:
             InputError: an array has another shape or numbers that are not finite, or their
                 lengths differ, or there is none.
         """
-        given: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        varied: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         if y0 is not None:
-            given["y0"] = [(np.asarray(y0), problem.y0)]
+            varied["y0"] = [(np.asarray(y0), problem.y0)]
         if args is not None:
             arrays, structure = jax.tree.flatten(args)
             own, needed = jax.tree.flatten(problem.args)
@@ -122,12 +122,14 @@ class Ensemble(Sequence[Problem]):
                 raise InputError(
                     complaint("args", structure, f"arguments like {needed}", "name them alike")
                 )
-            given["args"] = [(np.asarray(new), old) for new, old in zip(arrays, own, strict=True)]
-        size = _check_arrays(given)
+            varied["args"] = [(np.asarray(new), old) for new, old in zip(arrays, own, strict=True)]
+        size = _check_arrays(varied)
         states = (
-            given["y0"][0][0].astype(np.float64, copy=False) if y0 is not None else problem.y0[None]
+            varied["y0"][0][0].astype(np.float64, copy=False)
+            if y0 is not None
+            else problem.y0[None]
         )
-        leaves = [new.astype(old.dtype, copy=False) for new, old in given.get("args", [])]
+        leaves = [new.astype(old.dtype, copy=False) for new, old in varied.get("args", [])]
         values = jax.tree.unflatten(jax.tree.structure(problem.args), leaves) if leaves else None
 
         def numbers(start: int, stop: int) -> Numbers:
@@ -150,7 +152,7 @@ class Ensemble(Sequence[Problem]):
             )
 
         start = member(0)
-        checks.right_hand_side(start.rhs, float(start.ts[0]), start.y0, start.args)
+        checks.right_hand_side(start.rhs, start.ts[0], start.y0, start.args)
         return cls(start, size, numbers, member)
 
     def numbers(self, start: int, stop: int) -> Numbers:
@@ -193,17 +195,17 @@ def _difference(problem: Problem, first: Problem) -> str | None:
     return None
 
 
-def _check_arrays(given: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> int:
+def _check_arrays(varied: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> int:
     """The number of members.
 
     Arguments:
-        given: for each name, arrays and what one member of each is like.
+        varied: for each name, arrays, each with a member that shows its shape.
 
     Raises:
         InputError: as `Ensemble.varying` does.
     """
-    lengths = {len(new) if new.ndim else 0 for pairs in given.values() for new, _ in pairs}
-    for name, pairs in given.items():
+    lengths = {len(new) if new.ndim else 0 for pairs in varied.values() for new, _ in pairs}
+    for name, pairs in varied.items():
         for new, old in pairs:
             shape = np.shape(old)
             if new.ndim != len(shape) + 1 or new.shape[1:] != shape or new.dtype.kind not in "iufb":
@@ -219,7 +221,7 @@ def _check_arrays(given: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> i
     if len(lengths) != 1 or not min(lengths):
         raise InputError(
             complaint(
-                " and ".join(given) or "y0",
+                " and ".join(varied) or "y0",
                 f"{sorted(lengths)} members",
                 "the same number of members in each, at least one",
                 "give arrays of one length",

@@ -19,8 +19,8 @@ class ForcedArgs(NamedTuple):
     frequency: Any
 
 
-class _Given(Input):
-    """What `forced` is given."""
+class _Arguments(Input):
+    """The arguments of `forced`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     rate: Positive = field(..., allowed="a finite number > 0", example="1.0")
@@ -46,16 +46,16 @@ def forced(frames: int = 20, rate: float = 1.0, frequency: float = 1.0, y0: floa
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.1,
     equation (1.1), after Curtiss and Hirschfelder (1952).
     """
-    given = _Given(frames=frames, rate=rate, frequency=frequency, y0=y0)
-    args = ForcedArgs(given.rate, given.frequency)
+    checked = _Arguments(frames=frames, rate=rate, frequency=frequency, y0=y0)
+    args = ForcedArgs(checked.rate, checked.frequency)
     return Problem(
         rhs,
-        np.array([given.y0]),
-        np.arange(given.frames + 1.0),
+        np.array([checked.y0]),
+        np.arange(checked.frames + 1.0),
         args,
         name="forced",
-        exact=functools.partial(_exact, args, given.y0),
-        parameters={"kind": "forced", **given.model_dump(mode="json")},
+        exact=functools.partial(_exact, args, checked.y0),
+        parameters={"kind": "forced", **checked.model_dump(mode="json")},
     )
 
 

@@ -12,8 +12,8 @@ from ropeode.problems.problem import Problem
 from ropeode.validation import FinitePair, Input, Positive, WholePositive, field
 
 
-class _Given(Input):
-    """What `henon_heiles` is given."""
+class _Arguments(Input):
+    """The arguments of `henon_heiles`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     duration: Positive = field(..., allowed="a finite number > 0", example="20.0")
@@ -44,7 +44,7 @@ def henon_heiles(
     Source: Hénon and Heiles, The applicability of the third integral of motion, Astronomical
     Journal 69 (1964), equation (11).
     """
-    given = _Given(
+    checked = _Arguments(
         frames=frames,
         duration=duration,
         position=position,  # pyright: ignore[reportArgumentType]
@@ -52,12 +52,12 @@ def henon_heiles(
     )
     return Problem.second_order(
         acceleration,
-        [given.position],
-        [given.velocity],
-        np.linspace(0.0, given.duration, given.frames + 1),
+        [checked.position],
+        [checked.velocity],
+        np.linspace(0.0, checked.duration, checked.frames + 1),
         name="Hénon-Heiles",
         energy=energy,
-        parameters={"kind": "henon-heiles", **given.model_dump(mode="json")},
+        parameters={"kind": "henon-heiles", **checked.model_dump(mode="json")},
     )
 
 

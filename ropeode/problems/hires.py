@@ -11,8 +11,8 @@ from ropeode.problems.problem import Problem
 from ropeode.validation import Input, Positive, WholePositive, field
 
 
-class _Given(Input):
-    """What `hires` is given."""
+class _Arguments(Input):
+    """The arguments of `hires`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     duration: Positive = field(..., allowed="a finite number > 0", example="321.8122")
@@ -33,13 +33,13 @@ def hires(frames: int = 20, duration: float = 321.8122) -> Problem:
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.10,
     equation (10.4), after Schäfer (1975).
     """
-    given = _Given(frames=frames, duration=duration)
+    checked = _Arguments(frames=frames, duration=duration)
     return Problem(
         rhs,
         np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0057]),
-        np.linspace(0.0, given.duration, given.frames + 1),
+        np.linspace(0.0, checked.duration, checked.frames + 1),
         name="HIRES",
-        parameters={"kind": "hires", **given.model_dump(mode="json")},
+        parameters={"kind": "hires", **checked.model_dump(mode="json")},
     )
 
 

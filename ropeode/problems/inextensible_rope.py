@@ -39,8 +39,8 @@ class InextensibleRope(RopeInput):
         pinned: indices of the nodes that do not move. The rope starts taut, so that nodes
             between two pins could not move either: it may be pinned in one node, or in
             neighbours.
-        gravity: acceleration, as many components as `start`; a 3-D rope that is given none
-            has (0, -1, 0).
+        gravity: acceleration, as many components as `start`; the default of a
+            3-D rope is (0, -1, 0).
         damping: coefficient of the force ``-damping * v``, one or one for each node.
         initial_velocity: one velocity for all the nodes that are free, or one for each; no
             link may be stretched by it.

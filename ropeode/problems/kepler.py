@@ -19,8 +19,8 @@ _ROUNDS = 20
 _TERMS = 12
 
 
-class _Given(Input):
-    """What `kepler` is given."""
+class _Arguments(Input):
+    """The arguments of `kepler`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     # Nearer to 1, rounding the initial velocity changes the period by more than 1e-12.
@@ -46,18 +46,18 @@ def kepler(frames: int = 20, eccentricity: float = 0.5, periods: float = 1.0) ->
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, section I.2.
     """
-    given = _Given(frames=frames, eccentricity=eccentricity, periods=periods)
-    e = given.eccentricity
+    checked = _Arguments(frames=frames, eccentricity=eccentricity, periods=periods)
+    e = checked.eccentricity
     distance, speed = 1.0 - e, float(np.sqrt((1.0 + e) / (1.0 - e)))
     return Problem.second_order(
         acceleration,
         [[distance, 0.0]],
         [[0.0, speed]],
-        2.0 * np.pi * given.periods * np.arange(given.frames + 1) / given.frames,
+        2.0 * np.pi * checked.periods * np.arange(checked.frames + 1) / checked.frames,
         name="Kepler",
         energy=energy,
         exact=functools.partial(_exact, distance, speed),
-        parameters={"kind": "kepler", **given.model_dump(mode="json")},
+        parameters={"kind": "kepler", **checked.model_dump(mode="json")},
     )
 
 

@@ -24,8 +24,8 @@ class ChainArgs(NamedTuple):
     damping: Any
 
 
-class _Given(Input):
-    """What `linear_chain` is given."""
+class _Arguments(Input):
+    """The arguments of `linear_chain`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     num_masses: WholePositive = field(..., allowed="a whole number >= 1", example="8")
@@ -69,7 +69,7 @@ def linear_chain(
         stiffness: force per length of each spring.
         damping: force per velocity on each mass.
         displacement: initial displacements of the first masses, in the unit of length;
-            those that are not given are zero.
+            missing ones are zero.
         velocity: initial velocities likewise, in lengths per frame.
 
     Raises:
@@ -78,7 +78,7 @@ def linear_chain(
     Source: LeVeque, Finite Difference Methods for Ordinary and Partial Differential
     Equations, section 2.10, equations (2.23) and (2.24): the modes and their frequencies.
     """
-    given = _Given(
+    checked = _Arguments(
         frames=frames,
         num_masses=num_masses,
         mass=mass,
@@ -87,18 +87,18 @@ def linear_chain(
         displacement=displacement,  # pyright: ignore[reportArgumentType]
         velocity=velocity,  # pyright: ignore[reportArgumentType]
     )
-    args = ChainArgs(given.mass, given.stiffness, given.damping)
+    args = ChainArgs(checked.mass, checked.stiffness, checked.damping)
     return Problem.second_order(
         acceleration,
-        given.displacement,
-        given.velocity,
-        np.arange(given.frames + 1.0),
+        checked.displacement,
+        checked.velocity,
+        np.arange(checked.frames + 1.0),
         args,
         damping=linear_damping,
         name="linear chain",
         energy=energy,
-        exact=functools.partial(_exact, args, given.displacement, given.velocity),
-        parameters={"kind": "linear-chain", **given.model_dump(mode="json")},
+        exact=functools.partial(_exact, args, checked.displacement, checked.velocity),
+        parameters={"kind": "linear-chain", **checked.model_dump(mode="json")},
     )
 
 

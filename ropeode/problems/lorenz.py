@@ -20,8 +20,8 @@ class LorenzArgs(NamedTuple):
     beta: Any
 
 
-class _Given(Input):
-    """What `lorenz` is given."""
+class _Arguments(Input):
+    """The arguments of `lorenz`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     duration: Positive = field(..., allowed="a finite number > 0", example="10.0")
@@ -57,7 +57,7 @@ def lorenz(
     Source: Lorenz, Deterministic nonperiodic flow, Journal of the Atmospheric Sciences 20
     (1963), equations (25) to (27).
     """
-    given = _Given(
+    checked = _Arguments(
         frames=frames,
         duration=duration,
         sigma=sigma,
@@ -67,11 +67,11 @@ def lorenz(
     )
     return Problem(
         rhs,
-        np.array(given.y0),
-        np.linspace(0.0, given.duration, given.frames + 1),
-        LorenzArgs(given.sigma, given.rho, given.beta),
+        np.array(checked.y0),
+        np.linspace(0.0, checked.duration, checked.frames + 1),
+        LorenzArgs(checked.sigma, checked.rho, checked.beta),
         name="Lorenz",
-        parameters={"kind": "lorenz", **given.model_dump(mode="json")},
+        parameters={"kind": "lorenz", **checked.model_dump(mode="json")},
     )
 
 

@@ -19,8 +19,8 @@ class OregonatorArgs(NamedTuple):
     w: Any
 
 
-class _Given(Input):
-    """What `oregonator` is given."""
+class _Arguments(Input):
+    """The arguments of `oregonator`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     duration: Positive = field(..., allowed="a finite number > 0", example="360.0")
@@ -42,14 +42,14 @@ def oregonator(frames: int = 20, duration: float = 360.0) -> Problem:
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.10,
     equation (10.3), after Field and Noyes (1974).
     """
-    given = _Given(frames=frames, duration=duration)
+    checked = _Arguments(frames=frames, duration=duration)
     return Problem(
         rhs,
         np.array([1.0, 2.0, 3.0]),
-        np.linspace(0.0, given.duration, given.frames + 1),
+        np.linspace(0.0, checked.duration, checked.frames + 1),
         OregonatorArgs(s=77.27, q=8.375e-6, w=0.161),
         name="Oregonator",
-        parameters={"kind": "oregonator", **given.model_dump(mode="json")},
+        parameters={"kind": "oregonator", **checked.model_dump(mode="json")},
     )
 
 

@@ -21,8 +21,8 @@ class OscillatorArgs(NamedTuple):
     damping: Any
 
 
-class _Given(Input):
-    """What `oscillator` is given."""
+class _Arguments(Input):
+    """The arguments of `oscillator`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     mass: Positive = field(..., allowed="a finite number > 0", example="1.0")
@@ -57,19 +57,21 @@ def oscillator(
 
     Source: Landau and Lifshitz, Mechanics, section 25.
     """
-    given = _Given(frames=frames, mass=mass, stiffness=stiffness, damping=damping, x0=x0, v0=v0)
-    args = OscillatorArgs(given.mass, given.stiffness, given.damping)
+    checked = _Arguments(
+        frames=frames, mass=mass, stiffness=stiffness, damping=damping, x0=x0, v0=v0
+    )
+    args = OscillatorArgs(checked.mass, checked.stiffness, checked.damping)
     return Problem.second_order(
         acceleration,
-        [[given.x0]],
-        [[given.v0]],
-        np.arange(given.frames + 1.0),
+        [[checked.x0]],
+        [[checked.v0]],
+        np.arange(checked.frames + 1.0),
         args,
         damping=linear_damping,
         name="oscillator",
         energy=energy,
-        exact=functools.partial(_exact, args, given.x0, given.v0),
-        parameters={"kind": "oscillator", **given.model_dump(mode="json")},
+        exact=functools.partial(_exact, args, checked.x0, checked.v0),
+        parameters={"kind": "oscillator", **checked.model_dump(mode="json")},
     )
 
 

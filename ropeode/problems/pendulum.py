@@ -20,8 +20,8 @@ class PendulumArgs(NamedTuple):
     gravity: Any
 
 
-class _Given(Input):
-    """What `pendulum` is given."""
+class _Arguments(Input):
+    """The arguments of `pendulum`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     length: Positive = field(..., allowed="a finite number > 0", example="1.0")
@@ -53,18 +53,20 @@ def pendulum(
 
     Source: Landau and Lifshitz, Mechanics, section 11, problem 1.
     """
-    given = _Given(frames=frames, length=length, gravity=gravity, angle=angle, velocity=velocity)
-    args = PendulumArgs(given.length, given.gravity)
+    checked = _Arguments(
+        frames=frames, length=length, gravity=gravity, angle=angle, velocity=velocity
+    )
+    args = PendulumArgs(checked.length, checked.gravity)
     return Problem.second_order(
         acceleration,
-        [[given.angle]],
-        [[given.velocity]],
-        np.arange(given.frames + 1.0),
+        [[checked.angle]],
+        [[checked.velocity]],
+        np.arange(checked.frames + 1.0),
         args,
         name="pendulum",
         energy=energy,
-        exact=functools.partial(_exact, args, given.angle, given.velocity),
-        parameters={"kind": "pendulum", **given.model_dump(mode="json")},
+        exact=functools.partial(_exact, args, checked.angle, checked.velocity),
+        parameters={"kind": "pendulum", **checked.model_dump(mode="json")},
     )
 
 

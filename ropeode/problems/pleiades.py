@@ -20,8 +20,8 @@ class PleiadesArgs(NamedTuple):
     masses: Any
 
 
-class _Given(Input):
-    """What `pleiades` is given."""
+class _Arguments(Input):
+    """The arguments of `pleiades`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     duration: Positive = field(..., allowed="a finite number > 0", example="3.0")
@@ -42,16 +42,16 @@ def pleiades(frames: int = 20, duration: float = 3.0) -> Problem:
     Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.10,
     equations (10.2) and (10.3).
     """
-    given = _Given(frames=frames, duration=duration)
+    checked = _Arguments(frames=frames, duration=duration)
     return Problem.second_order(
         acceleration,
         POSITIONS,
         VELOCITIES,
-        np.linspace(0.0, given.duration, given.frames + 1),
+        np.linspace(0.0, checked.duration, checked.frames + 1),
         PleiadesArgs(np.arange(1.0, 8.0)),
         name="Pleiades",
         energy=energy,
-        parameters={"kind": "pleiades", **given.model_dump(mode="json")},
+        parameters={"kind": "pleiades", **checked.model_dump(mode="json")},
     )
 
 

@@ -1,4 +1,4 @@
-"""What is solved: an initial value problem, written in JAX."""
+"""An initial value problem, written in JAX."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Problem:
         jump_times: times inside the span at which `rhs` jumps.
         constraints: ``constraints(t, y, args)`` in JAX gives, for some of `quantities`, what
             is zero along each solution, in the units of the quantity.
-        parameters: what the problem was made from, as plain JSON values.
+        parameters: from which the library builds the problem, as plain JSON values.
         mechanics: set by `Problem.second_order`.
 
     Raises:
@@ -105,8 +105,13 @@ class Problem:
         )
         self._set("jump_times", checks.jump_times(self.jump_times, self.ts))
         self._set("args", checks.numeric_pytree("args", self.args))
-        start = float(self.ts[0])
-        checks.right_hand_side(self.rhs, start, self.y0, self.args)
+        start = self.ts[0]
+        if isinstance(self.rhs, FirstOrderForm) and self.y0.shape[:1] == (2,):
+            # Nothing else can fail in it, and this is compiled already.
+            x0, v0 = self.y0
+            checks.acceleration(self.rhs.acceleration, start, x0, v0, self.args)
+        else:
+            checks.right_hand_side(self.rhs, start, self.y0, self.args)
         if self.constraints is not None:
             checks.constraints(self.constraints, start, self.y0, self.args, self.quantities)
 
@@ -116,10 +121,10 @@ class Problem:
         object.__setattr__(self, name, value)
 
     def changed(self, **fields: Any) -> Problem:
-        """A copy with other fields, which are not checked.
+        """A copy with other fields, without checks.
 
-        For what follows from a problem that has been checked: its equations in other units, or
-        with other numbers of the same shapes.
+        For problems that follow from a checked one: its equations in other units, or with other
+        numbers of the same shapes.
 
         Arguments:
             fields: by name; arrays in float64.
@@ -157,7 +162,7 @@ class Problem:
             args: handed to `acceleration`.
             damping: ``damping(args)`` gives the `LinearDamping` inside `acceleration`, for
                 steppers that treat damping on its own. Not needed where the acceleration
-                does not depend on the velocity: that is found out by trying.
+                does not depend on the velocity, which a few trials show.
             links: ``links(args)`` gives the `Links` of nodes that stand in a row; for such,
                 positions are stored ``(dim, nodes)``.
             node_axis: 1 where positions are stored ``(dim, nodes)``.
@@ -186,7 +191,7 @@ class Problem:
             )
         ts = checks.sample_times(ts)
         args = checks.numeric_pytree("args", args)
-        checks.acceleration(acceleration, float(ts[0]), x0, v0, args)
+        checks.acceleration(acceleration, ts[0], x0, v0, args)
         if links is not None:
             checks.links(links, x0, node_axis, args)
         if damping is None:
@@ -194,9 +199,9 @@ class Problem:
                 damping = no_damping
         elif not _is_the_damping(damping, acceleration, ts, x0, v0, args):
             raise InputError(
-                "damping: the acceleration changes with the velocity by something else than "
-                "-rate * v with the rate that it gives; allowed: the rate that the "
-                "acceleration contains. Fix: let damping(args) return it, or leave it out."
+                "damping: the acceleration does not change with the velocity by -rate * v, where "
+                "rate is that of damping(args); allowed: the rate in the acceleration. Fix: let "
+                "damping(args) return that rate, or leave damping out."
             )
         return cls(
             rhs=FirstOrderForm(acceleration),
@@ -208,19 +213,19 @@ class Problem:
         )
 
     def with_numbers(self, y0: Any, args: Any, parameters: Mapping[str, Any]) -> Problem:
-        """The same functions with other numbers, on which they are not tried again.
+        """The same functions with other numbers, without new checks.
 
         Arguments:
             y0: initial state, an array of the shape of this one's.
             args: arguments, arrays of the shapes of this one's.
-            parameters: what the new problem was made from.
+            parameters: of the new problem.
         """
-        # What is exact may know of the old numbers.
+        # An exact solution may depend on the old numbers.
         return self.changed(y0=y0, args=args, parameters=parameters, exact=None)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What errors are taken of: positions and velocities apart, or the state."""
+        """The quantities that have errors: position and velocity, or the state."""
         return ("state",) if self.mechanics is None else ("position", "velocity")
 
     @property
@@ -237,7 +242,7 @@ class Problem:
     def quantity(self, name: str, states: np.ndarray) -> np.ndarray:
         """One of `quantities` of states, as ``(times, nodes, dim)``.
 
-        A state that is no mechanical one counts as nodes of one component each.
+        A state that is not mechanical counts as nodes of one component each.
 
         Arguments:
             name: one of `quantities`.
@@ -297,7 +302,7 @@ class Problem:
         """
         if self.energy is None:
             raise InputError(
-                complaint("energy", None, "a function energy(t, y, args)", "give the problem one")
+                complaint("energy", None, "a function energy(t, y, args)", "pass energy=...")
             )
         every = _for_each_state(self.energy)
         return np.asarray(every(self.ts[: len(states)], states, self.args))
@@ -309,7 +314,7 @@ class Problem:
 
     @in_float64
     def drift(self, states: np.ndarray) -> dict[str, np.ndarray]:
-        """How far states are off the constraints: for each quantity the largest, ``(times,)``.
+        """The largest violation of the constraints, for each quantity, ``(times,)``.
 
         Arguments:
             states: shape ``(times, *y0.shape)``, taken at the first sample times.

@@ -11,15 +11,15 @@ from ropeode.problems.problem import Problem
 from ropeode.validation import Input, Positive, WholePositive, field
 
 
-class _Given(Input):
-    """What `robertson` is given."""
+class _Arguments(Input):
+    """The arguments of `robertson`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="12")
     duration: Positive = field(..., allowed="a finite number > 0", example="1e11")
 
 
 def robertson(frames: int = 12, duration: float = 1e11) -> Problem:
-    """Three substances, of which the second is gone almost as soon as it is made.
+    """Three substances; the second decays almost as soon as it forms.
 
     ``y1' = -0.04 y1 + 1e4 y2 y3``, ``y3' = 3e7 y2^2``, and the sum stays 1. The state has the
     shape (3,). Each frame but the first ends at ten times the time at which the one before
@@ -35,13 +35,13 @@ def robertson(frames: int = 12, duration: float = 1e11) -> Problem:
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.1,
     equation (1.4), after Robertson (1966).
     """
-    given = _Given(frames=frames, duration=duration)
+    checked = _Arguments(frames=frames, duration=duration)
     return Problem(
         rhs,
         np.array([1.0, 0.0, 0.0]),
-        np.append(0.0, given.duration / 10.0 ** np.arange(given.frames - 1, -1, -1)),
+        np.append(0.0, checked.duration / 10.0 ** np.arange(checked.frames - 1, -1, -1)),
         name="Robertson",
-        parameters={"kind": "robertson", **given.model_dump(mode="json")},
+        parameters={"kind": "robertson", **checked.model_dump(mode="json")},
     )
 
 

@@ -29,8 +29,8 @@ class Rope(RopeInput):
         node_mass: mass of every node, or one for each.
         stiffness: force per length of every spring, or one for each.
         pinned: indices of the nodes that do not move.
-        gravity: acceleration, as many components as `start`; a 3-D rope that is given none
-            has (0, -1, 0).
+        gravity: acceleration, as many components as `start`; the default of a
+            3-D rope is (0, -1, 0).
         damping: coefficient of the force ``-damping * v``, one or one for each node.
         initial_velocity: one velocity for all the nodes that are free, or one for each.
 

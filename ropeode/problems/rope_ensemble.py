@@ -1,16 +1,18 @@
-"""Ropes that differ in what they weigh, how stiff they are, and what pulls at them."""
+"""Ropes that differ in some of their numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.rope_input import RopeInput
 from ropeode.validation import complaint, unknown
+
+if TYPE_CHECKING:
+    from ropeode.problems.rope_input import RopeInput
 
 # Field of a rope, and the name of it in the arguments of its right-hand side.
 _ARGUMENTS = {
@@ -36,11 +38,11 @@ def rope_ensemble(rope: RopeInput, frames: int, arrays: Mapping[str, Any]) -> En
             complaint("ensemble", lengths, allowed_lengths, "for example damping=[0.0, 0.1]")
         )
 
-    def of_member(index: int) -> RopeInput:
+    def member(index: int) -> RopeInput:
         return _with(rope, {name: array[index] for name, array in values.items()})
 
     _check(rope, values)
-    problem = of_member(0).problem(frames)
+    problem = member(0).problem(frames)
     size = len(next(iter(values.values())))
     args = {
         name: np.broadcast_to(leaf, (size, *leaf.shape))
@@ -48,13 +50,13 @@ def rope_ensemble(rope: RopeInput, frames: int, arrays: Mapping[str, Any]) -> En
     }
     for field, name in _ARGUMENTS.items():
         if field in values:
-            given = values[field]
-            given = given[..., None] if field == "gravity" or given.ndim == 1 else given
-            args[name] = np.broadcast_to(given, args[name].shape)
+            array = values[field]
+            array = array[..., None] if field == "gravity" or array.ndim == 1 else array
+            args[name] = np.broadcast_to(array, args[name].shape)
     y0 = None
     if _VELOCITY in values:
-        given = values[_VELOCITY]
-        rows = given[:, :, None] if given.ndim == 2 else np.moveaxis(given, 1, 2)
+        velocity = values[_VELOCITY]
+        rows = velocity[:, :, None] if velocity.ndim == 2 else np.moveaxis(velocity, 1, 2)
         y0 = np.repeat(problem.y0[None], size, axis=0)
         y0[:, 1] = rows * rope.nodes().free
     return Ensemble.varying(
@@ -63,7 +65,7 @@ def rope_ensemble(rope: RopeInput, frames: int, arrays: Mapping[str, Any]) -> En
         args=type(problem.args)(**args),
         parameters=lambda index: {
             **problem.parameters,
-            **of_member(index).model_dump(mode="json"),
+            **member(index).model_dump(mode="json"),
         },
     )
 
@@ -90,7 +92,7 @@ def _check(rope: RopeInput, values: Mapping[str, np.ndarray]) -> None:
     InputError: one line for each field with a value that a rope refuses.
     """
     if _VELOCITY in values and "stiffness" not in type(rope).model_fields:
-        # Whether velocities stretch a link is seen on each rope only.
+        # Only each rope itself shows whether velocities stretch a link.
         every = range(len(values[_VELOCITY]))
         tried = [{name: array[index] for name, array in values.items()} for index in every]
     else:

@@ -1,4 +1,4 @@
-"""What all ropes are given: nodes in a straight row, their masses, pins, gravity and damping."""
+"""The arguments that ropes share: nodes in a straight row, masses, pins, gravity, damping."""
 
 from __future__ import annotations
 
@@ -88,14 +88,14 @@ class RopeInput(Input):
 
     @model_validator(mode="before")
     @classmethod
-    def _defaults_follow_the_dimension(cls, given: Any) -> Any:
-        start = given.get("start", cls.model_fields["start"].default)
+    def _defaults_follow_the_dimension(cls, values: Any) -> Any:
+        start = values.get("start", cls.model_fields["start"].default)
         dim = len(start) if hasattr(start, "__len__") else 2
         if dim == 3:
-            given = {"gravity": (0.0, -1.0, 0.0), **given}
+            values = {"gravity": (0.0, -1.0, 0.0), **values}
         if dim in (2, 3):
-            given = {"initial_velocity": (0.0,) * dim, **given}
-        return given
+            values = {"initial_velocity": (0.0,) * dim, **values}
+        return values
 
     @field_validator("num_nodes", mode="before", check_fields=False)
     @classmethod
@@ -188,7 +188,7 @@ class RopeInput(Input):
         Raises:
             InputError: one line for each array that cannot be used.
         """
-        # Not above: that module builds on this one.
+        # Not above: few ropes become an ensemble.
         from ropeode.problems.rope_ensemble import rope_ensemble
 
         return rope_ensemble(self, frames, arrays)

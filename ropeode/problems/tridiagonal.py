@@ -33,8 +33,8 @@ def solve(lower: Any, diagonal: Any, upper: Any, right: Any) -> Any:
 
     def up(below: Any, row: tuple) -> tuple:
         ratio, value = row
-        found = value - ratio * below
-        return found, found
+        solved = value - ratio * below
+        return solved, solved
 
     nothing = jnp.zeros_like(right[0])
     _, rows = jax.lax.scan(down, (nothing, nothing), (lower, diagonal, upper, right))

@@ -16,8 +16,8 @@ class VanDerPolArgs(NamedTuple):
     epsilon: Any
 
 
-class _Given(Input):
-    """What `van_der_pol` is given."""
+class _Arguments(Input):
+    """The arguments of `van_der_pol`, checked."""
 
     frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
     duration: Positive = field(..., allowed="a finite number > 0", example="2.0")
@@ -51,15 +51,15 @@ def van_der_pol(
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.1,
     equation (1.5').
     """
-    given = _Given(frames=frames, duration=duration, epsilon=epsilon, x0=x0, v0=v0)
+    checked = _Arguments(frames=frames, duration=duration, epsilon=epsilon, x0=x0, v0=v0)
     return Problem.second_order(
         acceleration,
-        [[given.x0]],
-        [[given.v0]],
-        np.linspace(0.0, given.duration, given.frames + 1),
-        VanDerPolArgs(given.epsilon),
+        [[checked.x0]],
+        [[checked.v0]],
+        np.linspace(0.0, checked.duration, checked.frames + 1),
+        VanDerPolArgs(checked.epsilon),
         name="Van der Pol",
-        parameters={"kind": "van-der-pol", **given.model_dump(mode="json")},
+        parameters={"kind": "van-der-pol", **checked.model_dump(mode="json")},
     )
 
 

@@ -1,4 +1,4 @@
-"""How far a reference may be trusted, from runs that do not depend on each other."""
+"""How far a reference can be trusted, by runs that do not depend on each other."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import numpy as np
 from ropeode.norms import NORMS, Norm, distance
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solution import Solution
+from ropeode.references.solvers.solver import Solver
 
 # The bound is this many times the largest difference between the runs. See docs/certificate.md
 # for how often and how tightly it covers the true error.
 SAFETY_FACTOR = 3.0
-# Units of rounding below which no two float64 runs can be told apart.
+# Units of rounding below which a difference of two float64 runs means nothing.
 ROUNDING_UNITS = 4.0
 
 Role = Literal["looser", "tighter", "neighbour", "short steps", "independent", "fewer digits"]
@@ -25,22 +26,22 @@ Level = Literal["consensus", "extended"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Witness:
-    """A run that the reference was held against.
+    """A run that checks a reference.
 
     Arguments:
-        solver: library and solver.
+        solver: which one.
         tolerance: its relative tolerance.
-        role: `tighter` or `looser` runs of the primary solver; an `independent` solver; a
-            `neighbour` is the primary solver started one unit of rounding away; one with
-            `short steps` may not step over what lasts longer than 1/32 of a frame; one with
-            `fewer digits` stands beside a reference in extended precision.
-        steps: that it made (rejected ones count with diffrax, not with SciPy).
-        seconds: that it took, without compiling.
+        role: `tighter` and `looser` are runs of the primary solver, `independent` is another
+            solver, `neighbour` is the primary solver started one unit of rounding away, `short
+            steps` cannot step over what lasts longer than 1/32 of a frame, and `fewer digits`
+            checks a reference in extended precision.
+        steps: how many (diffrax counts rejected ones, SciPy does not).
+        seconds: to run, without compiling.
         differences: its distance from the reference at each sample, for each quantity.
         difference: the largest of the first quantity inside the horizon.
     """
 
-    solver: str
+    solver: Solver
     tolerance: float
     role: Role
     steps: int
@@ -51,16 +52,16 @@ class Witness:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Certificate:
-    """What is claimed of a reference, and what the claim rests on.
+    """What is claimed of a reference, and the evidence.
 
     Arguments:
         level: `consensus`: the witnesses are float64 runs. `extended`: two runs in extended
-            precision agree, and the states are the finer one, rounded to float64.
+            precision agree, and the states are those of the finer one, rounded to float64.
         solver: the primary solver.
         rtol: its relative tolerance.
         atol: its absolute tolerance.
-        steps: its steps.
-        accuracy: the error asked for, in the units of the first quantity.
+        steps: its number of steps.
+        accuracy: the largest bound that is still trusted, in the units of the first quantity.
         bounds: for each quantity the estimated error bound at each sample, in the largest
             node's norm; it never falls in time. Infinite where a run did not arrive.
         drift: for each constrained quantity how far each sample is off the problem's
@@ -69,15 +70,15 @@ class Certificate:
         trusted: the number of leading samples inside the trust horizon.
         horizon: the first sample time outside of it; None if there is none.
         horizon_reason: why it ends there.
-        witnesses: the runs that it rests on.
-        stiff: the explicit solver needed too many steps, and implicit ones were taken.
+        witnesses: the runs that check the reference.
+        stiff: the explicit solver needed too many steps, so that the solvers are implicit.
         seconds: for all the runs, without compiling.
         compile_seconds: for compiling them.
-        versions: of the packages that took part.
+        versions: of the packages involved.
     """
 
     level: Level
-    solver: str
+    solver: Solver
     rtol: float
     atol: float
     steps: int
@@ -95,7 +96,7 @@ class Certificate:
 
 
 def witness(problem: Problem, primary: Solution, run: Solution, role: Role) -> Witness:
-    """A run, measured against the primary."""
+    """A run, compared with the primary one."""
     return Witness(
         solver=run.solver,
         tolerance=run.rtol,
@@ -123,9 +124,9 @@ def bounds(
     """The estimated error bound of the primary at each sample, for each quantity.
 
     Three times the running maximum of the largest difference from any witness that is at
-    least as good as the primary, and a few units of rounding of the largest value so far.
-    The looser run is left out: it is further from the truth than the primary, so that its
-    difference says how wrong *it* is. Where the problem has constraints, the distance from
+    least as good as the primary, plus a few units of rounding of the largest value so far.
+    The looser runs are left out: they are further from the truth than the primary, so that a
+    difference shows their own error. Where the problem has constraints, the distance from
     them counts like a difference: at least half of it is error.
     """
     result = {}
@@ -144,34 +145,34 @@ def bounds(
 def from_tightest(problem: Problem, run: Solution, tightest: Solution) -> np.ndarray:
     """The largest distance of the first quantity up to each sample, ``(times,)``."""
     norm = next(iter(largest_norms(problem).values()))
-    apart = distance(problem, norm, run.states, tightest.states)
-    return np.maximum.accumulate(padded(apart, problem))
+    distances = distance(problem, norm, run.states, tightest.states)
+    return np.maximum.accumulate(padded(distances, problem))
 
 
 def trusted_samples(
     problem: Problem,
     rungs: Sequence[Solution],
-    away: Sequence[np.ndarray],
+    from_tightest: Sequence[np.ndarray],
     bound: np.ndarray,
     witnesses: Sequence[Witness],
     accuracy: float,
 ) -> tuple[int, str | None]:
     """How many leading samples can be trusted, and why not more.
 
-    A sample can be trusted if the bound is within the accuracy asked for, and if the ladder
-    has settled. That is, measured from its tightest rung: no rung is ten times further away
-    than a looser one, and the last but one is at most a third as far away as the loosest; or
-    else a rung sees something that others missed. One sample may break these rules by
-    accident, so they count from where they are broken to the end. Differences are no sign of
-    trouble where the tolerance allows them in each step, or where rounding explains them:
-    one unit in each step, grown as much as the neighbour's.
+    A sample can be trusted if the bound is within the accuracy, and if the ladder has settled.
+    Settled means, in distances from the tightest rung: no rung is ten times further away
+    than a looser one, and the last but one is at most a third as far away as the loosest.
+    Otherwise a rung sees something that others missed. A single sample may break these rules by
+    accident: trust ends only where every later sample breaks them too. A difference is excused
+    where the tolerance allows it in each step, or where rounding explains it: one unit in each
+    step, grown as much as the neighbour's.
 
     Arguments:
         problem: what was solved.
         rungs: of the tolerance ladder, the loosest first.
-        away: how far each rung is `from_tightest`.
+        from_tightest: the distance of each rung from the tightest.
         bound: of the first quantity.
-        witnesses: of all roles; the neighbour is asked.
+        witnesses: of all roles; the neighbour shows how rounding grows.
         accuracy: in the units of the first quantity.
     """
     quantity = problem.quantities[0]
@@ -181,11 +182,11 @@ def trusted_samples(
         rounding = max(run.steps, 100) * (np.maximum.accumulate(neighbour) + bound[0])
         return np.maximum(rounding, run.steps * run.rtol * problem.scale)
 
-    *away, _ = away  # The tightest rung is no distance from itself.
-    excused = [series <= allowed(run) for series, run in zip(away, rungs, strict=False)]
-    settled = (away[-1] <= away[0] / 3.0) | excused[-1]
-    for looser, tighter in itertools.combinations(range(len(away)), 2):
-        settled &= (away[tighter] <= 10.0 * away[looser]) | excused[tighter]
+    *distances, _ = from_tightest  # The tightest rung is no distance from itself.
+    excused = [series <= allowed(run) for series, run in zip(distances, rungs, strict=False)]
+    settled = (distances[-1] <= distances[0] / 3.0) | excused[-1]
+    for looser, tighter in itertools.combinations(range(len(distances)), 2):
+        settled &= (distances[tighter] <= 10.0 * distances[looser]) | excused[tighter]
 
     enough = int(np.argmin(np.append(bound <= accuracy, False)))
     trusted = int(np.max(np.flatnonzero(settled[:enough]), initial=-1)) + 1

@@ -10,7 +10,9 @@ from importlib import metadata
 import numpy as np
 
 from ropeode.errors import ReferenceRefused
+from ropeode.norms import motion
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress
 from ropeode.references.certificate import (
     Certificate,
     Role,
@@ -24,39 +26,38 @@ from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
     Method,
-    Progress,
     climb,
+    neighbour,
     recall,
     short_steps,
     solve_independent,
     solve_primary,
     step_budget,
 )
-from ropeode.references.reference import (
-    FINEST_ACCURACY,
-    RELATIVE_ACCURACY,
-    Reference,
-    motion,
-)
+from ropeode.references.options import ReferenceOptions
+from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
 
 TIGHTEST_RTOL = 1e-14
+RELATIVE_ACCURACY = 1e-8
+# Of the initial state's scale; what hardly moves cannot be known to 1e-8 of its motion.
+FINEST_ACCURACY = 1e-12
 _PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Primary:
-    """All that the primary solver has to say of a problem.
+    """All runs of the primary solver on a problem.
 
     Arguments:
         problem: what was solved.
-        method: with what.
-        run: the one that is to be the reference.
+        method: the solvers.
+        run: the run that becomes the reference.
         next_tighter: the rung of the ladder after it, without its states.
-        rungs: of the tolerance ladder, without their states.
-        away: how far each rung is from the tightest, `from_tightest`.
-        witnesses: the primary's other runs, held against it.
-        others: those of them that are not rungs, without their states.
+        rungs: all rungs of the tolerance ladder, without their states.
+        from_tightest: the distance of each rung from the tightest one.
+        witnesses: the other runs, compared with `run`.
+        others: the witnesses that are not rungs, without their states.
     """
 
     problem: Problem
@@ -64,34 +65,29 @@ class Primary:
     run: Solution
     next_tighter: Solution
     rungs: tuple[Solution, ...]
-    away: tuple[np.ndarray, ...]
+    from_tightest: tuple[np.ndarray, ...]
     witnesses: tuple[Witness, ...]
     others: tuple[Solution, ...]
 
 
 def consensus_reference(
-    problem: Problem,
-    accuracy: float | None,
-    rtol: float | None,
-    *,
-    progress: Progress,
+    problem: Problem, options: ReferenceOptions, progress: Progress
 ) -> Reference:
     """A reference of level `consensus`; see `ropeode.reference`.
 
     Arguments:
         problem: what to solve.
-        accuracy: as for `ropeode.reference`, checked.
-        rtol: as for `ropeode.reference`, checked.
-        progress: called with a few words before each run.
+        options: accuracy and rtol count.
+        progress: called before each run, with what it is.
 
     Raises:
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
-    primary = primary_runs(problem, rtol, progress)
+    primary = primary_runs(problem, options.rtol, progress)
     independent = solve_independent(
         problem, primary.method, primary.next_tighter, primary.run, progress
     )
-    return certified(primary, independent, accuracy, rtol)
+    return certified(primary, independent, options)
 
 
 def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Primary:
@@ -99,8 +95,8 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
 
     Arguments:
         problem: what to solve.
-        rtol: as for `ropeode.reference`, checked.
-        progress: called with a few words before each run.
+        rtol: as in `ReferenceOptions`.
+        progress: called before each run, with what it is.
 
     Raises:
         ReferenceRefused: the ladder is too short.
@@ -116,26 +112,26 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
             "earlier, or ask for a looser rtol."
         )
     primary, tightest = recall(problem, method, rungs[primary_index], progress), rungs[-1]
-    witnesses, away = [], []
+    witnesses, distances = [], []
     for index, rung in enumerate(rungs):
         run = primary if index == primary_index else recall(problem, method, rung, progress)
-        away.append(from_tightest(problem, run, tightest))
+        distances.append(from_tightest(problem, run, tightest))
         if index != primary_index:
             role = "looser" if index < primary_index else "tighter"
             witnesses.append(witness(problem, primary, run, role))
         del run
-    told = tuple(rung.without_states() for rung in rungs)
+    bare_rungs = tuple(rung.without_states() for rung in rungs)
     del rungs, tightest
     others = []
 
-    def hold_against(run: Solution, role: Role) -> None:
+    def add_witness(run: Solution, role: Role) -> None:
         witnesses.append(witness(problem, primary, run, role))
         others.append(run.without_states())
 
-    hold_against(
+    add_witness(
         solve_primary(problem, method, primary.rtol, progress, y0=neighbour(problem)), "neighbour"
     )
-    hold_against(
+    add_witness(
         solve_primary(
             problem,
             method,
@@ -150,43 +146,42 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
         problem=problem,
         method=method,
         run=primary,
-        next_tighter=told[primary_index + 1],
-        rungs=told,
-        away=tuple(away),
+        next_tighter=bare_rungs[primary_index + 1],
+        rungs=bare_rungs,
+        from_tightest=tuple(distances),
         witnesses=tuple(witnesses),
         others=tuple(others),
     )
 
 
-def certified(
-    made: Primary, independent: Solution, accuracy: float | None, rtol: float | None
-) -> Reference:
-    """The reference, with what the runs say of it.
+def certified(primary: Primary, independent: Solution, options: ReferenceOptions) -> Reference:
+    """The reference with its certificate.
 
     Arguments:
-        made: by the primary solver.
-        independent: a run of another one.
-        accuracy: as for `ropeode.reference`, checked.
-        rtol: as for `ropeode.reference`, checked.
+        primary: the runs of the primary solver.
+        independent: the run of another solver.
+        options: accuracy and rtol count.
 
     Raises:
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
-    problem, primary = made.problem, made.run
-    witnesses = (*made.witnesses, witness(problem, primary, independent, "independent"))
-    every = (*made.rungs, *made.others, independent)
-    drift = problem.drift(primary.states)
-    estimated = bounds(problem, primary, witnesses, drift)
-    bound = estimated[problem.quantities[0]]
+    problem, run = primary.problem, primary.run
+    witnesses = (*primary.witnesses, witness(problem, run, independent, "independent"))
+    every = (*primary.rungs, *primary.others, independent)
+    drift = problem.drift(run.states)
+    estimated = bounds(problem, run, witnesses, drift)
+    bound, accuracy = estimated[problem.quantities[0]], options.accuracy
     if accuracy is None:
-        relative = max(RELATIVE_ACCURACY, 1e4 * rtol if rtol else 0.0)
+        relative = max(RELATIVE_ACCURACY, 1e4 * (options.rtol or 0.0))
         accuracy = max(
-            relative * _motion_while_known(problem, primary.states, bound),
+            relative * _resolved_motion(problem, run.states, bound),
             FINEST_ACCURACY * problem.scale,
         )
-    trusted, reason = trusted_samples(problem, made.rungs, made.away, bound, witnesses, accuracy)
+    trusted, reason = trusted_samples(
+        problem, primary.rungs, primary.from_tightest, bound, witnesses, accuracy
+    )
     if trusted < 2:
-        failures = "; ".join(f"{run.solver} {run.failure}" for run in every if run.failure)
+        failures = "; ".join(f"{each.solver} {each.failure}" for each in every if each.failure)
         raise ReferenceRefused(
             f"no reference for {problem.name!r}: at t = {problem.ts[1]:g} already {reason} (bound "
             f"{bound[1]:.1e}, accuracy {accuracy:.1e}"
@@ -196,13 +191,13 @@ def certified(
         )
     return Reference(
         problem=problem,
-        states=primary.states,
+        states=run.states,
         certificate=Certificate(
             level="consensus",
-            solver=primary.solver,
-            rtol=primary.rtol,
-            atol=primary.atol,
-            steps=primary.steps,
+            solver=run.solver,
+            rtol=run.rtol,
+            atol=run.atol,
+            steps=run.steps,
             accuracy=accuracy,
             bounds=estimated,
             drift=drift,
@@ -210,9 +205,9 @@ def certified(
             horizon=float(problem.ts[trusted]) if trusted < len(problem.ts) else None,
             horizon_reason=reason,
             witnesses=tuple(_inside(w, problem, trusted) for w in witnesses),
-            stiff=made.method is IMPLICIT,
-            seconds=sum(run.seconds for run in every),
-            compile_seconds=sum(run.compile_seconds for run in every),
+            stiff=primary.method is IMPLICIT,
+            seconds=sum(each.seconds for each in every),
+            compile_seconds=sum(each.compile_seconds for each in every),
             versions=dict(_versions()),
         ),
     )
@@ -221,15 +216,20 @@ def certified(
 @functools.cache
 def _versions() -> dict[str, str]:
     """Of the packages that take part."""
-    found = {name: metadata.version(name) for name in _PACKAGES}
-    return found | {"python": platform.python_version()}
+    return {
+        **{name: metadata.version(name) for name in _PACKAGES},
+        "python": platform.python_version(),
+    }
 
 
-def _motion_while_known(problem: Problem, states: np.ndarray, bound: np.ndarray) -> float:
-    """The motion over the samples where it is known to three digits; past a pole it is not."""
+def _resolved_motion(problem: Problem, states: np.ndarray, bound: np.ndarray) -> float:
+    """The motion up to the last sample at which the bound leaves it three digits.
+
+    Past a pole it has none.
+    """
     farthest = motion(problem, states)
-    known = bound[: len(farthest)] <= 1e-3 * farthest
-    return float(farthest[max(int(np.argmin(known)) - 1, 0)] if not all(known) else farthest[-1])
+    resolved = np.append(bound[: len(farthest)] <= 1e-3 * farthest, False)
+    return float(farthest[max(int(np.argmin(resolved)) - 1, 0)])
 
 
 def _ladder(
@@ -240,8 +240,8 @@ def _ladder(
     def tolerances(method: Method) -> list[float]:
         if rtol is None:
             return list(method.tolerances)
-        asked = [100 * rtol, 10 * rtol, rtol, rtol / 10, rtol / 100]
-        return [tolerance for tolerance in asked if tolerance > 0.99 * TIGHTEST_RTOL]
+        around = [100 * rtol, 10 * rtol, rtol, rtol / 10, rtol / 100]
+        return [tolerance for tolerance in around if tolerance > 0.99 * TIGHTEST_RTOL]
 
     method = EXPLICIT
     first = solve_primary(problem, method, tolerances(method)[0], progress)
@@ -250,21 +250,6 @@ def _ladder(
         if len(other.states) > len(first.states):
             method, first = IMPLICIT, other
     return method, climb(problem, method, first, tolerances(method)[1:], progress)
-
-
-def neighbour(problem: Problem) -> np.ndarray:
-    """The initial state with each component moved by one unit of rounding, up or down.
-
-    Zeros are moved up, by a unit of rounding of the largest component: a solution that is
-    not unique must not be held against itself. But in a mechanical problem they stay, since
-    a node that is pinned or at rest would begin to drift, unless all are zero.
-    """
-    y0 = problem.y0
-    up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
-    moved = np.nextafter(y0, np.where(up, np.inf, -np.inf))
-    stays = problem.mechanics is not None and np.any(y0)
-    from_zero = 0.0 if stays else np.finfo(np.float64).eps * problem.scale
-    return np.where(y0 == 0.0, from_zero, moved)
 
 
 def _inside(w: Witness, problem: Problem, trusted: int) -> Witness:

@@ -1,4 +1,4 @@
-"""JAX in a process that is all ours: a command, or a worker."""
+"""JAX in a process of ropeode's own: a command, or a worker."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def set_up_jax() -> None:
     """
     # Equinox's checks at run time call back into Python, and a program that does so cannot be
     # kept. Of diffrax's there are two, that sample times increase and lie in the span; both
-    # are checked where a problem is made. Equinox reads this when it is imported.
+    # are checked where a problem is built. Equinox reads this when it is imported.
     os.environ.setdefault("EQX_ON_ERROR", "off")
     cache = platformdirs.user_cache_path("ropeode")
     keep_traces_in(cache / "traced")

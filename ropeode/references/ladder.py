@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solution import Solution, absolute_tolerance
+from ropeode.references.solvers.solver import (
+    DOPRI8,
+    KVAERNO5,
+    SCIPY_DOP853,
+    SCIPY_RADAU,
+    Solver,
+)
 
 # A solver of order p needs 10^(1/p) times the steps for one more digit: 1.33 for Dopri8 and
 # 1.58 for Kvaerno5. Where one more digit costs more than this factor, the error estimate has
@@ -22,12 +30,10 @@ _FEWEST_SHORT_STEPS = 1000
 # A ladder that needs more memory than this keeps the states of two rungs only.
 _MOST_BYTES_KEPT = 2**28
 
-Progress = Callable[[str], None]
-
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """Solvers of one kind, and the tolerances that are tried when none is asked for.
+    """Solvers of one kind, and the tolerances of the ladder where the user gives none.
 
     Arguments:
         primary: a diffrax solver.
@@ -35,35 +41,31 @@ class Method:
         tolerances: from loose to tight.
     """
 
-    primary: str
-    independent: str
+    primary: Solver
+    independent: Solver
     tolerances: tuple[float, ...]
 
 
-EXPLICIT = Method("Dopri8", "DOP853", (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14))
-IMPLICIT = Method("Kvaerno5", "Radau", (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
-
-
-# The independent solver of many problems; see `ropeode.references.solvers.dop853`.
-SIDE_BY_SIDE = "ropeode DOP853"
+EXPLICIT = Method(DOPRI8, SCIPY_DOP853, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14))
+IMPLICIT = Method(KVAERNO5, SCIPY_RADAU, (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
 
 
 def step_budget(problem: Problem) -> int:
-    """The steps after which a solver is taken to be the wrong one for a problem."""
+    """The number of steps after which a solver counts as the wrong one for a problem."""
     return 100_000 + 4_000 * problem.frames
 
 
 def short_steps(problem: Problem, ts: np.ndarray) -> np.ndarray:
-    """The longest steps of the run that must not step over anything that lasts longer.
+    """The longest steps of the run that must not step over anything.
 
-    Error control looks at a right-hand side only where a step puts its stages, and all
-    solvers step over a narrow pulse alike where nothing announces it. Each frame is cut for
-    itself: where frames are much shorter than others, all other runs may take one step for
-    each, the same one at every tolerance.
+    Error control sees a right-hand side only at the stages of a step, so that every solver can
+    step over a narrow pulse that nothing announces. The limit is a fraction of each frame's own
+    length: in frames much shorter than the others, all other runs may take one step per frame,
+    the same one at every tolerance.
 
     Arguments:
-        problem: whose frames are cut.
-        ts: of the run, ``(times,)``; each of its intervals lies in a frame.
+        problem: whose frames count.
+        ts: sample times of the run, ``(times,)``; each interval lies in one frame.
 
     Returns:
         The longest step for each interval of `ts`, ``(times - 1,)``.
@@ -83,7 +85,7 @@ def solve_primary(
     **more: Any,
 ) -> Solution:
     """The diffrax solver of a method at one tolerance; `more` is for `diffrax_solver.solve`."""
-    progress(f"reference: diffrax {method.primary} at {rtol:.0e}")
+    progress(f"reference: {method.primary} at {rtol:.0e}", None)
     return diffrax_solver.solve(
         problem,
         method.primary,
@@ -103,15 +105,15 @@ def climb(
 ) -> list[Solution]:
     """The primary solver at tighter and tighter tolerances, while that gains anything.
 
-    Of a large problem only the last two rungs keep their states; `recall` brings the others
-    back.
+    In a large problem only the last two rungs keep their states; `recall` computes the others
+    again.
 
     Arguments:
         problem: what to solve.
-        method: with what.
+        method: the solvers.
         first: the run at the loosest tolerance.
         tolerances: the tighter ones.
-        progress: called with a few words before each run.
+        progress: called before each run, with what it is.
     """
     rungs = [first]
     if len(first.states) < 2:
@@ -129,15 +131,30 @@ def climb(
     return rungs
 
 
+def neighbour(problem: Problem) -> np.ndarray:
+    """The initial state with each component moved by one unit of rounding, up or down.
+
+    Zeros move up by a unit of rounding of the largest component, because a solution that is
+    not unique would otherwise agree with itself. In a mechanical problem zeros stay, unless all
+    components are zero: a node that is pinned or at rest would begin to drift.
+    """
+    y0 = problem.y0
+    up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
+    moved = np.nextafter(y0, np.where(up, np.inf, -np.inf))
+    stays = problem.mechanics is not None and np.any(y0)
+    from_zero = 0.0 if stays else np.finfo(np.float64).eps * problem.scale
+    return np.where(y0 == 0.0, from_zero, moved)
+
+
 def recall(problem: Problem, method: Method, rung: Solution, progress: Progress) -> Solution:
-    """A rung with its states, which are computed again if `climb` has dropped them."""
+    """A rung with its states; computes them again if `climb` has dropped them."""
     if len(rung.states):
         return rung
     return solve_primary(problem, method, rung.rtol, progress)
 
 
 def independent_budget(problem: Problem, like: Solution) -> int:
-    """The steps after which an independent solver counts as stuck.
+    """The number of steps after which an independent solver counts as stuck.
 
     Arguments:
         problem: what to solve.
@@ -154,7 +171,7 @@ def solve_independent(
     from ropeode.references.solvers import scipy_solver
 
     for like in (tightest, looser):
-        progress(f"reference: SciPy {method.independent} at {like.rtol:.0e}")
+        progress(f"reference: {method.independent} at {like.rtol:.0e}", None)
         run = scipy_solver.solve(
             problem,
             method.independent,

@@ -1,4 +1,4 @@
-"""The float64 runs that a certificate rests on, made again to have their states."""
+"""The float64 runs that a certificate rests on, repeated to have their states."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from collections.abc import Collection, Iterator
 from typing import get_args
 
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.certificate import Role
-from ropeode.references.consensus import neighbour
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
-    SIDE_BY_SIDE,
     Method,
-    Progress,
     independent_budget,
+    neighbour,
     short_steps,
     solve_independent,
     solve_primary,
@@ -22,51 +21,63 @@ from ropeode.references.ladder import (
 )
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
+from ropeode.references.solvers.solver import OWN_DOP853
 
 
-def method_of(known: Reference) -> Method:
+def method_of(reference: Reference) -> Method:
     """The solvers of a reference of level `consensus`."""
-    return IMPLICIT if known.certificate.stiff else EXPLICIT
+    return IMPLICIT if reference.certificate.stiff else EXPLICIT
+
+
+def primary_solution(reference: Reference) -> Solution:
+    """The run that became the reference."""
+    certificate = reference.certificate
+    return Solution(
+        certificate.solver,
+        certificate.rtol,
+        certificate.atol,
+        reference.states,
+        certificate.steps,
+        seconds=0.0,
+    )
 
 
 def witness_runs(
-    known: Reference,
-    progress: Progress = lambda text: None,
+    reference: Reference,
+    progress: Progress = silent,
     *,
     problem: Problem | None = None,
     primary: Solution | None = None,
     roles: Collection[Role] = get_args(Role),
 ) -> Iterator[tuple[Role, Solution]]:
-    """Each witness of a reference of level `consensus`, with its role and its states.
+    """Each witness of a reference of level `consensus`: its role, and the run with its states.
 
-    A witness keeps its differences from the reference only. The solvers do the same thing
-    each time, so that these are the states that it had.
+    A certificate keeps the witnesses' differences from the reference only. The solvers are
+    deterministic, so that a repeated run has the same states.
 
     Arguments:
-        known: the reference.
-        progress: called with a few words before each run.
-        problem: the same with other sample times, where those are wanted.
-        primary: the reference's solver on that problem.
-        roles: of the witnesses that are wanted; the tighter ones are always made.
+        reference: whose witnesses to run.
+        progress: called before each run, with what it is.
+        problem: the problem with other sample times; by default that of the reference.
+        primary: the run of the reference's solver on that problem.
+        roles: of the witnesses to yield. The tighter ones run in any case.
     """
-    made, method = known.certificate, method_of(known)
-    problem = problem or known.problem
-    primary = primary or Solution(
-        made.solver, made.rtol, made.atol, known.states, made.steps, seconds=0.0
-    )
-    more = {
+    method = method_of(reference)
+    problem = problem or reference.problem
+    primary = primary or primary_solution(reference)
+    options = {
         "neighbour": {"y0": neighbour(problem)},
         "short steps": {
             "max_steps": 2 * step_budget(problem),
-            "longest_steps": short_steps(known.problem, problem.ts),
+            "longest_steps": short_steps(reference.problem, problem.ts),
         },
     }
     next_tighter = primary
-    for witness in made.witnesses:
+    for witness in reference.certificate.witnesses:
         role = witness.role
         if role not in roles and role != "tighter":
             continue
-        if witness.solver == SIDE_BY_SIDE:
+        if witness.solver == OWN_DOP853:
             # Not above: it imports SciPy's solvers, which takes long.
             from ropeode.references.solvers import dop853
 
@@ -75,7 +86,9 @@ def witness_runs(
         elif role == "independent":
             run = solve_independent(problem, method, next_tighter, primary, progress)
         else:
-            run = solve_primary(problem, method, witness.tolerance, progress, **more.get(role, {}))
+            run = solve_primary(
+                problem, method, witness.tolerance, progress, **options.get(role, {})
+            )
         if role == "tighter" and next_tighter is primary:
             next_tighter = run.without_states()
         if role in roles:

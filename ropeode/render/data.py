@@ -77,14 +77,14 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
         "norm": table.norm.name,
         "reference": {
             "level": certificate.level,
-            "solver": certificate.solver,
+            "solver": str(certificate.solver),
             "rtol": certificate.rtol,
             "atol": certificate.atol,
             "steps": certificate.steps,
             "stiff": certificate.stiff,
             "witnesses": [
                 {
-                    "solver": w.solver,
+                    "solver": str(w.solver),
                     "tolerance": w.tolerance,
                     "role": w.role,
                     "steps": w.steps,

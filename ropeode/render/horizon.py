@@ -79,7 +79,7 @@ def as_csv(study: Horizon) -> str:
 
 def blocks(study: Horizon) -> list[Block]:
     """The tables, and the words around them."""
-    found: list[Block] = [
+    parts: list[Block] = [
         Heading(f"Horizon of float64 references: {table_words.problem_words(cast(Any, study))}"),
         Paragraph(truth_words(study)),
         Grid(_RUNS, [_run_cells(study, run) for run in study.runs], left=frozenset({0, 2})),
@@ -90,16 +90,16 @@ def blocks(study: Horizon) -> list[Block]:
             (str(each.digits), _time(each.reference), _time(each.luckiest), _time(each.certificate))
             for each in study.digits_left
         ]
-        found += [Grid(_DIGITS, rows, left=frozenset())]
-    found += [Paragraph(words) for words in growth_words(study)]
-    found += [
+        parts += [Grid(_DIGITS, rows, left=frozenset())]
+    parts += [Paragraph(words) for words in growth_words(study)]
+    parts += [
         Paragraph(
             f"Working precision for {study.digits} digits at the end of a span (in "
             f"{unit(study)}s); the bits are those of the interval's upper end:"
         ),
         Grid(_NEEDS, need_rows(study), left=frozenset({5})),
     ]
-    return found
+    return parts
 
 
 def need_rows(study: Horizon) -> list[tuple[str, ...]]:
@@ -118,7 +118,7 @@ def need_rows(study: Horizon) -> list[tuple[str, ...]]:
 
 
 def truth_words(study: Horizon) -> str:
-    """What is held against what."""
+    """What is compared with what."""
     truth, words = study.truth, NORMS[f"{study.problem.quantities[0]}-max"].words
     reach = (
         "to the end"
@@ -133,20 +133,21 @@ def truth_words(study: Horizon) -> str:
 
 
 def loss_words(study: Horizon) -> str:
-    """Where the trust ends, and whether it was deserved."""
-    known = study.reference
+    """Where the trust ends, and whether the bound holds."""
+    reference = study.reference
     trust = (
         "trusted to the end"
-        if known.horizon is None
-        else f"trusted before t = {known.horizon:g} only ({known.certificate.horizon_reason})"
+        if reference.horizon is None
+        else f"trusted before t = {reference.horizon:g} only "
+        f"({reference.certificate.horizon_reason})"
     )
     words = (
         f"The certificate: {trust}. Inside, the reference's error is at most "
         f"{study.worst_cover:.2f} of the bound."
     )
     if not _loses(study):
-        return f"{words} Nothing but rounding is lost: {_KEPT} digits are left at every sample."
-    return f"{words} From when on fewer digits are left:"
+        return f"{words} Only rounding is lost: {_KEPT} digits are left at every sample."
+    return f"{words} First times at which fewer digits are left:"
 
 
 def _loses(study: Horizon) -> bool:
@@ -161,7 +162,7 @@ def growth_words(study: Horizon) -> list[str]:
     low, high = exponent.interval
     meaning = {
         "positive": f"{rate / math.log(10):.3f} digits {per}, in the end, at any precision",
-        "negative": "neighbouring solutions come together, and nothing is lost for long",
+        "negative": "neighbouring solutions converge, and no digit is lost for long",
         "not told from zero": "growth, if any, is slower than this span can show",
     }[exponent.sign]
     return [
@@ -173,7 +174,7 @@ def growth_words(study: Horizon) -> list[str]:
 
 
 def unit(study: Horizon) -> str:
-    """What the problem's time is counted in."""
+    """The unit of the problem's time."""
     return "frame" if study.problem.parameters.get("kind") in ROPES else "time unit"
 
 
@@ -193,7 +194,7 @@ def _run_cells(study: Horizon, run: Run) -> tuple[str, ...]:
     arrived = math.isfinite(largest)
     left = -math.log10(max(largest / study.size, 1e-16)) if arrived else 0.0
     return (
-        run.solver,
+        str(run.solver),
         f"{run.tolerance:.0e}",
         run.role,
         str(run.steps),
@@ -208,7 +209,7 @@ def _time(time: float | None) -> str:
 
 def as_dict(study: Horizon) -> dict[str, Any]:
     """The study as nested plain values."""
-    problem, made, exponent = study.problem, study.reference.certificate, study.exponent
+    problem, reference, exponent = study.problem, study.reference, study.exponent
     return {
         "schema": SCHEMA,
         "problem": problem_dict(problem),
@@ -222,12 +223,12 @@ def as_dict(study: Horizon) -> dict[str, Any]:
         "size": study.size,
         "times": study.times.tolist(),
         "bound": _finite(study.bound),
-        "horizon": made.horizon,
-        "horizon_reason": made.horizon_reason,
+        "horizon": reference.horizon,
+        "horizon_reason": reference.certificate.horizon_reason,
         "largest_error_over_bound": study.worst_cover,
         "runs": [
             {
-                "solver": run.solver,
+                "solver": str(run.solver),
                 "tolerance": run.tolerance,
                 "role": run.role,
                 "steps": run.steps,

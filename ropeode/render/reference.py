@@ -21,40 +21,44 @@ _COLUMNS, _ROWS = 60, 8
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 
 
-def summary(known: Reference) -> str:
+def summary(reference: Reference) -> str:
     """One paragraph on a reference that has just been computed."""
-    made, problem = known.certificate, known.problem
-    dense = known.dense
+    problem, dense = reference.problem, reference.dense
     between = [] if dense is None else _dense_claim(dense.times, dense.order, dense.bounds)
-    return _lines(wrapped(f"{problem.name}, {problem.frames} frames: {_claim(made)}"), between)
+    return _lines(
+        wrapped(f"{problem.name}, {problem.frames} frames: {_claim(reference.certificate)}"),
+        between,
+    )
 
 
 def as_text(facts: Facts) -> str:
     """All that a file says of its reference, with a plot of its bound."""
-    made, times = facts.certificate, facts.numbers["time"]
+    certificate, times = facts.certificate, facts.numbers["time"]
     parameters = dict(facts.problem["parameters"])
     rows = [
-        (w.solver, f"{w.tolerance:.0e}", w.role, str(w.steps), f"{w.difference:.1e}")
-        for w in made.witnesses
+        (str(w.solver), f"{w.tolerance:.0e}", w.role, str(w.steps), f"{w.difference:.1e}")
+        for w in certificate.witnesses
     ]
     witnesses = tabulate(
         [("witness", "tolerance", "role", "steps", "difference"), *rows],
         tablefmt="plain",
         disable_numparse=True,
     )
-    versions = ", ".join(f"{name} {number}" for name, number in made.versions.items())
+    first_bound = next(iter(certificate.bounds.values()))
+    versions = ", ".join(f"{name} {number}" for name, number in certificate.versions.items())
+    span = f"{len(times)} samples from t = {times[0]:g} to {times[-1]:g}."
     kind = parameters.pop("kind", None)
-    told = ", ".join(f"{name} {_short(value)}" for name, value in parameters.items())
+    listed = ", ".join(f"{name} {_short(value)}" for name, value in parameters.items())
     return _lines(
-        wrapped(f"{facts.problem['name']}" + (f" ({kind}): {told}" if kind else "")),
-        wrapped(f"{len(times)} samples from t = {times[0]:g} to {times[-1]:g}. {_claim(made)}"),
+        wrapped(f"{facts.problem['name']}" + (f" ({kind}): {listed}" if kind else "")),
+        wrapped(f"{span} {_claim(certificate)}"),
         _stored_dense_claim(facts),
         [""],
         witnesses.splitlines(),
         [""],
-        _plot(times[: made.trusted], made.bounds[next(iter(made.bounds))][: made.trusted]),
+        _plot(times[: certificate.trusted], first_bound[: certificate.trusted]),
         [""],
-        wrapped(f"Made with {versions}."),
+        wrapped(f"Computed with {versions}."),
         [f"sha256 {facts.digest}"],
     )
 
@@ -87,51 +91,54 @@ def library_list(entries: Mapping[str, Entry]) -> str:
     )
 
 
-def verification_words(found: Verification) -> str:
-    """What came of a verification."""
-    made = found.recomputed.certificate
+def verification_text(verification: Verification) -> str:
+    """The result of a verification."""
+    certificate = verification.recomputed.certificate
     lines = [
-        f"{found.path}: seal, structure and problem are right; sha256 {found.digest}",
-        f"Computed again: {made.solver} at rtol {made.rtol:.0e}, {found.samples} of {found.of} "
-        f"samples compared{_why_not_all(found)}.",
+        f"{verification.path}: checksum, structure and problem are right; sha256 "
+        f"{verification.digest}",
+        f"Computed again: {certificate.solver} at rtol {certificate.rtol:.0e}, "
+        f"{verification.samples} of {verification.of} samples compared"
+        f"{_why_not_all(verification)}.",
     ]
-    for quantity, apart in found.distances.items():
+    for quantity, largest in verification.distances.items():
         verdict = "within the bounds"
-        if quantity in found.outside:
-            verdict = f"OUTSIDE the bounds from t = {found.outside[quantity]:g} on"
-        lines.append(f"{quantity}: at most {apart:.1e} apart, {verdict}.")
+        if quantity in verification.outside:
+            verdict = f"OUTSIDE the bounds from t = {verification.outside[quantity]:g} on"
+        lines.append(f"{quantity}: at most {largest:.1e} apart, {verdict}.")
     return _lines(*(wrapped(line) for line in lines))
 
 
-def _why_not_all(found: Verification) -> str:
-    made = found.recomputed.certificate
-    if found.samples == found.of:
+def _why_not_all(verification: Verification) -> str:
+    new = verification.recomputed.certificate
+    if verification.samples == verification.of:
         return ""
-    return f": the new one is trusted before t = {made.horizon:g} only ({made.horizon_reason})"
+    return f": the new one is trusted before t = {new.horizon:g} only ({new.horizon_reason})"
 
 
-def _claim(made: Certificate) -> str:
+def _claim(certificate: Certificate) -> str:
     horizon = "trusted to the end"
-    if made.horizon is not None:
-        horizon = f"trusted before t = {made.horizon:g} ({made.horizon_reason})"
+    if certificate.horizon is not None:
+        horizon = f"trusted before t = {certificate.horizon:g} ({certificate.horizon_reason})"
     bounds = ", ".join(
-        f"{quantity} {series[made.trusted - 1]:.1e}" for quantity, series in made.bounds.items()
+        f"{quantity} {series[certificate.trusted - 1]:.1e}"
+        for quantity, series in certificate.bounds.items()
     )
     drift = "".join(
-        f"; {quantity} constraints kept to {np.max(series[: made.trusted]):.1e}"
-        for quantity, series in made.drift.items()
+        f"; {quantity} constraints kept to {np.max(series[: certificate.trusted]):.1e}"
+        for quantity, series in certificate.drift.items()
     )
     return (
-        f"Level {made.level}: {made.solver} at rtol {made.rtol:.0e}. Estimated error bound at the "
-        f"end: {bounds}{drift}; {horizon}."
+        f"Level {certificate.level}: {certificate.solver} at rtol {certificate.rtol:.0e}. "
+        f"Estimated error bound at the end: {bounds}{drift}; {horizon}."
     )
 
 
 def _dense_claim(times: np.ndarray, order: int, bounds: Mapping[str, np.ndarray]) -> list[str]:
-    told = ", ".join(f"{quantity} {series[-1]:.1e}" for quantity, series in bounds.items())
+    listed = ", ".join(f"{quantity} {series[-1]:.1e}" for quantity, series in bounds.items())
     return wrapped(
         f"Dense output to t = {times[-1]:g}: {len(times)} nodes, order {order}. Estimated error "
-        f"bound at any time: {told}."
+        f"bound at any time: {listed}."
     )
 
 
@@ -168,7 +175,7 @@ def _plot(times: np.ndarray, bound: np.ndarray) -> list[str]:
 
 def _short(value: Any) -> str:
     text = f"{value:g}" if isinstance(value, float) else json.dumps(value)
-    return text if len(text) <= 30 else "of each its own"
+    return text if len(text) <= 30 else "one for each"
 
 
 def _lines(*parts: list[str]) -> str:

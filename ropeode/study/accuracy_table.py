@@ -14,10 +14,12 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.analysis.roundoff import in_other_units, round_off
 from ropeode.errors import InputError, UserCodeError
-from ropeode.norms import Norm, norm_for
+from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.reference import Reference, motion, problem_of, reference_for
+from ropeode.references.compute import reference_for
+from ropeode.references.options import ReferenceOptions
+from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import as_stepper
@@ -159,9 +161,8 @@ def accuracy_table(
             for method in methods
             for each in (problem, rescaled)
         ]
-        reference = reference_for(
-            given, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
-        )
+        options = ReferenceOptions(accuracy, rtol, **asked)
+        reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
         for each in compiled:
             each.result()
         # Those that take longest first, so that no processor is left without work at the end.

@@ -10,10 +10,12 @@ import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
 from ropeode.errors import InputError
-from ropeode.norms import Norm, norm_for
+from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.reference import Reference, motion, problem_of, reference_for
+from ropeode.references.compute import reference_for
+from ropeode.references.options import ReferenceOptions
+from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import (
@@ -127,7 +129,7 @@ def error_curves(
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
     reference = reference_for(
-        source, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
+        source, ReferenceOptions(accuracy, rtol, **asked), lambda text, _: progress(text, 0.0)
     )
     return errors_of(
         reference,
@@ -189,7 +191,7 @@ def energy_curves(
     check_energy(problem)
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     reference = reference_for(
-        source, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
+        source, ReferenceOptions(accuracy, rtol, **asked), lambda text, _: progress(text, 0.0)
     )
     return energies_of(
         reference,

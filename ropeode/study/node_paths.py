@@ -13,7 +13,9 @@ from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.reference import Reference, problem_of, reference_for
+from ropeode.references.compute import reference_for
+from ropeode.references.options import ReferenceOptions
+from ropeode.references.reference import Reference, problem_of
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import runs
@@ -111,7 +113,7 @@ def node_paths(
     parts = 1 if isinstance(source, Reference) else parts_of(problem.frames, steps)
     sampled = sampled_finer(source, parts)
     reference = reference_for(
-        sampled, accuracy, rtol, progress=lambda text: progress(text, 0.0), **asked
+        sampled, ReferenceOptions(accuracy, rtol, **asked), lambda text, _: progress(text, 0.0)
     )
     return NodePaths(
         problem=problem,

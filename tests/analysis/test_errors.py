@@ -11,7 +11,7 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 

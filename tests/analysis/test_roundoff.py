@@ -14,7 +14,7 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.steppers import as_stepper
 from ropeode.steppers.verlet import StormerVerlet, TwoPositions

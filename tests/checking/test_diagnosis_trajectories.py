@@ -9,7 +9,7 @@ from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.diagnosis.parameters import has_parameters
 from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
 from ropeode.problems.library import PROBLEMS
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 
 FRAMES = 3
 STEPS = (64, 128, 256, 512)

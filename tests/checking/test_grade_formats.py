@@ -14,7 +14,7 @@ from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
 from ropeode.checking.grade import grade
 from ropeode.checking.trajectories import array_files
 from ropeode.errors import InputError
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 STEPS = (16, 24, 32)

@@ -24,7 +24,7 @@ from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 STEPS = (16, 24, 32, 48)

@@ -15,7 +15,7 @@ from ropeode.checking.trajectories.studies import (
 )
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.render.plots.film import film
 from ropeode.render.plots.registry import PLOTS
 from ropeode.simulation import simulate

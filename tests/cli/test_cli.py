@@ -320,8 +320,8 @@ def test_references_in_files(run, tmp_path):
     ("arguments", "words"),
     [
         (["reference", "show", "none.nc"], "reference: 'none.nc' given; allowed: a file that can"),
-        (["reference", "verify", "bad.nc"], "the seal at its end is missing"),
-        (["table", "--reference", "bad.nc"], "the seal at its end is missing"),
+        (["reference", "verify", "bad.nc"], "the checksum at its end is missing"),
+        (["table", "--reference", "bad.nc"], "the checksum at its end is missing"),
         (["reference", "--frames", "3"], "Missing option"),
         (["reference", "-o", "none/x.nc"], "out: 'none/x.nc' given"),
         (["reference", "--frames", "0", "-o", "x.nc"], "frames: '0' given"),

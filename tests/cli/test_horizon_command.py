@@ -25,7 +25,7 @@ def test_text_json_and_picture(run, tmp_path):
         assert image.width == 1300
     done = run("horizon", *QUICK)
     assert (done.returncode, done.stderr) == (0, "")
-    assert "Nothing but rounding is lost" in done.stdout
+    assert "Only rounding is lost" in done.stdout
     assert all(len(line) <= 80 for line in done.stdout.splitlines())
 
 

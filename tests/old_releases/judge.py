@@ -23,7 +23,7 @@ from ropeode.checking.check_context import reference_of
 from ropeode.checking.check_ropes import convergence_problems, generic
 from ropeode.checking.convergence import convergence_finding, converging, steps_to_dts
 from ropeode.norms import NORMS, distance
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 
 HERE = Path(__file__).parent
 STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50)

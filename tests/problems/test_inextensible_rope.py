@@ -20,7 +20,7 @@ from ropeode.problems.inextensible_rope import (
     energy,
 )
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 

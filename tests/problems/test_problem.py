@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError, UserCodeError
+from ropeode.problems.library import PROBLEMS
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
 
 
 def decay(t, y, args):
@@ -42,7 +44,7 @@ def test_the_callers_arrays_are_not_taken():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"y0": [1.0, np.nan]}, r"y0: .* entry \[1\] is not finite"),
+        ({"y0": [1.0, np.nan]}, r"y0: .* correct entry \[1\], which is not finite"),
         ({"y0": "state"}, "y0: 'state' given; allowed: an array of finite real numbers"),
         ({"y0": [1.0 + 2.0j]}, "y0: .* real"),
         ({"y0": []}, "y0: "),
@@ -130,10 +132,41 @@ def test_damping_is_found_out():
     assert found(None).rate == 0
     assert make(damped).mechanics.damping is None
     assert make(damped, damping=lambda args: LinearDamping(0.3, 0.3)).mechanics.damping is not None
-    with pytest.raises(InputError, match="damping: the acceleration changes with the velocity"):
+    with pytest.raises(InputError, match="damping: the acceleration does not change"):
         make(damped, damping=lambda args: LinearDamping(0.2, 0.2))
     with pytest.raises(InputError, match="damping: "):
         make(undamped, damping=lambda args: LinearDamping(0.2, 0.2))
+
+
+def compiled_by(build, caplog) -> list[str]:
+    """What JAX compiles in the course of a call."""
+    caplog.clear()
+    with jax.log_compiles():
+        build()
+    messages = (record.getMessage() for record in caplog.records)
+    return [message.split()[1] for message in messages if message.startswith("Compiling")]
+
+
+def test_building_compiles_once_and_rebuilding_not_at_all(caplog):
+    def acceleration(t, x, v, args):
+        return -x - args * v
+
+    def build(rate):
+        return Problem.second_order(
+            acceleration,
+            [[1.0, rate]],
+            [[0.5, 0.0]],
+            [0.0, 1.0],
+            rate,
+            damping=lambda args: LinearDamping(args, args),
+        )
+
+    assert compiled_by(lambda: build(0.3), caplog) == ["jit(acceleration)"]
+    assert compiled_by(lambda: build(0.7), caplog) == []
+    # The first rope is gone when the others are built.
+    assert len(compiled_by(lambda: Rope(num_nodes=9).problem(3), caplog)) == 1
+    assert compiled_by(lambda: Rope(num_nodes=9, damping=0.2).problem(4), caplog) == []
+    assert compiled_by(lambda: PROBLEMS["rope"](frames=4, num_nodes=9), caplog) == []
 
 
 def test_second_order_faults():

@@ -7,7 +7,7 @@ import pytest
 
 from ropeode.norms import distance
 from ropeode.references.certificate import largest_norms
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.references.witnesses import witness_runs
 
 

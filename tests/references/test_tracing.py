@@ -9,6 +9,8 @@ import pytest
 
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers import diffrax_solver, program_cache
+from ropeode.references.solvers.family import Family
+from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
 
 
 @pytest.fixture
@@ -27,7 +29,7 @@ def logistic():
 
 def solve(problem):
     program_cache._compiled.cache_clear()
-    return diffrax_solver.solve(problem, "Dopri8", 1e-9, 1e-9, max_steps=1000)
+    return diffrax_solver.solve(problem, DOPRI8, 1e-9, 1e-9, max_steps=1000)
 
 
 def test_a_kept_trace_is_the_same_program(kept, monkeypatch):
@@ -51,12 +53,12 @@ def test_a_kept_trace_is_the_same_program(kept, monkeypatch):
     assert program_cache._read(path) is not None
 
 
-def key_of(rhs, y0=(1.0,), ts=(0.0, 1.0), args=1.0, solver="Dopri8", jumps=0):
+def key_of(rhs, y0=(1.0,), ts=(0.0, 1.0), args=1.0, solver=DOPRI8, jumps=0):
     leaves, tree = jax.tree.flatten(np.asarray(args))
     abstract = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
     with jax.enable_x64(True):
         return program_cache._key(
-            program_cache.Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps, False)
+            Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps, False)
         )
 
 
@@ -72,7 +74,7 @@ def test_what_differs_in_numbers_only_has_one_trace():
         {"y0": [1.0, 2.0]},
         {"ts": [0.0, 1.0, 2.0]},
         {"args": [1.0]},
-        {"solver": "Kvaerno5"},
+        {"solver": KVAERNO5},
         {"jumps": 1},
     ],
 )
@@ -90,7 +92,7 @@ def test_an_implicit_solver_sees_the_derivative():
 
     two, three = with_slope(2.0), with_slope(3.0)
     assert key_of(two) == key_of(three)
-    assert key_of(two, solver="Kvaerno5") != key_of(three, solver="Kvaerno5")
+    assert key_of(two, solver=KVAERNO5) != key_of(three, solver=KVAERNO5)
 
 
 def test_what_cannot_be_kept_is_solved_all_the_same(kept):

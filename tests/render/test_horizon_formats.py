@@ -14,7 +14,7 @@ import pytest
 
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.render.formats import HORIZON_FORMATS, format_horizon, format_table
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon

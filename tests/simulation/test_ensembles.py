@@ -18,6 +18,11 @@ from ropeode.steppers import as_stepper
 from tests.steppers.every_variant import EVERY_VARIANT
 
 
+def into(fractions):
+    """A progress that keeps the fractions."""
+    return lambda text, fraction: fractions.append(fraction)
+
+
 def ropes(kind, frames=4, **given):
     """Three ropes that differ in all that ropes of one family may differ in."""
     numbers = {
@@ -117,7 +122,7 @@ def test_any_number_of_frames(frames, stepper):
         Rope(num_nodes=4, stiffness=k, damping=0.5).problem(frames=frames) for k in (50, 100, 3)
     ]
     seen = []
-    found = simulate(Ensemble.of(problems), stepper, 20, progress=lambda _, fraction: seen.append(fraction))
+    found = simulate(Ensemble.of(problems), stepper, 20, progress=into(seen))
     for each, problem in zip(found, problems, strict=True):
         assert_same(each, simulate(problem, stepper, 20))
         assert len(each.times) == frames + 1
@@ -133,7 +138,12 @@ def test_one_rope_that_diverges_leaves_the_others_alone():
         for k, d in ((1, 0.5), (3, 200), (2, 0.6), (1, 90))
     ]
     seen = []
-    found = simulate(Ensemble.of(problems), "explicit-euler", 30, progress=lambda _, fraction: seen.append(fraction))
+    found = simulate(
+        Ensemble.of(problems),
+        "explicit-euler",
+        30,
+        progress=into(seen),
+    )
     alone = [simulate(problem, "explicit-euler", 30) for problem in problems]
     assert [each.status for each in alone] == ["ok", "diverged", "ok", "diverged"]
     # From 1 to 1.8e308, by 5.7 or 2 in each of the 30 steps of a frame.
@@ -180,7 +190,12 @@ def test_a_run_in_which_all_diverge_stops_early():
         for d in (200, 90)
     ]
     seen = []
-    found = simulate(Ensemble.of(problems), "explicit-euler", 30, progress=lambda _, fraction: seen.append(fraction))
+    found = simulate(
+        Ensemble.of(problems),
+        "explicit-euler",
+        30,
+        progress=into(seen),
+    )
     for each, problem in zip(found, problems, strict=True):
         alone = simulate(problem, "explicit-euler", 30)
         assert each.status == alone.status == "diverged"
@@ -235,7 +250,12 @@ def test_as_many_ropes_as_nodes():
 def test_progress_rises_to_one():
     problems = [Rope(num_nodes=3, damping=0.5).problem(frames=250)] * 2
     seen = []
-    simulate(Ensemble.of(problems), "semi-implicit-euler", 16, progress=lambda _, fraction: seen.append(fraction))
+    simulate(
+        Ensemble.of(problems),
+        "semi-implicit-euler",
+        16,
+        progress=into(seen),
+    )
     assert seen == pytest.approx([128 / 250, 1.0])
 
 

@@ -10,7 +10,7 @@ from ropeode.norms import NORMS
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPPERS,

@@ -12,7 +12,7 @@ from ropeode.norms import distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.curves import energy_curves, error_curves

@@ -20,6 +20,10 @@ from ropeode.study.horizon import horizon
 pytest.importorskip("heyoka", reason="heyoka is an extra")
 
 
+# Seconds that no run takes, however busy the machine is.
+NEVER = 1e9
+
+
 def lorenz(t, y, args):
     return jnp.stack([10 * (y[1] - y[0]), y[0] * (28 - y[2]) - y[1], y[0] * y[1] - 8 / 3 * y[2]])
 
@@ -28,7 +32,7 @@ def lorenz(t, y, args):
 def chaotic():
     """Lorenz: 0.39 digits in each time unit; float64 has lost all of them after 40 or so."""
     problem = Problem(lorenz, [1.0, 1.0, 20.0], np.linspace(0, 48, 97), name="lorenz")
-    return horizon(problem, [20, 40, 80], time_limit=100)
+    return horizon(problem, [20, 40, 80], time_limit=NEVER)
 
 
 def test_float64_loses_all_its_digits(chaotic):
@@ -70,8 +74,8 @@ def test_what_is_measured_is_what_the_runs_lost(chaotic):
 
 def test_a_prediction_holds(chaotic):
     """What half the span foretells of the rest, against what the whole one lost."""
-    half = Problem(lorenz, [1.0, 1.0, 20.0], np.linspace(0, 24, 49))
-    need = horizon(half, [40]).needs[0]
+    half = Problem(lorenz, [1.0, 1.0, 20.0], np.linspace(0, 24, 97))
+    need = horizon(half, [40], time_limit=NEVER).needs[0]
     assert not need.measured
     assert need.bits == math.ceil(need.interval[1] * math.log2(10))
     # Enough, and within two runs' chance, which is 1.34 digits for each pair.
@@ -80,7 +84,7 @@ def test_a_prediction_holds(chaotic):
 
 
 def test_nothing_is_lost():
-    study = horizon(oscillator(frames=20), [100])
+    study = horizon(oscillator(frames=20), [100], time_limit=NEVER)
     # One unit of rounding in a state of size 1 is 2.2e-16, and there are not a hundred of them.
     assert all(each.digits >= 14 for each in study.digits_left if each.reference is not None)
     assert study.float64_growth is None
@@ -98,7 +102,7 @@ def test_what_time_was_left_for(monkeypatch):
 
     solution = module.extended_solution
     monkeypatch.setattr(module, "extended_solution", cut)
-    study = horizon(oscillator(frames=20), [9, 10])
+    study = horizon(oscillator(frames=20), [9, 10], time_limit=NEVER)
     assert study.times[-1] == 9.0
     assert [need.measured for need in study.needs] == [True, False]
     assert len(study.bound) == len(study.lost) == len(study.runs[0].errors) == len(study.times)
@@ -114,7 +118,7 @@ def test_a_truth_that_float64_contradicts_is_refused(monkeypatch):
     solution = module.extended_solution
     monkeypatch.setattr(module, "extended_solution", wrong)
     with pytest.raises(ReferenceRefused, match="from t = 2 on the runs in extended precision"):
-        horizon(oscillator(frames=4), [10])
+        horizon(oscillator(frames=20), [10], time_limit=NEVER)
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ import pytest
 from ropeode.analysis.motion import classify_motion
 from ropeode.analysis.stability import stability_limit
 from ropeode.errors import InputError, ReferenceRefused
+from ropeode.norms import motion
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.library import PROBLEMS
-from ropeode.references.ensemble import each_reference
-from ropeode.references.reference import motion
+from ropeode.references.compute import each_reference
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.sweep.design.cases import Task

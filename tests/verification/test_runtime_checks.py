@@ -7,14 +7,14 @@ import subprocess
 import sys
 
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 from tests.time_limit import HANGS_AFTER_S
 
 CODE = """
 import sys
 from equinox._config import EQX_ON_ERROR
 from ropeode.problems.rope import Rope
-from ropeode.references.reference import reference
+from ropeode.references.compute import reference
 print(EQX_ON_ERROR, file=sys.stderr)
 known = reference(Rope(num_nodes=4).problem(frames=3))
 print(known.states.tobytes().hex(), known.bound().tobytes().hex())

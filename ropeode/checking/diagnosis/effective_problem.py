@@ -22,9 +22,9 @@ from ropeode.checking.diagnosis.limits import ObservedLimit, Runs
 from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.report import Diagnosis
 from ropeode.errors import ReferenceRefused
-from ropeode.norms import NORMS
+from ropeode.norms import NORMS, motion
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, motion
+from ropeode.references.reference import Reference
 
 # By how much of its spread a number that is not simple may be rounded.
 _PART = 0.1

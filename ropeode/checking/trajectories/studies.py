@@ -16,10 +16,12 @@ from ropeode.checking.trajectories.initial_states import check_initial_states, r
 from ropeode.checking.trajectories.layout import Layout, samples_of, states_of
 from ropeode.checking.trajectories.run_files import Run, names_of, quantities_of, read_runs
 from ropeode.errors import InputError
-from ropeode.norms import Norm, norm_for
+from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.reference import Reference, motion, problem_of, reference_for
+from ropeode.references.compute import reference_for
+from ropeode.references.options import ReferenceOptions
+from ropeode.references.reference import Reference, problem_of
 from ropeode.study.accuracy_table import StepperOrder
 from ropeode.study.curves import (
     Curve,
@@ -243,7 +245,7 @@ def _check_quantities(runs: Sequence[Run], problem: Problem, needed: Sequence[st
 def _reference(
     problem: Problem | Reference, progress: Progress, asked: dict[str, Any]
 ) -> Reference:
-    return reference_for(problem, progress=lambda text: progress(text, 1.0), **asked)
+    return reference_for(problem, ReferenceOptions(**asked), lambda text, _: progress(text, 1.0))
 
 
 def _largest(states: np.ndarray, reference: Reference, norm: Norm) -> float:

@@ -92,20 +92,20 @@ class Dense:
         )
 
     def _checked(self, times: Any) -> np.ndarray:
-        found = np.atleast_1d(real_array("times", times))
+        checked = np.atleast_1d(real_array("times", times))
         start, end = self.times[0], self.times[-1]
-        outside = found[(found < start) | (found > end)]
-        if found.ndim != 1 or len(outside):
+        outside = checked[(checked < start) | (checked > end)]
+        if checked.ndim != 1 or len(outside):
             raise InputError(
                 complaint(
                     "times",
-                    float(outside[0]) if len(outside) else found.shape,
+                    float(outside[0]) if len(outside) else checked.shape,
                     f"a number, or a list of numbers, from {start:g} to {end:g}, the span in "
                     "which the reference is trusted at any time",
-                    "leave out the others, or make a reference that goes further",
+                    "leave out the others, or compute a reference that goes further",
                 )
             )
-        return found
+        return checked
 
     @functools.cached_property
     def _polynomial(self) -> BPoly:
@@ -115,8 +115,8 @@ class Dense:
 def hermite(times: np.ndarray, derivatives: np.ndarray) -> BPoly:
     """The piecewise polynomial with given derivatives at its nodes.
 
-    The same as SciPy's `BPoly.from_derivatives`, which makes one piece after the other: here
-    it makes those of the unit interval, and all pieces are made of these at once.
+    The same as SciPy's `BPoly.from_derivatives`, which builds one piece after the other. Here
+    it builds the pieces of the unit interval only; all others are sums of these, at once.
 
     Arguments:
         times: of the nodes, increasing.
@@ -160,13 +160,13 @@ def time_derivatives(
     """
     behind = np.where(np.isin(times, problem.jump_times), np.nextafter(times, np.inf), times)
     slopes = _slopes(problem.rhs, count)
-    found = []
+    blocks = []
     for first in range(0, len(times), _BLOCK):
-        # Filled up with the last state, so that one compilation serves all.
+        # The last state fills the block up, so that one compilation serves all.
         rows = np.minimum(np.arange(first, first + _BLOCK), len(times) - 1)
         block = np.asarray(slopes(behind[rows], states[rows], problem.args))
-        found.append(block[: len(times) - first])
-    return np.concatenate([states[:, None], np.concatenate(found)], axis=1)
+        blocks.append(block[: len(times) - first])
+    return np.concatenate([states[:, None], np.concatenate(blocks)], axis=1)
 
 
 @functools.lru_cache(maxsize=16)

@@ -29,16 +29,16 @@ _BLOCK = 128
 _AFTER = 1e-3
 
 
-def chooses(equation: Any, given: Sequence[Value]) -> bool:
+def chooses(equation: Any, inputs: Sequence[Value]) -> bool:
     """Whether a primitive makes a choice by looking at floating-point numbers that move.
 
     Arguments:
         equation: of a jaxpr.
-        given: its inputs, of any kind.
+        inputs: of any kind.
     """
     looks = any(
         value.moves and is_float(variable)
-        for value, variable in zip(given, equation.invars, strict=True)
+        for value, variable in zip(inputs, equation.invars, strict=True)
     )
     if not looks or len(equation.outvars) != 1:
         return False
@@ -90,11 +90,11 @@ class Guards:
         self.choices: list[np.ndarray] = []
         if self.names:
             at, state = _shortly_after(problem, t, y)
-            self.choices = [each[0] for each in next(self._seen([at], state[None]))]
+            self.choices = [each[0] for each in next(self._choices_at([at], state[None]))]
 
     @in_float64
     def first_break(self, ts: Sequence[float], states: np.ndarray) -> tuple[int, str] | None:
-        """The first state at which a choice is another one, and the primitive that makes it.
+        """The first state at which a choice changes, and the primitive that makes it.
 
         Arguments:
             ts: times.
@@ -102,11 +102,11 @@ class Guards:
         """
         if not self.names:
             return None
-        for block, seen in enumerate(self._seen(ts, states)):
+        for block, choices in enumerate(self._choices_at(ts, states)):
             other = np.stack(
                 [
                     np.any((now != choice).reshape(len(now), -1), axis=1)
-                    for now, choice in zip(seen, self.choices, strict=True)
+                    for now, choice in zip(choices, self.choices, strict=True)
                 ]
             )
             if np.any(other):
@@ -114,11 +114,11 @@ class Guards:
                 return block * _BLOCK + at, self.names[int(np.argmax(other[:, at]))]
         return None
 
-    def _seen(self, ts: Sequence[float], states: np.ndarray) -> Iterator[list[np.ndarray]]:
+    def _choices_at(self, ts: Sequence[float], states: np.ndarray) -> Iterator[list[np.ndarray]]:
         for first in range(0, len(ts), _BLOCK):
             t = np.asarray(ts[first : first + _BLOCK], dtype=np.float64)
             y = states[first : first + _BLOCK]
-            # Filled up with the last state, so that all blocks are equally long.
+            # The last state fills the block up, so that all blocks are equally long.
             rows = np.minimum(np.arange(_BLOCK), len(t) - 1)
             yield [np.asarray(each)[: len(t)] for each in self._watch(t[rows], y[rows])]
 
@@ -133,10 +133,10 @@ class _Watch:
     def constant(self, array: Any) -> Any:
         return jnp.asarray(array)
 
-    def apply(self, equation: Any, given: Sequence[Value]) -> list[Any]:
-        contents = [value.content for value in given]
+    def apply(self, equation: Any, inputs: Sequence[Value]) -> list[Any]:
+        contents = [value.content for value in inputs]
         results = bind(equation, contents)
-        if chooses(equation, given):
+        if chooses(equation, inputs):
             self.names.append(equation.primitive.name)
             self.choices.append(chosen(equation, contents, results))
         return results

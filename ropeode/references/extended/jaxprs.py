@@ -41,7 +41,7 @@ class Domain(Protocol):
         """The content of a constant."""
         ...
 
-    def apply(self, equation: Any, given: Sequence[Value]) -> Iterable[Any]:
+    def apply(self, equation: Any, inputs: Sequence[Value]) -> Iterable[Any]:
         """The contents of a primitive's results."""
         ...
 
@@ -67,15 +67,15 @@ def walk(traced: Any, inputs: Iterable[Value], domain: Domain) -> list[Value]:
     for equation in jaxpr.eqns:
         if not equation.outvars:
             continue
-        given = [read(variable) for variable in equation.invars]
+        inputs = [read(variable) for variable in equation.invars]
         name, params = equation.primitive.name, equation.params
         if name == "scan":
-            results = _unrolled(params, given, domain)
+            results = _unrolled(params, inputs, domain)
         elif name in _CALLS:
-            results = walk(params.get("jaxpr", params.get("call_jaxpr")), given, domain)
+            results = walk(params.get("jaxpr", params.get("call_jaxpr")), inputs, domain)
         else:
-            moves = any(value.moves for value in given)
-            results = [Value(content, moves) for content in domain.apply(equation, given)]
+            moves = any(value.moves for value in inputs)
+            results = [Value(content, moves) for content in domain.apply(equation, inputs)]
         values.update(zip(equation.outvars, results, strict=True))
     return [read(variable) for variable in jaxpr.outvars]
 
@@ -91,17 +91,17 @@ def is_float(variable: Any) -> bool:
     return jnp.issubdtype(variable.aval.dtype, np.floating)
 
 
-def _unrolled(params: Any, given: Sequence[Value], domain: Domain) -> list[Value]:
+def _unrolled(params: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]:
     """A loop over the first axis of some inputs, round by round."""
     constants, carried = params["num_consts"], params["num_consts"] + params["num_carry"]
-    carry, rows = list(given[constants:carried]), given[carried:]
+    carry, rows = list(inputs[constants:carried]), inputs[carried:]
     # That a round moves something may show in the next ones only.
-    carry = [Value(value.content, any(each.moves for each in given)) for value in carry]
+    carry = [Value(value.content, any(each.moves for each in inputs)) for value in carry]
     rounds = range(params["length"])
     collected: list[list[Value]] = []
     for i in reversed(rounds) if params["reverse"] else rounds:
         row = [Value(value.content[i], value.moves) for value in rows]
-        results = walk(params["jaxpr"], [*given[:constants], *carry, *row], domain)
+        results = walk(params["jaxpr"], [*inputs[:constants], *carry, *row], domain)
         carry = results[: params["num_carry"]]
         collected.append(results[params["num_carry"] :])
     if params["reverse"]:

@@ -1,4 +1,4 @@
-"""heyoka, which not every user needs, and which is installed with an extra."""
+"""heyoka, which an extra installs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ropeode.validation import require
 
 
 def heyoka() -> Any:
-    """The module, imported when it is first needed.
+    """The heyoka module, imported when it is first needed.
 
     Raises:
         InputError: it cannot be imported.

@@ -73,19 +73,19 @@ def floats(array: np.ndarray) -> np.ndarray:
     return np.array([float(entry) for entry in array.flat], dtype=float).reshape(array.shape)
 
 
-def moved(equation: Any, given: Sequence[np.ndarray]) -> list[np.ndarray] | None:
-    """The results of one of `MOVES`, found by sending numbered places through it.
+def moved(equation: Any, inputs: Sequence[np.ndarray]) -> list[np.ndarray] | None:
+    """The results of one of `MOVES`, by sending numbered places through it.
 
     Arguments:
         equation: of a jaxpr.
-        given: arrays of objects, and of plain numbers (indices and the like).
+        inputs: arrays of objects, and of plain numbers (indices and the like).
 
     Returns:
-        None where a place is asked for that does not exist.
+        None where a place does not exist.
     """
     places: list[np.ndarray] = []
     entries: list[Any] = []
-    for array in given:
+    for array in inputs:
         start = len(entries)
         if array.dtype == object:
             entries.extend(array.flat)
@@ -213,7 +213,7 @@ RULES: dict[str, Callable[..., np.ndarray]] = {
 def scatter_add(
     equation: Any, array: np.ndarray, indices: np.ndarray, updates: np.ndarray
 ) -> np.ndarray:
-    """The updates added in their places, which are found by sending one at a time."""
+    """The updates added in their places, which show when they are sent one at a time."""
     empty = np.zeros(array.shape)
 
     def place(update: Any) -> Any:
@@ -232,8 +232,8 @@ def scatter_add(
 STEPS = {"sign", "floor", "ceil", "round"}
 
 
-def by_choice(name: str, choice: np.ndarray, given: Sequence[np.ndarray], bits: int) -> np.ndarray:
-    """The result of one of `CHOICES` or `STEPS`, once the choice is known."""
+def by_choice(name: str, choice: np.ndarray, inputs: Sequence[np.ndarray], bits: int) -> np.ndarray:
+    """The result of one of `CHOICES` or `STEPS`, for a fixed choice."""
     if name in STEPS:
         return constants(choice, bits)
-    return _each(CHOICES[name], np.asarray(choice), *given)
+    return _each(CHOICES[name], np.asarray(choice), *inputs)

@@ -1,4 +1,4 @@
-"""A solution that is known beyond float64, from two runs that do not share their rounding."""
+"""Solutions beyond float64, from two runs that do not share their rounding."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ import numpy as np
 
 from ropeode.norms import NORMS, distance
 from ropeode.problems.problem import Problem
-from ropeode.references.extended.taylor import ExtendedRun, Progress, solve
+from ropeode.progress import Progress, silent
+from ropeode.references.extended.taylor import ExtendedRun, solve
 from ropeode.validation import check_positive, check_whole
 
-# As for references in float64: the bound is this many times what the runs are apart.
+# As for references in float64: the bound is this many times the difference of the runs.
 SAFETY_FACTOR = 3.0
 # The finer run of a pair has so many bits more, and a tolerance that is finer by as much.
 _BITS_APART = 24
-# Bits that a first pair has beyond the digits that are wished, for problems that grow little.
+# Bits that the first pair has beyond the digits, enough for problems that lose little.
 _BITS_TO_SPARE = 20
 _MOST_BITS = 4096
 # Where the runs are further apart than this, relative to the state, the growth has ended.
@@ -27,20 +28,20 @@ _SATURATED = 1e-3
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ExtendedSolution:
-    """States that are known to about float64's own rounding, and how well they are known.
+    """States accurate to about float64's own rounding, with their error bounds.
 
     Arguments:
-        states: ``(times, *state)`` at the sample times that both runs reached: the finer run,
-            each number rounded to the nearest float64.
+        states: ``(times, *state)`` at the sample times that both runs reached: those of the
+            finer run, each number rounded to the nearest float64.
         bounds: for each quantity, an estimated bound of the error of `states` in the norm of
             the largest node, up to each sample: half a unit in the last place of each
-            component, and three times what the two runs are apart.
-        differences: what the two runs are apart, for each quantity at each sample.
-        agreed: how many leading samples are as accurate as was wished.
+            component, plus three times the difference of the two runs.
+        differences: of the two runs, for each quantity at each sample.
+        agreed: how many leading samples have the requested digits.
         coarse: the run with fewer bits and a looser tolerance.
         fine: the other one.
-        seconds: that all runs took, those with too few digits included.
-        failure: why not all samples are as accurate as was wished; None if they are.
+        seconds: for all runs, those with too few digits included.
+        failure: why later samples do not have the requested digits; None if all have them.
     """
 
     states: np.ndarray
@@ -58,20 +59,19 @@ def extended_solution(
     *,
     digits: int = 18,
     time_limit: float = 60.0,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> ExtendedSolution:
-    """Solve twice in extended precision, with more digits until the two agree.
+    """Solve twice in extended precision, with more and more bits until the two runs agree.
 
-    The two runs differ in their precision by 24 bits and in their tolerance likewise. Where
-    they do not agree to the digits that are wished, what they lost says how many bits a next
-    pair needs.
+    The precisions of the two runs differ by 24 bits, and their tolerances likewise. If the runs
+    do not agree to the requested digits, the loss shows how many bits the next pair needs.
 
     Arguments:
         problem: what to solve.
-        digits: three times what the runs are apart is at most 10 to the minus `digits` of the
-            quantity's largest component; float64 itself has 16.
-        time_limit: seconds for all runs together; the one that is under way then is cut off.
-        progress: called with a few words before each run.
+        digits: three times the difference of the runs is at most 10 to the minus `digits` of
+            the quantity's largest component; float64 itself has 16.
+        time_limit: seconds for all runs together; a run that exceeds them is cut off.
+        progress: called before each run, with what it is.
 
     Raises:
         InputError: an argument cannot be used, the right-hand side cannot be translated, or
@@ -100,14 +100,14 @@ def extended_solution(
 
 
 class _Pair:
-    """Two runs and what they are apart."""
+    """Two runs and their difference."""
 
     def __init__(self, problem: Problem, digits: int, coarse: ExtendedRun, fine: ExtendedRun):
         self.problem, self.digits, self.coarse, self.fine = problem, digits, coarse, fine
         self.reached = min(self.coarse.reached, self.fine.reached)
         self.states = self.fine.rounded[: self.reached]
-        apart = self.coarse.states[: self.reached] - self.fine.states[: self.reached]
-        self.differences = self._distances(apart.astype(np.float64))
+        difference = self.coarse.states[: self.reached] - self.fine.states[: self.reached]
+        self.differences = self._distances(difference.astype(np.float64))
         relative = [
             SAFETY_FACTOR * self.differences[quantity] / size
             for quantity, size in self._sizes().items()
@@ -123,18 +123,19 @@ class _Pair:
         }
         return {quantity: size or 1.0 for quantity, size in largest.items()}
 
-    def _distances(self, apart: np.ndarray) -> dict[str, np.ndarray]:
-        """What states that are so far apart are apart in the norms of the largest node."""
+    def _distances(self, difference: np.ndarray) -> dict[str, np.ndarray]:
+        """Differences of states in the norms of the largest node."""
         return {
-            quantity: distance(self.problem, NORMS[f"{quantity}-max"], apart, np.zeros_like(apart))
+            quantity: distance(
+                self.problem, NORMS[f"{quantity}-max"], difference, np.zeros_like(difference)
+            )
             for quantity in self.problem.quantities
         }
 
     def bits_needed(self) -> int:
-        """The precision of a coarse run that would agree to the end, by what this one lost."""
+        """The precision at which a coarse run would agree to the end, by the loss of this one."""
         span = self.problem.ts - self.problem.ts[0]
-        known = np.flatnonzero(self.relative < _SATURATED)
-        last = int(known[-1])
+        last = int(np.flatnonzero(self.relative < _SATURATED)[-1])
         if last == 0:
             return 2 * self.fine.precision
         lost = self.coarse.precision + math.log2(max(self.relative[last], 1e-300))
@@ -144,7 +145,7 @@ class _Pair:
         return max(needed, self.coarse.precision + 1)
 
     def solution(self, seconds: float, out_of_time: bool) -> ExtendedSolution:
-        """What is told of the pair."""
+        """The result of the pair."""
         rounding = self._distances(np.spacing(np.abs(self.states)) / 2)
         return ExtendedSolution(
             states=self.states,

@@ -1,23 +1,21 @@
-"""heyoka's Taylor series method in as many digits as are asked for."""
+"""heyoka's Taylor series method with any number of digits."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.extended.library import heyoka
 from ropeode.references.extended.translate import Translation, translate
 from ropeode.validation import check_positive, check_whole
 
 # The significand of IEEE quadruple precision.
 QUADRUPLE = 113
-
-Progress = Callable[[str], None]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -28,10 +26,10 @@ class ExtendedRun:
         precision: of all its numbers, in bits of the significand.
         tolerance: relative, of one step.
         states: ``(times, *state)`` at the sample times that were reached, as `heyoka.real`.
-        steps: made.
+        steps: how many.
         seconds: to run.
         compile_seconds: to translate and compile.
-        choices: primitives that chose a branch by looking at the state, and stayed with it.
+        choices: primitives that chose a branch by the state, and kept it.
         failure: why it did not reach the last sample time; None if it did.
     """
 
@@ -62,7 +60,7 @@ def solve(
     tolerance: float | None = None,
     time_limit: float = np.inf,
     stops: np.ndarray | None = None,
-    progress: Progress = lambda text: None,
+    progress: Progress = silent,
 ) -> ExtendedRun:
     """Solve with Taylor series whose order follows from the tolerance.
 
@@ -75,22 +73,22 @@ def solve(
         problem: what to solve.
         precision: of all numbers, in bits of the significand, 53 or more.
         tolerance: relative error of one step; by default one unit of rounding.
-        time_limit: seconds after which the run ends where it is; looked at after each step.
-        stops: the sample times at which steps end; at the others the Taylor polynomial of the
-            step is evaluated, which is within the tolerance all along the step. The last sample
+        time_limit: seconds after which the run ends where it is; checked after each step.
+        stops: the sample times at which steps end; at the others the state is that of the step's
+            Taylor polynomial, which is within the tolerance all along the step. The last sample
             time is always a stop.
-        progress: called with a few words at the start.
+        progress: called at the start.
 
     Raises:
         InputError: an argument cannot be used, the right-hand side cannot be translated, or
             heyoka is missing.
     """
-    # What is given is float64, which fewer bits could not hold.
+    # The problem's numbers are float64, which fewer bits could not hold.
     precision = check_whole("precision", precision, at_least=53, example="113")
     if tolerance is None:
         tolerance = 2.0 ** (1 - precision)
     tolerance = check_positive("tolerance", tolerance, example="1e-33")
-    progress(f"reference: heyoka Taylor with {precision} bits")
+    progress(f"reference: heyoka Taylor with {precision} bits", None)
     run = _Run(problem, precision, tolerance, time.perf_counter() + time_limit, stops)
     run.to_the_end()
     states = np.stack(run.samples).reshape(-1, *problem.y0.shape)
@@ -107,7 +105,7 @@ def solve(
 
 
 class _Run:
-    """What grows in the course of a run."""
+    """The state of a run that is under way."""
 
     def __init__(
         self,
@@ -139,7 +137,7 @@ class _Run:
             at = end
 
     def _piece(self, start: float, state: np.ndarray, end: float) -> np.ndarray:
-        """The state at the end of a piece without jumps; the samples on the way are kept."""
+        """Solve a piece without jumps, keep its samples, and return the state at its end."""
         began = time.perf_counter()
         library, shape = heyoka(), self.problem.y0.shape
         rounded = state.astype(np.float64).reshape(shape)
@@ -181,24 +179,24 @@ class _Run:
     def _advance(
         self, taylor: Any, target: Any, steps: list[tuple[float, np.ndarray]]
     ) -> str | None:
-        """Step to a time, noting each step's end; why it was given up on the way, if it was."""
+        """Step to a time and record each step's end; return why it stopped early, if it did."""
         shortest = 2.0**-self.precision * float(self.problem.ts[-1] - self.problem.ts[0])
-        given_up: list[str] = []
+        reasons: list[str] = []
 
         def each_step(taylor: Any) -> bool:
             self._read_off(taylor, target)
             steps.append((float(taylor.time), taylor.state.astype(np.float64)))
             if abs(float(taylor.last_h)) < shortest and taylor.time != target:
-                given_up.append("its steps become too short")
+                reasons.append("its steps become too short")
             elif time.perf_counter() >= self.deadline:
-                given_up.append("the time limit")
-            return not given_up
+                reasons.append("the time limit")
+            return not reasons
 
         taylor.propagate_until(target, callback=each_step, write_tc=True)
-        return given_up[0] if given_up else None
+        return reasons[0] if reasons else None
 
     def _read_off(self, taylor: Any, target: Any) -> None:
-        """Samples inside the step that has just been made."""
+        """Record the samples inside the last step."""
         ts = self.problem.ts
         while (t := ts[len(self.samples)]) < target and t <= taylor.time:
             taylor.update_d_output(heyoka().real(float(t), self.precision))
@@ -211,7 +209,7 @@ class _Run:
         end: float,
         first: int,
     ) -> None:
-        """Drop the samples from where the right-hand side is another function."""
+        """Drop the samples from the first choice that changes on."""
         # At a jump time it may be either.
         inside = [step for step in steps if step[0] < end or end == self.problem.ts[-1]]
         inside = [step for step in inside if np.all(np.isfinite(step[1]))]

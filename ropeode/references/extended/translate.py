@@ -94,12 +94,12 @@ class _Symbols:
         array = np.asarray(array)
         return rules.constants(array, self.bits) if array.dtype.kind == "f" else array
 
-    def apply(self, equation: Any, given: Sequence[Value]) -> list[np.ndarray]:
+    def apply(self, equation: Any, inputs: Sequence[Value]) -> list[np.ndarray]:
         name = equation.primitive.name
-        contents = [value.content for value in given]
+        contents = [value.content for value in inputs]
         if name in ("optimization_barrier", "stop_gradient"):
             return contents
-        choosing = chooses(equation, given)
+        choosing = chooses(equation, inputs)
         choice = next(self.choices) if choosing else None
         outputs = equation.outvars
         if not any(is_float(output) for output in outputs):
@@ -139,9 +139,9 @@ class _Symbols:
 
 
 def _refuse(name: str, how: str = "") -> Any:
-    known = sorted({*rules.RULES, *rules.MOVES, *CHOICES, *rules.STEPS, "scan", "scatter-add"})
+    supported = sorted({*rules.RULES, *rules.MOVES, *CHOICES, *rules.STEPS, "scan", "scatter-add"})
     raise InputError(
         f"rhs: uses the JAX primitive {name!r}{how}, which cannot be computed in extended "
-        f"precision; allowed: {', '.join(known)}, in float64. Fix: write it with these, or ask "
-        "for a reference in float64."
+        f"precision; allowed: {', '.join(supported)}, in float64. Fix: write it with these, or use "
+        "a reference of level 'consensus'."
     )

@@ -1,1 +1,1 @@
-"""Reference trajectories in files: written whole, sealed, and checked before they are believed."""
+"""Reference trajectories in files: written whole or not at all, and checked when they are read."""

@@ -1,7 +1,7 @@
-"""A sha256 of all that a file holds, at its end.
+"""A sha256 of a whole file, at its end.
 
-HDF5 does not look behind its own data, so that other programs read a sealed file as it is.
-What has been changed anywhere is found out here, before HDF5 sees any of it.
+HDF5 does not look behind its own data, so that other programs can read a file with a checksum. A
+change anywhere in the file is detected here, before HDF5 reads any of it.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ _LENGTH = len(_MARK) + 64 + 1
 _CHUNK_BYTES = 2**20
 
 
-def seal(path: Path) -> str:
-    """Append the seal to a file, and give the digest.
+def append_checksum(path: Path) -> str:
+    """Append its checksum to a file, and return it.
 
     Arguments:
         path: of a file without one.
@@ -32,14 +32,14 @@ def seal(path: Path) -> str:
     return digest
 
 
-def check_seal(path: Path) -> str:
-    """See that a file is as it was written, and give its digest.
+def verify_checksum(path: Path) -> str:
+    """Verify that a file is as it was written, and return its checksum.
 
     Arguments:
-        path: of a sealed file.
+        path: of a file that ends with its checksum.
 
     Raises:
-        InputError: it cannot be read, has no seal, or is not what was sealed.
+        InputError: it cannot be read, has no checksum, or has another one.
     """
     try:
         size = path.stat().st_size
@@ -51,8 +51,8 @@ def check_seal(path: Path) -> str:
                 complaint(
                     "reference",
                     str(path),
-                    "a file that ropeode wrote whole (the seal at its end is missing)",
-                    "write it again, or fetch it again",
+                    "a file that ropeode wrote whole (the checksum at its end is missing)",
+                    "write it again, or download it again",
                 )
             )
         digest = _digest(path, size - _LENGTH)
@@ -67,8 +67,8 @@ def check_seal(path: Path) -> str:
             complaint(
                 "reference",
                 str(path),
-                "a file as it was written (its sha256 is another one than its seal says)",
-                "do not use it; write it again, or fetch it again",
+                "a file as it was written (its sha256 differs from the one at its end)",
+                "do not use it; write it again, or download it again",
             )
         )
     return digest

@@ -1,23 +1,26 @@
-"""What a reference is as named arrays and words, and back."""
+"""A reference as named arrays and texts, and back."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import Problem, Rhs
 from ropeode.references.certificate import Certificate, Witness, padded
 from ropeode.references.dense.polynomials import Dense
 from ropeode.references.reference import Reference
+from ropeode.references.solvers.solver import Solver
 
 SCHEMA = "ropeode.reference/1"
 PROBES = 3
-# What the fields of a rope's args are called in a file, and what runs along them.
+# Fields of a rope's args that a file has, and their dimensions.
 ROPE_ARRAYS: dict[str, tuple[str, ...]] = {
     "mass": ("node",),
     "stiffness": ("spring",),
@@ -31,9 +34,9 @@ class Array(NamedTuple):
 
     Fields:
         dims: names of its dimensions.
-        values: of it.
+        values: its numbers.
         long_name: what it is.
-        units: of it; "1" where it has none.
+        units: "1" where it has none.
     """
 
     dims: tuple[str, ...]
@@ -43,12 +46,12 @@ class Array(NamedTuple):
 
 
 def arrays_of(reference: Reference) -> dict[str, Array]:
-    """All that is stored of a reference as numbers, by name."""
-    problem, made = reference.problem, reference.certificate
+    """The arrays that a file of a reference holds, by name."""
+    problem, certificate = reference.problem, reference.certificate
     rope = _is_rope(problem)
     length, time = ("length", "frame") if rope else ("1", "1")
     units = {"position": length, "velocity": f"{length} {time}-1" if rope else "1", "state": "1"}
-    found = {
+    arrays = {
         "time": Array(("time",), problem.ts, "sample times", time),
         "initial_state": Array(
             _state_dims(problem), problem.y0, "initial state as the solver has it", "1"
@@ -61,17 +64,17 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
             dims = ("time", "node", "component")
             values = problem.quantity(quantity, reference.states)
         missing = np.full((len(problem.ts) - len(values), *values.shape[1:]), np.nan)
-        found[quantity] = Array(dims, np.concatenate([values, missing]), quantity, units[quantity])
-        for name, words, series in (
-            ("bound", "estimated error bound of the worst node", made.bounds),
-            ("drift", "distance from the constraints", made.drift),
+        arrays[quantity] = Array(dims, np.concatenate([values, missing]), quantity, units[quantity])
+        for name, long_name, series in (
+            ("bound", "estimated error bound of the worst node", certificate.bounds),
+            ("drift", "distance from the constraints", certificate.drift),
         ):
             if quantity in series:
                 whole = padded(series[quantity], problem)
-                found[_name(name, quantity)] = Array(("time",), whole, words, units[quantity])
-        found[_name("witness_difference", quantity)] = Array(
+                arrays[_name(name, quantity)] = Array(("time",), whole, long_name, units[quantity])
+        arrays[_name("witness_difference", quantity)] = Array(
             ("witness", "time"),
-            np.stack([witness.differences[quantity] for witness in made.witnesses]),
+            np.stack([witness.differences[quantity] for witness in certificate.witnesses]),
             "distance of each witness from the reference",
             units[quantity],
         )
@@ -79,83 +82,93 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
         args = problem.args
         for name, dims in ROPE_ARRAYS.items():
             if hasattr(args, name):
-                found[name] = Array(dims, np.asarray(getattr(args, name)), name, _rope_unit(name))
-        found["gravity"] = Array(
+                arrays[name] = Array(dims, np.asarray(getattr(args, name)), name, _rope_unit(name))
+        arrays["gravity"] = Array(
             ("component",), np.asarray(args.gravity)[:, 0], "acceleration", "length frame-2"
         )
         pinned = (np.asarray(args.free) == 0).astype(np.int8)
-        found["pinned"] = Array(("node",), pinned, "1 where a node does not move", "1")
+        arrays["pinned"] = Array(("node",), pinned, "1 where a node does not move", "1")
     if reference.dense is not None:
-        found |= _dense_arrays(problem, reference.dense, time, units)
+        arrays |= _dense_arrays(problem, reference.dense, time, units)
     probes, rates = probed(problem)
-    found["probe_state"] = Array(("probe", "entry"), probes, "states to try the equation on", "1")
-    found["probe_rate"] = Array(("probe", "entry"), rates, "right-hand side at these states", "1")
-    return found
+    arrays["probe_state"] = Array(("probe", "entry"), probes, "states to try the equation on", "1")
+    arrays["probe_rate"] = Array(("probe", "entry"), rates, "right-hand side at these states", "1")
+    return arrays
 
 
-def words_of(reference: Reference) -> dict[str, str]:
-    """All that is stored of a reference as text, by name."""
-    problem, made = reference.problem, reference.certificate
-    certificate = {
-        field.name: getattr(made, field.name)
-        for field in dataclasses.fields(made)
+def texts_of(reference: Reference) -> dict[str, str]:
+    """The texts that a file of a reference holds, by name."""
+    problem, certificate = reference.problem, reference.certificate
+    claims = {
+        field.name: getattr(certificate, field.name)
+        for field in dataclasses.fields(certificate)
         if field.name not in ("bounds", "drift", "witnesses")
     }
-    certificate["versions"] = dict(made.versions)
-    certificate["witnesses"] = [
+    claims["versions"] = dict(certificate.versions)
+    claims["witnesses"] = [
         {
-            field.name: _plain(getattr(witness, field.name))
+            field.name: getattr(witness, field.name)
             for field in dataclasses.fields(witness)
             if field.name != "differences"
         }
-        for witness in made.witnesses
+        for witness in certificate.witnesses
     ]
-    described = {
+    description = {
         "name": problem.name,
         "parameters": dict(problem.parameters),
         "jump_times": list(problem.jump_times),
         "samples": len(reference.states),
         "quantities": list(problem.quantities),
-        "constrained": sorted(made.drift),
+        "constrained": sorted(certificate.drift),
     }
     return {
         "Conventions": "CF-1.11",
         "title": f"reference trajectory: {problem.name}",
         "schema": SCHEMA,
-        "problem": json.dumps(described, sort_keys=True),
-        "certificate": json.dumps(_plain(certificate), sort_keys=True),
+        "problem": json.dumps(description, sort_keys=True),
+        "certificate": json.dumps(_plain(claims), sort_keys=True),
     }
 
 
-def certificate_from(words: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Certificate:
-    """The certificate that was stored.
+def certificate_from(
+    description: Mapping[str, Any], claims: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
+) -> Certificate:
+    """The certificate that a file holds.
 
     Arguments:
-        words: the parsed texts `problem` and `certificate`.
-        arrays: the stored numbers by name.
+        description: the parsed text `problem`.
+        claims: the parsed text `certificate`.
+        arrays: by name.
     """
-    described, told = words["problem"], dict(words["certificate"])
-    quantities, samples = described["quantities"], described["samples"]
-    witnesses = told.pop("witnesses")
+    quantities, samples = description["quantities"], description["samples"]
     differences = {q: arrays[_name("witness_difference", q)] for q in quantities}
-    return Certificate(
-        **told,
-        bounds={q: arrays[_name("bound", q)] for q in quantities},
-        drift={q: arrays[_name("drift", q)][:samples] for q in described["constrained"]},
-        witnesses=tuple(
-            Witness(**each, differences={q: differences[q][index] for q in quantities})
-            for index, each in enumerate(witnesses)
-        ),
-    )
+    witnesses = [
+        {
+            **each,
+            "solver": Solver.parse(each["solver"]),
+            # JSON has no infinity, which is that of a run that ends inside the horizon.
+            "difference": np.inf if each["difference"] is None else each["difference"],
+            "differences": {q: differences[q][index] for q in quantities},
+        }
+        for index, each in enumerate(claims["witnesses"])
+    ]
+    values = {
+        **claims,
+        "solver": Solver.parse(claims["solver"]),
+        "bounds": {q: arrays[_name("bound", q)] for q in quantities},
+        "drift": {q: arrays[_name("drift", q)][:samples] for q in description["constrained"]},
+        "witnesses": tuple(Witness(**each) for each in witnesses),
+    }
+    return Certificate(**values)
 
 
 def states_from(problem: Problem, samples: int, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The states that were stored, ``(samples, *y0.shape)``."""
+    """The states that a file holds, ``(samples, *y0.shape)``."""
     return _joined(problem, {name: arrays[name][:samples] for name in problem.quantities})
 
 
 def dense_from(problem: Problem, arrays: Mapping[str, np.ndarray]) -> Dense | None:
-    """The dense output that was stored; None if there is none."""
+    """The dense output that a file holds; None if it has none."""
     if "dense_time" not in arrays:
         return None
     times = arrays["dense_time"]
@@ -170,7 +183,7 @@ def dense_from(problem: Problem, arrays: Mapping[str, np.ndarray]) -> Dense | No
 def _dense_arrays(
     problem: Problem, dense: Dense, time: str, units: Mapping[str, str]
 ) -> dict[str, Array]:
-    found = {"dense_time": Array(("dense_time",), dense.times, "times of the nodes", time)}
+    arrays = {"dense_time": Array(("dense_time",), dense.times, "times of the nodes", time)}
     nodes, count = dense.derivatives.shape[:2]
     rows = dense.derivatives.reshape(-1, *problem.y0.shape)
     for quantity in problem.quantities:
@@ -178,23 +191,23 @@ def _dense_arrays(
             dims, values = _state_dims(problem), rows
         else:
             dims, values = ("node", "component"), problem.quantity(quantity, rows)
-        found[f"dense_{quantity}"] = Array(
+        arrays[f"dense_{quantity}"] = Array(
             ("dense_time", "derivative", *dims),
             values.reshape(nodes, count, *values.shape[1:]),
             f"{quantity} and its derivatives by time",
             units[quantity],
         )
-        found[dense_name("bound", quantity)] = Array(
+        arrays[dense_name("bound", quantity)] = Array(
             ("dense_time",),
             dense.bounds[quantity],
             "estimated error bound of the worst node at all times up to the node",
             units[quantity],
         )
-    return found
+    return arrays
 
 
 def _joined(problem: Problem, values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """States in the solver's layout, of quantities as they are stored."""
+    """States in the solver's layout, from quantities in a file's layout."""
     if problem.mechanics is None:
         return values["state"]
     halves = []
@@ -208,29 +221,33 @@ def _joined(problem: Problem, values: Mapping[str, np.ndarray]) -> np.ndarray:
 
 @in_float64
 def probed(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """A few states, and the right-hand side there: by this an equation is known again.
+    """A few states, and the right-hand side there, by which a file recognises an equation.
 
     Returns:
         States and rates, each ``(probes, entries)``.
     """
     draw = np.random.default_rng(4).normal(size=(PROBES, *problem.y0.shape))
     states = problem.y0 * (1.0 + 0.1 * draw) + 0.01 * problem.scale * draw
-    # Not at the start: what depends on time may well vanish there.
+    # Not at the start, where terms that depend on time may well vanish.
     times = problem.ts[0] + (problem.ts[-1] - problem.ts[0]) * np.array([0.237, 0.519, 0.841])
-    rates = [
-        np.asarray(problem.rhs(t, y, problem.args)) for t, y in zip(times, states, strict=True)
-    ]
+    rhs = _compiled(problem.rhs)
+    rates = [np.asarray(rhs(t, y, problem.args)) for t, y in zip(times, states, strict=True)]
     return states.reshape(PROBES, -1), np.stack(rates).reshape(PROBES, -1)
 
 
-def _name(what: str, quantity: str) -> str:
-    """`bound` is that of positions (or of the state); that of velocities says so."""
-    return f"velocity_{what}" if quantity == "velocity" else what
+@functools.lru_cache(maxsize=16)
+def _compiled(rhs: Rhs) -> Rhs:
+    return jax.jit(rhs)
 
 
-def dense_name(what: str, quantity: str) -> str:
-    """The same of dense output."""
-    return f"dense_{_name(what, quantity)}"
+def _name(series: str, quantity: str) -> str:
+    """`bound` is that of positions, or of the state; that of velocities is `velocity_bound`."""
+    return f"velocity_{series}" if quantity == "velocity" else series
+
+
+def dense_name(series: str, quantity: str) -> str:
+    """The name of the same series of dense output."""
+    return f"dense_{_name(series, quantity)}"
 
 
 def _state_dims(problem: Problem) -> tuple[str, ...]:
@@ -251,11 +268,13 @@ def _rope_unit(name: str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy numbers as Python's; what is not finite as null."""
+    """A value that JSON can hold; a number that is not finite is None, which JSON calls null."""
     if isinstance(value, dict):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(entry) for entry in value]
+    if isinstance(value, Solver):
+        return str(value)
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from ropeode.errors import InputError
 from ropeode.files import read_text
-from ropeode.references.files.checksum import check_seal
+from ropeode.references.files.checksum import verify_checksum
 from ropeode.references.files.store import load_reference
 from ropeode.references.reference import Reference
 from ropeode.validation import complaint, unknown
@@ -18,7 +18,7 @@ _PACKAGE = Path(__file__).resolve().parents[2]
 
 
 class Entry(NamedTuple):
-    """What the manifest says of a stored reference.
+    """An entry of the manifest: one stored reference.
 
     Fields:
         title: one line.
@@ -28,7 +28,7 @@ class Entry(NamedTuple):
         level: of the certificate.
         bound: estimated error bound there, of positions or the state.
         horizon: first sample time outside the trust horizon; None if there is none.
-        sha256: of the data file, without its seal.
+        sha256: of the data file, without the checksum at its end.
         recipe_sha256: of the recipe.
     """
 
@@ -44,30 +44,30 @@ class Entry(NamedTuple):
 
 
 def folder() -> Path:
-    """Where the stored library is: in the installed package, or at the top of a checkout."""
+    """The folder of the stored library: in the installed package, or at the top of a checkout."""
     installed = _PACKAGE / "stored_library"
     return installed if installed.is_dir() else _PACKAGE.parent / "reference"
 
 
 def entries() -> dict[str, Entry]:
-    """What the manifest says, by name.
+    """The entries of the manifest, by name.
 
     Raises:
         InputError: the manifest cannot be read.
     """
     text = read_text("stored library", folder() / MANIFEST)
-    found: dict[str, Any] = json.loads(text)
-    return {name: Entry(**told) for name, told in found.items()}
+    manifest: dict[str, Any] = json.loads(text)
+    return {name: Entry(**entry) for name, entry in manifest.items()}
 
 
 def find(name: str | Path) -> Path:
-    """The file of a reference: the one of this name, or else that of the library's entry.
+    """The file of a reference: a file of this name, or else that of the library's entry.
 
     Arguments:
         name: of a file, or of an entry.
 
     Raises:
-        InputError: there is neither, or the library's file is not what the manifest says.
+        InputError: there is neither, or the checksum of the library's file is not the manifest's.
     """
     path = Path(name)
     if path.exists() or path.suffix == ".nc":
@@ -76,7 +76,7 @@ def find(name: str | Path) -> Path:
 
 
 def load(name: str) -> Reference:
-    """A reference of the stored library, after its file has been checked.
+    """A reference of the stored library; checks its file.
 
     Arguments:
         name: of an entry; `ropeode reference list` lists them.
@@ -89,12 +89,12 @@ def load(name: str) -> Reference:
 
 
 def _stored_file(what: str, name: str, *others: str) -> Path:
-    """The file of an entry; `others` may be given as well, but not here."""
-    known = entries()
-    if name not in known:
-        raise InputError(unknown(what, name, [*known, *others]))
+    """The file of an entry; the message for an unknown name offers `others` too."""
+    stored_entries = entries()
+    if name not in stored_entries:
+        raise InputError(unknown(what, name, [*stored_entries, *others]))
     stored = folder() / f"{name}.nc"
-    if check_seal(stored) != known[name].sha256:
-        allowed = "the file that the library's manifest names (its sha256 is another one)"
+    if verify_checksum(stored) != stored_entries[name].sha256:
+        allowed = "the file that the library's manifest names (its sha256 differs)"
         raise InputError(complaint("reference", str(stored), allowed, "install ropeode again"))
     return stored

@@ -1,4 +1,4 @@
-"""Named arrays and texts as a NetCDF4 file, and back, with nothing believed unseen."""
+"""Named arrays and texts as a NetCDF4 file, and back, with every size and type checked."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _TYPES = ("<f8", "|i1")
 _HASH = "sha256"
 
 
-def write(path: Path, arrays: Mapping[str, Array], words: Mapping[str, str]) -> None:
-    """Write a file, not yet sealed.
+def write(path: Path, arrays: Mapping[str, Array], texts: Mapping[str, str]) -> None:
+    """Write a file, without the checksum at its end.
 
     Arguments:
         path: of the file, which is overwritten.
         arrays: variables by name.
-        words: global attributes by name; their sha256, with that of the variables, is added.
+        texts: global attributes by name; a sha256 of them and the variables is added.
     """
     with h5netcdf.File(path, "w") as file:
         for array in arrays.values():
@@ -37,16 +37,16 @@ def write(path: Path, arrays: Mapping[str, Array], words: Mapping[str, str]) -> 
             variable = file.create_variable(name, array.dims, array.values.dtype, data=array.values)
             variable.attrs["long_name"] = array.long_name
             variable.attrs["units"] = array.units
-        for name, text in words.items():
+        for name, text in texts.items():
             file.attrs[name] = text
-        file.attrs[_HASH] = content_hash(arrays, words)
+        file.attrs[_HASH] = content_hash(arrays, texts)
 
 
 def read(path: Path) -> tuple[dict[str, Array], dict[str, str]]:
-    """Read a file whose seal has been checked.
+    """Read a file whose checksum has been verified.
 
-    Sizes are compared with that of the file before any memory is taken for them; what is not
-    stored in the file itself, or is of another type than is written, is refused.
+    Sizes are compared with that of the file before any memory is allocated. Data outside the
+    file itself, and types that `write` does not write, are refused.
 
     Raises:
         InputError: it is no such file.
@@ -63,23 +63,23 @@ def read(path: Path) -> tuple[dict[str, Array], dict[str, str]]:
                     str(variable.attrs.get("long_name", "")),
                     str(variable.attrs.get("units", "")),
                 )
-            words = {name: _text(path, name, value) for name, value in file.attrs.items()}
+            texts = {name: _text(path, name, value) for name, value in file.attrs.items()}
     except InputError:
         raise
     except Exception as error:
-        # HDF5 and h5netcdf raise errors of many kinds on what is not theirs.
+        # HDF5 and h5netcdf raise errors of many kinds on files that are not theirs.
         raise _refusal(path, f"a NetCDF4 file ({type(error).__name__}: {error})") from error
-    said = words.pop(_HASH, "")
-    if said != content_hash(arrays, words):
-        raise _refusal(path, "numbers and words with the sha256 that stands beside them")
-    return arrays, words
+    stored_hash = texts.pop(_HASH, "")
+    if stored_hash != content_hash(arrays, texts):
+        raise _refusal(path, "numbers and texts that have the sha256 stored beside them")
+    return arrays, texts
 
 
-def content_hash(arrays: Mapping[str, Array], words: Mapping[str, str]) -> str:
-    """The sha256 of numbers and words, whatever file they are in.
+def content_hash(arrays: Mapping[str, Array], texts: Mapping[str, str]) -> str:
+    """The sha256 of the contents, whatever file they are in.
 
-    It runs over names, dimensions, shapes, types, units and bytes of the variables and over
-    the texts, in the order of their names; docs/files.md says how.
+    It covers names, dimensions, shapes, types, units and bytes of the variables, and the texts,
+    in the order of their names; docs/files.md says how.
     """
     digest = hashlib.sha256()
     for name in sorted(arrays):
@@ -87,7 +87,7 @@ def content_hash(arrays: Mapping[str, Array], words: Mapping[str, str]) -> str:
         head = [name, array.dims, array.values.shape, array.values.dtype.str]
         digest.update(json.dumps([*head, array.long_name, array.units]).encode())
         digest.update(np.ascontiguousarray(array.values).data)
-    digest.update(json.dumps({name: words[name] for name in sorted(words)}).encode())
+    digest.update(json.dumps({name: texts[name] for name in sorted(texts)}).encode())
     return digest.hexdigest()
 
 
@@ -109,5 +109,5 @@ def _text(path: Path, name: str, value: Any) -> str:
 
 
 def _refusal(path: Path, allowed: str) -> InputError:
-    fix = "do not use it; write it again, or fetch it again"
+    fix = "do not use it; write it again, or download it again"
     return InputError(complaint("reference", str(path), f"a file with {allowed}", fix))

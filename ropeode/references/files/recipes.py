@@ -1,10 +1,9 @@
-"""Recipes of the stored library: what is solved, how, and what others have found."""
+"""Recipes of the stored library: the problem, the options, and published values."""
 
 from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,25 +16,25 @@ from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Level
-from ropeode.references.ladder import Progress
-from ropeode.references.reference import Reference, reference
+from ropeode.references.options import DIGITS, TIME_LIMIT, ReferenceOptions
+from ropeode.references.reference import Reference
 from ropeode.validation import Input, Positive, WholePositive, complaint, field, unknown
 
 
-def _known(value: str) -> str:
+def _library_problem(value: str) -> str:
     if value not in PROBLEMS:
         raise InputError(unknown("problem", value, PROBLEMS))
     return value
 
 
 class Published(Input):
-    """What others have published of a solution.
+    """Published values of a solution.
 
     Arguments:
         source: where.
         values: positions (or the state) at the last sample, in the order of the array.
-        uncertainty: how far they are off at most, in the same units: what their digits leave
-            open, and what rounding the problem's decimal numbers to float64 does.
+        uncertainty: their largest error, in the same units: the rounding of their last digit,
+            and the effect of rounding the problem's decimal numbers to float64.
     """
 
     source: str = field(..., allowed="a text", example='"a paper"')
@@ -44,31 +43,31 @@ class Published(Input):
 
 
 class Recipe(Input):
-    """A problem of the library, and what is asked of its reference.
+    """A problem of the library, and the options of its reference.
 
     Arguments:
         title: one line.
         problem: its name.
         parameters: of the problem.
-        level: as for `ropeode.reference`, like what follows.
-        accuracy: where it is not the default.
+        level: as for `ropeode.reference`, like the next three.
+        accuracy: None for the default.
         digits: of an extended reference.
         time_limit: of an extended reference, in seconds.
-        published: what others have found.
+        published: values from the literature, where there are any.
 
     Raises:
         InputError: one line for each that cannot be used.
     """
 
     title: str = field(..., allowed="a text", example='"The default rope"')
-    problem: Annotated[str, AfterValidator(_known)] = field(
+    problem: Annotated[str, AfterValidator(_library_problem)] = field(
         ..., allowed="the name of a problem of the library", example='"rope"'
     )
     parameters: dict[str, Any] = field(..., allowed="a table", example="{ frames = 20 }")
     level: Level = field("consensus", allowed="consensus or extended", example='"extended"')
     accuracy: Positive | None = field(None, allowed="a finite number > 0", example="1e-6")
-    digits: WholePositive | None = field(None, allowed="a whole number >= 1", example="24")
-    time_limit: Positive | None = field(None, allowed="a finite number > 0", example="600")
+    digits: WholePositive = field(DIGITS, allowed="a whole number >= 1", example="24")
+    time_limit: Positive = field(TIME_LIMIT, allowed="a finite number > 0", example="600")
     published: Published | None = field(
         None, allowed="a table", example='{ source = "...", values = [1.0], uncertainty = 1e-14 }'
     )
@@ -77,36 +76,22 @@ class Recipe(Input):
         """The problem."""
         return PROBLEMS[self.problem](**self.parameters)
 
-    def make(
-        self, problem: Problem | None = None, progress: Progress = lambda text: None
-    ) -> Reference:
-        """The reference.
-
-        Arguments:
-            problem: with other sample times, where they are not the recipe's own.
-            progress: called with a few words before each run.
-
-        Raises:
-            ReferenceRefused: there is none.
-        """
-        asked: Mapping[str, Any] = {"digits": self.digits, "time_limit": self.time_limit}
-        return reference(
-            problem or self.build(),
-            self.accuracy,
-            level=self.level,
-            progress=progress,
-            **{name: value for name, value in asked.items() if value is not None},
+    @property
+    def options(self) -> ReferenceOptions:
+        """The options of its reference."""
+        return ReferenceOptions(
+            self.accuracy, level=self.level, digits=self.digits, time_limit=self.time_limit
         )
 
-    def off_published(self, known: Reference) -> float | None:
-        """How far the last sample is from what others have found; None if they have not.
+    def published_error(self, reference: Reference) -> float | None:
+        """The distance of the last sample from the published values; None if there are none.
 
         Arguments:
-            known: the recipe's reference.
+            reference: the recipe's.
         """
         if self.published is None:
             return None
-        problem, last = known.problem, known.states[-1:]
+        problem, last = reference.problem, reference.states[-1:]
         quantity = problem.quantities[0]
         theirs = last.copy()
         values = np.asarray(self.published.values, dtype=np.float64)

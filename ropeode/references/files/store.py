@@ -15,7 +15,7 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.files import netcdf
-from ropeode.references.files.checksum import check_seal, seal
+from ropeode.references.files.checksum import append_checksum, verify_checksum
 from ropeode.references.files.encoding import (
     ROPE_ARRAYS,
     SCHEMA,
@@ -24,7 +24,7 @@ from ropeode.references.files.encoding import (
     dense_from,
     probed,
     states_from,
-    words_of,
+    texts_of,
 )
 from ropeode.references.reference import Reference
 from ropeode.validation import complaint, shown
@@ -47,40 +47,40 @@ def save_reference(reference: Reference, path: str | Path) -> Path:
         InputError: it cannot be written.
     """
     path = check_writable("out", path)
-    arrays, words = arrays_of(reference), words_of(reference)
+    arrays, texts = arrays_of(reference), texts_of(reference)
     with replacing(path) as part:
-        netcdf.write(part, arrays, words)
-        seal(part)
+        netcdf.write(part, arrays, texts)
+        append_checksum(part)
     return path
 
 
 def load_reference(path: str | Path, problem: Problem | None = None) -> Reference:
-    """Read a reference from a file, after its seal, structure and problem have been checked.
+    """Read a reference from a file, and check its checksum, structure and problem.
 
     Arguments:
         path: of the file.
-        problem: that it is to be the reference of. Needed where the file's own was not made
-            by the library; where it is given, the file is refused if its problem is another.
+        problem: that the reference must solve. Needed where the file's problem is not one of
+            the library; a file of another problem is refused.
 
     Raises:
-        InputError: the file is not as it was written, or is no reference, or of another
+        InputError: the file is not as it was written, or holds no reference, or one of another
             problem; says what differs.
     """
     return reference_from(stored_facts(path), problem)
 
 
 def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
-    """The reference that a file says, after its problem has been checked.
+    """The reference in a file; checks its problem.
 
     Arguments:
-        facts: of the file.
+        facts: the contents of the file.
         problem: as for `load_reference`.
 
     Raises:
         InputError: the reference is of another problem; says what differs.
     """
     if problem is None:
-        problem = _own_problem(facts.path, facts.problem)
+        problem = _library_problem(facts.path, facts.problem)
     _check_same(facts.path, problem, facts.problem, facts.numbers)
     return Reference(
         problem=problem,
@@ -91,7 +91,7 @@ def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
 
 
 class Facts(NamedTuple):
-    """What a file says, without its problem having been built.
+    """The contents of a file; the problem is described, not built.
 
     Fields:
         path: of the file.
@@ -109,85 +109,85 @@ class Facts(NamedTuple):
 
 
 def stored_facts(path: str | Path) -> Facts:
-    """Read what a file says, after its seal and its structure have been checked.
+    """Read a file, and check its checksum and its structure.
 
     Arguments:
         path: of the file.
 
     Raises:
-        InputError: the file is not as it was written, or is no reference.
+        InputError: the file is not as it was written, or holds no reference.
     """
     path = Path(path)
-    digest = check_seal(path)
+    digest = verify_checksum(path)
     arrays, texts = netcdf.read(path)
     if texts.get("schema") != SCHEMA:
         allowed = f"a file with the schema {SCHEMA!r}"
         raise InputError(complaint("reference", str(path), allowed, "use another version"))
-    words = {name: json.loads(texts[name]) for name in ("problem", "certificate")}
+    problem, claims = (json.loads(texts[name]) for name in ("problem", "certificate"))
     numbers = {name: array.values for name, array in arrays.items()}
-    return Facts(path, digest, words["problem"], certificate_from(words, numbers), numbers)
+    return Facts(path, digest, problem, certificate_from(problem, claims, numbers), numbers)
 
 
-def _own_problem(path: Path, described: Mapping[str, Any]) -> Problem:
-    """The problem that the library makes from the stored parameters."""
-    parameters = dict(described["parameters"])
+def _library_problem(path: Path, description: Mapping[str, Any]) -> Problem:
+    """The problem that the library builds from the stored parameters."""
+    parameters = dict(description["parameters"])
     kind = parameters.pop("kind", None)
     if kind not in PROBLEMS:
         raise InputError(
             complaint(
                 "problem",
-                described["name"],
-                f"the problem itself, since that of {str(path)!r} is not of the library",
-                "give it, as in load_reference(path, problem) or --problem FILE.py:NAME",
+                description["name"],
+                f"a problem of the library, which that of {str(path)!r} is not",
+                "pass the problem, as in load_reference(path, problem) or --problem FILE.py:NAME",
             )
         )
     return PROBLEMS[kind](**parameters)
 
 
 def _check_same(
-    path: Path, problem: Problem, described: Mapping[str, Any], numbers: Mapping[str, np.ndarray]
+    path: Path, problem: Problem, description: Mapping[str, Any], numbers: Mapping[str, np.ndarray]
 ) -> None:
     """Raises:
     InputError: the file is of another problem; names each difference.
     """
-    mine, its = dict(problem.parameters), described["parameters"]
-    names = ["kind"] if mine.get("kind") != its.get("kind") else sorted({*mine, *its})
+    own, its = dict(problem.parameters), description["parameters"]
+    names = ["kind"] if own.get("kind") != its.get("kind") else sorted({*own, *its})
     faults = [
-        _difference(path, name, mine.get(name), its.get(name))
+        _difference(path, name, own.get(name), its.get(name))
         for name in names
-        if mine.get(name) != its.get(name)
+        if own.get(name) != its.get(name)
     ]
-    if list(problem.jump_times) != described["jump_times"]:
-        given = list(problem.jump_times)
-        faults.append(_difference(path, "jump_times", given, described["jump_times"]))
-    own = {"time": problem.ts, "initial_state": problem.y0}
-    own |= {
+    if list(problem.jump_times) != description["jump_times"]:
+        jump_times = list(problem.jump_times)
+        faults.append(_difference(path, "jump_times", jump_times, description["jump_times"]))
+    arrays = {"time": problem.ts, "initial_state": problem.y0}
+    arrays |= {
         name: np.asarray(getattr(problem.args, name))
         for name in ROPE_ARRAYS
         if name in numbers and hasattr(problem.args, name)
     }
-    for name, values in own.items() if not faults else ():
+    for name, values in arrays.items() if not faults else ():
         stored = numbers.get(name)
         if stored is None or stored.shape != values.shape or not np.array_equal(stored, values):
             faults.append(_difference(path, name, values.tolist(), np.asarray(stored).tolist()))
     if not faults:
         rates = probed(problem)[1]
-        apart = np.abs(rates - numbers["probe_rate"])
+        differences = np.abs(rates - numbers["probe_rate"])
         if rates.shape != numbers["probe_rate"].shape or np.any(
-            apart > _SAME * np.max(np.abs(numbers["probe_rate"]))
+            differences > _SAME * np.max(np.abs(numbers["probe_rate"]))
         ):
-            worst = int(np.argmax(np.max(apart, axis=0)))
+            worst = int(np.argmax(np.max(differences, axis=0)))
             its_rate = float(numbers["probe_rate"][0, worst])
-            what = f"right-hand side (entry {worst}, at a state to try it on)"
-            faults.append(_difference(path, what, float(rates[0, worst]), its_rate))
+            name = f"right-hand side (entry {worst}, at a test state)"
+            faults.append(_difference(path, name, float(rates[0, worst]), its_rate))
     if faults:
         raise InputError(faults)
 
 
-def _difference(path: Path, name: str, mine: Any, its: Any) -> str:
+def _difference(path: Path, name: str, own: Any, its: Any) -> str:
     return complaint(
         name,
-        mine,
-        f"{shown(its)}, which is what the reference in {str(path)!r} was made for",
-        "use another file, or make a reference of this problem",
+        own,
+        f"{shown(its)}, which is that of the problem in {str(path)!r}",
+        "use another file, or compute a reference of this problem",
     )

@@ -3,37 +3,39 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from ropeode.norms import distance
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.certificate import largest_norms
+from ropeode.references.compute import reference_for
 from ropeode.references.files.store import reference_from, stored_facts
-from ropeode.references.reference import TIME_LIMIT, Reference, reference
+from ropeode.references.options import TIME_LIMIT, ReferenceOptions
+from ropeode.references.reference import Reference
 
-# In so many pieces of a dense output a value is computed again.
+# The number of pieces of a dense output in which one value is computed again.
 _PIECES = 256
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Verification:
-    """How a stored reference stands against a new one.
+    """A stored reference, compared with a new one.
 
-    With dense output the new one has samples between those of the file, too.
+    With dense output the new one also has samples between those of the file.
 
     Arguments:
-        path: of the file, whose seal, structure and problem were found to be right.
+        path: of the file, whose checksum, structure and problem are right.
         digest: sha256 of the file.
         stored: the reference in it.
         recomputed: the new one.
-        samples: that both trust, and that were compared, those between included.
-        of: so many that the file trusts; more than `samples` where the new one ends before.
-        distances: for each quantity the largest distance over them.
-        outside: the first sample time, for each quantity that has one, at which the two are
-            further apart than their bounds together.
+        samples: how many were compared: those that both trust, those between included.
+        of: how many the file trusts; more than `samples` where the new one ends before.
+        distances: for each quantity, the largest distance over the samples.
+        outside: the first sample time at which the distance exceeds the sum of the bounds, for
+            each quantity that has one.
     """
 
     path: Path
@@ -47,7 +49,7 @@ class Verification:
 
     @property
     def agrees(self) -> bool:
-        """Whether all that was compared lies within the bounds."""
+        """Whether all distances lie within the bounds."""
         return not self.outside
 
 
@@ -56,52 +58,54 @@ def verify_reference(
     problem: Problem | None = None,
     *,
     time_limit: float = TIME_LIMIT,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Progress = silent,
 ) -> Verification:
     """Check a file, and compute its reference again.
 
     Arguments:
         path: of the file.
         problem: as for `load_reference`.
-        time_limit: in seconds, for all runs in extended precision; what they do not reach is
-            not compared.
+        time_limit: in seconds, for all runs in extended precision together; samples that they
+            do not reach are not compared.
         progress: as for `reference`.
 
     Raises:
-        InputError: as `load_reference`.
-        ReferenceRefused: today no reference can be had for the problem.
+        InputError: as for `load_reference`.
+        ReferenceRefused: the problem has no reference with today's solvers.
     """
     facts = stored_facts(path)
     stored = reference_from(facts, problem)
-    made = stored.certificate
     times = _times_to_compare(stored)
-    asked = dataclasses.replace(stored.problem, ts=times)
-    again = reference(
-        asked, made.accuracy, level=made.level, time_limit=time_limit, progress=progress
+    recomputed = reference_for(
+        dataclasses.replace(stored.problem, ts=times),
+        ReferenceOptions(
+            stored.certificate.accuracy, level=stored.certificate.level, time_limit=time_limit
+        ),
+        progress,
     )
     trusted = stored.times[: stored.trusted]
-    wanted = int(np.sum(times <= trusted[-1]))
-    times = times[: again.trusted][times[: again.trusted] <= trusted[-1]]
+    of = int(np.sum(times <= trusted[-1]))
+    times = times[: recomputed.trusted][times[: recomputed.trusted] <= trusted[-1]]
     samples = len(times)
     states = _stored_states(stored, times)
     distances, outside = {}, {}
     for quantity, norm in largest_norms(stored.problem).items():
-        apart = distance(stored.problem, norm, states, again.states[:samples])
+        series = distance(stored.problem, norm, states, recomputed.states[:samples])
         bound = stored.bound(norm)[np.searchsorted(trusted, times)]
         if stored.dense is not None:
             covered = times <= stored.dense.end
             bound[covered] = stored.bound_at(times[covered], norm)
-        allowed = bound + again.bound(norm)[:samples]
-        distances[quantity] = float(np.max(apart))
-        if np.any(apart > allowed):
-            outside[quantity] = float(times[int(np.argmax(apart > allowed))])
+        too_far = series > bound + recomputed.bound(norm)[:samples]
+        distances[quantity] = float(np.max(series))
+        if np.any(too_far):
+            outside[quantity] = float(times[int(np.argmax(too_far))])
     return Verification(
         path=facts.path,
         digest=facts.digest,
         stored=stored,
-        recomputed=again,
+        recomputed=recomputed,
         samples=samples,
-        of=wanted,
+        of=of,
         distances=distances,
         outside=outside,
     )

@@ -1,7 +1,7 @@
-"""What diffrax is to do, as a function that JAX can trace.
+"""A run of diffrax as a function that JAX can trace.
 
-Imported where a program has to be traced, and not where it is kept in a file: importing
-diffrax and tracing it take longer than all runs of a reference.
+Not imported where the program comes from a file: importing diffrax and tracing it take longer
+than all runs of a reference.
 """
 
 # Equinox modules declare fields that a wrapper gives as properties; pyright cannot see that.
@@ -16,7 +16,8 @@ import jax
 import jax.numpy as jnp
 import optimistix
 
-from ropeode.references.solvers.program_cache import Family
+from ropeode.references.solvers.family import Family
+from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, Solver
 
 _ROOT_RTOL = 1e-9
 
@@ -29,27 +30,27 @@ def _dopri8(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
 def _kvaerno5(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
     """Kvaerno5 with Newton's method, and a new Jacobian in each iteration.
 
-    Its own root finder keeps one for a whole step, and rejects step after step where a solution
-    enters a boundary layer: Van der Pol's equation with epsilon = 1e-6 took 4810 steps in place
-    of 290, or did not start at all. Newton's method squares its error, so that a tolerance
-    below `_ROOT_RTOL` asks for what rounding does not give, and ends in steps of no length.
+    Its own root finder keeps one Jacobian for a whole step, and rejects step after step where a
+    solution enters a boundary layer: Van der Pol's equation with epsilon = 1e-6 took 4810 steps
+    instead of 290, or did not start at all. Newton's method squares its error, so that rounding
+    never lets it meet a tolerance below `_ROOT_RTOL`; the steps would shrink to nothing.
     """
     root_rtol: Any = jnp.maximum(rtol, _ROOT_RTOL)
     newton = optimistix.Newton(rtol=root_rtol, atol=root_rtol / rtol * atol)
     return diffrax.Kvaerno5(root_finder=newton)
 
 
-SOLVERS: dict[str, Callable[[Any, Any], diffrax.AbstractSolver]] = {
-    "Dopri8": _dopri8,
-    "Kvaerno5": _kvaerno5,
+SOLVERS: dict[Solver, Callable[[Any, Any], diffrax.AbstractSolver]] = {
+    DOPRI8: _dopri8,
+    KVAERNO5: _kvaerno5,
 }
 
 
 class _StepLimit(diffrax.AbstractAdaptiveStepSizeController):
-    """A controller that gives up after a number of steps known at run time only.
+    """A controller that gives up after a number of steps that is an input of the program.
 
-    `diffeqsolve(max_steps=...)` is compiled in, which would cost a compilation for each rung
-    of a tolerance ladder.
+    `diffeqsolve(max_steps=...)` is a constant of the program, and would cost a compilation for
+    each rung of a tolerance ladder.
     """
 
     controller: diffrax.AbstractAdaptiveStepSizeController
@@ -118,7 +119,7 @@ def solution_of(family: Family) -> Callable:
     only, and end just before declared jump times.
 
     Arguments:
-        family: what is to be solved, and with what.
+        family: the problem's functions and shapes, and the solver.
 
     Returns:
         A function of the initial state, the problem's numbers, the sample times, the jump
@@ -159,15 +160,15 @@ def solution_of(family: Family) -> Callable:
 
 
 def failure(result: Any, max_steps: int) -> str:
-    """Why a run ended early, in words that do not speak of diffrax's own arguments.
+    """Why a run ended early, without naming diffrax's own arguments.
 
     Arguments:
         result: the number that the run returned.
-        max_steps: that it was allowed.
+        max_steps: the run's limit.
     """
-    found = jax.tree.unflatten(jax.tree.structure(diffrax.RESULTS.successful), [result])
-    if found == diffrax.RESULTS.max_steps_reached:
+    reason = jax.tree.unflatten(jax.tree.structure(diffrax.RESULTS.successful), [result])
+    if reason == diffrax.RESULTS.max_steps_reached:
         return f"{max_steps} steps did not suffice"
-    if diffrax.is_successful(found):
+    if diffrax.is_successful(reason):
         return "the state is not finite"
-    return str(diffrax.RESULTS[found]).strip().split(". ")[0]
+    return str(diffrax.RESULTS[reason]).strip().split(". ")[0]

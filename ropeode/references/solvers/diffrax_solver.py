@@ -10,14 +10,16 @@ import numpy as np
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.solvers.program_cache import Family, compiled
+from ropeode.references.solvers.family import Family
+from ropeode.references.solvers.program_cache import compiled
 from ropeode.references.solvers.solution import Solution, finite_samples
+from ropeode.references.solvers.solver import Solver
 
 
 @in_float64
 def solve(
     problem: Problem,
-    solver: str,
+    solver: Solver,
     rtol: float,
     atol: float,
     *,
@@ -37,7 +39,7 @@ def solve(
         max_steps: give up after so many steps.
         longest_steps: no step that starts in a frame may be longer than its entry,
             ``(frames,)``, in units of time.
-        y0: initial state, where it is not the problem's.
+        y0: initial state; by default the problem's.
     """
     start = problem.y0 if y0 is None else y0
     longest = np.float64(np.inf) if longest_steps is None else _one_or_each(longest_steps)
@@ -81,7 +83,7 @@ def solve(
         reason = diffrax_program.failure(result, max_steps)
         failure = f"stopped after t = {problem.ts[max(len(states) - 1, 0)]:g}: {reason}"
     return Solution(
-        solver=f"diffrax {solver}",
+        solver=solver,
         rtol=rtol,
         atol=atol,
         states=states,

@@ -19,8 +19,8 @@ from scipy.integrate import DOP853
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.ladder import SIDE_BY_SIDE
 from ropeode.references.solvers.solution import Solution, absolute_tolerance, finite_samples
+from ropeode.references.solvers.solver import OWN_DOP853
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
@@ -28,7 +28,7 @@ _SAFETY, _LEAST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 10.0
 # Numbers in all lanes together: with all stages they stay in the processor's cache.
 _NUMBERS = 8192
 _MOST_LANES = 128
-# Problems enter when so many lanes are free.
+# Problems enter when this part of the lanes is free.
 _FREE = 0.25
 _compiling = threading.Lock()
 
@@ -39,8 +39,8 @@ def solve(
 ) -> list[Solution]:
     """Solve problems, each sample time being the end of a step.
 
-    What becomes of a problem does not depend on the others, to the last bit: all that lanes
-    share is a right-hand side that is evaluated for so many at a time.
+    The solution of a problem does not depend on the others, to the last bit: lanes share
+    nothing but the call that evaluates the right-hand side for all of them.
 
     Arguments:
         problems: of one family, without jump times.
@@ -73,7 +73,7 @@ def solve(
     seconds = (time.perf_counter() - started) / len(problems)
     return [
         Solution(
-            solver=SIDE_BY_SIDE,
+            solver=OWN_DOP853,
             rtol=max(rtol, _TIGHTEST_RTOL),
             atol=absolute_tolerance(problem, rtol),
             states=own[: finite_samples(own)].reshape(-1, *first.y0.shape),
@@ -205,12 +205,12 @@ class _Lanes:
 
     def _attempt(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The state and its slope after a step, and the error relative to the tolerance."""
-        apart = h[:, None]
+        step = h[:, None]
         stages = [self._slope]
         for row, node in zip(DOP853.A[1:], DOP853.C[1:], strict=True):
-            y = self._y + apart * _combination(row, stages)
+            y = self._y + step * _combination(row, stages)
             stages.append(self._rhs(self._t + node * h, y, self._on_device))
-        y_new = self._y + apart * _combination(DOP853.B, stages)
+        y_new = self._y + step * _combination(DOP853.B, stages)
         stages.append(self._rhs(self._t + h, y_new, self._on_device))
         scale = self._atol + np.maximum(np.abs(self._y), np.abs(y_new)) * self._rtol
         fifth = np.sum((_combination(DOP853.E5, stages) / scale) ** 2, axis=1)

@@ -1,4 +1,4 @@
-"""Adaptive SciPy solvers, as witnesses that share no code with the primary."""
+"""Adaptive SciPy solvers: witnesses that share no code with the primary solver."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ from scipy.integrate import DOP853, OdeSolver, Radau
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solution import Solution, finite_samples
+from ropeode.references.solvers.solver import SCIPY_DOP853, SCIPY_RADAU, Solver
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
 
-SOLVERS: dict[str, Callable[..., OdeSolver]] = {"DOP853": DOP853, "Radau": Radau}
+SOLVERS: dict[Solver, Callable[..., OdeSolver]] = {SCIPY_DOP853: DOP853, SCIPY_RADAU: Radau}
 
 
 @in_float64
-def solve(problem: Problem, solver: str, rtol: float, atol: float, *, max_steps: int) -> Solution:
+def solve(
+    problem: Problem, solver: Solver, rtol: float, atol: float, *, max_steps: int
+) -> Solution:
     """Solve with SciPy, each sample time being the end of a step.
 
     The solver is driven from one sample time (or jump time) to the next, because
     `solve_ivp` would interpolate. At a jump time it starts anew. Inside each piece the
-    right-hand side is never asked for a time on or beyond the piece's jumps.
+    right-hand side is never evaluated on or beyond the piece's jumps.
 
     Arguments:
         problem: what to solve.
@@ -36,7 +39,7 @@ def solve(problem: Problem, solver: str, rtol: float, atol: float, *, max_steps:
         max_steps: give up after so many steps.
     """
     started = time.perf_counter()
-    field, jacobian = _compiled(problem, with_jacobian=solver == "Radau")
+    field, jacobian = _compiled(problem, with_jacobian=solver.implicit)
     compile_seconds = time.perf_counter() - started
 
     started = time.perf_counter()
@@ -67,8 +70,8 @@ def solve(problem: Problem, solver: str, rtol: float, atol: float, *, max_steps:
                 ) -> np.ndarray:
                     return jacobian(min(max(t, low), high), y)
 
-                more = {"jac": slope} if solver == "Radau" else {}
-                run = SOLVERS[solver](inside, at, y, stop, rtol=rtol, atol=atol, **more)
+                jac = {"jac": slope} if solver.implicit else {}
+                run = SOLVERS[solver](inside, at, y, stop, rtol=rtol, atol=atol, **jac)
             run.t_bound, run.status = stop, "running"
             while run.status == "running" and steps < max_steps:
                 message = run.step()
@@ -86,7 +89,7 @@ def solve(problem: Problem, solver: str, rtol: float, atol: float, *, max_steps:
             if stop in jumps:
                 run = None
     return Solution(
-        solver=f"SciPy {solver}",
+        solver=solver,
         rtol=rtol,
         atol=atol,
         states=states[: finite_samples(states)],

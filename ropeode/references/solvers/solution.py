@@ -1,4 +1,4 @@
-"""What a solver that references are made with returns."""
+"""The result of one run of an adaptive solver."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from ropeode.problems.problem import Problem
+from ropeode.references.solvers.solver import Solver
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -14,17 +15,17 @@ class Solution:
     """One run of an adaptive solver.
 
     Arguments:
-        solver: its name, with the library.
+        solver: which one.
         rtol: relative tolerance.
         atol: absolute tolerance, in the units of the state.
         states: ``(times, *state)`` at the sample times that were reached, none interpolated.
-        steps: made (rejected ones count with diffrax, not with SciPy).
+        steps: how many (diffrax counts rejected ones, SciPy does not).
         seconds: to run.
-        compile_seconds: to compile; 0 if that had been done before.
+        compile_seconds: to compile; 0 if the program was compiled before.
         failure: why it did not reach the last sample time; None if it did.
     """
 
-    solver: str
+    solver: Solver
     rtol: float
     atol: float
     states: np.ndarray
@@ -34,7 +35,7 @@ class Solution:
     failure: str | None = None
 
     def without_states(self) -> Solution:
-        """What is told of the run, and none of its memory."""
+        """The run without the memory that its states take."""
         return dataclasses.replace(self, states=np.empty((0, *self.states.shape[1:])))
 
 

@@ -17,8 +17,9 @@ from ropeode.files import make_folder, write_whole
 from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
-from ropeode.references.ensemble import each_reference
+from ropeode.references.compute import each_reference
 from ropeode.references.reference import Reference
+from ropeode.references.solvers.solver import Solver
 from ropeode.validation import in_one_line
 
 FOLDER = "references"
@@ -114,7 +115,7 @@ def _packed(key: str, new: Reference | str, outcome: Reference | Exception) -> b
         arrays = {f"bound_{name}": series for name, series in kept.pop("bounds").items()}
         arrays["states"] = new.states
         words |= {
-            "certificate": kept,
+            "certificate": {**kept, "solver": str(new.certificate.solver)},
             # For readers of the file.
             "witnesses": [f"{w.role}: {w.solver}" for w in outcome.certificate.witnesses],
             "parameters": dict(outcome.problem.parameters),
@@ -146,5 +147,7 @@ def _read(path: Path, key: str, problem: Problem) -> Reference | str | None:
             for name in arrays.files
             if name.startswith("bound_")
         }
-        certificate = Certificate(**words["certificate"], bounds=bounds, **_NOT_KEPT)
+        kept = words["certificate"]
+        kept["solver"] = Solver.parse(kept["solver"])
+        certificate = Certificate(**kept, bounds=bounds, **_NOT_KEPT)
         return Reference(problem, arrays["states"], certificate)

@@ -12,10 +12,10 @@ from ropeode.analysis.errors import error_series
 from ropeode.analysis.motion import motion_words
 from ropeode.analysis.roundoff import distance_of_runs, in_other_units, keeps_units
 from ropeode.errors import InputError
-from ropeode.norms import Norm
+from ropeode.norms import Norm, motion
 from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, motion
+from ropeode.references.reference import Reference
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers.base import Stepper

@@ -31,10 +31,11 @@ def apart(problem, states, t=1.3, bits=53):
     """
     translation = translate(problem, bits)
     compiled = heyoka.cfunc(translation.derivatives, translation.variables, compact_mode=True)
-    worst = 0.0
+    worst, rhs = 0.0, jax.jit(problem.rhs)
     for y in states:
         with jax.enable_x64(True):
-            wanted = np.asarray(problem.rhs(t, y, problem.args)).reshape(-1)
+            # As building the problem calls it, which has compiled it.
+            wanted = np.asarray(rhs(np.float64(t), y, problem.args)).reshape(-1)
         found = compiled(y.reshape(-1), time=t)
         worst = max(worst, np.max(np.abs(found - wanted)) / np.max(np.abs(wanted)))
     return worst

@@ -1,0 +1,192 @@
+"""Computing references, of one problem or of an ensemble."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from typing import overload
+
+from ropeode.errors import InputError, ReferenceRefused
+from ropeode.problems.ensemble import Ensemble
+from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
+from ropeode.references.certificate import Level
+from ropeode.references.consensus import consensus_reference
+from ropeode.references.ensemble import Outcome, or_refused, side_by_side
+from ropeode.references.options import DIGITS, TIME_LIMIT, ReferenceOptions
+from ropeode.references.reference import Reference
+from ropeode.threads import cores
+from ropeode.validation import check_whole, complaint
+
+
+@overload
+def reference(
+    problem: Problem,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    *,
+    level: Level = "consensus",
+    digits: int = DIGITS,
+    time_limit: float = TIME_LIMIT,
+    dense: bool = False,
+    progress: Progress = silent,
+) -> Reference: ...
+@overload
+def reference(
+    problem: Ensemble,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    *,
+    level: Level = "consensus",
+    digits: int = DIGITS,
+    time_limit: float = TIME_LIMIT,
+    dense: bool = False,
+    progress: Progress = silent,
+) -> list[Reference | ReferenceRefused]: ...
+def reference(
+    problem: Problem | Ensemble,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    *,
+    level: Level = "consensus",
+    digits: int = DIGITS,
+    time_limit: float = TIME_LIMIT,
+    dense: bool = False,
+    progress: Progress = silent,
+) -> Reference | list[Reference | ReferenceRefused]:
+    """Solve a problem, and say how far the solution can be trusted.
+
+    The primary solver, diffrax Dopri8, runs on a ladder of tolerances until rounding makes
+    tighter ones useless. The last run but one is the reference. The witnesses are the other
+    rungs, a run from a neighbouring initial state, a run with steps too short to miss much, and
+    SciPy's DOP853. A problem for which the explicit solver needs too many steps counts as
+    stiff; diffrax Kvaerno5 and SciPy's Radau solve it instead.
+
+    At the level `extended`, Taylor series (heyoka) solve the problem twice, with as many digits
+    as it needs; see `ropeode.references.extended.solution`.
+
+    Each member of an ensemble gets its own reference. `ropeode.each_reference` yields them one
+    after the other.
+
+    Arguments:
+        problem: what to solve, or an ensemble of problems.
+        accuracy: the largest error bound that is still trusted, in the units of the positions
+            (of the state, for a problem that is not mechanical); by default 1e-8 (or 1e4 times
+            `rtol`, if that is more) of how far a node (or component) moves.
+        rtol: relative tolerance of the reference; by default the tightest that still helps. The
+            absolute tolerance is `rtol` times the largest component of the initial state.
+        level: `consensus` of float64 solvers, or `extended` precision, which needs heyoka.
+        digits: to which the two runs in extended precision must agree.
+        time_limit: in seconds, for all runs in extended precision together.
+        dense: compute the states between the samples as well; see
+            `ropeode.references.dense.dense_output`.
+        progress: called before each run, with what it is.
+
+    Returns:
+        The reference. For an ensemble, a list that holds for each member its reference, or the
+        `ReferenceRefused` that says why it has none.
+
+    Raises:
+        InputError: an argument cannot be used.
+        ReferenceRefused: not even the first sample can be trusted; says why.
+    """
+    options = ReferenceOptions(accuracy, rtol, level, digits, time_limit, dense)
+    if isinstance(problem, Ensemble):
+        return list(_each(problem, options, cores(), progress))
+    return _reference(problem, options, progress)
+
+
+def each_reference(
+    ensemble: Ensemble,
+    accuracy: float | None = None,
+    rtol: float | None = None,
+    *,
+    level: Level = "consensus",
+    digits: int = DIGITS,
+    time_limit: float = TIME_LIMIT,
+    dense: bool = False,
+    workers: int | None = None,
+    progress: Progress = silent,
+) -> Iterator[Outcome]:
+    """The references of an ensemble's members, one after the other, in its order.
+
+    A reference takes no memory after the caller has dropped it, so that an ensemble may be large.
+
+    The primary solver runs on as many threads as there are processors; each member's states are
+    the same as those of `reference`, to the last bit. The independent solver solves many
+    members side by side; see `references.solvers.dop853`. SciPy's solver replaces it, as in
+    `reference`, for stiff members, for members with jump times, and where it fails.
+
+    Arguments:
+        ensemble: what to solve.
+        accuracy: as for `ropeode.reference`, for all members.
+        rtol: as for `ropeode.reference`, for all members.
+        level: as for `ropeode.reference`; `extended` solves the members one by one.
+        digits: as for `ropeode.reference`.
+        time_limit: as for `ropeode.reference`, for each member.
+        dense: as for `ropeode.reference`; it also solves the members one by one.
+        workers: how many threads; by default as many as there are processors.
+        progress: called now and then, with how many members are done.
+
+    Yields:
+        For each member its reference, or the `ReferenceRefused` that says why it has none.
+
+    Raises:
+        InputError: an argument cannot be used.
+    """
+    options = ReferenceOptions(accuracy, rtol, level, digits, time_limit, dense)
+    count = cores() if workers is None else check_whole("workers", workers, at_least=1, example="2")
+    return _each(ensemble, options, count, progress)
+
+
+def reference_for(
+    problem: Problem | Reference,
+    options: ReferenceOptions = ReferenceOptions(),  # noqa: B008
+    progress: Progress = silent,
+) -> Reference:
+    """A reference itself, or a new one of a problem.
+
+    Arguments:
+        problem: a problem, or a reference that exists already.
+        options: of the new one. With a reference, `accuracy` and `rtol` are refused.
+        progress: as for `reference`.
+
+    Raises:
+        InputError: an option is set that an existing reference has fixed.
+        ReferenceRefused: the problem has no reference.
+    """
+    if isinstance(problem, Problem):
+        return _reference(problem, options, progress)
+    faults = [
+        complaint(name, value, "none with a reference that exists already", "leave one of them out")
+        for name, value in (("accuracy", options.accuracy), ("rtol", options.rtol))
+        if value is not None
+    ]
+    if faults:
+        raise InputError(faults)
+    return problem
+
+
+def _each(
+    ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
+) -> Iterator[Outcome]:
+    if options.level == "consensus" and not options.dense:
+        return side_by_side(ensemble, options, workers, progress)
+    solve = functools.partial(_reference, options=options, progress=progress)
+    return (or_refused(solve, member) for member in ensemble)
+
+
+def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) -> Reference:
+    if options.level == "extended":
+        # Not above: heyoka is an extra.
+        from ropeode.references.extended.reference import extended_reference
+
+        reference = extended_reference(problem, options, progress)
+    else:
+        reference = consensus_reference(problem, options, progress)
+    if not options.dense:
+        return reference
+    # Not above: few references are dense, and it takes long to import.
+    from ropeode.references.dense.dense_output import with_dense_output
+
+    return with_dense_output(reference, time_limit=options.time_limit, progress=progress)

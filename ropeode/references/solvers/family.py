@@ -1,0 +1,61 @@
+"""Which runs of the primary solver share one compiled program."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+
+from ropeode.references.solvers.solver import Solver
+
+
+@dataclasses.dataclass(frozen=True)
+class Family:
+    """Runs that one compiled program serves; all numbers of a problem are its inputs.
+
+    Arguments:
+        solver: a diffrax solver.
+        rhs: ``rhs(t, y, args)`` of the problem.
+        shape: of its state.
+        args_tree: the structure of `args`.
+        args_leaves: shape and dtype of each array in it.
+        times: how many sample times.
+        jumps: how many jump times.
+        own_lengths: whether each frame has a longest step of its own.
+    """
+
+    solver: Solver
+    rhs: Callable
+    shape: tuple[int, ...]
+    args_tree: Any
+    args_leaves: tuple[tuple[tuple[int, ...], Any], ...]
+    times: int
+    jumps: int
+    own_lengths: bool
+
+    def field(self, t: Any, y: Any, leaves: Any) -> Any:
+        """The right-hand side for flat states: one flat array is diffrax's fastest form."""
+        args = jax.tree.unflatten(self.args_tree, leaves)
+        return self.rhs(t, y.reshape(self.shape), args).reshape(-1)
+
+    def inputs(self) -> tuple:
+        """Shapes and dtypes of the program's inputs; see `diffrax_program.solution_of`."""
+        number = abstract(())
+        return (
+            abstract((int(np.prod(self.shape)),)),
+            [abstract(*leaf) for leaf in self.args_leaves],
+            abstract((self.times,)),
+            abstract((self.jumps,)),
+            number,
+            number,
+            abstract((), np.int64),
+            abstract((self.times - 1,) if self.own_lengths else ()),
+        )
+
+
+def abstract(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
+    """An array of which only shape and dtype are fixed."""
+    return jax.ShapeDtypeStruct(shape, dtype)

@@ -1,0 +1,49 @@
+"""Equations for one number, of which all share one compiled program.
+
+Compiling takes longer than all runs of a reference. So the equation is an input of the right-hand
+side, and all problems have six samples.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems.problem import Problem
+
+SAMPLES = 6
+
+
+def _saw(t, y, number):
+    return jnp.where(t < 0.37, 1.0, jnp.where(t < 2.0, -2.0, 5.0)) - 0.5 * y
+
+
+def _pulse(t, y, width):
+    return 1.0 - y + 0.5 * jnp.exp(-(((t - 3.3) / width) ** 2))
+
+
+EQUATIONS = {
+    "decay": lambda t, y, rate: -rate * y,
+    "logistic": lambda t, y, number: y * (1 - y),
+    "square": lambda t, y, rate: rate * y * y,
+    "root": lambda t, y, rate: rate * jnp.sqrt(jnp.abs(y)),
+    "sign": lambda t, y, number: -jnp.sign(y),
+    "root of what is left": lambda t, y, number: jnp.sqrt(1.0 - t) + 0.0 * y,
+    "float32": lambda t, y, rate: -rate * y.astype(jnp.float32).astype(jnp.float64),
+    "pulse": _pulse,
+    "saw": _saw,
+    "turns": lambda t, y, at: jnp.where(t <= at, y, -y),
+}
+
+
+def rhs(t, y, args):
+    which, number = args
+    return jax.lax.switch(which, list(EQUATIONS.values()), t, y, number)
+
+
+def scalar(name, y0, ts, number=1.0, **more) -> Problem:
+    """The problem of one of `EQUATIONS` from one number on."""
+    assert len(ts) == SAMPLES
+    args = (np.int64(list(EQUATIONS).index(name)), float(number))
+    return Problem(rhs, [y0], ts, args, **{"name": name, **more})
