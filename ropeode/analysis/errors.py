@@ -8,6 +8,7 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, node_distances, norm_for
+from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 from ropeode.simulation import Trajectory
 
@@ -105,7 +106,21 @@ def distances(states: np.ndarray, reference: Reference, norm: Norm) -> np.ndarra
         Distances, ``(samples,)``: as many as there are states, up to the trust horizon.
     """
     samples = min(len(states), reference.trusted)
-    return distance(reference.problem, norm, states[:samples], reference.states[:samples])
+    return distances_from(reference.states[:samples], states[:samples], reference.problem, norm)
+
+
+def distances_from(
+    truth: np.ndarray, states: np.ndarray, problem: Problem, norm: Norm
+) -> np.ndarray:
+    """How far states are from the truth at each sample that both have, ``(samples,)``.
+
+    Arguments:
+        truth: the best states that there are, ``(times, *state)``.
+        states: that are compared with them.
+        problem: whose states these are.
+        norm: in which the distance is measured.
+    """
+    return distance(problem, norm, states, truth)
 
 
 def quantity_distances(values: np.ndarray, reference: Reference, norm: Norm) -> np.ndarray:

@@ -103,7 +103,19 @@ def distance_of_runs(
     if repeated.status != "ok":
         return np.inf
     states = repeated.states[:samples] / _RATIO
-    return float(np.max(distance(trajectory.problem, norm, states, trajectory.states[:samples])))
+    return largest_distance(trajectory.problem, norm, states, trajectory.states[:samples])
+
+
+def largest_distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> float:
+    """The largest distance of two runs of a problem, neither of which is the truth.
+
+    Arguments:
+        problem: whose runs these are.
+        norm: the measure of the distance.
+        a: states, ``(times, *state)``.
+        b: states, ``(times, *state)``.
+    """
+    return float(np.max(distance(problem, norm, a, b)))
 
 
 def keeps_units(problem: Problem, method: Method, rescaled: Problem) -> bool:

@@ -16,9 +16,10 @@ from ropeode.analysis.order import (
     ObservedOrder,
     observed_order,
 )
+from ropeode.analysis.roundoff import largest_distance
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
-from ropeode.norms import NORMS, Norm, distance, motion
+from ropeode.norms import NORMS, Norm, motion
 from ropeode.references.reference import Reference
 from ropeode.simulation.trajectory import step_size
 
@@ -166,7 +167,7 @@ def _round_off(a: np.ndarray, b: np.ndarray, reference: Reference, norm: Norm) -
     a, b = a[: reference.trusted], b[: reference.trusted]
     if np.isnan(a).any() or np.isnan(b).any():
         return 0.0
-    return float(np.max(distance(reference.problem, norm, a, b)[1:]))
+    return largest_distance(reference.problem, norm, a, b)
 
 
 def _limits(

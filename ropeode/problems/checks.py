@@ -18,11 +18,15 @@ def run(*each: Callable[[], Any]) -> None:
 
     Raises:
         InputError: with the lines of all the checks that failed, each line once.
+        UserCodeError: the user's code raised; the traceback of its own exception is worth more
+            than the other lines.
     """
     faults: list[str] = []
     for check in each:
         try:
             check()
+        except UserCodeError:
+            raise
         except InputError as error:
             faults.extend(error.problems)
     if faults:

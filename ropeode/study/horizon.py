@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
+from ropeode.analysis.errors import distances_from
 from ropeode.analysis.lyapunov import LyapunovExponent, lyapunov_exponent, mean_slope
 from ropeode.errors import InputError, ReferenceRefused
-from ropeode.norms import distance
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -227,7 +227,9 @@ def horizon(
     size = float(np.max(np.abs(problem.quantity(quantity, exact)))) or 1.0
 
     def run(solution: Solution, role: Literal["reference"] | Role) -> Run:
-        errors = padded(distance(problem, norm, solution.states[: len(times)], exact), problem)
+        errors = padded(
+            distances_from(exact, solution.states[: len(times)], problem, norm), problem
+        )
         return Run(solution.solver, solution.rtol, role, solution.steps, errors[: len(times)])
 
     runs = [run(primary_solution(reference), "reference")]

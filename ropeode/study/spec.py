@@ -247,15 +247,19 @@ class TableJob:
         rope_values = rest.pop("rope", {})
         found: dict[str, Any] = {}
 
+        def check_names_of_steppers() -> None:
+            if (given := rest.pop("steppers", None)) is not None:
+                found["steppers"] = check_steppers(given, folder)
+
         def check_spec() -> None:
-            if rest.get("steppers") is not None:
-                rest["steppers"] = check_steppers(rest["steppers"], folder)
+            if "steppers" in found:
+                rest["steppers"] = found["steppers"]
             found["spec"] = TableSpec(**rest)
 
         def check_rope() -> None:
             found["rope"] = rope_of(str(rest.get("kind")), rope_values)
 
-        run_checks(check_spec, check_rope)
+        run_checks(check_names_of_steppers, check_spec, check_rope)
         self.spec: TableSpec = found["spec"]
         self.spec.check_level()
         self.folder = folder

@@ -131,7 +131,7 @@ def hangs_later(acceleration, t, x, v, dt, args):
 
 @pytest.mark.parametrize("step", [hangs, hangs_later])
 def test_a_step_that_never_returns_is_given_up(step):
-    with pytest.raises(UserCodeError, match="did not return within 1 s"):
+    with pytest.raises(UserCodeError, match="did not finish within 1 s"):
         check_stepper(step, 1, time_limit=1.0)
 
 
