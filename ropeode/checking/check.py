@@ -85,9 +85,8 @@ def check_stepper(
         findings: list[Finding] = []
         diagnosis: tuple[Diagnosis, ...] = ()
         if not trial.repeatable:
-            line = HIDDEN_STATE[0].upper() + HIDDEN_STATE[1:]
             rest = [name for name in names if name != "determinism"]
-            findings = [Finding("determinism", "fail", line)]
+            findings = [Finding("determinism", "fail", HIDDEN_STATE)]
             findings += [Finding(each, "skip", "not deterministic") for each in rest]
         else:
             examination = _examination(stepper, trial, claims)

@@ -13,7 +13,7 @@ from tabulate import tabulate
 from ropeode.checking.report import CheckReport, Claims, Convergence
 from ropeode.render import markup
 from ropeode.render.data import without_infinities
-from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
 from ropeode.render.plain_text import WIDTH, wrapped
 
 SCHEMA = "ropeode.check/1"
@@ -34,7 +34,9 @@ def as_text(report: CheckReport) -> str:
     for diagnosis in report.diagnosis:
         lines += ["", *wrapped(f"Diagnosis ({diagnosis.cause}): {diagnosis.line}")]
     for note in report.notes:
-        lines += ["", *wrapped(f"Note: {note}")]
+        words, code = _apart(note)
+        lines += ["", *wrapped(f"Note: {words}")]
+        lines += ["", *code.splitlines()] if code else []
     return "\n".join([*lines, "", *wrapped(verdict(report)), ""])
 
 
@@ -132,7 +134,16 @@ def blocks(report: CheckReport) -> list[Block]:
     shown_blocks += [
         Paragraph(f"Diagnosis ({each.cause}): {each.line}") for each in report.diagnosis
     ]
-    return [*shown_blocks, *(Paragraph(f"Note: {note}") for note in report.notes)]
+    for note in report.notes:
+        words, code = _apart(note)
+        shown_blocks += [Paragraph(f"Note: {words}"), *([Code(code)] if code else [])]
+    return shown_blocks
+
+
+def _apart(note: str) -> tuple[str, str]:
+    """The sentence of a note, and the lines of Python that may follow it."""
+    words, _, code = note.partition("\n\n")
+    return words, code
 
 
 def title(report: CheckReport) -> str:

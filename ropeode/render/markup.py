@@ -64,7 +64,13 @@ class Grid(NamedTuple):
     long: frozenset[int] = frozenset()
 
 
-Block = Heading | Paragraph | Grid
+class Code(NamedTuple):
+    """Lines of Python, as they are."""
+
+    text: str
+
+
+Block = Heading | Paragraph | Grid | Code
 
 
 def markdown(blocks: Sequence[Block]) -> str:
@@ -78,6 +84,7 @@ def markdown(blocks: Sequence[Block]) -> str:
         heading=lambda text: f"# {text}",
         paragraph=lambda text: text,
         grid=lambda grid: _tabulated(grid, "pipe", cell),
+        code=lambda text: f"```python\n{text.rstrip()}\n```",
     )
 
 
@@ -96,6 +103,7 @@ def latex(blocks: Sequence[Block]) -> str:
         heading=lambda words: f"% needs \\usepackage{{booktabs}}\n\\section*{{{text(words)}}}",
         paragraph=lambda words: text(words) + "\n",
         grid=grid,
+        code=lambda words: f"\\begin{{verbatim}}\n{words.rstrip()}\n\\end{{verbatim}}",
     )
 
 
@@ -107,6 +115,7 @@ def html_page(blocks: Sequence[Block]) -> str:
         heading=lambda text: f"<h1>{html.escape(text)}</h1>",
         paragraph=lambda text: f"<p>{html.escape(text)}</p>",
         grid=_html_grid,
+        code=lambda text: f"<pre>{html.escape(text.rstrip())}</pre>",
     )
     return _PAGE.format(title=html.escape(title), body=body)
 
@@ -144,6 +153,7 @@ def _joined(
     heading: Callable[[str], str],
     paragraph: Callable[[str], str],
     grid: Callable[[Grid], str],
+    code: Callable[[str], str],
 ) -> str:
     written = []
     for block in blocks:
@@ -151,6 +161,8 @@ def _joined(
             written.append(heading(block.text))
         elif isinstance(block, Paragraph):
             written.append(paragraph(block.text))
+        elif isinstance(block, Code):
+            written.append(code(block.text))
         else:
             written.append(grid(block))
     return "\n\n".join(written) + "\n"

@@ -43,7 +43,11 @@ class Library(Protocol):
 
 
 def as_stepper(
-    what: Any, order: int | None = None, *, label: str | None = None, folder: Path | None = None
+    what: Any,
+    order: int | None = None,
+    *,
+    label: str | None = None,
+    folder: str | Path = ".",
 ) -> Stepper:
     """Whatever advances a state by dt, as a `Stepper`.
 
@@ -64,7 +68,7 @@ def as_stepper(
     """
     if order is not None:
         order = check_whole("order", order, at_least=1, example="2")
-    stepper = _named(what.strip(), folder) if isinstance(what, str) else _from_object(what)
+    stepper = _named(what.strip(), Path(folder)) if isinstance(what, str) else _from_object(what)
     claims = {"declared_order": order, "name": label}
     changes = {field: value for field, value in claims.items() if value is not None}
     if not changes:
@@ -82,14 +86,14 @@ def as_stepper(
     return dataclasses.replace(cast(Any, stepper), **changes)
 
 
-def _named(text: str, folder: Path | None) -> Stepper:
+def _named(text: str, folder: Path) -> Stepper:
     first, _, name = text.partition(":")
     if first in STEPPERS:
         return registered(text)
     if first in LIBRARIES:
         return library(first).by_name(name)
     if text.endswith(".py"):
-        text, found = _only_one_in(text, (folder or Path()) / text)
+        text, found = _only_one_in(text, folder / text)
     elif ".py:" in text:
         found = named_in_file(text, folder, what="step")
     else:

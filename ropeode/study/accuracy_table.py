@@ -240,7 +240,7 @@ def check_steppers(given: Any, folder: Path | None = None) -> list[Stepper]:
     problems: list[str] = []
     for each in given if isinstance(given, (list, tuple)) else [given]:
         try:
-            stepper = as_stepper(each, folder=folder)
+            stepper = as_stepper(each, folder=folder or Path())
         except UserCodeError:
             # Its cause is shown with it.
             raise
