@@ -44,8 +44,8 @@ def headings(page: Path) -> set[str]:
 
 
 WITH_CODE = [page for page in PAGES if blocks(page, "python")]
-# Ten seconds each, of what has tests of its own.
-SLOW = {"docs/check.md", "docs/files.md", "docs/horizon.md", "docs/sweeps.md"}
+# The others run what has tests of its own, and take up to ten seconds each.
+QUICK = {"README.md", "docs/steppers.md", "docs/rope.md"}
 
 
 @pytest.mark.parametrize("page", WITH_CODE, ids=page_id)
@@ -60,7 +60,7 @@ def test_code_imports_what_exists(page):
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(page, marks=[pytest.mark.slow] if page_id(page) in SLOW else [])
+        pytest.param(page, marks=[] if page_id(page) in QUICK else [pytest.mark.slow])
         for page in WITH_CODE
     ],
     ids=page_id,

@@ -71,6 +71,7 @@ def test_growth_like_a_power_is_not_told_from_zero():
     assert found.value == pytest.approx(found.resolution / 2, rel=0.02)
 
 
+@pytest.mark.slow
 def test_tangents_grow_as_differences_do():
     """Against two runs of the solver that start a little apart."""
     problem = Rope(num_nodes=5, damping=0.0).problem(40)
@@ -91,6 +92,7 @@ def test_tangents_grow_as_differences_do():
     np.testing.assert_allclose(found.log_growth[0, ::parts], grown, atol=0.01)
 
 
+@pytest.mark.slow
 def test_rigid_links_are_disturbed_where_they_can_move():
     """Once it hangs, each of its modes loses half the damping rate; drift would show as zero."""
     rope = InextensibleRope(num_nodes=3, damping=0.4, gravity=(0, -100))

@@ -19,6 +19,8 @@ from ropeode.errors import InputError
 from ropeode.progress import silent
 from ropeode.render.formats import FORMATS as TABLE_FORMATS
 
+pytestmark = pytest.mark.slow
+
 FIGURES = (1, 4, 8, 28, 31, 36, 37)
 FRAMES = 700
 ROW = {

@@ -11,6 +11,8 @@ from ropeode.case_studies.rest_time import rest_times
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
 
+pytestmark = pytest.mark.slow
+
 
 def test_any_number_of_sweeps_has_order_one(study):
     for each in study.swept:

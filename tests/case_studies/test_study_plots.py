@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from ropeode.case_studies.growth import MeasuredGrowth
 from ropeode.case_studies.rest_time import RestTime
 from ropeode.case_studies.study_plots import plot_growth, plot_rest_times, plot_sweeps
+
+pytestmark = pytest.mark.slow
 
 
 def has_line(axes, x, y) -> bool:

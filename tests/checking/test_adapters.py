@@ -103,7 +103,25 @@ def test_every_solver_of_scipy_is_graded_or_refused():
     assert set(scipy_solvers.names()) == {*SCIPY_ORDERS, *refused}
 
 
-@pytest.mark.parametrize("name", DIFFRAX_ORDERS)
+# Each solves equations in every step, and takes long to compile; one of them guards all.
+ALSO_IMPLICIT = {
+    "ImplicitEuler",
+    "KenCarp3",
+    "KenCarp4",
+    "KenCarp5",
+    "Kvaerno4",
+    "Kvaerno5",
+    "Sil3",
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name in ALSO_IMPLICIT else [])
+        for name in DIFFRAX_ORDERS
+    ],
+)
 @jax.enable_x64(True)
 def test_diffrax_has_its_documented_order(name):
     examination = examination_of(f"diffrax:{name}")

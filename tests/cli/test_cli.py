@@ -285,6 +285,7 @@ def test_the_stored_library(run):
     assert "did you mean 'kepler'?" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_references_in_files(run, tmp_path):
     rope = ["--num-nodes", "3", "--frames", "3"]
     done = run("reference", *rope, "-o", "rope.nc")

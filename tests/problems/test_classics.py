@@ -24,6 +24,7 @@ def test_the_arenstorf_orbit_closes():
     assert known.bound()[-1] < 1e-10
 
 
+@pytest.mark.slow
 def test_double_pendulum_obeys_lagranges_equations():
     """The mass matrix and the forces by differentiating the Lagrangian of two points."""
     args = DoublePendulumArgs(np.array([1.3, 0.7]), np.array([0.8, 1.9]), 1.4)
@@ -54,6 +55,7 @@ def test_double_pendulum_obeys_lagranges_equations():
 CONSERVING = ("pendulum", "double-pendulum", "henon-heiles", "arenstorf", "pleiades")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CONSERVING)
 def test_the_energy_is_constant_along_every_motion(name):
     """Its slope has no part along the right-hand side, at any state."""
@@ -73,6 +75,7 @@ def test_every_energy_is_looked_at():
     assert have_one <= {*CONSERVING, *with_exact, "rope", "inextensible-rope"}
 
 
+@pytest.mark.slow
 def test_concentrations_of_robertson_sum_up_to_one():
     known = reference(PROBLEMS["robertson"](frames=3, duration=0.4))
     np.testing.assert_allclose(np.sum(known.states, axis=1), 1.0, rtol=1e-14)

@@ -211,6 +211,7 @@ def test_keplers_equation_is_solved_to_the_last_digits(one_minus_e):
     assert np.max(np.abs(turns - anomaly)) <= 2e-17 / one_minus_e
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in EXACT if name != "forced"])
 @settings(deadline=None, max_examples=8)
 @given(data=st.data())

@@ -64,6 +64,7 @@ def test_bound_covers_the_true_error_of_an_exact_solution():
         assert np.all(np.diff(known.dense.bounds[quantity]) >= 0)
 
 
+@pytest.mark.slow
 def test_bound_covers_the_pericentre(kepler):
     times = random_times(kepler)
     truth = kepler.problem.exact(times)

@@ -305,6 +305,7 @@ INEXTENSIBLE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(EPS > 2e-19, reason="np.longdouble is no wider than float64 here")
 @pytest.mark.parametrize("rtol", [None, 1e-8])
 @pytest.mark.parametrize("name", INEXTENSIBLE)

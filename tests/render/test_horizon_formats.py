@@ -22,6 +22,8 @@ from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.horizon import horizon
 from ropeode.terminal.formats import FORMATS as NAMES
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("heyoka", reason="heyoka is an extra")
 
 HOSTILE = "<b>a|b</b> 100% & $x_1$ \\ {#}"

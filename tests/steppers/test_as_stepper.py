@@ -59,6 +59,7 @@ class SemiImplicit(Stepper):
 ROPE = Rope(num_nodes=5, damping=0.1, node_mass=[1.0, 0.7, 1.3, 0.9, 1.1])
 MOVING = ROPE.model_copy(update={"initial_velocity": (0.3, 0.2)})
 PROBLEM = MOVING.problem(frames=3)
+ALSO_PROBLEMS = ("pendulum", "double-pendulum", "forced")
 SAME = [
     ("semi-implicit-euler", semi_implicit),
     ("semi-implicit-euler", semi_implicit_node_by_node),
@@ -81,7 +82,17 @@ def test_the_same_formula_makes_the_same_states(name, what):
     assert np.max(np.abs(states - expected)) <= 1e-11 * PROBLEM.scale
 
 
-@pytest.mark.parametrize("problem", ["kepler", "lorenz", "pendulum", "double-pendulum", "forced"])
+@pytest.mark.parametrize(
+    "problem",
+    [
+        "kepler",
+        "lorenz",
+        *(
+            pytest.param(e, marks=pytest.mark.slow)
+            for e in ("pendulum", "double-pendulum", "forced")
+        ),
+    ],
+)
 def test_every_kind_of_problem(problem):
     """States of first order, of single numbers, and of several nodes."""
     problem = PROBLEMS[problem](frames=2)
