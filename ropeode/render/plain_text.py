@@ -49,7 +49,8 @@ def _order(table: AccuracyTable, each: StepperOrder) -> list[str]:
         finding = f"{verdict}: {order.why}"
     else:
         finding = f"{verdict}, order {observed} {interval}, {used} steps/frame"
-    lines = [name, *wrapped(f"{finding}; expected {expected}", indent=4)]
+    claim = "" if expected == "-" else f"; expected {expected}"
+    lines = [name, *wrapped(f"{finding}{claim}", indent=4)]
     if remark := table_words.remark(each):
         lines += wrapped(remark, indent=4)
     if order.left_out:
