@@ -10,6 +10,9 @@ import jax
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 
+# Their functions are there for derivatives, and say nothing of the values.
+_WITH_DERIVATIVES = ("custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr")
+
 
 def digest(traced: ClosedJaxpr) -> str:
     """The sha256 of all operations of a traced function, with all their numbers.
@@ -46,8 +49,8 @@ def _parts(traced: ClosedJaxpr | Jaxpr) -> Iterator[bytes]:
                     yield from _parts(each)
                 elif isinstance(each, (np.ndarray, jax.Array)):
                     yield _number(each)
-                elif not callable(each):
-                    # Functions are there for derivatives, and say nothing that is not said above.
+                elif not (callable(each) and equation.primitive.name in _WITH_DERIVATIVES):
+                    # Of other functions, such as callbacks, nothing is known but which they are.
                     yield repr(each).encode()
         yield from map(named, equation.outvars)
     yield from map(named, traced.outvars)

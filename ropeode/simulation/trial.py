@@ -65,15 +65,39 @@ def trial_of(stepper: Stepper, problem: Problem) -> Trial:
     if stepper.compiled is not None:
         return Trial(stepper.compiled)
     shapes = tuple((np.shape(leaf), np.result_type(leaf)) for leaf in jax.tree.leaves(problem.args))
-    asked = _Asked(stepper, problem.rhs, problem.mechanics, problem.y0.shape, shapes)
-    return _tried(asked, _Unhashed(problem))
+    asked = _Asked(_key(stepper), problem.rhs, problem.mechanics, problem.y0.shape, shapes)
+    return _tried(asked, _Unhashed((stepper, problem)))
+
+
+def _key(stepper: Stepper) -> Hashable:
+    """What finds the outcome of a trial again; a user's class may make unhashable objects."""
+    if not vars(stepper):
+        return type(stepper)
+    try:
+        hash(stepper)
+    except TypeError:
+        return _Identity(stepper)
+    return stepper
+
+
+class _Identity:
+    """Equal to itself alone; keeps what it stands for, so that no other takes its place."""
+
+    def __init__(self, value: Any):
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Identity) and self.value is other.value
+
+    def __hash__(self) -> int:
+        return id(self.value)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Asked:
     """What the outcome of a trial depends on."""
 
-    stepper: Stepper
+    stepper: Hashable
     rhs: Rhs
     mechanics: Mechanics | None
     shape: tuple[int, ...]
@@ -90,7 +114,7 @@ class _Unhashed:
 @functools.lru_cache(maxsize=256)
 @in_float64
 def _tried(asked: _Asked, unhashed: _Unhashed) -> Trial:
-    stepper, problem = asked.stepper, unhashed.value
+    stepper, problem = unhashed.value
     t, dt = float(problem.ts[0]), float(frame_lengths(problem)[0]) * _FRACTION
     nudge = 0.125 * problem.scale * np.cos(np.arange(problem.y0.size)).reshape(problem.y0.shape)
 

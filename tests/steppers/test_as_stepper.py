@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 
 import diffrax
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -165,6 +166,46 @@ def test_what_the_code_reads_may_change():
     again = simulate(PROBLEM, step, 32).states
     assert np.array_equal(first, again)
     assert 0.0 < np.max(np.abs(near - first)) < 1e-9
+
+
+class Weighted(SemiImplicit):
+    """Its objects differ in an array, and cannot be hashed where they are compared."""
+
+    def __init__(self, weight):
+        self.weight = np.array([weight])
+
+    def __eq__(self, other):
+        return np.array_equal(self.weight, other.weight)
+
+    def step(self, system, t, y, dt):
+        return super().step(system, t, y, self.weight[0] * dt)
+
+
+def test_objects_of_a_class_are_what_they_hold():
+    half, whole = Weighted(0.5), Weighted(1.0)
+    expected = simulate(PROBLEM, "semi-implicit-euler", 32).states
+    assert np.max(np.abs(simulate(PROBLEM, whole, 32).states - expected)) < 1e-9
+    assert np.max(np.abs(simulate(PROBLEM, half, 32).states - expected)) > 1e-3
+    half.weight[0] = 1.0
+    assert np.max(np.abs(simulate(PROBLEM, half, 32).states - expected)) < 1e-9
+
+
+def test_a_callback_is_told_from_another():
+    """JAX sees of both no more than that they are called."""
+
+    def calling(factor):
+        def host(a):
+            return factor * np.asarray(a)
+
+        def step(acceleration, t, x, v, dt, args):
+            a = acceleration(t, x, v, args)
+            v = v + dt * jax.pure_callback(host, jax.ShapeDtypeStruct(a.shape, a.dtype), a)
+            return x + dt * v, v
+
+        return step
+
+    one, two = (simulate(PROBLEM, calling(factor), 8).states for factor in (1.0, 0.5))
+    assert np.max(np.abs(one - two)) > 1e-3
 
 
 def test_hidden_state_is_refused_with_a_way_out():
