@@ -63,6 +63,13 @@ def test_every_format_holds_the_findings(form, case, tables):
         assert str(table.reference.certificate.solver) in text
 
 
+def test_an_interval_is_from_low_to_high(tables):
+    lines = list(csv.DictReader(io.StringIO(FORMATS["csv"](tables["rope"]))))
+    intervals = [(line["order_low"], line["order_high"]) for line in lines if line["order_low"]]
+    assert intervals
+    assert all(float(low) < float(high) for low, high in intervals)
+
+
 def test_text_fits_80_columns(tables):
     for table in tables.values():
         for line in FORMATS["text"](table).splitlines():

@@ -165,6 +165,7 @@ def test_steppers_and_steps_may_be_drawn():
 def test_a_number_of_nodes_is_drawn_before_lists():
     """Whatever the order in which the two are written."""
     masses = "node_mass = { uniform = [0.5, 2.0], for_each = 'node' }\n"
+    masses += "stiffness = { uniform = [50.0, 99.0], for_each = 'spring' }\n"
     nodes = "num_nodes = { integers = [2, 5] }\n"
     head = "steppers = ['rk4']\nsteps_per_frame = [8]\n[random]\ncount = 6\n"
     some, others = (list(sweep(head + text).cases()) for text in (masses + nodes, nodes + masses))
@@ -172,6 +173,7 @@ def test_a_number_of_nodes_is_drawn_before_lists():
     assert len({case.parameters["num_nodes"] for case in some}) > 1
     for case in some:
         assert len(case.parameters["node_mass"]) == case.parameters["num_nodes"]
+        assert len(case.parameters["stiffness"]) == case.parameters["num_nodes"] - 1
 
 
 def test_no_velocity_is_drawn_for_a_pinned_node():
