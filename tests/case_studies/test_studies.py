@@ -11,9 +11,8 @@ from ropeode.case_studies.rest_time import rest_times
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
 
-pytestmark = pytest.mark.slow
 
-
+@pytest.mark.slow
 def test_any_number_of_sweeps_has_order_one(study):
     for each in study.swept:
         low, high = each.order.ci95
@@ -21,6 +20,7 @@ def test_any_number_of_sweeps_has_order_one(study):
         assert each.constant == pytest.approx(each.errors[-1] / each.dts[-1])
 
 
+@pytest.mark.slow
 def test_lengths_are_off_by_a_multiple_of_the_square_of_dt(study):
     one, three = study.swept
     for each in study.swept:
@@ -29,16 +29,19 @@ def test_lengths_are_off_by_a_multiple_of_the_square_of_dt(study):
     assert all(more < less for more, less in zip(three.violations, one.violations, strict=True))
 
 
+@pytest.mark.slow
 def test_the_error_constant_hardly_depends_on_the_sweeps(study):
     one, three = study.swept
     assert one.constant == pytest.approx(three.constant, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_rope_with_springs_is_refused():
     with pytest.raises(InputError, match="an inextensible rope"):
         sweep_study(Rope(num_nodes=3).problem(2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rope", ["constraint", "force"])
 def test_frames_to_rest(rope):
     """Per step they fall as one over the steps; per time they do not depend on the steps."""
