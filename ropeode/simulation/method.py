@@ -11,12 +11,11 @@ import jax
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.simulation.system import system
+from ropeode.simulation.system import as_seen, system
 from ropeode.simulation.traced_digest import digest
 from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
 from ropeode.steppers.templates import template
 
 
@@ -65,14 +64,12 @@ def method_of(stepper: Any, problem: Problem) -> Method:
 
 
 def _digest(stepper: Stepper, problem: Problem) -> Hashable:
-    mechanics = problem.mechanics
+    mechanics, nodes_first = problem.mechanics, not stepper.any_layout
 
     # A new function at each call: JAX finds the traces of functions again.
     def steps(args: Any, y: Any, t: Any, dt: Any) -> Any:
-        bound = system(problem.rhs, mechanics, args, nodes_first=not stepper.any_layout)
-        y = Phase(y[0], y[1]) if mechanics else y
-        if mechanics and mechanics.node_axis == 1:
-            y = Phase(y.x.T, y.v.T)
+        bound = system(problem.rhs, mechanics, args, nodes_first=nodes_first)
+        y = as_seen(y, mechanics, nodes_first)
         carried = stepper.step(bound, t, stepper.init(bound, t, y, dt), dt)
         return stepper.state(bound, t, carried, dt)
 

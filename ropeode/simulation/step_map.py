@@ -15,9 +15,8 @@ from ropeode.precision import in_float64
 from ropeode.problems.problem import Mechanics, Problem, Rhs
 from ropeode.simulation.method import Method
 from ropeode.simulation.python_driver import PythonStepper
-from ropeode.simulation.system import system
+from ropeode.simulation.system import as_seen, as_stored, system
 from ropeode.steppers.base import BuiltIn, Stepper
-from ropeode.steppers.phase import Phase
 
 # Of the size of a component: where truncation and rounding of a difference of fourth order meet.
 _H = 1e-3
@@ -128,22 +127,19 @@ def _compiled(
 ) -> tuple[Callable, Callable, Callable, Callable]:
     """Start, step, sample and the step's derivative: ``(args, t, y or what is carried, dt)``."""
     nodes_first = not stepper.any_layout
-    turned = nodes_first and mechanics is not None and mechanics.node_axis == 1
 
     def bound(args: Any) -> Any:
         return system(rhs, mechanics, args, nodes_first=nodes_first)
 
     def start(args: Any, t: Any, y: Any, dt: Any) -> Any:
-        if mechanics is not None:
-            y = Phase(y[0].T, y[1].T) if turned else Phase(y[0], y[1])
-        return stepper.init(bound(args), t, y, dt)
+        return stepper.init(bound(args), t, as_seen(y, mechanics, nodes_first), dt)
 
     def step(args: Any, t: Any, carried: Any, dt: Any) -> Any:
         return stepper.step(bound(args), t, carried, dt)
 
     def state(args: Any, t: Any, carried: Any, dt: Any) -> Any:
         y = stepper.state(bound(args), t, carried, dt)
-        return jnp.stack([half.T if turned else half for half in y]) if mechanics else y
+        return as_stored(y, mechanics, nodes_first)
 
     def derivative(args: Any, t: Any, carried: Any, dt: Any) -> Any:
         flat, unravel = ravel_pytree(carried)

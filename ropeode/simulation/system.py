@@ -95,6 +95,28 @@ def system(
     )
 
 
+def as_seen(y: Any, mechanics: Mechanics | None, nodes_first: bool) -> Any:
+    """A state of a problem as a stepper sees it, in JAX.
+
+    Arguments:
+        y: as the problem stores it.
+        mechanics: of the problem.
+        nodes_first: whether positions are to be ``(nodes, dim)``, however they are stored.
+    """
+    if mechanics is None:
+        return y
+    turned = nodes_first and mechanics.node_axis == 1
+    return Phase(y[0].T, y[1].T) if turned else Phase(y[0], y[1])
+
+
+def as_stored(y: Any, mechanics: Mechanics | None, nodes_first: bool) -> Any:
+    """The opposite of `as_seen`."""
+    if mechanics is None:
+        return y
+    turned = nodes_first and mechanics.node_axis == 1
+    return jnp.stack([half.T if turned else half for half in y])
+
+
 def _no_acceleration(*_: Any) -> NoReturn:
     raise InputError(
         complaint(

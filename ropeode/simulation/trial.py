@@ -8,16 +8,14 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Mechanics, Problem, Rhs
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
-from ropeode.simulation.system import system
+from ropeode.simulation.system import as_seen, as_stored, system
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
 
 # Compiled and uncompiled steps have to agree for so many, that a step which counts how often it is
 # called has counted to a hundred; and so closely, relative to the state.
@@ -183,18 +181,15 @@ def _compiled_steps(
     None where JAX cannot trace it.
     """
     mechanics, nodes_first = problem.mechanics, not stepper.any_layout
-    turned = nodes_first and mechanics is not None and mechanics.node_axis == 1
 
     def run(args: Any, y: Any, t: Any, dt: Any, steps: Any) -> Any:
         bound = system(problem.rhs, mechanics, args, nodes_first=nodes_first)
-        if mechanics is not None:
-            y = Phase(y[0].T, y[1].T) if turned else Phase(y[0], y[1])
-        carried = stepper.init(bound, t, y, dt)
+        carried = stepper.init(bound, t, as_seen(y, mechanics, nodes_first), dt)
         carried = jax.lax.fori_loop(
             0, steps, lambda i, carried: stepper.step(bound, t + i * dt, carried, dt), carried
         )
         y = stepper.state(bound, t + steps * dt, carried, dt)
-        return jnp.stack([half.T if turned else half for half in y]) if mechanics else y
+        return as_stored(y, mechanics, nodes_first)
 
     try:
         traced = jax.jit(run).trace(problem.args, problem.y0, t, dt, _STEPS)

@@ -57,6 +57,12 @@ class SemiImplicit(Stepper):
         return Phase(y.x + dt * v, v)
 
 
+class Layoutless(SemiImplicit):
+    """Takes positions as the problem stores them."""
+
+    any_layout = True
+
+
 ROPE = Rope(num_nodes=5, damping=0.1, node_mass=[1.0, 0.7, 1.3, 0.9, 1.1])
 MOVING = ROPE.model_copy(update={"initial_velocity": (0.3, 0.2)})
 PROBLEM = MOVING.problem(frames=3)
@@ -66,6 +72,7 @@ SAME = [
     ("semi-implicit-euler", semi_implicit_node_by_node),
     ("semi-implicit-euler", SemiImplicit),
     ("semi-implicit-euler", SemiImplicit()),
+    ("semi-implicit-euler", Layoutless),
     ("explicit-euler", explicit),
     ("explicit-euler", explicit_by_halves),
     ("explicit-euler", explicit_in_numpy),
