@@ -40,18 +40,40 @@ JAX_SETTINGS = (
 )
 
 _FOLDER = pytest.StashKey[str]()
+# XLA ends the process at a flag that it does not know; it is not asked for in other versions.
+_FLAGS = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
+_HAVE_FLAGS = ((0, 10),)
 
 
 def pytest_configure(config):
+    if config.getoption("markexpr") == "not slow":
+        compile_quickly()
+    share_compiled_programs(config)
+
+
+def compile_quickly():
+    """Leave out what XLA does to make programs run fast: compiling takes most of the time of tests.
+
+    Only where the slow tests are left out: all tests together compile as a user's process does.
+    """
+    set_up("jax_disable_most_optimizations", True)
+    if jax.__version_info__[:2] in _HAVE_FLAGS:
+        os.environ.setdefault("XLA_FLAGS", _FLAGS)
+
+
+def share_compiled_programs(config):
     """What one process has compiled is there for the others, as long as the tests run."""
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         config.stash[_FOLDER] = tempfile.mkdtemp(prefix="ropeode-tests-")
-        os.environ["JAX_COMPILATION_CACHE_DIR"] = config.stash[_FOLDER]
-        os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
-        os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-        jax.config.update("jax_compilation_cache_dir", config.stash[_FOLDER])
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+        set_up("jax_compilation_cache_dir", config.stash[_FOLDER])
+        set_up("jax_persistent_cache_min_compile_time_secs", 0.0)
+        set_up("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def set_up(name, value):
+    """Configure JAX in this process, and in those that it starts."""
+    os.environ[name.upper()] = str(value)
+    jax.config.update(name, value)
 
 
 def pytest_unconfigure(config):
