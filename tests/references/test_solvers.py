@@ -55,6 +55,24 @@ def test_samples_are_steps_and_no_interpolation(solver):
         assert np.max(np.abs(run.states - logistic(problem.ts))) < 5e-12
 
 
+@pytest.mark.parametrize("longest", [None, np.array([0.1, 0.2, 0.3, 0.1, 0.3, 0.5])])
+def test_one_program_for_up_to_eight_samples(longest):
+    """The steps to the earlier samples do not depend on how many come after them."""
+    eight = dataclasses.replace(scalar("logistic", 0.1, TS), ts=np.array([*TS, 4.5, 6.0]))
+    solver = {"max_steps": 1000}
+    if longest is not None:
+        solver["longest_steps"] = np.append(longest, 0.2)
+    whole = diffrax_solver.solve(eight, DOPRI8, 1e-9, 1e-9, **solver)
+    for samples in (7, 6, 5):
+        if longest is not None:
+            solver["longest_steps"] = longest[: samples - 1]
+        fewer = dataclasses.replace(eight, ts=eight.ts[:samples])
+        run = diffrax_solver.solve(fewer, DOPRI8, 1e-9, 1e-9, **solver)
+        assert run.states.tobytes() == whole.states[:samples].tobytes()
+        assert run.steps < whole.steps
+        assert run.compile_seconds == 0.0
+
+
 @pytest.mark.slow
 def test_dense_output_would_be_worse():
     import diffrax

@@ -44,6 +44,9 @@ def solve(
     start = problem.y0 if y0 is None else y0
     longest = np.float64(np.inf) if longest_steps is None else _one_or_each(longest_steps)
     leaves, tree = jax.tree.flatten(problem.args)
+    samples = len(problem.ts)
+    # Powers of two, so that few programs serve all numbers of samples.
+    spare = (1 << (samples - 1).bit_length()) - samples
     started = time.perf_counter()
     program, fresh = compiled(
         Family(
@@ -52,7 +55,7 @@ def solve(
             problem.y0.shape,
             tree,
             tuple((leaf.shape, leaf.dtype) for leaf in leaves),
-            len(problem.ts),
+            samples + spare,
             len(problem.jump_times),
             longest.ndim == 1,
         )
@@ -63,20 +66,20 @@ def solve(
         program(
             start.reshape(-1),
             leaves,
-            problem.ts,
+            np.pad(problem.ts, (0, spare), mode="edge"),
             np.asarray(problem.jump_times, dtype=np.float64),
             np.float64(rtol),
             np.float64(atol),
             np.int64(max_steps),
-            longest,
+            np.pad(longest, (0, spare), mode="edge") if longest.ndim else longest,
         )
     )
     seconds = time.perf_counter() - started
-    states = np.asarray(saved).reshape(-1, *problem.y0.shape)
+    states = np.asarray(saved)[:samples].reshape(-1, *problem.y0.shape)
     # diffrax can report success on a state that is not finite, so this is looked at as well.
     states = states[: finite_samples(states)]
     failure = None
-    if len(states) < len(problem.ts):
+    if len(states) < samples:
         # Not above: it imports diffrax.
         from ropeode.references.solvers import diffrax_program
 

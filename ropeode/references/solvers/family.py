@@ -22,7 +22,7 @@ class Family:
         shape: of its state.
         args_tree: the structure of `args`.
         args_leaves: shape and dtype of each array in it.
-        times: how many sample times.
+        times: how many sample times; the last one may stand there several times.
         jumps: how many jump times.
         own_lengths: whether each frame has a longest step of its own.
     """
