@@ -6,7 +6,7 @@ import difflib
 import functools
 import importlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import ModuleType
 from typing import Annotated, Any
 
@@ -16,7 +16,6 @@ from pydantic import (
     ConfigDict,
     Field,
     NonNegativeFloat,
-    PositiveFloat,
     ValidationError,
 )
 from pydantic_core import PydanticCustomError
@@ -152,6 +151,18 @@ def finite_number(value: Any) -> float:
     return number
 
 
+def positive_number(value: Any) -> float:
+    """`value` as a finite float above zero.
+
+    Raises:
+        ValueError: it is not one.
+    """
+    number = finite_number(value)
+    if number <= 0:
+        raise ValueError("it must be above zero")
+    return number
+
+
 def whole_number(value: Any, *, at_least: int) -> int:
     """`value` as an int not below `at_least`.
 
@@ -190,21 +201,29 @@ def finite_numbers(
     return numbers
 
 
-Finite = Annotated[float, BeforeValidator(finite_number)]
-Positive = Annotated[PositiveFloat, BeforeValidator(finite_number)]
-NonNegative = Annotated[NonNegativeFloat, BeforeValidator(finite_number)]
-FiniteTuple = Annotated[tuple[float, ...], BeforeValidator(finite_numbers)]
+# Types of arguments. The last entry says what is allowed, as in `field`.
+Finite = Annotated[float, BeforeValidator(finite_number), "a finite number"]
+Positive = Annotated[float, BeforeValidator(positive_number), "a finite number > 0"]
+NonNegative = Annotated[NonNegativeFloat, BeforeValidator(finite_number), "a finite number >= 0"]
+FiniteTuple = Annotated[Sequence[float], BeforeValidator(finite_numbers), "finite numbers"]
 FinitePair = Annotated[
-    tuple[float, ...], BeforeValidator(functools.partial(finite_numbers, count=2))
+    Sequence[float],
+    BeforeValidator(functools.partial(finite_numbers, count=2)),
+    "two finite numbers",
 ]
 PositivePair = Annotated[
-    tuple[float, ...],
+    Sequence[float],
     BeforeValidator(functools.partial(finite_numbers, count=2, above_zero=True)),
+    "two finite numbers > 0",
 ]
 FiniteTriple = Annotated[
-    tuple[float, ...], BeforeValidator(functools.partial(finite_numbers, count=3))
+    Sequence[float],
+    BeforeValidator(functools.partial(finite_numbers, count=3)),
+    "three finite numbers",
 ]
-WholePositive = Annotated[int, BeforeValidator(functools.partial(whole_number, at_least=1))]
+WholePositive = Annotated[
+    int, BeforeValidator(functools.partial(whole_number, at_least=1)), "a whole number >= 1"
+]
 
 
 def check_whole(name: str, value: Any, *, at_least: int, example: str) -> int:
@@ -244,10 +263,7 @@ def check_positive(name: str, value: Any, *, example: str) -> float:
         InputError: it is not one.
     """
     try:
-        number = finite_number(value)
-        if number <= 0:
-            raise ValueError("it must be above zero")
-        return number
+        return positive_number(value)
     except ValueError as error:
         raise InputError(
             complaint(

@@ -161,7 +161,7 @@ def accuracy_table(
             for method in methods
             for each in (problem, rescaled)
         ]
-        options = ReferenceOptions(accuracy, rtol, **asked)
+        options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked)
         reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
         for each in compiled:
             each.result()

@@ -129,7 +129,9 @@ def error_curves(
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure = norm_for(problem, norm)
     reference = reference_for(
-        source, ReferenceOptions(accuracy, rtol, **asked), lambda text, _: progress(text, 0.0)
+        source,
+        ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked),
+        lambda text, _: progress(text, 0.0),
     )
     return errors_of(
         reference,
@@ -191,7 +193,9 @@ def energy_curves(
     check_energy(problem)
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     reference = reference_for(
-        source, ReferenceOptions(accuracy, rtol, **asked), lambda text, _: progress(text, 0.0)
+        source,
+        ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked),
+        lambda text, _: progress(text, 0.0),
     )
     return energies_of(
         reference,

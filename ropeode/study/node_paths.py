@@ -113,7 +113,9 @@ def node_paths(
     parts = 1 if isinstance(source, Reference) else parts_of(problem.frames, steps)
     sampled = sampled_finer(source, parts)
     reference = reference_for(
-        sampled, ReferenceOptions(accuracy, rtol, **asked), lambda text, _: progress(text, 0.0)
+        sampled,
+        ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked),
+        lambda text, _: progress(text, 0.0),
     )
     return NodePaths(
         problem=problem,
