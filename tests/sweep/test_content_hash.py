@@ -12,7 +12,7 @@ from ropeode.steppers import STEPPERS
 from ropeode.sweep.design import spec as spec_module
 from ropeode.sweep.design.content_hash import SOURCES, software, source_digest
 from ropeode.sweep.design.spec import SweepSpec, read_sweep
-from ropeode.sweep.design.steppers import file_digest, stepper_from, stepper_sources
+from ropeode.sweep.design.steppers import stepper_digest, stepper_from, stepper_sources
 
 VALUES = {
     "steppers": ["rk4"],
@@ -131,11 +131,11 @@ def test_a_users_stepper_counts_by_what_is_in_its_file(tmp_path, monkeypatch):
 def test_a_name_of_a_file_starts_from_the_folder_of_the_spec(tmp_path):
     """As a stepper in a file has it, with and without a name."""
     (tmp_path / "steps.py").write_text("a = 1")
-    digest = file_digest("steps.py", tmp_path)
-    assert digest == file_digest("steps.py:euler", tmp_path) is not None
-    assert {file_digest(name, tmp_path) for name in (*STEPPERS, "diffrax:Heun")} == {None}
+    digest = stepper_digest("steps.py", tmp_path)
+    assert digest == stepper_digest("steps.py:euler", tmp_path) is not None
+    assert {stepper_digest(name, tmp_path) for name in (*STEPPERS, "diffrax:Heun")} == {None}
     (tmp_path / "steps.py").write_text("a = 2")
-    assert file_digest("steps.py", tmp_path) not in (digest, None)
+    assert stepper_digest("steps.py", tmp_path) not in (digest, None)
 
 
 def imported(path: Path) -> set[Path]:
