@@ -65,6 +65,14 @@ def test_a_reference_is_shared_by_what_does_not_change_it(cases, what):
     assert same == (what in SAME_REFERENCE)
 
 
+def test_each_draw_has_a_key_of_its_own():
+    """Also where two draws are equal; they have the same reference."""
+    random = {"count": 2, "seeds": [3, 4], "gravity": {"choice": [[0.0, -1.0]]}}
+    cases = list(SweepSpec({**VALUES, "random": random}).cases())
+    assert len({case.key for case in cases}) == len(cases) == 4
+    assert len({case.problem_key for case in cases}) == 1
+
+
 def test_what_is_written_as_the_default_is_no_change(cases):
     more = {"level": "consensus", "norm": "position-max", "order_factors": [8, 4, 2, 1]}
     rope = {"stiffness": 100, "gravity": [0, -1], "num_nodes": 3}
