@@ -6,9 +6,9 @@ import difflib
 import functools
 import importlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -21,6 +21,8 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ropeode.errors import InputError, RopeodeError
+
+T = TypeVar("T")
 
 _LONGEST_VALUE_SHOWN = 60
 _LONGEST_TEXT_SHOWN = 200
@@ -97,6 +99,11 @@ def _lines(model: type[Input], error: ValidationError) -> list[str]:
             ),
         )
     return list(lines.values())
+
+
+def bad_value(name: str, given: Any, allowed: str, fix: str) -> InputError:
+    """The exception for one bad value, to be raised; `complaint` is its message."""
+    return InputError(complaint(name, given, allowed, fix))
 
 
 def complaint(name: str, given: Any, allowed: str, fix: str) -> str:
@@ -238,17 +245,8 @@ def check_whole(name: str, value: Any, *, at_least: int, example: str) -> int:
     Raises:
         InputError: it is not a whole number, or too small.
     """
-    try:
-        return whole_number(value, at_least=at_least)
-    except ValueError as error:
-        raise InputError(
-            complaint(
-                name,
-                plain(value),
-                f"a whole number >= {at_least} ({error})",
-                f"for example {name}={example}",
-            )
-        ) from None
+    check = functools.partial(whole_number, at_least=at_least)
+    return _checked(name, value, check, f"a whole number >= {at_least}", example)
 
 
 def check_positive(name: str, value: Any, *, example: str) -> float:
@@ -262,17 +260,15 @@ def check_positive(name: str, value: Any, *, example: str) -> float:
     Raises:
         InputError: it is not one.
     """
+    return _checked(name, value, positive_number, "a finite number > 0", example)
+
+
+def _checked(name: str, value: Any, check: Callable[[Any], T], allowed: str, example: str) -> T:
     try:
-        return positive_number(value)
+        return check(value)
     except ValueError as error:
-        raise InputError(
-            complaint(
-                name,
-                plain(value),
-                f"a finite number > 0 ({error})",
-                f"for example {name}={example}",
-            )
-        ) from None
+        fix = f"for example {name}={example}"
+        raise bad_value(name, plain(value), f"{allowed} ({error})", fix) from None
 
 
 def require(package: str, extra: str, purpose: str) -> ModuleType:

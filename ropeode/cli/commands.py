@@ -41,11 +41,13 @@ def spec(command: str, out: str | None) -> None:
     """Print a commented spec file for `table` or `sweep`."""
     path = check_writable("out", out) if out else None
     if command == "sweep":
-        from ropeode.sweep.design.spec import COMMENTED_SWEEP as text
-    else:
-        from ropeode.study.spec import COMMENTED_SPEC as text
+        from ropeode.sweep.design.spec import commented_sweep
 
-    put_out(text, path)
+        put_out(commented_sweep(), path)
+    else:
+        from ropeode.study.spec import COMMENTED_SPEC
+
+        put_out(COMMENTED_SPEC, path)
 
 
 @click.command()

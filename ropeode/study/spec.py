@@ -32,11 +32,11 @@ from ropeode.study.accuracy_table import (
 )
 from ropeode.validation import (
     Input,
+    Positive,
+    WholePositive,
     complaint,
     field,
-    finite_number,
     unknown,
-    whole_number,
 )
 
 
@@ -68,19 +68,6 @@ def _level(value: str) -> str:
     return value
 
 
-def _frames(value: Any) -> int | None:
-    return None if value is None else whole_number(value, at_least=1)
-
-
-def _positive(value: Any) -> float | None:
-    if value is not None and finite_number(value) <= 0:
-        raise ValueError("it must be above zero")
-    return None if value is None else finite_number(value)
-
-
-Positive = Annotated[float | None, BeforeValidator(_positive)]
-
-
 class StudySpec(Input):
     """What spec files of all kinds say.
 
@@ -106,9 +93,7 @@ class StudySpec(Input):
     kind: Annotated[str, AfterValidator(_kind)] = field(
         "rope", allowed="the kind of a rope", example='"inextensible-rope"'
     )
-    frames: Annotated[int | None, BeforeValidator(_frames)] = field(
-        None, allowed="a whole number >= 1", example="20"
-    )
+    frames: WholePositive | None = field(None, allowed="a whole number >= 1", example="20")
     steppers: Annotated[tuple[str, ...] | None, BeforeValidator(_steppers)] = field(
         None, allowed="names of steppers", example='["rk4"]'
     )
@@ -120,15 +105,15 @@ class StudySpec(Input):
     norm: Annotated[str | None, AfterValidator(_norm)] = field(
         None, allowed="the name of a norm", example='"position-max"'
     )
-    accuracy: Positive = field(None, allowed="a finite number > 0", example="1e-6")
-    rtol: Positive = field(None, allowed="a finite number > 0", example="1e-12")
+    accuracy: Positive | None = field(None, allowed="a finite number > 0", example="1e-6")
+    rtol: Positive | None = field(None, allowed="a finite number > 0", example="1e-12")
     level: Annotated[str, AfterValidator(_level)] = field(
         "consensus", allowed="the level of a reference", example='"extended"'
     )
-    digits: Annotated[int | None, BeforeValidator(_frames)] = field(
+    digits: WholePositive | None = field(
         None, allowed="a whole number >= 1, with level 'extended'", example="18"
     )
-    time_limit: Positive = field(
+    time_limit: Positive | None = field(
         None, allowed="a finite number > 0, with level 'extended'", example="60"
     )
 
