@@ -26,6 +26,8 @@ from ropeode.references.solvers.solver import (
 # drowned in rounding, and a tighter tolerance gains nothing.
 _MOST_STEPS_PER_DIGIT = 2.5
 
+# A solver that has needed so many steps counts as the wrong one for a problem.
+_STEPS, _STEPS_PER_FRAME = 100_000, 4_000
 _SHORT_STEPS_PER_FRAME = 32
 _FEWEST_SHORT_STEPS = 1000
 # A ladder that needs more memory than this keeps the states of two rungs only.
@@ -53,7 +55,7 @@ IMPLICIT = Method(KVAERNO5, SCIPY_RADAU, (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 
 
 def step_budget(problem: Problem) -> int:
     """The number of steps after which a solver counts as the wrong one for a problem."""
-    return 100_000 + 4_000 * problem.frames
+    return _STEPS + _STEPS_PER_FRAME * problem.frames
 
 
 def short_steps(problem: Problem, ts: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ def stretching(x):
 @st.composite
 def admissible(draw, **fixed):
     """Numbers and a state: any shape of the right lengths, velocities that stretch no link."""
-    dim, nodes = draw(st.integers(2, 3)), draw(st.sampled_from([2, 3, 8]))
+    dim, nodes = draw(st.sampled_from([(2, 2), (2, 3), (3, 8)]))
     pins = draw(st.sampled_from([0, 1, 1, 2, 3]))
     first = draw(st.integers(0, nodes - 1))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -151,10 +151,16 @@ def test_mirror_image_and_rotation(case, data):
     )
 
 
-@pytest.mark.parametrize("stepper", ["rk4", "rattle", "constraint-verlet"])
+@pytest.mark.parametrize(
+    "stepper",
+    [
+        "rk4",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("rattle", "constraint-verlet")),
+    ],
+)
 def test_mirror_images_move_as_mirror_images(stepper):
     left, right = (
-        InextensibleRope(num_nodes=6, start=(0, 200), end=(end, 200)).problem(frames=5)
+        InextensibleRope(num_nodes=4, start=(0, 200), end=(end, 200)).problem(frames=3)
         for end in (-400, 400)
     )
     image = np.array([[[[-1.0], [1.0]]]])
@@ -241,7 +247,7 @@ def test_stiff_springs_tend_to_it():
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.5])
-@pytest.mark.parametrize("kind", [Rope, InextensibleRope])
+@pytest.mark.parametrize("kind", [pytest.param(Rope, marks=pytest.mark.slow), InextensibleRope])
 def test_one_node_without_pins_falls_freely(kind, damping):
     v0, g = np.array([1.0, 3.0]), np.array([0.25, -1.0])
     problem = kind(

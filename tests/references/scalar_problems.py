@@ -34,6 +34,8 @@ EQUATIONS = {
     "pulse": _pulse,
     "saw": _saw,
     "turns": lambda t, y, at: jnp.where(t <= at, y, -y),
+    # sin t, from 0 on: stiff where the rate is far below zero, unstable where it is above.
+    "follows": lambda t, y, rate: rate * (y - jnp.sin(t)) + jnp.cos(t),
 }
 
 

@@ -13,19 +13,18 @@ from ropeode.references import ensemble
 from ropeode.references.solvers import dop853, scipy_solver
 from ropeode.references.solvers.solver import SCIPY_DOP853
 from ropeode.references.witnesses import witness_runs
+from tests.references.scalar_problems import scalar
 
-
-def root(t, y, args):
-    """``y' = a sqrt(|y|)``, with ``y = (sqrt(y0) + a t / 2)^2``; from 0 it is not unique."""
-    return args * jnp.sqrt(jnp.abs(y))
+TS = np.linspace(0.0, 2.0, 6)
 
 
 def grows(rate, y0=1.0):
-    return Problem(root, [y0], [0.0, 1.0, 2.0], args=rate)
+    """``y' = a sqrt(|y|)``, with ``y = (sqrt(y0) + a t / 2)^2``; from 0 it is not unique."""
+    return scalar("root", y0, TS, rate)
 
 
 def exact(problem):
-    return (np.sqrt(problem.y0[0]) + problem.args * problem.ts / 2) ** 2
+    return (np.sqrt(problem.y0[0]) + problem.args[1] * problem.ts / 2) ** 2
 
 
 RATES = (0.3, 0.7, -0.6, 0.1)
@@ -94,15 +93,12 @@ def test_members_come_one_after_the_other(many):
 
 
 def test_a_jump_is_left_to_the_solver_that_stops_there():
-    def kinked(t, y, args):
-        return args * jnp.where(t < 0.5, 1.0, -1.0) * jnp.ones_like(y)
-
-    jumps = [Problem(kinked, [0.0], [0.0, 1.0], args=a, jump_times=[0.5]) for a in (1.0, 2.0)]
+    jumps = [scalar("turns", y0, TS, 1.3, jump_times=[1.3]) for y0 in (1.0, 2.0)]
     for member in reference(Ensemble.of(jumps)):
         assert {w.solver for w in member.certificate.witnesses if w.role == "independent"} == {
             SCIPY_DOP853
         }
-        assert abs(member.states[-1, 0]) <= member.bound()[-1]
+        assert abs(member.states[-1, 0] - member.problem.y0[0] * np.exp(0.6)) <= member.bound()[-1]
 
 
 @pytest.mark.parametrize("wrong", [{"rtol": -1.0}, {"accuracy": 0.0}, {"workers": 0}])
@@ -165,16 +161,12 @@ def test_lanes_do_not_feel_each_other(monkeypatch):
         assert states([k]) == {k: whole[k]}
 
 
-def square(t, y, args):
-    """``y' = a y^2``, with ``y = y0/(1 - a y0 t)``, which has a pole."""
-    return args * y * y
-
-
 def test_what_fails_says_where_and_holds_up_nobody():
-    problems = [Problem(square, [1.0], [0.0, 1.0, 2.0], args=a) for a in (0.3, 0.75, -1.0)]
+    # y' = a y^2, with y = y0/(1 - a y0 t), which has a pole.
+    problems = [scalar("square", 1.0, TS, a) for a in (0.3, 0.75, -1.0)]
     fine, pole, short = dop853.solve(problems, [1e-10] * 3, max_steps=[1000, 10**5, 3])
     assert fine.failure is None
     assert "t = 1.33" in str(pole.failure)
-    assert len(pole.states) == 2
+    assert len(pole.states) == 4
     assert "3 steps did not suffice" in str(short.failure)
     assert short.steps == 3

@@ -34,6 +34,7 @@ FIRST_SAMPLES = {
     "lorenz": 40,
     "robertson": 2,
     "rope-stiff": 2,
+    "rope-damping-0.1": 4,
     "rope-undamped": 8,
     "van-der-pol": 2,
     "oregonator": 2,
