@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
-from ropeode.validation import complaint, finite_numbers
+from ropeode.validation import bad_value, finite_numbers
 
 
 def run(*each: Callable[[], Any]) -> None:
@@ -45,13 +45,11 @@ def real_array(name: str, value: Any) -> np.ndarray:
     except (TypeError, ValueError):
         array = np.asarray(None)
     if array.dtype.kind not in "iuf" or array.size == 0:
-        raise InputError(complaint(name, value, allowed, "give numbers, such as [1.0, 0.0]"))
+        raise bad_value(name, value, allowed, "give numbers, such as [1.0, 0.0]")
     array = np.array(array, dtype=np.float64)
     if not np.all(np.isfinite(array)):
         where = np.argwhere(~np.isfinite(array))[0].tolist()
-        raise InputError(
-            complaint(name, value, allowed, f"correct entry {where}, which is not finite")
-        )
+        raise bad_value(name, value, allowed, f"correct entry {where}, which is not finite")
     return array
 
 
@@ -63,19 +61,15 @@ def sample_times(value: Any) -> np.ndarray:
     """
     ts = real_array("ts", value)
     if ts.ndim != 1 or len(ts) < 2:
-        raise InputError(
-            complaint("ts", value, "at least two sample times", "for example ts = [0, 1, 2]")
-        )
+        raise bad_value("ts", value, "at least two sample times", "for example ts = [0, 1, 2]")
     later = np.diff(ts) > 0
     if not np.all(later):
         i = int(np.argmin(later))
-        raise InputError(
-            complaint(
-                "ts",
-                ts[i : i + 2].tolist(),
-                "increasing sample times",
-                f"sort them and drop repeats; entries {i} and {i + 1} are out of order",
-            )
+        raise bad_value(
+            "ts",
+            ts[i : i + 2].tolist(),
+            "increasing sample times",
+            f"sort them and drop repeats; entries {i} and {i + 1} are out of order",
         )
     return ts
 
@@ -89,17 +83,15 @@ def jump_times(value: Sequence[float], ts: np.ndarray) -> tuple[float, ...]:
     try:
         times = finite_numbers(value)
     except ValueError as error:
-        raise InputError(
-            complaint("jump_times", value, f"a list of times ({error})", "for example [2.5]")
+        raise bad_value(
+            "jump_times", value, f"a list of times ({error})", "for example [2.5]"
         ) from None
     if any(not ts[0] < time < ts[-1] for time in times) or list(times) != sorted(set(times)):
-        raise InputError(
-            complaint(
-                "jump_times",
-                times,
-                f"increasing times inside ({ts[0]}, {ts[-1]})",
-                "sort them and leave out those outside",
-            )
+        raise bad_value(
+            "jump_times",
+            times,
+            f"increasing times inside ({ts[0]}, {ts[-1]})",
+            "sort them and leave out those outside",
         )
     return times
 
@@ -109,7 +101,7 @@ def callable_or_none(name: str, value: Any) -> None:
     InputError: `value` is neither None nor a function.
     """
     if value is not None and not callable(value):
-        raise InputError(complaint(name, value, "a function", "give a function or leave it out"))
+        raise bad_value(name, value, "a function", "give a function or leave it out")
 
 
 def numeric_pytree(name: str, value: Any) -> Any:
@@ -125,9 +117,7 @@ def numeric_pytree(name: str, value: Any) -> Any:
             return array.astype(np.float64)
         if array.dtype.kind in "iub":
             return array
-        raise InputError(
-            complaint(name, entry, "numbers and arrays of numbers", "bind the rest into the rhs")
-        )
+        raise bad_value(name, entry, "numbers and arrays of numbers", "bind the rest into the rhs")
 
     return jax.tree.map(leaf, value)
 
@@ -157,32 +147,26 @@ def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tup
     result = _shape(name, signature, function, inputs)
     if getattr(result, "shape", None) != like.shape:
         what = getattr(result, "shape", type(result).__name__)
-        raise InputError(
-            complaint(
-                f"{name} result",
-                what,
-                f"one array of the state's shape, {like.shape}",
-                f"return such an array from {signature}, for example with jnp.stack",
-            )
+        raise bad_value(
+            f"{name} result",
+            what,
+            f"one array of the state's shape, {like.shape}",
+            f"return such an array from {signature}, for example with jnp.stack",
         )
     if result.dtype != np.float64:
-        raise InputError(
-            complaint(
-                f"{name} result",
-                str(result.dtype),
-                "float64",
-                "remove casts and 32-bit constants; compute with the dtype of the arguments",
-            )
+        raise bad_value(
+            f"{name} result",
+            str(result.dtype),
+            "float64",
+            "remove casts and 32-bit constants; compute with the dtype of the arguments",
         )
     value = np.asarray(jax.jit(function)(*inputs))
     if not np.all(np.isfinite(value)):
-        raise InputError(
-            complaint(
-                f"{name} result",
-                value,
-                "finite numbers at the initial state",
-                "start where the right-hand side is defined",
-            )
+        raise bad_value(
+            f"{name} result",
+            value,
+            "finite numbers at the initial state",
+            "start where the right-hand side is defined",
         )
 
 
@@ -196,13 +180,11 @@ def constraints(function: Any, t: np.float64, y: np.ndarray, args: Any, quantiti
     """
     residuals = _shape("constraints", "constraints(t, y, args)", function, (t, y, args))
     if not isinstance(residuals, Mapping) or not set(residuals) <= set(quantities):
-        raise InputError(
-            complaint(
-                "constraints result",
-                residuals,
-                f"a dict with keys among {', '.join(quantities)}",
-                "name each residual by the quantity that has its units",
-            )
+        raise bad_value(
+            "constraints result",
+            residuals,
+            f"a dict with keys among {', '.join(quantities)}",
+            "name each residual by the quantity that has its units",
         )
 
 
@@ -217,29 +199,25 @@ def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> None:
     """
     result = _shape("links", "links(args)", function, (args,))
     if x.ndim != 2 or node_axis != 1:
-        raise InputError(
-            complaint(
-                "links",
-                f"positions {x.shape} with nodes along axis {node_axis}",
-                "positions (dim, nodes) with node_axis=1",
-                "transpose them",
-            )
+        raise bad_value(
+            "links",
+            f"positions {x.shape} with nodes along axis {node_axis}",
+            "positions (dim, nodes) with node_axis=1",
+            "transpose them",
         )
     if getattr(getattr(result, "length", None), "shape", None) != (x.shape[1] - 1,):
-        raise InputError(
-            complaint(
-                "links result",
-                result,
-                f"Links with {x.shape[1] - 1} lengths",
-                "give one length for each pair of neighbours",
-            )
+        raise bad_value(
+            "links result",
+            result,
+            f"Links with {x.shape[1] - 1} lengths",
+            "give one length for each pair of neighbours",
         )
 
 
 def _shape(name: str, signature: str, function: Any, inputs: tuple) -> Any:
     """The result of a function in JAX, with shapes and dtypes in place of arrays."""
     if not callable(function):
-        raise InputError(complaint(name, function, f"a function {signature}", "write one in JAX"))
+        raise bad_value(name, function, f"a function {signature}", "write one in JAX")
     try:
         return jax.eval_shape(function, *inputs)
     except Exception as error:

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple, overload
 import jax
 import numpy as np
 
-from ropeode.errors import InputError
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 
 class Numbers(NamedTuple):
@@ -64,17 +63,15 @@ class Ensemble(Sequence[Problem]):
         """
         members = list(problems)
         if not members:
-            raise InputError(complaint("problems", members, "at least one problem", "give one"))
+            raise bad_value("problems", members, "at least one problem", "give one")
         first = members[0]
         for index, each in enumerate(members):
             if difference := _difference(each, first):
-                raise InputError(
-                    complaint(
-                        "problems",
-                        f"{first.name!r} and, at index {index}, {each.name!r}",
-                        f"problems of one family (these differ in their {difference})",
-                        "run them one by one, or in an ensemble for each family",
-                    )
+                raise bad_value(
+                    "problems",
+                    f"{first.name!r} and, at index {index}, {each.name!r}",
+                    f"problems of one family (these differ in their {difference})",
+                    "run them one by one, or in an ensemble for each family",
                 )
 
         def numbers(start: int, stop: int) -> Numbers:
@@ -119,9 +116,7 @@ class Ensemble(Sequence[Problem]):
         if args is not None:
             arrays, others = jax.tree.flatten(args)
             if others != structure:
-                raise InputError(
-                    complaint("args", others, f"arguments like {structure}", "name them alike")
-                )
+                raise bad_value("args", others, f"arguments like {structure}", "name them alike")
             varied["args"] = [(np.asarray(new), old) for new, old in zip(arrays, own, strict=True)]
         size = _check_arrays(varied)
 
@@ -197,22 +192,16 @@ def _check_arrays(varied: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> 
             shape = np.shape(old)
             if new.ndim != len(shape) + 1 or new.shape[1:] != shape or new.dtype.kind not in "iufb":
                 needed = ", ".join(("members", *map(str, shape)))
-                raise InputError(
-                    complaint(name, f"shape {new.shape}", f"numbers ({needed})", "reshape it")
-                )
+                raise bad_value(name, f"shape {new.shape}", f"numbers ({needed})", "reshape it")
             if not np.all(np.isfinite(new)):
                 index = int(np.argwhere(~np.isfinite(new))[0][0])
-                raise InputError(
-                    complaint(name, new[index], "finite numbers", f"mend member {index}")
-                )
+                raise bad_value(name, new[index], "finite numbers", f"mend member {index}")
     if len(lengths) != 1 or not min(lengths):
-        raise InputError(
-            complaint(
-                " and ".join(varied) or "y0",
-                f"{sorted(lengths)} members",
-                "the same number of members in each, at least one",
-                "give arrays of one length",
-            )
+        raise bad_value(
+            " and ".join(varied) or "y0",
+            f"{sorted(lengths)} members",
+            "the same number of members in each, at least one",
+            "give arrays of one length",
         )
     return lengths.pop()
 

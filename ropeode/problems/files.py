@@ -13,7 +13,7 @@ from ropeode.files import read_text
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope_input import RopeInput
-from ropeode.validation import complaint, unknown
+from ropeode.validation import bad_value, unknown
 
 
 def load_problem(where: str, *, folder: Path | None = None, frames: int | None = None) -> Problem:
@@ -79,9 +79,7 @@ def file_and_name(
     """
     file, _, name = where.rpartition(":")
     if not file or not name.isidentifier():
-        raise InputError(
-            complaint(what, where, "FILE.py:NAME", f"add the name, as in {what}s.py:{what}")
-        )
+        raise bad_value(what, where, "FILE.py:NAME", f"add the name, as in {what}s.py:{what}")
     return (folder or Path()) / file, name
 
 
@@ -99,7 +97,7 @@ def names_in_file(path: Path, what: str) -> dict[str, Any]:
     read_text(what, path)
     spec = importlib.util.spec_from_file_location(f"ropeode_user_{what}", path)
     if spec is None or spec.loader is None:
-        raise InputError(complaint(what, str(path), "a Python file, *.py", "rename it"))
+        raise bad_value(what, str(path), "a Python file, *.py", "rename it")
     module = importlib.util.module_from_spec(spec)
     # Dataclasses and pickles look their module up by its name.
     sys.modules[spec.name] = module
@@ -129,22 +127,18 @@ def as_problem(found: Any, where: str, frames: int | None, **parameters: Any) ->
     if isinstance(found, RopeInput):
         return found.problem(**({} if frames is None else {"frames": frames}))
     if not isinstance(found, Problem):
-        raise InputError(
-            complaint(
-                "problem",
-                where,
-                f"the name of a Problem, a rope, or a function that returns one, and this is a "
-                f"{type(found).__name__}",
-                "build a Problem, as in problem = Problem(rhs, y0, ts)",
-            )
+        raise bad_value(
+            "problem",
+            where,
+            f"the name of a Problem, a rope, or a function that returns one, and this is a "
+            f"{type(found).__name__}",
+            "build a Problem, as in problem = Problem(rhs, y0, ts)",
         )
     if frames is not None:
-        raise InputError(
-            complaint(
-                "frames",
-                frames,
-                f"none with {where!r}, whose sample times are fixed",
-                "leave it out, or make the problem in a function with a parameter `frames`",
-            )
+        raise bad_value(
+            "frames",
+            frames,
+            f"none with {where!r}, whose sample times are fixed",
+            "leave it out, or make the problem in a function with a parameter `frames`",
         )
     return found

@@ -16,7 +16,7 @@ from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems import checks
 from ropeode.problems.links import LinearDamping, Links
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 Rhs = Callable[[Any, Any, Any], Any]
 Acceleration = Callable[[Any, Any, Any, Any], Any]
@@ -177,18 +177,14 @@ class Problem:
         x0 = checks.real_array("x0", x0)
         v0 = checks.real_array("v0", v0)
         if x0.shape != v0.shape:
-            raise InputError(
-                complaint(
-                    "v0",
-                    v0.shape,
-                    f"an array of the shape of x0, {x0.shape}",
-                    "give each position its velocity",
-                )
+            raise bad_value(
+                "v0",
+                v0.shape,
+                f"an array of the shape of x0, {x0.shape}",
+                "give each position its velocity",
             )
         if x0.ndim > 2:
-            raise InputError(
-                complaint("x0", x0.shape, "a number, (nodes,) or (nodes, dim)", "reshape it")
-            )
+            raise bad_value("x0", x0.shape, "a number, (nodes,) or (nodes, dim)", "reshape it")
         ts = checks.sample_times(ts)
         args = checks.numeric_pytree("args", args)
         checks.acceleration(acceleration, ts[0], x0, v0, args)
@@ -280,13 +276,11 @@ class Problem:
             InputError: this is not a second-order problem.
         """
         if self.mechanics is None:
-            raise InputError(
-                complaint(
-                    what,
-                    self.name,
-                    "a second-order (mechanical) problem",
-                    "build the problem with Problem.second_order(acceleration, x0, v0, ts)",
-                )
+            raise bad_value(
+                what,
+                self.name,
+                "a second-order (mechanical) problem",
+                "build the problem with Problem.second_order(acceleration, x0, v0, ts)",
             )
         return self.mechanics
 
@@ -301,9 +295,7 @@ class Problem:
             InputError: the problem has no energy.
         """
         if self.energy is None:
-            raise InputError(
-                complaint("energy", None, "a function energy(t, y, args)", "pass energy=...")
-            )
+            raise bad_value("energy", None, "a function energy(t, y, args)", "pass energy=...")
         every = _for_each_state(self.energy)
         return np.asarray(every(self.ts[: len(states)], states, self.args))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.problems.ensemble import Ensemble
-from ropeode.validation import complaint, unknown
+from ropeode.validation import bad_value, unknown
 
 if TYPE_CHECKING:
     from ropeode.problems.rope_input import RopeInput
@@ -34,9 +34,7 @@ def rope_ensemble(rope: RopeInput, frames: int, arrays: Mapping[str, Any]) -> En
     lengths = {name: len(array) for name, array in values.items()}
     if len(set(lengths.values())) != 1:
         allowed_lengths = "arrays with as many members each, at least one array"
-        raise InputError(
-            complaint("ensemble", lengths, allowed_lengths, "for example damping=[0.0, 0.1]")
-        )
+        raise bad_value("ensemble", lengths, allowed_lengths, "for example damping=[0.0, 0.1]")
 
     def member(index: int) -> RopeInput:
         return _with(rope, {name: array[index] for name, array in values.items()})
@@ -76,13 +74,11 @@ def _members(name: str, array: Any) -> np.ndarray:
     except (TypeError, ValueError):
         values = np.asarray(np.nan)
     if values.ndim == 0 or not len(values) or not np.all(np.isfinite(values)):
-        raise InputError(
-            complaint(
-                name,
-                array,
-                "an array of finite numbers, one entry along its first axis for each rope",
-                f"for example {name}=[...]; what all ropes share belongs to the rope itself",
-            )
+        raise bad_value(
+            name,
+            array,
+            "an array of finite numbers, one entry along its first axis for each rope",
+            f"for example {name}=[...]; what all ropes share belongs to the rope itself",
         )
     return values
 

@@ -6,9 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from ropeode.errors import InputError
 from ropeode.references.certificate import Level
-from ropeode.validation import Input, Positive, WholePositive, complaint, field
+from ropeode.validation import Input, Positive, WholePositive, bad_value, field
 
 SMALLEST_RTOL = 1e-13
 LARGEST_RTOL = 1e-3
@@ -52,5 +51,5 @@ class ReferenceOptions(Input):
         rtol = info.data.get("rtol")
         if level == "extended" and rtol is not None:
             fix = "leave it out, or ask for digits"
-            raise InputError(complaint("rtol", rtol, "none with level 'extended'", fix))
+            raise bad_value("rtol", rtol, "none with level 'extended'", fix)
         return level

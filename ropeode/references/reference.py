@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.dense.polynomials import Dense
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -94,7 +93,7 @@ class Reference:
         if self.dense is None:
             allowed = "a reference with dense output"
             fix = "make it with reference(problem, dense=True), or --dense on the command line"
-            raise InputError(complaint("dense", self.dense, allowed, fix))
+            raise bad_value("dense", self.dense, allowed, fix)
         return self.dense
 
 

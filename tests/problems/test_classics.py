@@ -15,6 +15,7 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.references.compute import reference
 
 
+@pytest.mark.slow
 def test_the_arenstorf_orbit_closes():
     known = reference(PROBLEMS["arenstorf"](frames=3))
     # An error at the start, such as that of rounding it, comes back 1e4 times as large.

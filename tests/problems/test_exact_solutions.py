@@ -76,7 +76,7 @@ def damped(draw):
 
 @st.composite
 def chains(draw):
-    num_masses = draw(st.sampled_from([1, 2, 5]))
+    num_masses = draw(st.sampled_from([1, 4]))
     some = st.lists(numbers, max_size=num_masses)
     return {
         **draw(damped()),
@@ -147,7 +147,7 @@ def test_the_problem_is_the_equation(name, data, t):
 
 
 @pytest.mark.parametrize("name", EXACT)
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(data=st.data())
 def test_solves_the_equation(name, data):
     problem = PROBLEMS[name](frames=data.draw(st.integers(1, 9)), **data.draw(PARAMETERS[name]))
@@ -167,7 +167,7 @@ def test_solves_the_equation(name, data):
     assert units_apart(problem, exact, truth) <= 1.0 + growth * 1e-17 / EPS
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(gap=st.floats(-17, -1), sign=st.sampled_from([-1, 1]), stiffness=st.floats(0.5, 3))
 @example(gap=-17.0, sign=1, stiffness=1.0)
 def test_near_critical_damping_every_digit_holds(gap, sign, stiffness):

@@ -11,11 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.checks import real_array
 from ropeode.problems.problem import Problem
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 if TYPE_CHECKING:
     from scipy.interpolate import BPoly
@@ -96,14 +95,12 @@ class Dense:
         start, end = self.times[0], self.times[-1]
         outside = checked[(checked < start) | (checked > end)]
         if checked.ndim != 1 or len(outside):
-            raise InputError(
-                complaint(
-                    "times",
-                    float(outside[0]) if len(outside) else checked.shape,
-                    f"a number, or a list of numbers, from {start:g} to {end:g}, the span in "
-                    "which the reference is trusted at any time",
-                    "leave out the others, or compute a reference that goes further",
-                )
+            raise bad_value(
+                "times",
+                float(outside[0]) if len(outside) else checked.shape,
+                f"a number, or a list of numbers, from {start:g} to {end:g}, the span in "
+                "which the reference is trusted at any time",
+                "leave out the others, or compute a reference that goes further",
             )
         return checked
 

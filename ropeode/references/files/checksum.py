@@ -10,8 +10,7 @@ import hashlib
 import os
 from pathlib import Path
 
-from ropeode.errors import InputError
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 _MARK = b"\nropeode sha256 "
 _LENGTH = len(_MARK) + 64 + 1
@@ -47,29 +46,23 @@ def verify_checksum(path: Path) -> str:
             file.seek(max(0, size - _LENGTH))
             end = file.read(_LENGTH)
         if not end.startswith(_MARK) or not end.endswith(b"\n"):
-            raise InputError(
-                complaint(
-                    "reference",
-                    str(path),
-                    "a file that ropeode wrote whole (the checksum at its end is missing)",
-                    "write it again, or download it again",
-                )
+            raise bad_value(
+                "reference",
+                str(path),
+                "a file that ropeode wrote whole (the checksum at its end is missing)",
+                "write it again, or download it again",
             )
         digest = _digest(path, size - _LENGTH)
     except OSError as error:
-        raise InputError(
-            complaint(
-                "reference", str(path), f"a file that can be read ({error.strerror})", "check it"
-            )
+        raise bad_value(
+            "reference", str(path), f"a file that can be read ({error.strerror})", "check it"
         ) from error
     if end[len(_MARK) : -1] != digest.encode():
-        raise InputError(
-            complaint(
-                "reference",
-                str(path),
-                "a file as it was written (its sha256 differs from the one at its end)",
-                "do not use it; write it again, or download it again",
-            )
+        raise bad_value(
+            "reference",
+            str(path),
+            "a file as it was written (its sha256 differs from the one at its end)",
+            "do not use it; write it again, or download it again",
         )
     return digest
 

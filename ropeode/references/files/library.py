@@ -11,7 +11,7 @@ from ropeode.files import read_text
 from ropeode.references.files.checksum import verify_checksum
 from ropeode.references.files.store import load_reference
 from ropeode.references.reference import Reference
-from ropeode.validation import complaint, unknown
+from ropeode.validation import bad_value, unknown
 
 MANIFEST = "manifest.json"
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -96,5 +96,5 @@ def _stored_file(what: str, name: str, *others: str) -> Path:
     stored = folder() / f"{name}.nc"
     if verify_checksum(stored) != stored_entries[name].sha256:
         allowed = "the file that the library's manifest names (its sha256 differs)"
-        raise InputError(complaint("reference", str(stored), allowed, "install ropeode again"))
+        raise bad_value("reference", str(stored), allowed, "install ropeode again")
     return stored

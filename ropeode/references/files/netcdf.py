@@ -13,7 +13,7 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.references.files.encoding import Array
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 # The only types that are written, and so the only ones that are read.
 _TYPES = ("<f8", "|i1")
@@ -110,4 +110,4 @@ def _text(path: Path, name: str, value: Any) -> str:
 
 def _refusal(path: Path, allowed: str) -> InputError:
     fix = "do not use it; write it again, or download it again"
-    return InputError(complaint("reference", str(path), f"a file with {allowed}", fix))
+    return bad_value("reference", str(path), f"a file with {allowed}", fix)

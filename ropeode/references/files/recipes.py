@@ -17,7 +17,7 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
-from ropeode.validation import Input, Positive, complaint, field, unknown
+from ropeode.validation import Input, Positive, bad_value, field, unknown
 
 
 def _library_problem(value: str) -> str:
@@ -106,7 +106,7 @@ def read_recipe(path: Path) -> tuple[Recipe, str]:
     try:
         recipe = Recipe(**tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            complaint("recipe", str(path), f"a TOML file ({error})", "see those in reference/")
+        raise bad_value(
+            "recipe", str(path), f"a TOML file ({error})", "see those in reference/"
         ) from error
     return recipe, hashlib.sha256(text.encode()).hexdigest()

@@ -27,7 +27,7 @@ from ropeode.references.files.encoding import (
     texts_of,
 )
 from ropeode.references.reference import Reference
-from ropeode.validation import complaint, shown
+from ropeode.validation import bad_value, complaint, shown
 
 # Two versions of a library may round a right-hand side differently, by a few units.
 _SAME = 1e-11
@@ -122,7 +122,7 @@ def stored_facts(path: str | Path) -> Facts:
     arrays, texts = netcdf.read(path)
     if texts.get("schema") != SCHEMA:
         allowed = f"a file with the schema {SCHEMA!r}"
-        raise InputError(complaint("reference", str(path), allowed, "use another version"))
+        raise bad_value("reference", str(path), allowed, "use another version")
     problem, claims = (json.loads(texts[name]) for name in ("problem", "certificate"))
     numbers = {name: array.values for name, array in arrays.items()}
     return Facts(path, digest, problem, certificate_from(problem, claims, numbers), numbers)
@@ -133,13 +133,11 @@ def _library_problem(path: Path, description: Mapping[str, Any]) -> Problem:
     parameters = dict(description["parameters"])
     kind = parameters.pop("kind", None)
     if kind not in PROBLEMS:
-        raise InputError(
-            complaint(
-                "problem",
-                description["name"],
-                f"a problem of the library, which that of {str(path)!r} is not",
-                "pass the problem, as in load_reference(path, problem) or --problem FILE.py:NAME",
-            )
+        raise bad_value(
+            "problem",
+            description["name"],
+            f"a problem of the library, which that of {str(path)!r} is not",
+            "pass the problem, as in load_reference(path, problem) or --problem FILE.py:NAME",
         )
     return PROBLEMS[kind](**parameters)
 

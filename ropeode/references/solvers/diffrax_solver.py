@@ -69,7 +69,7 @@ def solve(
             np.float64(rtol),
             np.float64(atol),
             np.int64(max_steps),
-            np.pad(longest, (0, spare), mode="edge") if longest.ndim else longest,
+            np.pad(longest, (0, spare), mode="edge"),
         )
     )
     seconds = time.perf_counter() - started

@@ -26,8 +26,8 @@ RECIPES = {name: read_recipe(folder() / f"{name}.toml") for name in NAMES}
 PUBLISHED = [name for name, (recipe, _) in RECIPES.items() if recipe.published]
 EXTENDED = [name for name, (recipe, _) in RECIPES.items() if recipe.level == "extended"]
 OTHERS = sorted(set(NAMES) - set(EXTENDED))
-# Of each kind the fast tests compute these again; `make test-all` computes every one.
-FAST = ("oscillator", "rope-damping-0.1", "robertson")
+# The fast tests compute these again; `make test-all` computes every one.
+FAST = ("oscillator", "rope-damping-0.1")
 # How many samples a test computes again where it is not a tenth. All samples of all references
 # take a quarter of an hour.
 FIRST_SAMPLES = {

@@ -341,7 +341,7 @@ except Exception as error:
 @pytest.mark.parametrize(
     "room",
     [
-        0,
+        pytest.param(0, marks=pytest.mark.slow),
         pytest.param(100, marks=pytest.mark.slow),
         pytest.param(4096, marks=pytest.mark.slow),
         20_000,
