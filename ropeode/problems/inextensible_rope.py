@@ -11,7 +11,7 @@ from ropeode.errors import InputError
 from ropeode.problems import rope_input
 from ropeode.problems.links import along, constrained_acceleration, dot
 from ropeode.problems.rope import energy_of_nodes, linear_damping, links
-from ropeode.problems.rope_input import Indices, Nodes, Numbers, OneOrMany, RopeInput, Velocity
+from ropeode.problems.rope_input import Indices, Numbers, OneOrMany, RopeInput, Velocity
 from ropeode.validation import complaint
 
 # What rounding may leave of a stretching rate, relative to the velocities.
@@ -61,7 +61,7 @@ class InextensibleRope(RopeInput):
             raise InputError(faults)
 
     def _lengths_at_fault(self) -> list[str]:
-        if np.all(self.nodes().length > 0):
+        if np.all(self.lengths() > 0):
             return []
         allowed = "a point so far from start that no link has length zero"
         return [complaint("end", self.end, allowed, "move it away, or take fewer nodes")]
@@ -81,10 +81,10 @@ class InextensibleRope(RopeInput):
         return []
 
     def _velocities_at_fault(self) -> list[str]:
-        nodes = self.nodes()
-        d, w = np.diff(nodes.x0), np.diff(nodes.v0)
-        rate = np.abs(np.sum(d * w, axis=0)) / nodes.length
-        fastest = np.max(np.abs(nodes.v0), initial=0.0)
+        y0 = self.y0()
+        d, w = np.diff(y0)
+        rate = np.abs(np.sum(d * w, axis=0)) / self.lengths()
+        fastest = np.max(np.abs(y0[1]), initial=0.0)
         bad = np.flatnonzero(rate > _ROUNDING * fastest)
         if not len(bad):
             return []
@@ -106,15 +106,9 @@ class InextensibleRope(RopeInput):
             "constraints": constraints,
         }
 
-    def args(self, nodes: Nodes) -> InextensibleRopeArgs:
+    def args(self) -> InextensibleRopeArgs:
         """See `RopeInput`."""
-        return InextensibleRopeArgs(
-            mass=nodes.mass,
-            rest_length=nodes.length,
-            free=nodes.free,
-            gravity=nodes.gravity,
-            damping=nodes.damping,
-        )
+        return InextensibleRopeArgs(**self.common_args())
 
 
 class InextensibleRopeArgs(NamedTuple):

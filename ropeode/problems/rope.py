@@ -9,7 +9,7 @@ import numpy as np
 
 from ropeode.problems import rope_input
 from ropeode.problems.links import LinearDamping, Links, along, impulses
-from ropeode.problems.rope_input import Indices, Nodes, Numbers, OneOrMany, RopeInput, Velocity
+from ropeode.problems.rope_input import Indices, Numbers, OneOrMany, RopeInput, Velocity
 from ropeode.validation import field
 
 _SMALLEST = float(np.finfo(np.float64).tiny)
@@ -60,16 +60,10 @@ class Rope(RopeInput):
             "energy": energy,
         }
 
-    def args(self, nodes: Nodes) -> RopeArgs:
+    def args(self) -> RopeArgs:
         """See `RopeInput`."""
-        return RopeArgs(
-            mass=nodes.mass,
-            stiffness=np.broadcast_to(self.stiffness, (self.num_nodes - 1,)),
-            rest_length=nodes.length,
-            free=nodes.free,
-            gravity=nodes.gravity,
-            damping=nodes.damping,
-        )
+        stiffness = np.broadcast_to(self.stiffness, (self.num_nodes - 1,))
+        return RopeArgs(stiffness=stiffness, **self.common_args())
 
 
 class RopeArgs(NamedTuple):

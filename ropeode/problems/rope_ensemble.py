@@ -56,7 +56,7 @@ def rope_ensemble(rope: RopeInput, frames: int, arrays: Mapping[str, Any]) -> En
         velocity = values[_VELOCITY]
         rows = velocity[:, :, None] if velocity.ndim == 2 else np.moveaxis(velocity, 1, 2)
         y0 = np.repeat(problem.y0[None], size, axis=0)
-        y0[:, 1] = rows * rope.nodes().free
+        y0[:, 1] = rows * rope.free()
     return Ensemble.varying(
         problem,
         y0=y0,

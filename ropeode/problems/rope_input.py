@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import BeforeValidator, ValidationInfo, field_validator, model_validator
@@ -204,12 +204,12 @@ class RopeInput(Input):
             InputError: `frames` is not a whole number >= 1.
         """
         frames = check_whole("frames", frames, at_least=1, example="20")
-        nodes = self.nodes()
+        x0, v0 = self.y0()
         return Problem.second_order(
-            x0=nodes.x0,
-            v0=nodes.v0,
+            x0=x0,
+            v0=v0,
             ts=np.arange(frames + 1.0),
-            args=self.args(nodes),
+            args=self.args(),
             node_axis=1,
             in_turn=True,
             name=self.kind.replace("-", " "),
@@ -234,52 +234,34 @@ class RopeInput(Input):
         """The functions that `Problem.second_order` takes."""
         raise NotImplementedError
 
-    def args(self, nodes: Nodes) -> Any:
-        """The numbers in the rope's equations.
-
-        Arguments:
-            nodes: its own.
-        """
-        raise NotImplementedError
-
-    def nodes(self) -> Nodes:
-        """The nodes as arrays."""
-        dim = len(self.start)
-        fractions = np.linspace(0.0, 1.0, self.num_nodes)
+    def y0(self) -> np.ndarray:
+        """Initial positions and velocities, ``(2, dim, nodes)``; pinned nodes stand still."""
         start, end = np.asarray(self.start)[:, None], np.asarray(self.end)[:, None]
-        x0 = start + (end - start) * fractions
-        free = np.ones(self.num_nodes)
-        free[list(self.pinned)] = 0.0
+        x0 = start + (end - start) * np.linspace(0.0, 1.0, self.num_nodes)
         velocity = np.asarray(self.initial_velocity)
         v0 = np.broadcast_to(velocity[:, None] if velocity.ndim == 1 else velocity.T, x0.shape)
-        return Nodes(
-            x0=x0,
-            v0=v0 * free,
-            length=np.sqrt(np.sum(np.diff(x0) ** 2, axis=0)),
-            mass=np.broadcast_to(self.node_mass, (self.num_nodes,)),
-            free=free,
-            gravity=np.asarray(self.gravity).reshape(dim, 1),
-            damping=np.broadcast_to(self.damping, (self.num_nodes,)),
-        )
+        return np.stack([x0, v0 * self.free()])
 
+    def free(self) -> np.ndarray:
+        """1 where a node is free and 0 where it is pinned, ``(nodes,)``."""
+        free = np.ones(self.num_nodes)
+        free[list(self.pinned)] = 0.0
+        return free
 
-class Nodes(NamedTuple):
-    """The nodes of a rope.
+    def lengths(self) -> np.ndarray:
+        """The initial distances of neighbours, ``(nodes - 1,)``."""
+        return np.sqrt(np.sum(np.diff(self.y0()[0]) ** 2, axis=0))
 
-    Fields:
-        x0: initial positions, ``(dim, nodes)``.
-        v0: initial velocities, ``(dim, nodes)``; zero where pinned.
-        length: distance of neighbours, ``(nodes - 1,)``.
-        mass: ``(nodes,)``.
-        free: 1 where a node is free and 0 where it is pinned, ``(nodes,)``.
-        gravity: acceleration, ``(dim, 1)``.
-        damping: coefficient, ``(nodes,)``.
-    """
+    def args(self) -> Any:
+        """The numbers in the rope's equations; gravity is ``(dim, 1)``."""
+        raise NotImplementedError
 
-    x0: np.ndarray
-    v0: np.ndarray
-    length: np.ndarray
-    mass: np.ndarray
-    free: np.ndarray
-    gravity: np.ndarray
-    damping: np.ndarray
+    def common_args(self) -> dict[str, np.ndarray]:
+        """The numbers in the equations of every rope, by name."""
+        return {
+            "mass": np.broadcast_to(self.node_mass, (self.num_nodes,)),
+            "rest_length": self.lengths(),
+            "free": self.free(),
+            "gravity": np.reshape(self.gravity, (-1, 1)),
+            "damping": np.broadcast_to(self.damping, (self.num_nodes,)),
+        }

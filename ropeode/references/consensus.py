@@ -67,16 +67,7 @@ class Primary:
 def consensus_reference(
     problem: Problem, options: ReferenceOptions, progress: Progress
 ) -> Reference:
-    """A reference of level `consensus`; see `ropeode.reference`.
-
-    Arguments:
-        problem: what to solve.
-        options: accuracy and rtol count.
-        progress: called before each run, with what it is.
-
-    Raises:
-        ReferenceRefused: not even the first sample can be trusted; says why.
-    """
+    """A reference of level `consensus`, as `ropeode.reference` describes it and raises."""
     primary = primary_runs(problem, options.rtol, progress)
     independent = solve_independent(
         problem, primary.method, primary.next_tighter, primary.run, progress
@@ -86,11 +77,6 @@ def consensus_reference(
 
 def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Primary:
     """Run the primary solver on its ladder, from a neighbouring state, and with short steps.
-
-    Arguments:
-        problem: what to solve.
-        rtol: as in `ReferenceOptions`.
-        progress: called before each run, with what it is.
 
     Raises:
         ReferenceRefused: the ladder is too short.
@@ -135,11 +121,6 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
 
 def certified(primary: Primary, independent: Solution, options: ReferenceOptions) -> Reference:
     """The reference with its certificate.
-
-    Arguments:
-        primary: the runs of the primary solver.
-        independent: the run of another solver.
-        options: accuracy and rtol count.
 
     Raises:
         ReferenceRefused: not even the first sample can be trusted; says why.

@@ -30,14 +30,7 @@ Outcome = Reference | ReferenceRefused
 def side_by_side(
     ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
 ) -> Iterator[Outcome]:
-    """References of level `consensus`, one after the other, as `each_reference` yields them.
-
-    Arguments:
-        ensemble: what to solve.
-        options: accuracy and rtol count.
-        workers: how many threads.
-        progress: called now and then, with how many members are done.
-    """
+    """References of level `consensus`, one after the other, as `each_reference` yields them."""
     total, done = len(ensemble), 0
     first = ensemble.first
     member_bytes = 8 * len(first.ts) * first.y0.nbytes

@@ -110,13 +110,6 @@ def climb(
 
     In a large problem only the last two rungs keep their states; `recall` computes the others
     again.
-
-    Arguments:
-        problem: what to solve.
-        method: the solvers.
-        first: the run at the loosest tolerance.
-        tolerances: the tighter ones.
-        progress: called before each run, with what it is.
     """
     rungs = [first]
     if len(first.states) < 2:
@@ -175,9 +168,7 @@ def recall(problem: Problem, method: Method, rung: Solution, progress: Progress)
 def independent_budget(problem: Problem, like: Solution) -> int:
     """The number of steps after which an independent solver counts as stuck.
 
-    Arguments:
-        problem: what to solve.
-        like: the primary solver's run at the same tolerance.
+    Ten times as many as the primary solver's run `like` takes at the same tolerance.
     """
     return min(10 * like.steps + 1000, step_budget(problem))
 

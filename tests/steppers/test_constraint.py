@@ -125,7 +125,7 @@ def test_velocities_are_differences_of_swept_positions():
     rope = InextensibleRope(num_nodes=4)
     stepper = "constraint-verlet:start=rest,damping=per-step"
     fine = simulate(rope.problem(frames=3), stepper, 8)
-    dt, rest = 1 / 8, rope.nodes().length
+    dt, rest = 1 / 8, rope.lengths()
     pinned = [True, False, False, False]
     positions = assignments_program(
         InextensibleRope(num_nodes=4, gravity=(0, -1 / 64), damping=0.01), 1, 25

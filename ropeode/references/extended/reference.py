@@ -30,11 +30,6 @@ def extended_reference(
 ) -> Reference:
     """A reference whose values are the solution, rounded to float64.
 
-    Arguments:
-        problem: what to solve.
-        options: accuracy, digits and time limit count.
-        progress: called before each run, with what it is.
-
     Raises:
         InputError: the right-hand side cannot be translated, or heyoka is missing.
         ReferenceRefused: not even the first sample is that accurate.

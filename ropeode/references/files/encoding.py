@@ -96,19 +96,10 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
 def texts_of(reference: Reference) -> dict[str, str]:
     """The texts that a file of a reference holds, by name."""
     problem, certificate = reference.problem, reference.certificate
-    claims = {
-        field.name: getattr(certificate, field.name)
-        for field in dataclasses.fields(certificate)
-        if field.name not in ("bounds", "drift", "witnesses")
-    }
+    claims = _fields(certificate, without=("bounds", "drift"))
     claims["versions"] = dict(certificate.versions)
     claims["witnesses"] = [
-        {
-            field.name: getattr(witness, field.name)
-            for field in dataclasses.fields(witness)
-            if field.name != "differences"
-        }
-        for witness in certificate.witnesses
+        _fields(each, without=("differences",)) for each in certificate.witnesses
     ]
     description = {
         "name": problem.name,
@@ -259,6 +250,11 @@ def _state_dims(problem: Problem) -> tuple[str, ...]:
 
 def _is_rope(problem: Problem) -> bool:
     return all(hasattr(problem.args, name) for name in ("rest_length", "gravity", "free", "mass"))
+
+
+def _fields(value: Certificate | Witness, without: tuple[str, ...]) -> dict[str, Any]:
+    names = [field.name for field in dataclasses.fields(value)]
+    return {name: getattr(value, name) for name in names if name not in without}
 
 
 def _plain(value: Any) -> Any:

@@ -42,28 +42,17 @@ def solve(
     """
     start = problem.y0 if y0 is None else y0
     longest = np.full(problem.frames, np.inf) if longest_steps is None else longest_steps
-    leaves, tree = jax.tree.flatten(problem.args)
     samples = len(problem.ts)
     # Powers of two, so that few programs serve all numbers of samples.
     spare = (1 << (samples - 1).bit_length()) - samples
     started = time.perf_counter()
-    program, fresh = compiled(
-        Family(
-            solver,
-            problem.rhs,
-            problem.y0.shape,
-            tree,
-            tuple((leaf.shape, leaf.dtype) for leaf in leaves),
-            samples + spare,
-            len(problem.jump_times),
-        )
-    )
+    program, fresh = compiled(Family.of(problem, solver, samples + spare))
     compile_seconds = time.perf_counter() - started
     started = time.perf_counter()
     result, steps, saved = jax.block_until_ready(
         program(
             start.reshape(-1),
-            leaves,
+            jax.tree.leaves(problem.args),
             np.pad(problem.ts, (0, spare), mode="edge"),
             np.asarray(problem.jump_times, dtype=np.float64),
             np.float64(rtol),

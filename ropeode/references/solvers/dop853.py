@@ -19,6 +19,7 @@ from scipy.integrate import DOP853
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.references.solvers.family import Family, abstract
 from ropeode.references.solvers.solution import Solution, absolute_tolerance, finite_samples
 from ropeode.references.solvers.solver import OWN_DOP853
 
@@ -97,11 +98,10 @@ class _Lanes:
 
     def __init__(self, first: Problem, rtols: Sequence[float], max_steps: Sequence[int]):
         count = max(1, min(_MOST_LANES, _NUMBERS // first.y0.size))
-        leaves, tree = jax.tree.flatten(first.args)
-        abstract = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
-        self._rhs = _compiled(first.rhs, first.y0.shape, tree, abstract, count)
+        self._rhs = _compiled(Family.of(first, OWN_DOP853, len(first.ts)), count)
         self._rtols, self._max_steps = rtols, max_steps
         self._ts = first.ts
+        leaves = jax.tree.leaves(first.args)
         self._leaves = [np.repeat(leaf[None], count, axis=0) for leaf in leaves]
         self._on_device: Any = self._leaves
         self.steps: dict[int, int] = {}
@@ -239,20 +239,11 @@ def _eighth_root(x: np.ndarray) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(
-    rhs: Callable, shape: tuple[int, ...], args_tree: Any, args_leaves: tuple, lanes: int
-) -> Callable:
+def _compiled(family: Family, lanes: int) -> Callable:
     """The right-hand side of all lanes, on flat states."""
-
-    def field(t: Any, y: Any, leaves: Any) -> Any:
-        return rhs(t, y.reshape(shape), jax.tree.unflatten(args_tree, leaves)).reshape(-1)
-
-    def rows(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
-        return jax.ShapeDtypeStruct((lanes, *shape), dtype)
-
-    compiled = (
-        jax.jit(jax.vmap(field))
-        .lower(rows(()), rows((int(np.prod(shape)),)), [rows(*leaf) for leaf in args_leaves])
-        .compile()
+    y0, leaves, *_ = family.inputs()
+    inputs = jax.tree.map(
+        lambda one: abstract((lanes, *one.shape), one.dtype), (abstract(()), y0, leaves)
     )
+    compiled = jax.jit(jax.vmap(family.field)).lower(*inputs).compile()
     return lambda t, y, leaves: np.asarray(compiled(t, y, leaves))

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solver import Solver
 
 
@@ -33,6 +34,14 @@ class Family:
     args_leaves: tuple[tuple[tuple[int, ...], Any], ...]
     times: int
     jumps: int
+
+    @classmethod
+    def of(cls, problem: Problem, solver: Solver, times: int) -> Family:
+        """The family of a problem's runs with so many sample times."""
+        leaves, tree = jax.tree.flatten(problem.args)
+        abstract_leaves = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+        shape, jumps = problem.y0.shape, len(problem.jump_times)
+        return cls(solver, problem.rhs, shape, tree, abstract_leaves, times, jumps)
 
     def field(self, t: Any, y: Any, leaves: Any) -> Any:
         """The right-hand side for flat states: one flat array is diffrax's fastest form."""

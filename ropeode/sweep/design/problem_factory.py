@@ -148,12 +148,11 @@ class RopeFactory(ProblemFactory):
     def build(self, parameters: Mapping[str, Any]) -> Problem:
         """See `ProblemFactory`."""
         frames, rope = self._checked(parameters)
-        nodes = rope.nodes()
-        y0, args = np.stack([nodes.x0, nodes.v0]), rope.args(nodes)
+        y0, args = rope.y0(), rope.args()
         if rope.num_nodes < 2 or not _moderate(y0, *args):
             return rope.problem(frames)
         # All ropes of a shape share their equations, and trying these takes milliseconds.
-        return _rope_of_shape(self.name, *nodes.x0.shape, frames).with_numbers(
+        return _rope_of_shape(self.name, *y0.shape[1:], frames).with_numbers(
             y0,
             type(args)(*(np.array(each, dtype=np.float64) for each in args)),
             {"kind": self.name, "frames": frames, **rope.model_dump(mode="json")},
