@@ -67,12 +67,7 @@ def named_in_file(where: str, folder: Path | None = None, what: str = "problem")
 def file_and_name(
     where: str, folder: Path | None = None, what: str = "problem"
 ) -> tuple[Path, str]:
-    """The two parts of ``FILE.py:NAME``.
-
-    Arguments:
-        where: both.
-        folder: that a relative file name starts from; the current one by default.
-        what: it is, for messages.
+    """The two parts of ``FILE.py:NAME``; arguments are those of `named_in_file`.
 
     Raises:
         InputError: one is missing.

@@ -77,29 +77,22 @@ def _references(members: Sequence[Problem], options: ReferenceOptions) -> list[O
 
 
 def _independent(primaries: Sequence[Primary]) -> Iterator[Solution]:
-    """The independent run of each."""
+    """The independent run of each: side by side where that is possible, and gets to the end."""
     # Not above: it imports SciPy's solvers, which takes long.
     from ropeode.references.solvers import dop853
 
-    together = [
-        index
-        for index, each in enumerate(primaries)
-        if each.method is EXPLICIT and not each.problem.jump_times
-    ]
-    runs: dict[int, Solution] = {}
-    if together:
-        tighter = [primaries[index].next_tighter for index in together]
-        solutions = dop853.solve(
-            [primaries[index].problem for index in together],
-            [run.rtol for run in tighter],
-            max_steps=[
-                independent_budget(primaries[index].problem, run)
-                for index, run in zip(together, tighter, strict=True)
-            ],
-        )
-        runs = dict(zip(together, solutions, strict=True))
-    for index, each in enumerate(primaries):
-        run = runs.get(index)
+    def goes_together(each: Primary) -> bool:
+        return each.method is EXPLICIT and not each.problem.jump_times
+
+    together = [each for each in primaries if goes_together(each)]
+    runs = dop853.solve(
+        [each.problem for each in together],
+        [each.next_tighter.rtol for each in together],
+        max_steps=[independent_budget(each.problem, each.next_tighter) for each in together],
+    )
+    remaining = iter(runs)
+    for each in primaries:
+        run = next(remaining) if goes_together(each) else None
         if run is None or run.failure is not None:
             run = solve_independent(each.problem, each.method, each.next_tighter, each.run, silent)
         yield run

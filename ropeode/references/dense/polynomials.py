@@ -55,34 +55,15 @@ class Dense:
         return 2 * self.derivatives.shape[1]
 
     def at(self, times: Any) -> np.ndarray:
-        """States, ``(times, *state)``; at a node the node's own, to the last bit.
-
-        Arguments:
-            times: one or several, in the problem's unit of time, in any order.
-
-        Raises:
-            InputError: one of them is not finite or not covered.
-        """
+        """States, as `Reference.at` has them; at a node the node's own, to the last bit."""
         return self._polynomial(self._checked(times))
 
     def bound_at(self, times: Any, quantity: str) -> np.ndarray:
-        """The estimated error bound, ``(times,)``.
-
-        Arguments:
-            times: as for `at`.
-            quantity: position, velocity, or state.
-
-        Raises:
-            InputError: one of the times is not finite or not covered.
-        """
+        """The estimated error bound of a quantity, as `Reference.bound_at` has it."""
         return self.bounds[quantity][np.searchsorted(self.times, self._checked(times))]
 
     def until(self, end: float) -> Dense:
-        """The same up to a node.
-
-        Arguments:
-            end: the time of the node.
-        """
+        """The same up to the node at the time `end`."""
         kept = int(np.searchsorted(self.times, end)) + 1
         return Dense(
             self.times[:kept],

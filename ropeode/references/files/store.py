@@ -70,15 +70,7 @@ def load_reference(path: str | Path, problem: Problem | None = None) -> Referenc
 
 
 def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
-    """The reference in a file; checks its problem.
-
-    Arguments:
-        facts: the contents of the file.
-        problem: as for `load_reference`.
-
-    Raises:
-        InputError: the reference is of another problem; says what differs.
-    """
+    """The reference in a file; checks its problem, as `load_reference` does."""
     if problem is None:
         problem = _library_problem(facts.path, facts.problem)
     _check_same(facts.path, problem, facts.problem, facts.numbers)

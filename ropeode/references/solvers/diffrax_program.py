@@ -23,11 +23,6 @@ from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, Solver
 _ROOT_RTOL = 1e-9
 
 
-def _dopri8(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
-    del rtol, atol
-    return diffrax.Dopri8()
-
-
 def _kvaerno5(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
     """Kvaerno5 with Newton's method, and a new Jacobian in each iteration.
 
@@ -42,7 +37,7 @@ def _kvaerno5(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
 
 
 SOLVERS: dict[Solver, Callable[[Any, Any], diffrax.AbstractSolver]] = {
-    DOPRI8: _dopri8,
+    DOPRI8: lambda rtol, atol: diffrax.Dopri8(),
     KVAERNO5: _kvaerno5,
 }
 

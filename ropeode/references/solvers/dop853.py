@@ -51,6 +51,8 @@ def solve(
     Returns:
         A solution for each problem. Its seconds are an equal share of the whole.
     """
+    if not problems:
+        return []
     first = problems[0]
     started = time.perf_counter()
     with _compiling:

@@ -31,12 +31,7 @@ def solve(
     `solve_ivp` would interpolate. At a jump time it starts anew. Inside each piece the
     right-hand side is never evaluated on or beyond the piece's jumps.
 
-    Arguments:
-        problem: what to solve.
-        solver: one of `SOLVERS`.
-        rtol: relative tolerance.
-        atol: absolute tolerance.
-        max_steps: give up after so many steps.
+    Arguments are those of `diffrax_solver.solve`; the solver is one of `SOLVERS`.
     """
     started = time.perf_counter()
     field, jacobian = _compiled(problem, with_jacobian=solver.implicit)
