@@ -52,15 +52,29 @@ def hanging_equilibrium(problem: Problem) -> np.ndarray:
         problem.mechanics,
         *(leaf.tobytes() for leaf in jax.tree.leaves((problem.y0, problem.args))),
     )
-    if key not in _EQUILIBRIA:
+    y = _EQUILIBRIA.get(key)
+    if y is None:
         if len(_EQUILIBRIA) >= _MOST_KEPT:
             _EQUILIBRIA.clear()
-        _EQUILIBRIA[key] = _equilibrium(problem)
-    return _EQUILIBRIA[key].copy()
+        y = _EQUILIBRIA[key] = _equilibrium(problem)
+    return y.copy()
 
 
 def _equilibrium(problem: Problem) -> np.ndarray:
-    _refuse_what_depends_on_time(problem)
+    acceleration, (x, v) = problem.require_mechanics("problem").acceleration, problem.y0
+    first, *others = (
+        np.asarray(acceleration(t, x, v, problem.args))
+        for t in (problem.ts[0], np.mean(problem.ts), problem.ts[-1])
+    )
+    if any(not np.array_equal(first, other, equal_nan=True) for other in others):
+        raise InputError(
+            complaint(
+                "problem",
+                problem.name,
+                "one whose acceleration does not depend on time",
+                "leave its driving force out",
+            )
+        )
     at = _Still(problem)
     disturbance = _DISTURBANCE * problem.scale * np.random.default_rng(3).normal(size=len(at.start))
     for start in (at.start, at.start + disturbance):
@@ -181,24 +195,6 @@ def _compiled(acceleration: Acceleration, constraints: Any) -> tuple[Callable, C
         return acceleration(t, x, v, args), off.get("position", jnp.zeros(0))
 
     return jax.jit(still), jax.jit(jax.jacfwd(still, argnums=1))
-
-
-def _refuse_what_depends_on_time(problem: Problem) -> None:
-    acceleration = problem.require_mechanics("problem").acceleration
-    x, v = problem.y0
-    first, *others = (
-        np.asarray(acceleration(t, x, v, problem.args))
-        for t in (problem.ts[0], np.mean(problem.ts), problem.ts[-1])
-    )
-    if any(not np.array_equal(first, other, equal_nan=True) for other in others):
-        raise InputError(
-            complaint(
-                "problem",
-                problem.name,
-                "one whose acceleration does not depend on time",
-                "leave its driving force out",
-            )
-        )
 
 
 def _sunk(at: _Still, start: np.ndarray) -> np.ndarray:

@@ -112,25 +112,12 @@ def distances(states: np.ndarray, reference: Reference, norm: Norm) -> np.ndarra
 def distances_from(
     truth: np.ndarray, states: np.ndarray, problem: Problem, norm: Norm
 ) -> np.ndarray:
-    """How far states are from the truth at each sample that both have, ``(samples,)``.
-
-    Arguments:
-        truth: the best states that there are, ``(times, *state)``.
-        states: that are compared with them.
-        problem: whose states these are.
-        norm: in which the distance is measured.
-    """
+    """How far states are from the true ones, both ``(times, *state)``, at each sample."""
     return distance(problem, norm, states, truth)
 
 
 def quantity_distances(values: np.ndarray, reference: Reference, norm: Norm) -> np.ndarray:
-    """As `distances`, where only the quantity that the norm measures is known.
-
-    Arguments:
-        values: the quantity at the first sample times, ``(times, nodes, dim)``.
-        reference: of the problem.
-        norm: in which the distance is measured.
-    """
+    """As `distances`, from the quantity that the norm measures, ``(times, nodes, dim)``."""
     samples = min(len(values), reference.trusted)
     right = reference.problem.quantity(norm.quantity, reference.states[:samples])
     return norm.over_nodes(node_distances(values[:samples], right))
@@ -148,10 +135,5 @@ def differences(states: np.ndarray, reference: Reference) -> np.ndarray:
 
 
 def resolution(reference: Reference, norm: Norm) -> np.ndarray:
-    """The smallest error that the reference can tell at each trusted sample, ``(samples,)``.
-
-    Arguments:
-        reference: of a problem.
-        norm: in which the error is measured.
-    """
+    """The smallest error that the reference can tell at each trusted sample, ``(samples,)``."""
     return RESOLUTION_FACTOR * reference.bound(norm)[: reference.trusted]

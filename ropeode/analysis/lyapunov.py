@@ -135,21 +135,16 @@ def lyapunov_exponent(
         name=problem.name,
         jump_times=problem.jump_times,
     )
-    solutions = []
+    solutions, budget = [], step_budget(problem)
     for method in (EXPLICIT, IMPLICIT):
         progress(f"Lyapunov exponent: {method.primary} at {rtol:.0e}", None)
-        solutions.append(
-            diffrax_solver.solve(
-                together,
-                method.primary,
-                rtol,
-                rtol * problem.scale,
-                max_steps=step_budget(problem),
-            )
+        solution = diffrax_solver.solve(
+            together, method.primary, rtol, rtol * problem.scale, max_steps=budget
         )
-        if solutions[-1].failure is None or solutions[-1].steps < step_budget(problem):
+        solutions.append(solution)
+        if solution.failure is None or solution.steps < budget:
             break
-    solution = max(solutions, key=lambda solution: len(solution.states))
+    solution = max(solutions, key=lambda each: len(each.states))
     times = together.ts[: len(solution.states)]
     if len(times) <= len(together.ts) // 10:
         raise InputError(

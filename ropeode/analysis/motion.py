@@ -57,8 +57,8 @@ DEFAULTS = Thresholds()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Motion:
-    """What a rope did. Frames are indices of samples.
+class Words:
+    """What the thresholds make of a rope's motion. Frames are indices of samples.
 
     Everything but `diverged_at` comes from the samples before the run diverged.
 
@@ -69,19 +69,10 @@ class Motion:
         settled_at: the frame from which on it was at rest, the last time that it came to
             rest for long enough, even if it left that rest again; or None.
         unsettled_at: the frame at which it left that rest; None if it did not.
-        swings: how often it swung from one side of the vertical to the other.
-        swing_times: when it passed the vertical in each of them, interpolated linearly
-            between samples; twice the mean distance is the period.
+        swing_times: when it passed the vertical in each swing, interpolated linearly between
+            samples; twice the mean distance is the period.
         reached_vertical_at: the first frame with the centre of mass less than a `swing`
             from the vertical, or past it; or None.
-        largest_stretch: of any spring, in its rest lengths: 0 at rest length.
-        largest_stretch_at: its frame.
-        energy: above that of hanging still, ``(frames + 1,)``; None if the problem has none.
-        energy_at_rest: the energy of hanging still, which `energy` leaves out; None where the
-            rope has no stable equilibrium, and `energy` is that of the problem.
-        jitter: the rate at which springs change length, in rest lengths per frame: root mean
-            square over all springs and the last tenth of the frames. Zero for a rope that
-            swings like a rod.
         frames: the last frame that was looked at.
         thresholds: that were used.
     """
@@ -90,43 +81,37 @@ class Motion:
     diverged_at: int | None
     settled_at: int | None
     unsettled_at: int | None
-    swings: int
     swing_times: np.ndarray
     reached_vertical_at: int | None
+    frames: int
+    thresholds: Thresholds
+
+    @property
+    def swings(self) -> int:
+        """How often it swung from one side of the vertical to the other."""
+        return len(self.swing_times)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Motion(Words):
+    """What a rope did: the fields of `Words`, and numbers.
+
+    Arguments:
+        largest_stretch: of any spring, in its rest lengths: 0 at rest length.
+        largest_stretch_at: its frame.
+        energy: above that of hanging still, ``(frames + 1,)``; None if the problem has none.
+        energy_at_rest: the energy of hanging still, which `energy` leaves out; None where the
+            rope has no stable equilibrium, and `energy` is that of the problem.
+        jitter: the rate at which springs change length, in rest lengths per frame: root mean
+            square over all springs and the last tenth of the frames. Zero for a rope that
+            swings like a rod.
+    """
+
     largest_stretch: float
     largest_stretch_at: int
     energy: np.ndarray | None
     energy_at_rest: float | None
     jitter: float
-    frames: int
-    thresholds: Thresholds
-
-
-class Words(NamedTuple):
-    """The part of a `Motion` that depends on the thresholds; the fields mean the same there.
-
-    Fields:
-        kept: the number of samples before it diverged.
-    """
-
-    verdict: Verdict
-    kept: int
-    diverged_at: int | None
-    settled_at: int | None
-    unsettled_at: int | None
-    swing_times: np.ndarray
-    reached_vertical_at: int | None
-    thresholds: Thresholds
-
-    @property
-    def swings(self) -> int:
-        """How often it swung from one side to the other."""
-        return len(self.swing_times)
-
-    @property
-    def frames(self) -> int:
-        """The last frame that counts."""
-        return self.kept - 1
 
 
 class Sensitivity(NamedTuple):
@@ -167,39 +152,22 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -
     """
     measures = measured(trajectory)
     words = _words(measures, thresholds)
-    kept = words.kept
-    states = trajectory.states[:kept]
+    kept = words.frames + 1
     where = int(np.argmax(np.max(measures.stretch[:kept], axis=1)))
     last = max(1, round(_LAST_PART * kept))
-    energy, at_rest = _energy(trajectory.problem, states)
+    energy, at_rest = _energy(trajectory.problem, trajectory.states[:kept])
     return Motion(
-        verdict=words.verdict,
-        diverged_at=words.diverged_at,
-        settled_at=words.settled_at,
-        unsettled_at=words.unsettled_at,
-        swings=len(words.swing_times),
-        swing_times=words.swing_times,
-        reached_vertical_at=words.reached_vertical_at,
+        **vars(words),
         largest_stretch=float(np.max(measures.stretch[where])),
         largest_stretch_at=where,
         energy=energy,
         energy_at_rest=at_rest,
         jitter=float(np.sqrt(np.mean(lengthening(trajectory, slice(kept - last, kept)) ** 2))),
-        frames=kept - 1,
-        thresholds=thresholds,
     )
 
 
 def motion_words(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -> Words:
-    """The part of `classify_motion` that takes no energies, and so little time.
-
-    Arguments:
-        trajectory: as for `classify_motion`.
-        thresholds: where the words end.
-
-    Raises:
-        InputError: as `classify_motion`.
-    """
+    """The part of `classify_motion` that needs no energies, and so takes little time."""
     return _words(measured(trajectory), thresholds)
 
 
@@ -208,12 +176,7 @@ def sensitivity(
 ) -> tuple[Sensitivity, ...]:
     """How the verdict depends on the thresholds: each of them halved, and doubled.
 
-    Arguments:
-        trajectory: as for `classify_motion`.
-        thresholds: around which.
-
-    Raises:
-        InputError: as `classify_motion`.
+    Arguments and exceptions are those of `classify_motion`.
     """
     measures = measured(trajectory)
     usual = _words(measures, thresholds).verdict
@@ -255,12 +218,12 @@ def _words(measures: RopeMeasures, thresholds: Thresholds) -> Words:
         verdict = "settles" if len(swing_times) else "settles_without_swinging"
     return Words(
         verdict=verdict,
-        kept=kept,
         diverged_at=diverged_at,
         settled_at=settled_at,
         unsettled_at=end if left else None,
         swing_times=swing_times,
         reached_vertical_at=int(reached[0]) if len(reached) else None,
+        frames=kept - 1,
         thresholds=thresholds,
     )
 

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.problems import checks
 from ropeode.problems.problem import Problem
 from ropeode.simulation import Trajectory, step_size
 from ropeode.validation import complaint
@@ -80,29 +79,27 @@ def _rope_args(problem: Problem) -> Any:
                 "build the problem with Rope(...).problem(frames)",
             )
         )
-    free = np.asarray(args.free) > 0
-
-    def need(holds: Any, name: str, value: Any, allowed: str, fix: str) -> None:
-        if not holds:
-            raise InputError(complaint(name, value, allowed, fix))
-
-    checks.run(
-        lambda: need(free.size > 1, "num_nodes", free.size, "a rope of 2 nodes or more", "add one"),
-        lambda: need(
-            np.any(np.asarray(args.gravity)),
+    free, gravity = np.asarray(args.free) > 0, np.asarray(args.gravity)
+    pins = np.flatnonzero(~free).tolist()
+    needed = [
+        (free.size > 1, "num_nodes", free.size, "a rope of 2 nodes or more", "add one"),
+        (
+            np.any(gravity),
             "gravity",
-            np.asarray(args.gravity)[:, 0].tolist(),
+            gravity[:, 0].tolist(),
             "one that is not zero, since nothing hangs without it",
             "for example gravity = [0, -1]",
         ),
-        lambda: need(
+        (
             free.any() and not free.all(),
             "pinned",
-            np.flatnonzero(~free).tolist(),
+            pins,
             "at least one node that is pinned and one that is not",
             "for example pinned = [0]",
         ),
-    )
+    ]
+    if faults := [complaint(*fault) for holds, *fault in needed if not holds]:
+        raise InputError(faults)
     return args
 
 

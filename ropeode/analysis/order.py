@@ -143,7 +143,8 @@ def observed_order(
             f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which is too wide to "
             "tell an order from its double"
         )
-        left_out = (*left_out, *_all_left(dt[kept]))
+        bent = (LeftOut(float(dt[i]), PRE_ASYMPTOTIC) for i in reversed(kept))
+        left_out = (*left_out, *bent)
         return ObservedOrder(None, None, "undetermined", (), left_out, why)
     return ObservedOrder(
         observed=slope,
@@ -152,10 +153,6 @@ def observed_order(
         used=tuple(float(dt[i]) for i in reversed(kept)),
         left_out=left_out,
     )
-
-
-def _all_left(dts: np.ndarray) -> list[LeftOut]:
-    return [LeftOut(float(dt), PRE_ASYMPTOTIC) for dt in dts[::-1]]
 
 
 def _asymptotic_range(log_dt: np.ndarray, log_error: np.ndarray) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.norms import Norm, distance
 from ropeode.problems.links import LinearDamping, Links
-from ropeode.problems.problem import FirstOrderForm, Mechanics, Problem
+from ropeode.problems.problem import FirstOrderForm, Problem
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.system import InUnits
@@ -31,23 +31,23 @@ def in_other_units(problem: Problem) -> Problem:
     point every rounding differs.
     """
     mechanics = problem.mechanics
-    in_turn = mechanics is not None and mechanics.in_turn
+    # For ropes whose members may be interleaved: arrays like those of all nodes.
+    shape = (1, 1) if mechanics is not None and mechanics.in_turn else ()
     if mechanics is None:
-        rhs: Any = _ScaledRhs(problem.rhs)
+        rhs: Any = _Scaled(problem.rhs)
     else:
-        acceleration = _ScaledAcceleration(mechanics.acceleration)
+        acceleration = _Scaled(mechanics.acceleration)
         rhs = FirstOrderForm(acceleration)
-        mechanics = Mechanics(
-            acceleration,
+        mechanics = dataclasses.replace(
+            mechanics,
+            acceleration=acceleration,
             damping=_ScaledDamping(mechanics.damping) if mechanics.damping else None,
-            node_axis=mechanics.node_axis,
             links=_ScaledLinks(mechanics.links) if mechanics.links else None,
-            in_turn=mechanics.in_turn,
         )
     return problem.changed(
         rhs=rhs,
         y0=problem.y0 * _RATIO,
-        args=InUnits(_units(in_turn), problem.args),
+        args=InUnits(_Units(np.full(shape, _RATIO), np.full(shape, _INVERSE)), problem.args),
         mechanics=mechanics,
         # These are in the units of the problem itself.
         energy=None,
@@ -92,14 +92,7 @@ def round_off(
 def distance_of_runs(
     trajectory: Trajectory, repeated: Trajectory, samples: int, norm: Norm
 ) -> float:
-    """The largest distance of a run from the same run in other units; infinite if that diverged.
-
-    Arguments:
-        trajectory: a run that did not diverge.
-        repeated: the run of its problem `in_other_units`.
-        samples: how many samples, from the first on, count.
-        norm: the measure of the distance.
-    """
+    """As `round_off`, from the run `in_other_units`; infinite if that diverged."""
     if repeated.status != "ok":
         return np.inf
     states = repeated.states[:samples] / _RATIO
@@ -107,25 +100,12 @@ def distance_of_runs(
 
 
 def largest_distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> float:
-    """The largest distance of two runs of a problem, neither of which is the truth.
-
-    Arguments:
-        problem: whose runs these are.
-        norm: the measure of the distance.
-        a: states, ``(times, *state)``.
-        b: states, ``(times, *state)``.
-    """
+    """The largest distance of two runs ``(times, *state)``, neither of which is the truth."""
     return float(np.max(distance(problem, norm, a, b)))
 
 
 def keeps_units(problem: Problem, method: Method, rescaled: Problem) -> bool:
-    """Whether a frame of fine steps is the same in other units, but for rounding.
-
-    Arguments:
-        problem: that is solved.
-        method: that solves it.
-        rescaled: the problem `in_other_units`.
-    """
+    """Whether a frame of fine steps is the same, but for rounding, `in_other_units`."""
     if isinstance(method.stepper, BuiltIn):
         return True
     first = {"ts": problem.ts[:2]}
@@ -147,32 +127,18 @@ class _Units(NamedTuple):
     inverse: Any
 
 
-def _units(in_turn: bool) -> _Units:
-    """For ropes whose members may be interleaved: arrays like those of all nodes."""
-    shape = (1, 1) if in_turn else ()
-    return _Units(np.full(shape, _RATIO), np.full(shape, _INVERSE))
-
-
 # Classes, not closures: equal instances hash equally, so that compiled programs are reused.
 
 
 @dataclasses.dataclass(frozen=True)
-class _ScaledRhs:
-    rhs: Callable
+class _Scaled:
+    """A right-hand side ``(t, y, args)``, or an acceleration ``(t, x, v, args)``."""
 
-    def __call__(self, t: Any, y: Any, args: Any) -> Any:
-        units, args = args
-        return units.ratio * self.rhs(t, units.inverse * y, args)
+    function: Callable
 
-
-@dataclasses.dataclass(frozen=True)
-class _ScaledAcceleration:
-    acceleration: Callable
-
-    def __call__(self, t: Any, x: Any, v: Any, args: Any) -> Any:
-        units, args = args
-        x, v = units.inverse * x, units.inverse * v
-        return units.ratio * self.acceleration(t, x, v, args)
+    def __call__(self, t: Any, *state_and_args: Any) -> Any:
+        *state, (units, args) = state_and_args
+        return units.ratio * self.function(t, *(units.inverse * each for each in state), args)
 
 
 @dataclasses.dataclass(frozen=True)

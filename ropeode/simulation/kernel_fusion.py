@@ -18,21 +18,15 @@ import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
 from jax.extend.core import ClosedJaxpr, Jaxpr, jaxpr_as_fun
 
+from ropeode.simulation.transposes import COMPONENTWISE
+
 # What XLA's emitter for one function makes code for by itself. Others call into libraries, or
 # run on several cores, and have to stay outside.
-# fmt: off
-_PRIMITIVES = frozenset((
-    "abs", "add", "add_any", "and", "atan", "atan2", "broadcast_in_dim", "cbrt", "ceil",
-    "clamp", "concatenate", "convert_element_type", "copy", "cos", "cosh", "div",
-    "dynamic_slice", "dynamic_update_slice", "eq", "exp", "exp2", "expm1", "floor", "ge",
-    "gt", "integer_pow", "iota", "is_finite", "le", "log", "log1p", "logistic", "lt", "max",
-    "min", "mul", "ne", "neg", "not", "optimization_barrier", "or", "pad", "pow",
-    "reduce_and", "reduce_max", "reduce_min", "reduce_or", "reduce_sum", "rem", "reshape",
-    "rev", "round", "rsqrt", "select_n", "sign", "sin", "sinh", "slice", "split", "sqrt",
-    "square", "squeeze", "stack", "stop_gradient", "sub", "tan", "tanh", "tile", "transpose",
-    "unstack", "xor",
-))
-# fmt: on
+_PRIMITIVES = COMPONENTWISE.union(
+    ("broadcast_in_dim", "cbrt", "concatenate", "dynamic_slice", "dynamic_update_slice", "iota"),
+    ("pad", "reduce_and", "reduce_max", "reduce_min", "reduce_or", "reduce_sum", "reshape", "rev"),
+    ("slice", "split", "squeeze", "stack", "stop_gradient", "tile", "transpose", "unstack"),
+)
 # These hold others, which are looked at in their turn.
 _CONTAINERS = frozenset(
     ("cond", "custom_jvp_call", "custom_vjp_call", "jit", "pjit", "scan", "while")
@@ -50,7 +44,8 @@ def in_one_kernel(loop: Callable, *inputs: Any) -> Any:
     """
     leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(inputs)]
     traced, shape = jax.make_jaxpr(loop, return_shape=True)(*inputs)
-    if jax.default_backend() != "cpu" or not _pays(leaves) or not _can_be_one(traced):
+    size = sum(leaf.size * leaf.dtype.itemsize for leaf in leaves)
+    if jax.default_backend() != "cpu" or size > _LARGEST or not _can_be_one(traced):
         return loop(*inputs)
 
     # In one array: XLA ends the process where the function has a parameter that nothing reads.
@@ -67,10 +62,6 @@ def in_one_kernel(loop: Callable, *inputs: Any) -> Any:
         jax.jit(unpacked)(packed), xla_cpu_small_call="true", inlineable="false"
     )
     return jax.tree.unflatten(jax.tree.structure(shape), results)
-
-
-def _pays(leaves: list[Any]) -> bool:
-    return sum(leaf.size * leaf.dtype.itemsize for leaf in leaves) <= _LARGEST
 
 
 def _can_be_one(traced: ClosedJaxpr | Jaxpr) -> bool:

@@ -54,13 +54,9 @@ class Layout:
         return -(-members // self.lanes)
 
     def fold(self, numbers: Numbers, blocks: int) -> tuple[np.ndarray, Any]:
-        """Initial states and arguments of blocks, which are the first axis.
+        """Initial states and arguments of the members in blocks, which are the first axis.
 
         Lanes that nobody needs hold the last member once more.
-
-        Arguments:
-            numbers: of the members.
-            blocks: how many there are to be.
         """
         return self._fold(numbers.y0, blocks), jax.tree.map(
             lambda leaf: self._fold(leaf, blocks), numbers.args
@@ -73,14 +69,11 @@ class Layout:
         spare = blocks * self.lanes - leaf.shape[-1]
         leaf = np.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, spare)], mode="edge")
         leaf = np.moveaxis(leaf.reshape(*leaf.shape[:-1], blocks, self.lanes), -2, 0)
-        return leaf.reshape(blocks, *self._of_block(leaf.shape[1:-1]))
-
-    def _of_block(self, shape: tuple[int, ...]) -> tuple[int, ...]:
         if self.lanes == 1:
-            return shape
+            return leaf[..., 0]
         if self.nodes is None:
-            return (*shape, self.lanes)
-        return (*shape[:-1], shape[-1] * self.lanes)
+            return leaf
+        return leaf.reshape(*leaf.shape[:-2], -1)
 
     def unfold(self, states: np.ndarray, state: tuple[int, ...], members: int) -> np.ndarray:
         """States of the members, ``(frames, *state, members)``.

@@ -11,7 +11,7 @@ import jax
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.simulation.system import as_seen, system
+from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.traced_digest import digest
 from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import as_stepper
@@ -64,14 +64,11 @@ def method_of(stepper: Any, problem: Problem) -> Method:
 
 
 def _digest(stepper: Stepper, problem: Problem) -> Hashable:
-    mechanics, nodes_first = problem.mechanics, not stepper.any_layout
+    init, step, state = on_stored_states(stepper, problem.rhs, problem.mechanics)
 
     # A new function at each call: JAX finds the traces of functions again.
     def steps(args: Any, y: Any, t: Any, dt: Any) -> Any:
-        bound = system(problem.rhs, mechanics, args, nodes_first=nodes_first)
-        y = as_seen(y, mechanics, nodes_first)
-        carried = stepper.step(bound, t, stepper.init(bound, t, y, dt), dt)
-        return stepper.state(bound, t, carried, dt)
+        return state(args, t, step(args, t, init(args, t, y, dt), dt), dt)
 
     traced = jax.make_jaxpr(steps)(problem.args, problem.y0, 0.0, 1.0)
     return type(stepper), digest(traced)

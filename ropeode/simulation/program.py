@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import threading
 import time
@@ -15,17 +16,11 @@ from jax.extend.core import get_opaque_trace_state
 
 from ropeode.problems.problem import Mechanics
 from ropeode.simulation.kernel_fusion import in_one_kernel
+from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method
-from ropeode.simulation.system import stored, system
+from ropeode.simulation.system import is_turned, stored, system
 from ropeode.simulation.transposes import on_stored
 from ropeode.steppers.phase import Phase
-
-
-class Abstract(NamedTuple):
-    """Shape and dtype of an array; hashable."""
-
-    shape: tuple[int, ...]
-    dtype: Any
 
 
 class Family(NamedTuple):
@@ -33,67 +28,39 @@ class Family(NamedTuple):
 
     Fields:
         method: the stepper, ready to run.
-        rhs: of the problem.
-        mechanics: of the problem.
+        rhs, mechanics: of the problem.
+        layout: of the runs in a block.
         y0: the initial state of a block.
-        args_tree: structure of the problem's arguments.
-        args_leaves: of a block.
-        lanes: how many runs a block holds.
-        in_turn: whether the nodes of these stand in turn; else the last axis counts the runs,
-            where there are several.
+        args_tree, args_leaves: the problem's arguments, for a block.
     """
 
     method: Method
     rhs: Callable
     mechanics: Mechanics | None
-    y0: Abstract
+    layout: Layout
+    y0: jax.ShapeDtypeStruct
     args_tree: Any
-    args_leaves: tuple[Abstract, ...]
-    lanes: int = 1
-    in_turn: bool = False
+    args_leaves: tuple[jax.ShapeDtypeStruct, ...]
 
 
-class Segment(NamedTuple):
-    """Frames that were run in one go.
-
-    Fields:
-        frames: how many, for each block; fewer than asked for where no run of it is finite.
-        states: at their ends, ``(blocks, capacity, *state)``.
-        carried: what the next segment goes on from.
-    """
-
-    frames: np.ndarray
-    states: np.ndarray
-    carried: Any
-
-
+@dataclasses.dataclass(eq=False)
 class Program:
     """A compiled loop for one family of runs.
 
     Arguments:
         compiled: the loop.
-        capacity: the most frames of a segment.
-        blocks: the most blocks.
+        capacity: the most frames that it runs in one go.
         nothing_carried: stands for what is carried where there is nothing yet.
-        calls: of the right-hand side, to start, in a step, and for a sample; None where they are
-            made in a loop, whose length nobody knows.
-        compile_seconds: that compiling took.
+        evaluations: of the right-hand side, to start, in a step, and for a sample; None where they
+            are made in a loop, whose length nobody knows.
+        compile_seconds: that compiling took; 0 once they were taken.
     """
 
-    def __init__(
-        self,
-        compiled: Callable,
-        capacity: int,
-        blocks: int,
-        nothing_carried: Any,
-        calls: tuple[int, int, int] | None,
-        compile_seconds: float,
-    ):
-        self._compiled = compiled
-        self.capacity, self.blocks = capacity, blocks
-        self._nothing_carried = nothing_carried
-        self._calls = calls
-        self._compile_seconds = compile_seconds
+    compiled: Callable
+    capacity: int
+    nothing_carried: Any
+    evaluations: tuple[int, int, int] | None
+    compile_seconds: float
 
     def run(
         self,
@@ -104,8 +71,8 @@ class Program:
         steps: int,
         carried: Any = None,
         count: int = 1,
-    ) -> Segment:
-        """Run the frames between sample times.
+    ) -> tuple[np.ndarray, np.ndarray, Any]:
+        """Run the frames between sample times, in one go.
 
         Arguments:
             y0: initial states, ``(blocks, *state)``.
@@ -113,12 +80,17 @@ class Program:
             ts: sample times, at most one more than the capacity.
             lengths: of the frames.
             steps: in each frame.
-            carried: what an earlier segment carried; None at the start.
-            count: how many of the blocks are to be run.
+            carried: what an earlier call returned; None at the start.
+            count: how many of the blocks are run.
+
+        Returns:
+            How many frames were run of each block: fewer where no run of it is finite any more.
+            The states at their ends, ``(blocks, capacity, *state)``. What the next call goes on
+            from.
         """
         spare = self.capacity - len(lengths)
         frames, states, carried = jax.block_until_ready(
-            self._compiled(
+            self.compiled(
                 y0,
                 args,
                 np.pad(ts, (0, spare)),
@@ -127,21 +99,21 @@ class Program:
                 np.int64(steps),
                 np.int64(count),
                 np.bool_(carried is None),
-                self._nothing_carried if carried is None else carried,
+                self.nothing_carried if carried is None else carried,
             )
         )
-        return Segment(np.asarray(frames), np.asarray(states), carried)
+        return np.asarray(frames), np.asarray(states), carried
 
     def calls(self, steps: int, frames: np.ndarray) -> np.ndarray | None:
         """How often runs of so many frames each evaluate the right-hand side, if it is known."""
-        if self._calls is None:
+        if self.evaluations is None:
             return None
-        to_start, per_step, per_sample = self._calls
+        to_start, per_step, per_sample = self.evaluations
         return to_start + (per_step * steps + per_sample) * frames
 
     def take_compile_seconds(self) -> float:
         """The seconds that compiling took; 0 for every later use of the program."""
-        seconds, self._compile_seconds = self._compile_seconds, 0.0
+        seconds, self.compile_seconds = self.compile_seconds, 0.0
         return seconds
 
 
@@ -161,13 +133,7 @@ def slot(family: Family, capacity: int, blocks: int) -> Slot:
 
 
 def program(family: Family, capacity: int, blocks: int) -> Program:
-    """The program for a family of runs, compiled where that has not been done.
-
-    Arguments:
-        family: of runs.
-        capacity: the most frames of a segment.
-        blocks: the most blocks.
-    """
+    """The program for so many frames and blocks, compiled where that has not been done."""
     own = slot(family, capacity, blocks)
     with own.lock:
         if own.program is None:
@@ -234,7 +200,7 @@ def _compiled(family: Family, capacity: int, blocks: int) -> Program:
 
         def going_on(y: Any) -> Any:
             """Whether a run of the block is still finite."""
-            return jnp.any(jnp.all(jnp.isfinite(y).reshape(-1, family.lanes), axis=0))
+            return jnp.any(jnp.all(jnp.isfinite(y).reshape(-1, family.layout.lanes), axis=0))
 
         if blocks == 1:
             # Quicker to compile.
@@ -243,26 +209,30 @@ def _compiled(family: Family, capacity: int, blocks: int) -> Program:
         nothing = jnp.zeros(blocks, jnp.int64), jnp.zeros((blocks, capacity, *y0.shape[1:]))
         return jax.lax.fori_loop(0, count, one_block, (*nothing, carried))
 
-    calls, carried = methods.calls()
-    carried = jax.tree.map(lambda leaf: _shape((blocks, *leaf.shape), leaf.dtype), carried)
-    whole, truth = _shape((), np.int64), _shape((), np.bool_)
+    def in_blocks(leaf: Any) -> jax.ShapeDtypeStruct:
+        return shape_of((blocks, *leaf.shape), leaf.dtype)
+
+    evaluations, carried = methods.calls()
+    carried = jax.tree.map(in_blocks, carried)
+    whole, truth = shape_of((), np.int64), shape_of((), np.bool_)
     compiled = (
         jax.jit(run)
         .lower(
-            _shape((blocks, *family.y0.shape), family.y0.dtype),
-            jax.tree.map(lambda leaf: _shape((blocks, *leaf.shape), leaf.dtype), methods.args),
-            _shape((capacity + 1,)),
-            _shape((capacity,)),
+            in_blocks(family.y0),
+            jax.tree.map(in_blocks, methods.args),
+            shape_of((capacity + 1,)),
+            shape_of((capacity,)),
             *(whole, whole, whole, truth),
             carried,
         )
         .compile()
     )
     nothing = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), carried)
-    return Program(compiled, capacity, blocks, nothing, calls, time.perf_counter() - started)
+    return Program(compiled, capacity, nothing, evaluations, time.perf_counter() - started)
 
 
-def _shape(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
+def shape_of(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
+    """What stands for an array while nothing is computed."""
     return jax.ShapeDtypeStruct(shape, dtype)
 
 
@@ -272,26 +242,23 @@ class _Methods:
     def __init__(self, family: Family):
         self._family = family
         self._calls, self._looped = 0, False
-        leaves = [_shape(*leaf) for leaf in family.args_leaves]
-        self.args = jax.tree.unflatten(family.args_tree, leaves)
+        self.args = jax.tree.unflatten(family.args_tree, family.args_leaves)
         stepper = family.method.stepper
-        mechanics = family.mechanics
-        self._nodes_first = not stepper.any_layout
-        self._turned = self._nodes_first and mechanics is not None and mechanics.node_axis == 1
+        self._turned = is_turned(stepper, family.mechanics)
         self.init = self._on_blocks(stepper.init)
         self.step = self._on_blocks(stepper.step)
         self.state = self._on_blocks(stepper.state)
 
     def calls(self) -> tuple[tuple[int, int, int] | None, Any]:
         """How often each calls the right-hand side, and the shapes of what is carried."""
-        shape, dtype = self._family.y0
-        y0: Any = _shape(shape, dtype)
+        y0: Any = self._family.y0
         if self._family.mechanics:
-            y0 = Phase(_shape(shape[1:], dtype), _shape(shape[1:], dtype))
+            half = shape_of(y0.shape[1:], y0.dtype)
+            y0 = Phase(half, half)
         counts: list[int] = []
 
         def shapes_of(method: Callable, y: Any) -> Any:
-            result = jax.eval_shape(method, self.args, _shape(()), y, _shape(()))
+            result = jax.eval_shape(method, self.args, shape_of(()), y, shape_of(()))
             counts.append(self._calls)
             return result
 
@@ -319,13 +286,7 @@ class _Methods:
                 return call
 
             always = dt > 0
-            bound = system(
-                family.rhs,
-                family.mechanics,
-                args,
-                counted=counted,
-                nodes_first=self._nodes_first,
-            )
+            bound = system(family.rhs, family.mechanics, args, counted=counted, turned=self._turned)
             return method(bound, t, y, dt)
 
         def turned(args: Any, t: Any, y: Any, dt: Any) -> Any:
@@ -333,6 +294,6 @@ class _Methods:
             return on_stored(on_one, (nodes, dim))(args, t, y, dt)
 
         on_one_state = turned if self._turned else on_one
-        if family.lanes == 1 or family.in_turn:
+        if family.layout.lanes == 1 or family.layout.nodes is not None:
             return on_one_state
         return jax.vmap(on_one_state, in_axes=(-1, None, -1, None), out_axes=-1)

@@ -5,61 +5,36 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
 
 from ropeode.errors import call_user_code
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
-from ropeode.simulation.system import system
+from ropeode.progress import Progress
+from ropeode.simulation.system import as_seen, as_stored, is_turned, system
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.steppers.base import Stepper, System
-from ropeode.steppers.phase import Phase
 
 # A user's step may write to arrays of its own, which are the same in all threads.
 one_at_a_time = threading.RLock()
 
 
-class PythonRun(NamedTuple):
-    """What a run in Python made.
-
-    Fields:
-        states: at the sample times, ``(times, *state)``, not-a-number behind the last frame.
-        frame: the last frame that was run.
-        calls: of the right-hand side.
-    """
-
-    states: np.ndarray
-    frame: int
-    calls: int
-
-
 class PythonStepper:
-    """The three functions of a stepper on one problem, with numbers and NumPy arrays.
-
-    Arguments:
-        problem: that they solve.
-        stepper: whose they are.
-    """
+    """The three functions of a stepper on one problem, with numbers and NumPy arrays."""
 
     def __init__(self, problem: Problem, stepper: Stepper):
-        self.problem = problem
-        self.calls = 0
+        self.problem, self.calls = problem, 0
         self._stepper = stepper
-        mechanics = problem.mechanics
-        self._mechanical = mechanics is not None
-        nodes_first = not stepper.any_layout
-        self._turned = nodes_first and mechanics is not None and mechanics.node_axis == 1
-        # The problem's own arrays stay as they are, whatever a step does to these.
-        args = jax.tree.map(np.array, problem.args)
+        self._turned = is_turned(stepper, problem.mechanics)
         self.system: System = system(
             problem.rhs,
-            mechanics,
-            args,
+            problem.mechanics,
+            # The problem's own arrays stay as they are, whatever a step does to these.
+            jax.tree.map(np.array, problem.args),
             counted=self._counted,
-            nodes_first=nodes_first,
+            turned=self._turned,
             in_numpy=True,
         )
 
@@ -73,7 +48,9 @@ class PythonStepper:
 
     def init(self, t: float, y: np.ndarray, dt: float) -> Any:
         """What is carried into the first step, from a state ``(*state,)``."""
-        start: Any = self._seen(np.array(y))
+        start = as_seen(y, self.problem.mechanics, self._turned)
+        # Copies, in the order of memory that a step which reshapes them expects.
+        start = jax.tree.map(lambda half: np.array(half, order="C"), start)
         return self._called(self._stepper.init, t, start, dt)
 
     def step(self, t: float, carried: Any, dt: float) -> Any:
@@ -83,30 +60,23 @@ class PythonStepper:
     def state(self, t: float, carried: Any, dt: float) -> np.ndarray:
         """The state at time `t`, as the problem has it."""
         y = self._called(self._stepper.state, t, carried, dt)
-        if not self._mechanical:
+        if not self.system.mechanical:
             return np.asarray(y)
-        x, v = (np.asarray(half).T if self._turned else np.asarray(half) for half in y)
-        return np.stack([x, v])
-
-    def _seen(self, y: np.ndarray) -> Any:
-        if not self._mechanical:
-            return y
-        return Phase(y[0].T.copy(), y[1].T.copy()) if self._turned else Phase(y[0], y[1])
+        halves = [np.asarray(half) for half in y]
+        return as_stored(halves, self.problem.mechanics, self._turned)
 
     def _called(self, function: Callable, t: float, given: Any, dt: float) -> Any:
         return call_user_code("step", function, self.system, t, given, dt)
 
 
 def run_in_python(
-    problem: Problem, stepper: Stepper, steps_per_frame: int, progress: Progress = silent
-) -> PythonRun:
+    problem: Problem, stepper: Stepper, steps_per_frame: int, progress: Progress
+) -> tuple[np.ndarray, int, int]:
     """Run a stepper over all frames of a problem; it ends at the first state that is not finite.
 
-    Arguments:
-        problem: what to solve.
-        stepper: with what.
-        steps_per_frame: equal steps in each interval between sample times.
-        progress: reports the fraction of the frames.
+    Returns:
+        States at the sample times, ``(times, *state)``, not-a-number behind the last frame; the
+        last frame that was run; the calls of the right-hand side.
 
     Raises:
         UserCodeError: the step raised, or returned something that is no state.
@@ -124,6 +94,6 @@ def run_in_python(
             y = own.state(ts[frame + 1], carried, dt)
             progress(stepper.label, (frame + 1) / problem.frames)
             if not np.all(np.isfinite(y)):
-                return PythonRun(states, frame + 1, own.calls)
+                return states, frame + 1, own.calls
             states[frame + 1] = y
-    return PythonRun(states, problem.frames, own.calls)
+    return states, problem.frames, own.calls

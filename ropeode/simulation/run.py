@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import dataclasses
 import os
 import threading
 import time
@@ -20,8 +21,8 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method, method_of
-from ropeode.simulation.program import Abstract, Family, Program, program
-from ropeode.simulation.python_driver import PythonRun, run_in_python
+from ropeode.simulation.program import Family, Program, program, shape_of
+from ropeode.simulation.python_driver import run_in_python
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
 from ropeode.steppers.base import BuiltIn
 from ropeode.threads import cores, threads
@@ -30,7 +31,7 @@ from ropeode.validation import check_whole, complaint
 # States that one call of a program writes, and that a chunk of an ensemble holds, in bytes.
 _SEGMENT = 2**23
 _CHUNK = 2**24
-_MOST_FRAMES, _MOST_BLOCKS = 128, 64
+_FEWEST_FRAMES, _MOST_FRAMES, _MOST_BLOCKS = 16, 128, 64
 
 
 @overload
@@ -89,9 +90,7 @@ def simulate_chunks(
 
     Arguments:
         ensemble: what to solve.
-        stepper: whatever `ropeode.as_stepper` takes.
-        steps_per_frame: equal steps in each interval between sample times.
-        progress: called with the stepper's label and the fraction that is done.
+        stepper, steps_per_frame, progress: as for `simulate`.
 
     Returns:
         Trajectories of the first members, of the next ones, and so on.
@@ -137,15 +136,12 @@ def _check_memory(ensemble: Ensemble) -> None:
 
 def _joined(chunks: list[Trajectories]) -> Trajectories:
     """All chunks of an ensemble in one."""
-    if len(chunks) == 1:
-        return chunks[0]
     first = chunks[0]
+    if len(chunks) == 1:
+        return first
     counts = [each.rhs_evaluations for each in chunks if each.rhs_evaluations is not None]
-    return Trajectories(
-        ensemble=first.ensemble,
-        start=first.start,
-        stepper=first.stepper,
-        steps_per_frame=first.steps_per_frame,
+    return dataclasses.replace(
+        first,
         states=np.concatenate([each.states for each in chunks], axis=-1),
         frames=np.concatenate([each.frames for each in chunks]),
         finite=np.concatenate([each.finite for each in chunks]),
@@ -156,15 +152,7 @@ def _joined(chunks: list[Trajectories]) -> Trajectories:
 
 
 class _Job(NamedTuple):
-    """Members of an ensemble that are to be run, and how.
-
-    Fields:
-        ensemble: what is solved.
-        method: with what.
-        steps: in each frame.
-        layout: of the blocks.
-        blocks: of a chunk.
-    """
+    """Members of an ensemble that are to be run, in so many steps per frame and blocks."""
 
     ensemble: Ensemble
     method: Method
@@ -202,16 +190,16 @@ class _Job(NamedTuple):
     @in_float64
     def trajectories(self, start: int, numbers: Numbers, progress: Progress) -> Trajectories:
         """Run the members from `start` on whose numbers these are."""
-        if not self.method.trial.compiled:
-            return self._in_python(start, numbers.y0.shape[-1], progress)
-        first, members = self.ensemble.first, numbers.y0.shape[-1]
-        y0, args = self.layout.fold(numbers, self.blocks)
-        made = self._program(y0, args)
-        started = time.perf_counter()
-        states, reached = self._segments(made, y0, args, self.layout.blocks(members), progress)
+        members = numbers.y0.shape[-1]
+        if self.method.trial.compiled:
+            y0, args = self.layout.fold(numbers, self.blocks)
+            made = self._program(y0, args)
+            started, calls = time.perf_counter(), None
+            states, reached = self._segments(made, y0, args, members, progress)
+        else:
+            started, made = time.perf_counter(), None
+            states, reached, calls = self._in_python(start, members, progress)
         seconds = time.perf_counter() - started
-        states = self.layout.unfold(states, first.y0.shape, members)
-        reached = np.repeat(reached, self.layout.lanes)[:members]
         frames, finite = _ends(states, reached)
         return Trajectories(
             ensemble=self.ensemble,
@@ -221,38 +209,25 @@ class _Job(NamedTuple):
             states=states,
             frames=frames,
             finite=finite,
-            rhs_evaluations=made.calls(self.steps, frames),
+            rhs_evaluations=made.calls(self.steps, frames) if made else calls,
             seconds=seconds,
-            compile_seconds=made.take_compile_seconds(),
+            compile_seconds=made.take_compile_seconds() if made else 0.0,
         )
 
-    def _in_python(self, start: int, members: int, progress: Progress) -> Trajectories:
-        """Run the members from `start` on one after the other."""
-        started = time.perf_counter()
+    def _in_python(
+        self, start: int, members: int, progress: Progress
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States, the last frame that was run, and calls, of one member after the other."""
 
-        def run(index: int) -> PythonRun:
+        def run(index: int) -> tuple[np.ndarray, int, int]:
             def seen(text: str, fraction: float | None) -> None:
                 progress(text, (index + (fraction or 0.0)) / members)
 
-            return run_in_python(
-                self.ensemble[start + index], self.method.stepper, self.steps, seen
-            )
+            problem = self.ensemble[start + index]
+            return run_in_python(problem, self.method.stepper, self.steps, seen)
 
-        runs = [run(index) for index in range(members)]
-        states = np.stack([each.states for each in runs], axis=-1)
-        frames, finite = _ends(states, np.array([each.frame for each in runs]))
-        return Trajectories(
-            ensemble=self.ensemble,
-            start=start,
-            stepper=self.method.stepper,
-            steps_per_frame=self.steps,
-            states=states,
-            frames=frames,
-            finite=finite,
-            rhs_evaluations=np.array([each.calls for each in runs]),
-            seconds=time.perf_counter() - started,
-            compile_seconds=0.0,
-        )
+        states, reached, calls = zip(*map(run, range(members)), strict=True)
+        return np.stack(states, axis=-1), np.array(reached), np.array(calls)
 
     def _program(self, y0: np.ndarray, args: Any) -> Program:
         first = self.ensemble.first
@@ -261,25 +236,24 @@ class _Job(NamedTuple):
             method=self.method,
             rhs=first.rhs,
             mechanics=first.mechanics,
-            y0=Abstract(y0.shape[1:], y0.dtype),
+            layout=self.layout,
+            y0=shape_of(y0.shape[1:], y0.dtype),
             args_tree=tree,
-            args_leaves=tuple(Abstract(leaf.shape[1:], leaf.dtype) for leaf in leaves),
-            lanes=self.layout.lanes,
-            in_turn=self.layout.nodes is not None,
+            args_leaves=tuple(shape_of(leaf.shape[1:], leaf.dtype) for leaf in leaves),
         )
-        # Powers of two, so that few programs serve all lengths.
-        frames = min(max(_SEGMENT // y0.nbytes, 1), _MOST_FRAMES)
-        frames = 1 << (frames.bit_length() - 1)
-        frames = min(frames, 1 << (first.frames - 1).bit_length())
+        # Powers of two, and not the smallest, so that few programs serve all lengths.
+        fit = min(max(_SEGMENT // y0.nbytes, 1), _MOST_FRAMES)
+        needed = max(first.frames, _FEWEST_FRAMES)
+        frames = min(1 << (fit.bit_length() - 1), 1 << (needed - 1).bit_length())
         if isinstance(self.method.stepper, BuiltIn):
             return program(family, frames, self.blocks)
         return call_user_code("step", program, family, frames, self.blocks)
 
     def _segments(
-        self, made: Program, y0: np.ndarray, args: Any, count: int, progress: Progress
+        self, made: Program, y0: np.ndarray, args: Any, members: int, progress: Progress
     ) -> tuple[np.ndarray, np.ndarray]:
-        """States of the blocks, and the last frame that each was taken to."""
-        first = self.ensemble.first
+        """States of the members, and the last frame that the block of each was taken to."""
+        first, count = self.ensemble.first, self.layout.blocks(members)
         ts, lengths = first.ts, frame_lengths(first)
         states = np.empty((count, first.frames + 1, *y0.shape[1:]))
         states[:, 0] = y0[:count]
@@ -287,7 +261,7 @@ class _Job(NamedTuple):
         done, carried = 0, None
         while done < first.frames and np.any(reached == done):
             frames = min(made.capacity, first.frames - done)
-            segment = made.run(
+            ran, new, carried = made.run(
                 y0,
                 args,
                 ts[done : done + frames + 1],
@@ -296,21 +270,20 @@ class _Job(NamedTuple):
                 carried,
                 count,
             )
-            states[:, done + 1 : done + 1 + frames] = segment.states[:count, :frames]
-            reached[reached == done] += segment.frames[:count][reached == done]
-            carried, done = segment.carried, done + frames
+            states[:, done + 1 : done + 1 + frames] = new[:count, :frames]
+            reached[reached == done] += ran[:count][reached == done]
+            done += frames
             progress(self.method.stepper.label, done / first.frames)
         for block in np.flatnonzero(reached < first.frames):
             states[block, reached[block] + 1 :] = np.nan
-        return states, reached
+        states = self.layout.unfold(states, first.y0.shape, members)
+        return states, np.repeat(reached, self.layout.lanes)[:members]
 
 
 def _ends(states: np.ndarray, reached: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The last frame that counts of each member, and whether its state there is finite.
 
-    Arguments:
-        states: ``(times, *state, members)``; made not-a-number behind what is not finite.
-        reached: the last frame that was run, ``(members,)``.
+    States ``(times, *state, members)`` behind one that is not finite become not-a-number.
     """
     flat = states.reshape(len(states), -1, states.shape[-1])
     every = np.all(np.isfinite(flat), axis=1)

@@ -15,7 +15,7 @@ from ropeode.precision import in_float64
 from ropeode.problems.problem import Mechanics, Problem, Rhs
 from ropeode.simulation.method import Method
 from ropeode.simulation.python_driver import PythonStepper
-from ropeode.simulation.system import as_seen, as_stored, system
+from ropeode.simulation.system import is_turned, on_stored_states
 from ropeode.steppers.base import BuiltIn, Stepper
 
 # Of the size of a component: where truncation and rounding of a difference of fourth order meet.
@@ -26,29 +26,22 @@ class StepMap:
     """The first step of a stepper on a problem, at any step size.
 
     What is carried is seen as one vector of its floating-point numbers.
-
-    Arguments:
-        problem: what is solved.
-        method: the stepper, ready to run on it.
     """
 
     def __init__(self, problem: Problem, method: Method):
         stepper, self.exact = method.stepper, method.trial.compiled
-        self._problem, mechanics = problem, problem.mechanics
-        nodes_first = not stepper.any_layout
-        self._turned = nodes_first and mechanics is not None and mechanics.node_axis == 1
+        self._turned = is_turned(stepper, problem.mechanics)
         if self.exact:
             find = _compiled if isinstance(stepper, BuiltIn) else _compiled.__wrapped__
-            self._start, self._step, self._state, self._derivative = find(
-                stepper, problem.rhs, problem.mechanics
-            )
+            functions = find(stepper, problem.rhs, problem.mechanics)
+            at_start: tuple[Any, ...] = problem.args, problem.ts[0]
         else:
             own = PythonStepper(problem, stepper)
-            self._start = lambda args, t, y, dt: own.init(float(t), y, float(dt))
-            self._step = lambda args, t, carried, dt: own.step(
-                float(t), jax.tree.map(np.array, carried), float(dt)
-            )
-            self._state = lambda args, t, carried, dt: own.state(float(t), carried, float(dt))
+            functions = own.init, own.step, own.state
+            at_start = (float(problem.ts[0]),)
+        bound = [functools.partial(function, *at_start) for function in functions]
+        self._init, self._step, self._state = bound[:3]
+        self._derivative = bound[3] if self.exact else None
 
     def moving(self, carried: Any, free: np.ndarray) -> np.ndarray:
         """Which numbers of what is carried can move, ``(numbers,)``.
@@ -74,21 +67,18 @@ class StepMap:
     @in_float64
     def start(self, y: np.ndarray, dt: float) -> Any:
         """What is carried into the first step from a state, as NumPy arrays."""
-        carried = self._start(self._problem.args, self._problem.ts[0], y, dt)
-        return jax.tree.map(np.array, carried)
+        return jax.tree.map(np.array, self._init(y, dt))
 
     @in_float64
     def first_sample(self, y: np.ndarray, dt: float) -> np.ndarray:
         """The state at the start, as the stepper hands it out before the first step."""
-        problem = self._problem
-        carried = self._start(problem.args, problem.ts[0], y, dt)
-        return np.array(self._state(problem.args, problem.ts[0], carried, dt))
+        return np.array(self._state(self._init(y, dt), dt))
 
     @in_float64
     def step(self, carried: Any, dt: float) -> Any:
         """What is carried after a step, as NumPy arrays."""
-        after = self._step(self._problem.args, self._problem.ts[0], carried, dt)
-        return jax.tree.map(np.array, after)
+        # A step in Python may write to what it is handed.
+        return jax.tree.map(np.array, self._step(jax.tree.map(np.array, carried), dt))
 
     @in_float64
     def derivative(self, carried: Any, dt: float, moving: np.ndarray) -> np.ndarray:
@@ -97,16 +87,13 @@ class StepMap:
         By automatic differentiation; of a step in Python by central differences of fourth order.
 
         Arguments:
-            carried: where.
-            dt: step size.
+            carried, dt: where, and how long the step is.
             moving: which numbers of what is carried can move, ``(numbers,)``.
         """
-        flat, unravel = ravel_pytree(carried)
-        if self.exact:
-            problem = self._problem
-            whole = np.asarray(self._derivative(problem.args, problem.ts[0], carried, dt))
-            return whole[moving][:, moving]
-        flat = np.array(flat)
+        if self._derivative is not None:
+            return np.asarray(self._derivative(carried, dt))[moving][:, moving]
+        flattened, unravel = ravel_pytree(carried)
+        flat = np.array(flattened)
         h = _H * max(float(np.max(np.abs(flat), initial=0.0)), np.finfo(np.float64).tiny)
 
         def after(index: Any, distance: float) -> np.ndarray:
@@ -126,23 +113,10 @@ def _compiled(
     stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None
 ) -> tuple[Callable, Callable, Callable, Callable]:
     """Start, step, sample and the step's derivative: ``(args, t, y or what is carried, dt)``."""
-    nodes_first = not stepper.any_layout
-
-    def bound(args: Any) -> Any:
-        return system(rhs, mechanics, args, nodes_first=nodes_first)
-
-    def start(args: Any, t: Any, y: Any, dt: Any) -> Any:
-        return stepper.init(bound(args), t, as_seen(y, mechanics, nodes_first), dt)
-
-    def step(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        return stepper.step(bound(args), t, carried, dt)
-
-    def state(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        y = stepper.state(bound(args), t, carried, dt)
-        return as_stored(y, mechanics, nodes_first)
+    init, step, state = on_stored_states(stepper, rhs, mechanics)
 
     def derivative(args: Any, t: Any, carried: Any, dt: Any) -> Any:
         flat, unravel = ravel_pytree(carried)
         return jax.jacfwd(lambda flat: ravel_pytree(step(args, t, unravel(flat), dt))[0])(flat)
 
-    return jax.jit(start), jax.jit(step), jax.jit(state), jax.jit(derivative)
+    return jax.jit(init), jax.jit(step), jax.jit(state), jax.jit(derivative)

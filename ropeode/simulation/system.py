@@ -14,7 +14,7 @@ from jax.core import Tracer
 from ropeode.errors import InputError
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Mechanics
-from ropeode.steppers.base import Equations, System
+from ropeode.steppers.base import Equations, Stepper, System
 from ropeode.steppers.phase import Phase
 from ropeode.validation import complaint
 
@@ -37,18 +37,16 @@ def system(
     args: Any,
     *,
     counted: Callable[[Callable], Callable] = lambda function: function,
-    nodes_first: bool = False,
+    turned: bool = False,
     in_numpy: bool = False,
 ) -> System:
     """A problem with its numbers bound, as a stepper sees it.
 
     Arguments:
-        rhs: of the problem.
-        mechanics: of the problem.
-        args: of the problem.
+        rhs, mechanics, args: of the problem.
         counted: wraps the function whose calls are to be counted.
-        nodes_first: whether positions are to be ``(nodes, dim)``, however they are stored.
-        in_numpy: whether the functions are to take and return NumPy arrays.
+        turned: whether positions are stored ``(dim, nodes)`` and seen as ``(nodes, dim)``.
+        in_numpy: whether the functions take and return NumPy arrays.
     """
     own = args.args if isinstance(args, InUnits) else args
 
@@ -62,15 +60,7 @@ def system(
             return slope(t, y, whole(own))
 
         rhs_of_args.__wrapped__ = rhs  # type: ignore[attr-defined]
-        return System(
-            rhs=lambda t, y: slope(t, y, args),
-            acceleration=_no_acceleration,
-            damping=None,
-            links=None,
-            equations=Equations(rhs_of_args, _no_acceleration, own),
-            mechanical=False,
-        )
-    turned = nodes_first and mechanics.node_axis == 1
+        return System(Equations(rhs_of_args, _no_acceleration, own), mechanical=False)
     own_force = mechanics.acceleration
     force = counted(_numpy_version(own_force) if in_numpy else own_force)
     if turned:
@@ -86,35 +76,55 @@ def system(
     first_order.__wrapped__ = _first_order(own_force, turned)  # type: ignore[attr-defined]
     damping = mechanics.damping(args) if mechanics.damping else None
     return System(
-        rhs=lambda t, y: Phase(y.v, force(t, y.x, y.v, args)),
-        acceleration=lambda t, x, v: force(t, x, v, args),
+        Equations(first_order, lambda t, x, v, own: force(t, x, v, whole(own)), own),
+        mechanical=True,
         damping=_turned_damping(damping) if turned and damping else damping,
         links=mechanics.links(args) if mechanics.links else None,
-        equations=Equations(first_order, lambda t, x, v, own: force(t, x, v, whole(own)), own),
-        mechanical=True,
     )
 
 
-def as_seen(y: Any, mechanics: Mechanics | None, nodes_first: bool) -> Any:
-    """A state of a problem as a stepper sees it, in JAX.
+def is_turned(stepper: Stepper, mechanics: Mechanics | None) -> bool:
+    """Whether a stepper sees positions ``(nodes, dim)`` that are stored ``(dim, nodes)``."""
+    return not stepper.any_layout and mechanics is not None and mechanics.node_axis == 1
 
-    Arguments:
-        y: as the problem stores it.
-        mechanics: of the problem.
-        nodes_first: whether positions are to be ``(nodes, dim)``, however they are stored.
-    """
+
+def as_seen(y: Any, mechanics: Mechanics | None, turned: bool) -> Any:
+    """A state of a problem, ``(*state,)``, as a stepper sees it."""
     if mechanics is None:
         return y
-    turned = nodes_first and mechanics.node_axis == 1
     return Phase(y[0].T, y[1].T) if turned else Phase(y[0], y[1])
 
 
-def as_stored(y: Any, mechanics: Mechanics | None, nodes_first: bool) -> Any:
-    """The opposite of `as_seen`."""
+def as_stored(y: Any, mechanics: Mechanics | None, turned: bool) -> Any:
+    """The opposite of `as_seen`; of NumPy arrays a NumPy array."""
     if mechanics is None:
         return y
-    turned = nodes_first and mechanics.node_axis == 1
-    return jnp.stack([half.T if turned else half for half in y])
+    halves = [half.T if turned else half for half in y]
+    return (np if all(isinstance(half, np.ndarray) for half in halves) else jnp).stack(halves)
+
+
+def on_stored_states(
+    stepper: Stepper, rhs: Callable, mechanics: Mechanics | None
+) -> tuple[Callable, Callable, Callable]:
+    """`init`, `step` and `state` of a stepper, in JAX: ``(args, t, y or what is carried, dt)``.
+
+    `init` takes a state as the problem stores it, and `state` returns one.
+    """
+    turned = is_turned(stepper, mechanics)
+
+    def bound(args: Any) -> System:
+        return system(rhs, mechanics, args, turned=turned)
+
+    def init(args: Any, t: Any, y: Any, dt: Any) -> Any:
+        return stepper.init(bound(args), t, as_seen(y, mechanics, turned), dt)
+
+    def step(args: Any, t: Any, carried: Any, dt: Any) -> Any:
+        return stepper.step(bound(args), t, carried, dt)
+
+    def state(args: Any, t: Any, carried: Any, dt: Any) -> Any:
+        return as_stored(stepper.state(bound(args), t, carried, dt), mechanics, turned)
+
+    return init, step, state
 
 
 def _no_acceleration(*_: Any) -> NoReturn:

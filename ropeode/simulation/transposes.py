@@ -18,7 +18,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 
 # What acts on each component alike; all operands have one shape, or are single numbers.
 # fmt: off
-_COMPONENTWISE = frozenset((
+COMPONENTWISE = frozenset((
     "abs", "add", "add_any", "and", "atan", "atan2", "ceil", "clamp", "convert_element_type",
     "copy", "cos", "cosh", "div", "eq", "exp", "exp2", "expm1", "floor", "ge", "gt",
     "integer_pow", "is_finite", "le", "log", "log1p", "logistic", "lt", "max", "min", "mul", "ne",
@@ -104,7 +104,7 @@ def _applied(equation: Any, operands: list[Any]) -> list[Any]:
         return [operand.stored if isinstance(operand, _Turned) else _Turned(operand)]
     if not any(isinstance(each, _Turned) for each in operands):
         return _bound(equation, operands, params)
-    if name in _COMPONENTWISE:
+    if name in COMPONENTWISE:
         stored = [each if np.ndim(each) == 0 else _stored(each) for each in operands]
         return [_Turned(each) for each in _bound(equation, stored, params)]
     if name in _CALLS:

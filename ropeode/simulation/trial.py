@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Hashable
 from typing import Any
 
@@ -11,9 +10,9 @@ import jax
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Mechanics, Problem, Rhs
+from ropeode.problems.problem import Problem
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
-from ropeode.simulation.system import as_seen, as_stored, system
+from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.steppers.base import Stepper
 
@@ -24,6 +23,10 @@ _STEPS, _SAME = 144, 1e-11
 _STEPS_WITH_LOOPS = 6
 # The size of a step, of a frame: small, so that no stepper is unstable.
 _FRACTION = 1.0 / 4096.0
+
+# Outcomes, each with its stepper, so that no other object takes that one's `id`.
+_TRIALS: dict[Hashable, tuple[Stepper, Trial]] = {}
+_MOST_KEPT = 256
 
 HIDDEN_STATE = (
     "not deterministic: the same input gave different output; the step keeps hidden state (a "
@@ -51,11 +54,7 @@ class Trial:
 
 
 def trial_of(stepper: Stepper, problem: Problem) -> Trial:
-    """How a stepper behaves in its first steps on a problem.
-
-    Arguments:
-        stepper: any.
-        problem: that it can run on.
+    """How a stepper behaves in its first steps on a problem that it can run on.
 
     Raises:
         UserCodeError: the step raised, or returned something that is no state.
@@ -63,8 +62,13 @@ def trial_of(stepper: Stepper, problem: Problem) -> Trial:
     if stepper.compiled is not None:
         return Trial(stepper.compiled)
     shapes = tuple((np.shape(leaf), np.result_type(leaf)) for leaf in jax.tree.leaves(problem.args))
-    asked = _Asked(_key(stepper), problem.rhs, problem.mechanics, problem.y0.shape, shapes)
-    return _tried(asked, _Unhashed((stepper, problem)))
+    key = (_key(stepper), problem.rhs, problem.mechanics, problem.y0.shape, shapes)
+    kept = _TRIALS.get(key)
+    if kept is None:
+        if len(_TRIALS) >= _MOST_KEPT:
+            _TRIALS.clear()
+        kept = _TRIALS[key] = stepper, _tried(stepper, problem)
+    return kept[1]
 
 
 def _key(stepper: Stepper) -> Hashable:
@@ -74,45 +78,12 @@ def _key(stepper: Stepper) -> Hashable:
     try:
         hash(stepper)
     except TypeError:
-        return _Identity(stepper)
+        return id(stepper)
     return stepper
 
 
-class _Identity:
-    """Equal to itself alone; keeps what it stands for, so that no other takes its place."""
-
-    def __init__(self, value: Any):
-        self.value = value
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Identity) and self.value is other.value
-
-    def __hash__(self) -> int:
-        return id(self.value)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Asked:
-    """What the outcome of a trial depends on."""
-
-    stepper: Hashable
-    rhs: Rhs
-    mechanics: Mechanics | None
-    shape: tuple[int, ...]
-    args: Hashable
-
-
-@dataclasses.dataclass(frozen=True)
-class _Unhashed:
-    """A value that plays no part in finding a result again."""
-
-    value: Any = dataclasses.field(compare=False)
-
-
-@functools.lru_cache(maxsize=256)
 @in_float64
-def _tried(asked: _Asked, unhashed: _Unhashed) -> Trial:
-    stepper, problem = unhashed.value
+def _tried(stepper: Stepper, problem: Problem) -> Trial:
     t, dt = float(problem.ts[0]), float(frame_lengths(problem)[0]) * _FRACTION
     nudge = 0.125 * problem.scale * np.cos(np.arange(problem.y0.size)).reshape(problem.y0.shape)
 
@@ -180,16 +151,16 @@ def _compiled_steps(
 
     None where JAX cannot trace it.
     """
-    mechanics, nodes_first = problem.mechanics, not stepper.any_layout
+    init, step, state = on_stored_states(stepper, problem.rhs, problem.mechanics)
 
     def run(args: Any, y: Any, t: Any, dt: Any, steps: Any) -> Any:
-        bound = system(problem.rhs, mechanics, args, nodes_first=nodes_first)
-        carried = stepper.init(bound, t, as_seen(y, mechanics, nodes_first), dt)
         carried = jax.lax.fori_loop(
-            0, steps, lambda i, carried: stepper.step(bound, t + i * dt, carried, dt), carried
+            0,
+            steps,
+            lambda i, carried: step(args, t + i * dt, carried, dt),
+            init(args, t, y, dt),
         )
-        y = stepper.state(bound, t + steps * dt, carried, dt)
-        return as_stored(y, mechanics, nodes_first)
+        return state(args, t + steps * dt, carried, dt)
 
     try:
         traced = jax.jit(run).trace(problem.args, problem.y0, t, dt, _STEPS)

@@ -48,21 +48,28 @@ class System:
     """A problem as a stepper sees it: functions of time and state alone.
 
     Arguments:
-        rhs: ``rhs(t, y)``. For a mechanical problem `y` and the result are `Phase` values.
-        acceleration: ``acceleration(t, x, v)``, of positions and velocities ``(nodes, dim)``. For
-            a problem that is not mechanical it raises `InputError`.
+        equations: its functions with `args` last, as step functions take them.
+        mechanical: whether the problem has positions and velocities.
         damping: the `LinearDamping` inside the acceleration; None if it is not known.
         links: the `Links` between neighbours; None if nodes do not stand in a row.
-        equations: the same functions with `args` last, as step functions take them.
-        mechanical: whether the problem has positions and velocities.
     """
 
-    rhs: Callable[[Any, Any], Any]
-    acceleration: Callable[[Any, Any, Any], Any]
-    damping: LinearDamping | None
-    links: Links | None
     equations: Equations
     mechanical: bool
+    damping: LinearDamping | None = None
+    links: Links | None = None
+
+    def rhs(self, t: Any, y: Any) -> Any:
+        """The right-hand side. For a mechanical problem `y` and the result are `Phase` values."""
+        return self.equations.rhs(t, y, self.equations.args)
+
+    def acceleration(self, t: Any, x: Any, v: Any) -> Any:
+        """Of positions and velocities ``(nodes, dim)``.
+
+        Raises:
+            InputError: the problem is not mechanical.
+        """
+        return self.equations.acceleration(t, x, v, self.equations.args)
 
     def undamped_acceleration(self, t: Any, x: Any) -> Any:
         """The acceleration without its damping part, which is linear in the velocity."""
@@ -159,53 +166,60 @@ class Stepper(abc.ABC):
 
     def refusal(self, problem: Problem) -> str | None:
         """Why this stepper cannot run on a problem; None if it can."""
-        mechanics = problem.mechanics
+        mechanics, name = problem.mechanics, repr(problem.name)
+
+        def because(why: str, allowed: str, fix: str) -> str:
+            return f"stepper: {self.label!r} given, {why}; allowed: {allowed}. Fix: {fix}."
+
         if self.equal_frames and not problem.equal_frames:
-            return (
-                f"stepper: {self.label!r} given, a two-step method that needs one step size, and "
-                f"the sample times of {problem.name!r} are not equally spaced; allowed: one-step "
-                "methods. Fix: choose velocity-verlet, or equally spaced sample times."
+            return because(
+                "a two-step method that needs one step size, and the sample times of "
+                f"{name} are not equally spaced",
+                "one-step methods",
+                "choose velocity-verlet, or equally spaced sample times",
             )
         if self.needs == "any ODE":
             return None
+        for_forces = "steppers for forces, such as semi-implicit-euler"
         if self.needs == "nodes in a row":
             if mechanics is None or mechanics.links is None:
-                return (
-                    f"stepper: {self.label!r} given, which keeps the distances of nodes in a row, "
-                    f"and {problem.name!r} has no such nodes; allowed: steppers for forces, such "
-                    "as semi-implicit-euler. Fix: choose one of them, or solve a rope."
+                return because(
+                    f"which keeps the distances of nodes in a row, and {name} has no such nodes",
+                    for_forces,
+                    "choose one of them, or solve a rope",
                 )
             if pins := taut_between(mechanics.links(problem.args), problem.y0[0]):
-                return (
-                    f"stepper: {self.label!r} given, whose links are rigid, and {problem.name!r} "
-                    f"is taut between the pinned nodes {pins[0]} and {pins[1]}, so that what is "
-                    "between them could not move; allowed: steppers for forces, such as "
-                    "semi-implicit-euler. Fix: choose one of them, or leave out a pin."
+                return because(
+                    f"whose links are rigid, and {name} is taut between the pinned nodes "
+                    f"{pins[0]} and {pins[1]}, so that what is between them could not move",
+                    for_forces,
+                    "choose one of them, or leave out a pin",
                 )
             return None
         if mechanics is None:
-            return (
-                f"stepper: {self.label!r} given, which needs a second-order problem, and "
-                f"{problem.name!r} is a first-order one; allowed: steppers for any ODE, such as "
-                "explicit-euler and rk4. Fix: choose one of them, or build the problem with "
-                "Problem.second_order(acceleration, x0, v0, ts)."
+            return because(
+                f"which needs a second-order problem, and {name} is a first-order one",
+                "steppers for any ODE, such as explicit-euler and rk4",
+                "choose one of them, or build the problem with "
+                "Problem.second_order(acceleration, x0, v0, ts)",
             )
         if self.needs == "second order, no damping" and (
             mechanics.damping is None or np.any(mechanics.damping(problem.args).rate)
         ):
-            return (
-                f"stepper: {self.label!r} given, which takes forces that depend on time and "
-                f"positions only, and the acceleration of {problem.name!r} depends on the "
-                "velocities; allowed: steppers for any second-order problem. Fix: choose another "
-                "one, such as semi-implicit-euler, or set the damping to 0."
+            return because(
+                "which takes forces that depend on time and positions only, and the acceleration "
+                f"of {name} depends on the velocities",
+                "steppers for any second-order problem",
+                "choose another one, such as semi-implicit-euler, or set the damping to 0",
             )
         if self.needs == "second order, linear damping" and mechanics.damping is None:
-            return (
-                f"stepper: {self.label!r} given, which treats damping on its own, and the "
-                f"acceleration of {problem.name!r} depends on the velocity in a way that is not "
-                "declared; allowed: steppers that need no more than a second-order problem, such "
-                "as semi-implicit-euler. Fix: choose one of them, or declare linear damping with "
-                "Problem.second_order(..., damping=...)."
+            return because(
+                f"which treats damping on its own, and the acceleration of {name} depends on the "
+                "velocity in a way that is not declared",
+                "steppers that need no more than a second-order problem, such as "
+                "semi-implicit-euler",
+                "choose one of them, or declare linear damping with "
+                "Problem.second_order(..., damping=...)",
             )
         return None
 

@@ -54,7 +54,6 @@ class ConstraintVerlet(BuiltIn):
 
     name = "constraint-verlet"
     needs = "nodes in a row"
-    symplectic = False
     source = "Jakobsen, Advanced Character Physics, GDC 2001"
     equal_frames = True
 
@@ -97,11 +96,8 @@ class ConstraintVerlet(BuiltIn):
 def sweep(x: Any, links: Links) -> Any:
     """Each link put back to its length, from the first to the last.
 
-    A link of length zero, which has no direction, is left as it is.
-
-    Arguments:
-        x: positions, ``(dim, nodes)``.
-        links: the links.
+    A link of length zero, which has no direction, is left as it is. Positions are
+    ``(dim, nodes)``.
     """
     apart = links.apart
     if not links.length.shape[-1]:

@@ -15,7 +15,7 @@ import optimistix
 from ropeode.errors import InputError
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
-from ropeode.validation import complaint, unknown
+from ropeode.validation import complaint
 
 # The root finder of implicit solvers that were given none with a tolerance: their own takes it
 # from an adaptive controller, which there is none of here, and VeryChord of diffrax 0.7.2 gives
@@ -28,11 +28,7 @@ _UNSET = diffrax.Kvaerno3().root_finder.rtol
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DiffraxStepper(Stepper):
-    """A solver that takes the whole right-hand side as one term.
-
-    Arguments:
-        solver: a diffrax solver.
-    """
+    """A solver that takes the whole right-hand side as one term."""
 
     compiled = True
     solver: diffrax.AbstractSolver
@@ -128,61 +124,43 @@ class PositionVelocityStepper(DiffraxStepper):
         return tuple(y)
 
 
-def names() -> list[str]:
-    """The names of all solvers that diffrax exports."""
-    return sorted(
-        name
-        for name, each in vars(diffrax).items()
+def solvers() -> dict[str, type]:
+    """All solver classes that diffrax exports, by name."""
+    return {
+        name: each
+        for name, each in sorted(vars(diffrax).items())
         if inspect.isclass(each)
         and issubclass(each, diffrax.AbstractSolver)
         and not name.startswith("Abstract")
-    )
-
-
-@functools.cache
-def by_name(name: str) -> DiffraxStepper:
-    """A solver by the name that diffrax exports it under.
-
-    Arguments:
-        name: of the class, such as ``Heun``.
-
-    Raises:
-        InputError: diffrax has none of that name, or it is not for ordinary differential
-            equations.
-    """
-    if name not in names():
-        raise InputError(unknown("solver of diffrax", name, names()))
-    stepper = by_object(getattr(diffrax, name))
-    assert stepper is not None
-    return stepper
+    }
 
 
 def by_object(given: Any) -> DiffraxStepper | None:
     """A solver object, or a class that is made without arguments; None if it is neither.
-
-    Arguments:
-        given: anything.
 
     Raises:
         InputError: it is a solver that is not for ordinary differential equations, or a
             class that needs arguments.
     """
     if inspect.isclass(given) and issubclass(given, diffrax.AbstractSolver):
-        given = _made(given)
+        return _of_class(given)
     if not isinstance(given, diffrax.AbstractSolver):
         return None
     return _stepper_class(given)(_with_root_finder(given))
 
 
-def _made(solver: type[diffrax.AbstractSolver]) -> diffrax.AbstractSolver:
+@functools.cache
+def _of_class(solver: type[diffrax.AbstractSolver]) -> DiffraxStepper | None:
+    """One and the same stepper each time, so that its compiled programs are reused."""
     try:
-        return solver()
+        made = solver()
     except TypeError:
         raise InputError(
             f"diffrax:{solver.__name__}: it cannot be made without arguments; allowed: solvers "
             f"that can. Fix: make it in Python, as in "
             f"check_stepper(diffrax.{solver.__name__}(...))."
         ) from None
+    return by_object(made)
 
 
 def _stepper_class(solver: diffrax.AbstractSolver) -> type[DiffraxStepper]:

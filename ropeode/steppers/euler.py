@@ -18,8 +18,6 @@ class ExplicitEuler(BuiltIn):
     """
 
     name = "explicit-euler"
-    needs = "any ODE"
-    symplectic = False
     source = "Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.5)"
 
     def order(self, problem_class: ProblemClass) -> int:

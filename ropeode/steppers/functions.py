@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 import inspect
 from collections.abc import Callable, Hashable
@@ -19,13 +18,7 @@ from ropeode.steppers.phase import Phase
 
 @dataclasses.dataclass(frozen=True)
 class StepFunction(Stepper):
-    """A stepper that is a function from a state to the next one.
-
-    Arguments:
-        function: of the user, in JAX or NumPy.
-        name: for tables and plots.
-        declared_order: that its author claims; None where nothing is claimed.
-    """
+    """A user's function from a state to the next one, in JAX or NumPy."""
 
     PARAMETERS: ClassVar[tuple[str, ...]]
 
@@ -36,10 +29,6 @@ class StepFunction(Stepper):
     def order(self, problem_class: ProblemClass) -> int | None:
         """What its author claims, on every problem."""
         return self.declared_order
-
-    @abc.abstractmethod
-    def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
-        """One call of the function."""
 
 
 class RhsFunction(StepFunction):
@@ -105,9 +94,6 @@ def signature_of(function: Callable) -> type[StepFunction] | None:
     """Which of `SIGNATURES` a function has; None if it has neither.
 
     Other names of parameters will do, but not the right names in another order.
-
-    Arguments:
-        function: anything that can be called.
     """
     parameters = parameters_of(function)
     needed = [each.name for each in parameters if each.default is each.empty]
@@ -133,13 +119,8 @@ def parameters_of(function: Callable) -> list[inspect.Parameter]:
         return []
 
 
-def step_function(function: Callable, label: str, order: int | None) -> StepFunction:
-    """A step function as a stepper.
-
-    Arguments:
-        function: with one of `SIGNATURES`.
-        label: for tables and plots.
-        order: that its author claims.
+def step_function(function: Callable, label: str) -> StepFunction:
+    """A function with one of `SIGNATURES` as a stepper.
 
     Raises:
         InputError: its parameters are others.
@@ -154,16 +135,11 @@ def step_function(function: Callable, label: str, order: int | None) -> StepFunc
         )
     # What was compiled for it is found again by its hash.
     hashable = function if isinstance(function, Hashable) else lambda *given: function(*given)
-    return signature(hashable, label, order)
+    return signature(hashable, label)
 
 
 def checked_array(name: str, value: Any, shape: tuple[int, ...]) -> Any:
-    """An array that a user's step returned.
-
-    Arguments:
-        name: of what it is.
-        value: what was returned.
-        shape: that it must have.
+    """What a user's step returned for `name`, as an array.
 
     Raises:
         UserCodeError: it has another shape, or is not of type float64.

@@ -17,8 +17,6 @@ class RungeKutta4(BuiltIn):
     """
 
     name = "rk4"
-    needs = "any ODE"
-    symplectic = False
     source = "Hairer, Norsett, Wanner, Solving ODEs I, table II.1.2"
 
     def order(self, problem_class: ProblemClass) -> int:

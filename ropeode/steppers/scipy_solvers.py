@@ -15,7 +15,7 @@ from scipy import integrate
 from ropeode.errors import InputError
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
-from ropeode.validation import complaint, unknown
+from ropeode.validation import complaint
 
 # Why a solver cannot be graded.
 REFUSED = {
@@ -36,16 +36,13 @@ _NEWTON = 1e-14
 _LOOSE = 1e6
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True)
 class ScipyStepper(Stepper):
     """A solver class, of which each step makes a new solver that takes one step.
 
     The first step is as long as the largest one and all there is to go, and any error is
     tolerated. The solver's time is that since the step began, so that all steps of a frame are
     equally long to the last bit.
-
-    Arguments:
-        method: the class.
     """
 
     compiled = False
@@ -70,44 +67,39 @@ class ScipyStepper(Stepper):
         def field(since: float, flat: np.ndarray) -> np.ndarray:
             return rhs(t + since, flat.reshape(y.shape), args).reshape(-1)
 
-        solver = self.solver(field, y.reshape(-1), dt, **self.options(system, t, y.shape))
+        solver = self.solver(system, t, field, y, dt)
         solver.step()
         taken = solver.status == "finished" and solver.step_size == dt
         new = solver.y.reshape(y.shape) if taken else np.full_like(y, np.nan)
         return Phase(new[0], new[1]) if isinstance(carried, Phase) else new
 
-    def options(self, system: System, t: float, shape: tuple[int, ...]) -> dict[str, Any]:
-        """What else the class takes."""
-        del system, t, shape
-        return {}
-
     def solver(
-        self, field: Callable, y: np.ndarray, dt: float, *, atol: float = np.inf, **options: Any
+        self, system: System, t: float, field: Callable, y: np.ndarray, dt: float, **options: Any
     ) -> integrate.OdeSolver:
         """A solver that is about to take one step of length `dt`."""
-        return self.method(
-            field, 0.0, y, dt, first_step=dt, max_step=dt, rtol=1e-3, atol=atol, **options
-        )
+        tolerances = {"rtol": 1e-3, "atol": np.inf, **options}
+        return self.method(field, 0.0, y.reshape(-1), dt, first_step=dt, max_step=dt, **tolerances)
 
 
 class RadauStepper(ScipyStepper):
     """Radau, whose Newton iteration converges in a norm that is made of the tolerances.
 
     With the tolerances that let any error pass it would end at once. So they are finite, and
-    the limit of the iteration is set on the solver.
+    the limit of the iteration is set on the solver. The Jacobian is exact: differences across a
+    spring without length have no limit.
     """
 
-    def options(self, system: System, t: float, shape: tuple[int, ...]) -> dict[str, Any]:
-        """The exact Jacobian: differences across a spring without length have no limit."""
-        slope, args = _jacobian(inspect.unwrap(system.equations.rhs), shape), system.equations.args
-        return {"jac": lambda since, y: np.asarray(slope(t + since, y, args))}
-
     def solver(
-        self, field: Callable, y: np.ndarray, dt: float, *, atol: float = np.inf, **options: Any
+        self, system: System, t: float, field: Callable, y: np.ndarray, dt: float, **options: Any
     ) -> integrate.OdeSolver:
         """As in `ScipyStepper`, with a limit of its own for the iteration."""
-        loose = min(atol, _LOOSE * max(1.0, float(np.max(np.abs(y)))))
-        solver = super().solver(field, y, dt, atol=loose, **options)
+        slope, args = (
+            _jacobian(inspect.unwrap(system.equations.rhs), y.shape),
+            system.equations.args,
+        )
+        loose = _LOOSE * max(1.0, float(np.max(np.abs(y))))
+        options["jac"] = lambda since, flat: np.asarray(slope(t + since, flat, args))
+        solver = super().solver(system, t, field, y, dt, atol=loose, **options)
         assert isinstance(solver, integrate.Radau)
         solver.newton_tol = _NEWTON / loose
         return solver
@@ -123,39 +115,19 @@ def _jacobian(rhs: Callable, shape: tuple[int, ...]) -> Callable:
     return jax.jit(jax.jacfwd(field, argnums=1))
 
 
-def names() -> list[str]:
-    """The names of all solver classes that SciPy exports."""
-    return sorted(
-        name
-        for name, each in vars(integrate).items()
+def solvers() -> dict[str, type]:
+    """All solver classes that SciPy exports, by name."""
+    return {
+        name: each
+        for name, each in sorted(vars(integrate).items())
         if inspect.isclass(each)
         and issubclass(each, integrate.OdeSolver)
         and each is not integrate.OdeSolver
-    )
-
-
-@functools.cache
-def by_name(name: str) -> ScipyStepper:
-    """A solver class by the name that SciPy exports it under.
-
-    Arguments:
-        name: such as ``RK45``.
-
-    Raises:
-        InputError: SciPy has none of that name, or it cannot take constant steps.
-    """
-    if name not in names():
-        raise InputError(unknown("solver of scipy", name, names()))
-    stepper = by_object(getattr(integrate, name))
-    assert stepper is not None
-    return stepper
+    }
 
 
 def by_object(given: Any) -> ScipyStepper | None:
-    """The form of an `OdeSolver` class; None if it is none.
-
-    Arguments:
-        given: anything.
+    """An `OdeSolver` class as a stepper; None if it is none.
 
     Raises:
         InputError: it cannot take constant steps, or is a solver object, which has its problem

@@ -6,14 +6,18 @@ import dataclasses
 import importlib
 import inspect
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any
 
 from ropeode.errors import InputError, call_user_code
 from ropeode.problems.files import named_in_file, names_in_file
 from ropeode.steppers.base import Stepper
-from ropeode.steppers.functions import AccelerationFunction, signature_of, step_function
+from ropeode.steppers.functions import (
+    AccelerationFunction,
+    StepFunction,
+    signature_of,
+    step_function,
+)
 from ropeode.steppers.registry import STEPPERS, registered
 from ropeode.validation import check_whole, complaint, unknown
 
@@ -24,22 +28,6 @@ LIBRARIES = {
 }
 # What else may be named than steppers of ropeode.
 OTHER_NAMES = ("FILE.py:NAME", *(f"{library}:NAME" for library in LIBRARIES))
-
-
-class Library(Protocol):
-    """What the module of a library has."""
-
-    def names(self) -> list[str]:
-        """The names of all solvers that the library exports."""
-        ...
-
-    def by_name(self, name: str) -> Stepper:
-        """A solver by the name that the library exports it under."""
-        ...
-
-    def by_object(self, given: Any) -> Stepper | None:
-        """A solver or its class; None if it is none of this library's."""
-        ...
 
 
 def as_stepper(
@@ -69,21 +57,15 @@ def as_stepper(
     if order is not None:
         order = check_whole("order", order, at_least=1, example="2")
     stepper = _named(what.strip(), Path(folder)) if isinstance(what, str) else _from_object(what)
-    claims = {"declared_order": order, "name": label}
-    changes = {field: value for field, value in claims.items() if value is not None}
-    if not changes:
+    if order is None and label is None:
         return stepper
-    if not hasattr(stepper, "declared_order"):
-        given = "order" if order is not None else "label"
-        raise InputError(
-            complaint(
-                given,
-                changes.popitem()[1],
-                f"none with {stepper.label!r}, which declares its own",
-                "leave it out, or give a step function",
-            )
-        )
-    return dataclasses.replace(cast(Any, stepper), **changes)
+    if not isinstance(stepper, StepFunction):
+        given, value = ("label", label) if order is None else ("order", order)
+        allowed = f"none with {stepper.label!r}, which declares its own"
+        fix = "leave it out, or give a step function"
+        raise InputError(complaint(given, value, allowed, fix))
+    order = order or stepper.declared_order
+    return dataclasses.replace(stepper, name=label or stepper.name, declared_order=order)
 
 
 def _named(text: str, folder: Path) -> Stepper:
@@ -91,7 +73,10 @@ def _named(text: str, folder: Path) -> Stepper:
     if first in STEPPERS:
         return registered(text)
     if first in LIBRARIES:
-        return library(first).by_name(name)
+        solvers = _library(first).solvers()
+        if name not in solvers:
+            raise InputError(unknown(f"solver of {first}", name, solvers))
+        return _library(first).by_object(solvers[name])
     if text.endswith(".py"):
         text, found = _only_one_in(text, folder / text)
     elif ".py:" in text:
@@ -144,7 +129,7 @@ def _from_object(what: Any, label: str | None = None) -> Stepper:
         return call_user_code("step", what)
     for name in LIBRARIES:
         # Nobody has an object of a library that was never imported.
-        if name in sys.modules and (stepper := library(name).by_object(what)) is not None:
+        if name in sys.modules and (stepper := _library(name).by_object(what)) is not None:
             return stepper
     if not callable(what) or inspect.isclass(what):
         raise InputError(
@@ -155,17 +140,10 @@ def _from_object(what: Any, label: str | None = None) -> Stepper:
                 f"{_HOW_TO_WRITE_ONE}, or give a name: {', '.join(STEPPERS)}",
             )
         )
-    return step_function(what, label or _name_of(what), None)
+    name = getattr(what, "__name__", type(what).__name__)
+    return step_function(what, label or name)
 
 
-def _name_of(function: Callable) -> str:
-    return getattr(function, "__name__", None) or type(function).__name__
-
-
-def library(name: str) -> Library:
-    """The module of a library, imported.
-
-    Arguments:
-        name: one of `LIBRARIES`.
-    """
-    return cast(Library, importlib.import_module(LIBRARIES[name]))
+def _library(name: str) -> Any:
+    """The module for a library: `solvers` by name, and `by_object`, which makes a stepper."""
+    return importlib.import_module(LIBRARIES[name])

@@ -42,15 +42,30 @@ def polynomial(t, y, factors):
     return factors[0] * y + factors[1] * y**2
 
 
-@pytest.mark.parametrize(("rates", "largest"), [((0.5, -2.0), 0.5), ((-0.3, -1.0), -0.3)])
-def test_linear_systems_have_their_eigenvalue(rates, largest):
+@pytest.mark.parametrize(
+    ("rates", "largest", "sign"),
+    [
+        ((0.5, -2.0), 0.5, "positive"),
+        ((-0.3, -1.0), -0.3, "negative"),
+        ((0.0, -1.0), 0.0, "not told from zero"),
+    ],
+)
+def test_linear_systems_have_their_eigenvalue(rates, largest, sign):
     problem = Problem(polynomial, [1.0, 1.0], np.arange(61.0), np.array([rates, (0, 0)]))
     found = lyapunov_exponent(problem)
     # What is left of the other direction after half the span, and the solver's tolerance.
     assert found.value == pytest.approx(largest, abs=math.exp(-30 * 0.7) + 1e-8)
-    assert found.sign == ("positive" if largest > 0 else "negative")
+    assert found.sign == sign
 
 
+def test_what_is_held_is_not_disturbed():
+    problem = Rope(num_nodes=4, pinned=(0, 2)).problem(2)
+    directions = lyapunov._directions(problem, 3).reshape(3, *problem.y0.shape)
+    np.testing.assert_allclose(np.sum(directions**2, axis=(1, 2, 3)), 1.0, rtol=1e-14)
+    assert np.array_equal(directions != 0.0, np.broadcast_to(problem.args.free, directions.shape))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.0, 0.1])
 def test_an_oscillator_loses_half_its_damping_rate(damping):
     """x'' + damping x' + x = 0 has both eigenvalues at -damping/2."""

@@ -24,7 +24,12 @@ from tests.steppers.every_variant import slow_if
 LAGGED = "stormer-verlet:damping=lagged"
 
 
-@pytest.mark.parametrize("stepper", slow_if(lambda each: "start=rest" in each.label))
+def also_slow(stepper):
+    """How it starts and damps, and how often it sweeps, is measured in no unit of length."""
+    return ":" in stepper.label or stepper.needs == "nodes in a row"
+
+
+@pytest.mark.parametrize("stepper", slow_if(also_slow))
 def test_other_units_change_nothing_but_rounding(stepper):
     problem = Rope(
         start=(0, 200, 0), end=(-400, 200, 0), gravity=(0, -1, 0), num_nodes=5,
@@ -35,7 +40,9 @@ def test_other_units_change_nothing_but_rounding(stepper):
     assert 0 < found < 1e-8
 
 
-@pytest.mark.parametrize("label", ["constraint-verlet", "rattle", "rk4"])
+@pytest.mark.parametrize(
+    "label", ["constraint-verlet", "rattle", pytest.param("rk4", marks=pytest.mark.slow)]
+)
 def test_links_are_measured_in_the_other_unit_as_well(label):
     # A length or an acceleration left in the old unit would change the motion by 19 %.
     problem = InextensibleRope(
@@ -63,7 +70,8 @@ def test_links_in_other_units(name):
     assert hash(rescaled.mechanics) == hash(in_other_units(problem).mechanics)
 
 
-FEW = (*ROPES, "oscillator", "kepler", "lorenz", "forced")
+# The ropes are above. These have velocities and driving forces, and neither.
+FEW = ("forced", "lorenz")
 
 
 @pytest.mark.parametrize(
@@ -77,10 +85,14 @@ def test_every_problem_can_be_put_in_other_units(name):
     assert found < 1e-9 * problem.scale
 
 
+def decay(t, y, args):
+    return -y / 3.0
+
+
 @pytest.mark.parametrize("steps", [2000, 5000, 30000])
 def test_against_a_run_without_round_off(steps):
     # y' = -y/3 by explicit Euler is (1 - dt/3)^n y0, known to all digits.
-    problem = Problem(lambda t, y, args: -y / 3.0, [1.0, 0.37], [0.0, 1.0, 2.0])
+    problem = Problem(decay, [1.0, 0.37], [0.0, 1.0, 2.0])
     run = simulate(problem, "explicit-euler", steps)
     n = steps * np.arange(3, dtype=np.longdouble)[:, None]
     exact = np.exp(n * np.log1p(-np.longdouble(1) / 3 / steps)) * problem.y0
@@ -114,7 +126,13 @@ def test_errors_that_repeat_from_step_to_step_are_seen():
     assert round_off(grouped, rescaled, 21, norm) < apart / 5
 
 
-@pytest.mark.parametrize("label", [LAGGED, "stormer-verlet", "velocity-verlet"])
+@pytest.mark.parametrize(
+    "label",
+    [
+        "stormer-verlet",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in (LAGGED, "velocity-verlet")),
+    ],
+)
 def test_excess_over_the_order_is_explained(label):
     problem = Rope().problem(frames=20)
     norm = norm_for(problem)

@@ -61,6 +61,7 @@ def test_a_rope_of_unequal_parts_hangs_and_oscillates_as_it_must(end):
     np.testing.assert_allclose(frequencies(problem, y), expected, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_spring_pendulum():
     problem = Rope(num_nodes=2, start=(0, 0), end=(-7, 0), stiffness=3, node_mass=2).problem(2)
     y = hanging_equilibrium(problem)
@@ -72,7 +73,7 @@ def test_a_spring_pendulum():
 def test_a_rope_between_two_pins():
     # By symmetry the middle node hangs at 10 and the two springs bear its weight:
     # 2 k (s - 10) y/s = 1 with s^2 = 100 + y^2.
-    problem = Rope(num_nodes=3, start=(0, 0), end=(20, 0), pinned=(0, 2)).problem(2)
+    problem = Rope(num_nodes=4, start=(0, 0), end=(30, 0), pinned=(0, 2, 3)).problem(2)
     x, y = hanging_equilibrium(problem)[0][:, 1]
     assert x == pytest.approx(10)
     s = np.hypot(10, y)
@@ -80,11 +81,12 @@ def test_a_rope_between_two_pins():
 
 
 def test_rigid_links():
-    # Two links of length 5 and equal masses: omega^2 = (2 -+ sqrt(2)) g/l, the double pendulum.
-    problem = InextensibleRope(num_nodes=3, start=(0, 0), end=(-10, 0)).problem(2)
+    # Three links of length 5 and equal masses: omega^2 = g/l times the zeros of the Laguerre
+    # polynomial of degree 3 (D. Bernoulli, 1733).
+    problem = InextensibleRope(num_nodes=4, start=(0, 0), end=(-15, 0)).problem(2)
     y = hanging_equilibrium(problem)
-    np.testing.assert_allclose(y[0], [[0, 0, 0], [0, -5, -10]], atol=1e-12)
-    expected = np.sqrt((2 + np.array([-1, 1]) * np.sqrt(2)) / 5)
+    np.testing.assert_allclose(y[0], [[0, 0, 0, 0], [0, -5, -10, -15]], atol=1e-12)
+    expected = np.sqrt(np.polynomial.laguerre.lagroots([0, 0, 0, 1]) / 5)
     np.testing.assert_allclose(frequencies(problem, y), expected, rtol=1e-11)
 
 
@@ -102,7 +104,7 @@ def test_other_mechanical_problems():
     ("problem", "message"),
     [
         (kepler(), "with a stable equilibrium that its initial positions sink to"),
-        (Rope(num_nodes=2, pinned=(0, 1)).problem(2), "in which something can move"),
+        (Rope(num_nodes=4, pinned=(0, 1, 2, 3)).problem(2), "in which something can move"),
         (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]), "second-order"),
     ],
     ids=["kepler", "all pinned", "first order"],
@@ -118,10 +120,10 @@ def test_what_is_driven_cannot_hang(driven_pendulum):
 
 
 def test_an_upright_rope_has_no_frequencies():
-    # Two springs of length 10 under the weight of one node and of two: an unstable equilibrium.
-    problem = Rope(num_nodes=3, start=(0, 0), end=(0, 20)).problem(2)
+    # Springs of length 10 under the weight of one to three nodes: an unstable equilibrium.
+    problem = Rope(num_nodes=4, start=(0, 0), end=(0, 30)).problem(2)
     y = np.zeros_like(problem.y0)
-    y[0, 1] = [0, 9.98, 19.97]
+    y[0, 1] = [0, 9.97, 19.95, 29.94]
     with pytest.raises(InputError, match="y: .* given; allowed: a stable equilibrium"):
         frequencies(problem, y)
 
@@ -205,6 +207,7 @@ def test_runs_grow_as_predicted(name, steps):
     assert slope == pytest.approx(predicted.rate, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_projection_of_lengths_damps_as_predicted():
     # Released a thousandth of a radian from hanging. Faster modes are gone in the second half;
     # 0.75 decay times with 7 swings in them give the slope to a percent.
@@ -230,9 +233,9 @@ def test_the_limit_of_explicit_euler(damping):
 
 
 def test_the_limit_at_another_state():
-    # The straight rope at rest: docs/rope.md has its frequencies, of which 19.897 is the largest.
-    problem = Rope().problem(2)
-    omega = 20 * np.sin(29 * np.pi / 62)
+    # The straight rope at rest: docs/rope.md has its frequencies.
+    problem = Rope(**SMALL).problem(2)
+    omega = 20 * np.sin(5 * np.pi / 14)
     assert stability_limit(problem, "explicit-euler", problem.y0) == np.ceil(omega**2 / 0.01)
 
 

@@ -15,14 +15,13 @@ from ropeode.case_studies.figures import Claim, all_comparisons
 from ropeode.errors import InputError
 
 
-def motion(**more) -> Motion:
+def motion(swings=4, **more) -> Motion:
     usual = {
         "verdict": "never_settles",
         "diverged_at": None,
         "settled_at": None,
         "unsettled_at": None,
-        "swings": 4,
-        "swing_times": np.arange(30.0, 231.0, 50.0)[:4],
+        "swing_times": 30.0 + 50.0 * np.arange(swings),
         "reached_vertical_at": 28,
         "largest_stretch": 0.02,
         "largest_stretch_at": 3,

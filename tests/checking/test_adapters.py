@@ -95,12 +95,12 @@ def test_every_solver_of_diffrax_is_graded_or_refused():
         if getattr(diffrax, name, None) is each and not name.startswith("Abstract")
     }
     assert exported == {*DIFFRAX_ORDERS, *DIFFRAX_REFUSED}
-    assert set(diffrax_solvers.names()) == exported
+    assert set(diffrax_solvers.solvers()) == exported
 
 
 def test_every_solver_of_scipy_is_graded_or_refused():
     refused = {each.__name__ for each in scipy_solvers.REFUSED}
-    assert set(scipy_solvers.names()) == {*SCIPY_ORDERS, *refused}
+    assert set(scipy_solvers.solvers()) == {*SCIPY_ORDERS, *refused}
 
 
 # Each solves equations in every step, and takes long to compile; one of them guards all.

@@ -9,18 +9,16 @@ import pytest
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.render.stepper_list import variants
 from ropeode.simulation import simulate
 from ropeode.simulation.program import slot
-from ropeode.steppers import STEPPERS
+from tests.steppers.every_variant import EVERY_PARAMETER
 
-VARIANTS = [each for cls in STEPPERS.values() for each in variants(cls)]
 # Of the size that other tests have too, so that its programs are compiled once.
 IN_SPACE = {"num_nodes": 5, "start": (0, 200, 0), "end": (-400, 200, 0), "gravity": (0, -1, 0)}
 
 
 @pytest.mark.parametrize("pinned", [(0, 3), (2, 3)])
-@pytest.mark.parametrize("stepper", VARIANTS, ids=lambda each: each.label)
+@pytest.mark.parametrize("stepper", EVERY_PARAMETER)
 def test_shapes_start_and_pins(stepper, pinned):
     rope = Rope(**IN_SPACE, pinned=pinned, initial_velocity=(1.0, 2.0, 0.5))
     problem = rope.problem(frames=4)
@@ -39,7 +37,7 @@ def test_shapes_start_and_pins(stepper, pinned):
         assert np.all(run.velocities[:, pinned] == 0.0)
 
 
-@pytest.mark.parametrize("stepper", VARIANTS, ids=lambda each: each.label)
+@pytest.mark.parametrize("stepper", EVERY_PARAMETER)
 def test_runs_repeat_to_the_bit(stepper):
     problem = Rope(**IN_SPACE).problem(frames=4)
     first, second = (simulate(problem, stepper, 30) for _ in range(2))
@@ -54,13 +52,17 @@ def test_time_comes_from_the_index():
     np.testing.assert_allclose(run.states[:, 0], problem.ts**3, rtol=3e-15)
 
 
-def test_one_compilation_serves_all_step_counts_and_parameters():
-    slot.cache_clear()
-    for damping in (0.01, 0.3):
-        problem = Rope(num_nodes=3, damping=damping).problem(frames=2)
+def test_one_compilation_serves_all_steps_parameters_and_short_spans():
+    def decay(t, y, args):
+        return -args * y
+
+    before = slot.cache_info().misses
+    for rate, frames in ((0.01, 2), (0.3, 3), (0.3, 16)):
+        problem = Problem(decay, [1.0], np.arange(frames + 1.0), rate)
         for steps in (4, 7, 100):
-            simulate(problem, "rk4", steps)
-    assert slot.cache_info().misses == 1
+            run = simulate(problem, "rk4", steps)
+            np.testing.assert_allclose(run.states[:, 0], np.exp(-rate * problem.ts), rtol=1e-3)
+    assert slot.cache_info().misses == before + 1
 
 
 @pytest.mark.parametrize(
@@ -74,8 +76,9 @@ def test_one_compilation_serves_all_step_counts_and_parameters():
         ("rk4", 240),
     ],
 )
-def test_evaluations_are_counted(stepper, calls, small_rope):
-    assert simulate(small_rope, stepper, 20).rhs_evaluations == calls
+def test_evaluations_are_counted(stepper, calls):
+    rope = Rope(**IN_SPACE).problem(frames=3)
+    assert simulate(rope, stepper, 20).rhs_evaluations == calls
 
 
 def test_divergence_stops_the_run_at_its_frame():

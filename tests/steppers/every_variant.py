@@ -10,16 +10,16 @@ import pytest
 
 from ropeode.render.stepper_list import variants
 from ropeode.steppers import STEPPERS
-from ropeode.steppers.base import Stepper
+from ropeode.steppers.base import BuiltIn
 
 
-def number_options(cls: type[Stepper]) -> list[str]:
+def number_options(cls: type[BuiltIn]) -> list[str]:
     """The options that are a whole number."""
     hints = get_type_hints(cls)
     return [option.name for option in dataclasses.fields(cls) if hints[option.name] is int]
 
 
-def with_other_numbers(cls: type[Stepper]) -> list[Stepper]:
+def with_other_numbers(cls: type[BuiltIn]) -> list[BuiltIn]:
     """The stepper with each of its numbers raised by two, all else being the default."""
     return [
         dataclasses.replace(cls(), **{option: getattr(cls(), option) + 2})
@@ -32,13 +32,28 @@ EVERY_VARIANT = [
 ]
 
 
-def slow_if(slow: Callable[[Stepper], bool]) -> list[Any]:
-    """Every stepper, as test parameters; those of which it is said by `make test-all` only.
+# Each option is code of its own: two of them together do what each of them does. Damping is the
+# same code in both Verlet steppers, and test_constraint.py has sweeps.
+_AS_OTHERS = ("constraint-verlet:damping=lagged", "constraint-verlet:sweeps=3")
+SINGLE_OPTIONS = [
+    each for each in EVERY_VARIANT if "," not in each.label and each.label not in _AS_OTHERS
+]
+
+
+def slow_if(slow: Callable[[BuiltIn], bool]) -> list[Any]:
+    """Every stepper, as test parameters; those outside SINGLE_OPTIONS are marked `slow`.
 
     Arguments:
-        slow: whether what is special about it is tested by the others, or elsewhere.
+        slow: marks others as well: what is special about them is tested elsewhere.
     """
     return [
-        pytest.param(each, id=each.label, marks=[pytest.mark.slow] if slow(each) else [])
+        pytest.param(
+            each,
+            id=each.label,
+            marks=[pytest.mark.slow] if slow(each) or each not in SINGLE_OPTIONS else [],
+        )
         for each in EVERY_VARIANT
     ]
+
+
+EVERY_PARAMETER = slow_if(lambda each: False)

@@ -7,7 +7,7 @@ import pytest
 
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
-from tests.steppers.every_variant import EVERY_VARIANT
+from tests.steppers.every_variant import EVERY_PARAMETER
 
 ROPE = Rope(
     start=(0.0, 0.0, 1.0),
@@ -199,7 +199,7 @@ FORMULAS = {
 }
 
 
-@pytest.mark.parametrize("stepper", EVERY_VARIANT, ids=lambda each: each.label)
+@pytest.mark.parametrize("stepper", EVERY_PARAMETER)
 def test_stepper_is_its_formula(stepper):
     if stepper.name == "stormer-verlet":
         formula = stormer_verlet(stepper.start, stepper.damping)

@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from tests.time_limit import HANGS_AFTER_S
@@ -21,6 +23,7 @@ print(known.states.tobytes().hex(), known.bound().tobytes().hex())
 """
 
 
+@pytest.mark.slow
 def test_they_change_no_bit_of_a_reference():
     done = subprocess.run(
         [sys.executable, "-c", CODE],
