@@ -20,6 +20,7 @@ from ropeode.errors import InputError
 from ropeode.references.certificate import Certificate
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import DOPRI8
+from ropeode.render.sweep import as_text
 from ropeode.sweep.execution import references
 from ropeode.sweep.run import run_sweep
 from ropeode.sweep.storage.folder import locked
@@ -163,6 +164,7 @@ def test_two_engines_make_the_same_files(folder, cache, monkeypatch):
         ("4 of 8 cases", 0.5),
         ("8 of 8 cases", 1.0),
     ]
+    assert "Problem: oscillator\n" in as_text(summary)
     # The other process has the same references.
     shutil.copytree("here", "local")
     shutil.rmtree("local/rows-1")
