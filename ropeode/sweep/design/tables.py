@@ -72,7 +72,7 @@ class Tables:
     def _set_drawn(self, name: str, value: Any) -> None:
         what = f"random.{name}"
         if name == "steppers":
-            raise bad_value(what, value, "one drawn at a time", "write stepper")
+            raise bad_value(what, value, "one stepper for each draw", "name it stepper")
         if not isinstance(value, Mapping):
             fix = f"for example {name} = {{ uniform = [0.0, 0.1] }}"
             raise bad_value(what, value, "a distribution, which is a table", fix)
