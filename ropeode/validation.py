@@ -166,7 +166,7 @@ def positive_number(value: Any) -> float:
     """
     number = finite_number(value)
     if number <= 0:
-        raise ValueError("it must be above zero")
+        raise ValueError(f"{number} is not above zero")
     return number
 
 

@@ -8,6 +8,9 @@ import sys
 import tomllib
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import ropeode
@@ -162,14 +165,12 @@ def test_stepper_classes_are_there_after_importing_the_package():
     assert run_python(code) == "stormer-verlet:start=rest\nTrue\n"
 
 
-def test_float64_is_not_switched_on_for_the_caller():
-    code = (
-        "import ropeode, jax, jax.numpy as jnp, numpy as np\n"
-        "p = ropeode.Rope(num_nodes=3).problem(frames=2)\n"
-        "run = ropeode.simulate(p, 'rk4', 8)\n"
-        "known = ropeode.reference(p)\n"
-        "assert run.states.dtype == known.states.dtype == np.float64\n"
-        "assert type(run.states) is np.ndarray and type(known.states) is np.ndarray\n"
-        "print(jnp.ones(1).dtype, jax.config.jax_enable_x64)"
-    )
-    assert run_python(code) == "float32 False\n"
+def test_float64_is_not_switched_on_for_the_caller(small_rope):
+    """By no import, since this process has imported all that is tested, and by no function."""
+    run = ropeode.simulate(small_rope, "rk4", 8)
+    known = ropeode.reference(small_rope)
+    for states in (run.states, known.states):
+        assert states.dtype == np.float64
+        assert type(states) is np.ndarray
+    assert jnp.ones(1).dtype == jnp.float32
+    assert not jax.config.jax_enable_x64

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 
-from ropeode.sweep.execution.engines import LocalProcesses, on_one_core
+import pytest
+
+from ropeode.sweep.execution import engines
 from ropeode.threads import cores, threads, use_cores
 from tests.time_limit import HANGS_AFTER_S
 
@@ -25,16 +28,19 @@ def test_a_limit_holds_until_it_is_taken_back():
     assert cores() == there
 
 
-def test_a_worker_uses_one():
-    engine = LocalProcesses(told, 1)
+@pytest.mark.usefixtures("command_surroundings")
+@pytest.mark.parametrize("worker", [engines.on_one_core, engines._work], ids=["cluster", "local"])
+def test_a_worker_uses_one(worker):
     try:
-        assert engine.submit(3).result() == [{"cores": 1, "task": 3}]
-    finally:
-        engine.close()
-    try:
-        assert on_one_core(told, 4) == [{"cores": 1, "task": 4}]
+        assert worker(told, 4) == [{"cores": 1, "task": 4}]
     finally:
         use_cores(None)
+
+
+@pytest.mark.slow
+def test_a_process_of_this_machine_uses_one():
+    with contextlib.closing(engines.LocalProcesses(told, 1)) as engine:
+        assert engine.submit(3).result() == [{"cores": 1, "task": 3}]
 
 
 def test_as_many_threads_as_are_asked_for():

@@ -55,7 +55,9 @@ def _design(spec: Mapping[str, Any]) -> list[str]:
         drawn = ", ".join(spec["random"])
         words.append(f"{spec['count']} draws of {drawn} for each of {len(spec['seeds'])} seeds")
     fixed = [f"{name} {shown(value)}" for name, value in spec.get("fixed", {}).items()]
-    lines = wrapped(f"Problem: {', '.join([spec.get('problem', spec.get('kind', '?')), *fixed])}")
+    # A problem in a user's file has a name only.
+    problem = spec.get("problem") or spec["name"]
+    lines = wrapped(f"Problem: {', '.join([problem, *fixed])}")
     return [*lines, *wrapped(f"Design: {' x '.join(words)}")]
 
 

@@ -12,16 +12,18 @@ from pathlib import Path
 import pytest
 
 from ropeode.errors import InputError, RopeodeError
+from ropeode.sweep import task_queue
 from ropeode.sweep.design.columns import COLUMNS
 from ropeode.sweep.execution import dask_cluster
 from ropeode.sweep.execution.dask_cluster import DaskCluster
 from ropeode.sweep.execution.engines import LocalProcesses
 from ropeode.sweep.storage.row_files import Store
 from ropeode.sweep.task_queue import work_through
+from ropeode.threads import use_cores
 from tests.sweep.stand_in import Rows, Sweep, expected, stored
 
 ROOT = Path(__file__).parents[2]
-# Case 7 kills the first process that runs it, and case 3 every process.
+# Case 3 kills every process, and case 7, where a process may die once, the first that runs it.
 SWEEP = Sweep(count=8, per_task=1)
 ONCE, ALWAYS = frozenset({7}), frozenset({3})
 
@@ -45,6 +47,13 @@ def run(engine, folder):
     return stored(folder)
 
 
+def test_local_processes_of_which_one_dies(tmp_path, monkeypatch):
+    """Beside the other one, and again when it runs alone."""
+    monkeypatch.setattr(task_queue, "_TRIES_ALONE", 1)
+    check(run(LocalProcesses(Rows(deadly=ALWAYS), 2), tmp_path / "rows"))
+
+
+@pytest.mark.slow
 def test_local_processes_of_which_some_die(tmp_path):
     notes = tmp_path / "notes"
     notes.mkdir()
@@ -125,8 +134,20 @@ def cluster(workers, deaths):
 
 
 def test_a_cluster_with_a_case_that_raises(tmp_path):
-    with cluster(workers=1, deaths=1) as address:
-        rows = run(DaskCluster(Rows(raising=ALWAYS), address), tmp_path)
+    """Its worker is a thread of this process; others are processes."""
+    distributed = pytest.importorskip("distributed")
+    try:
+        with distributed.LocalCluster(
+            n_workers=1,
+            threads_per_worker=1,
+            processes=False,
+            dashboard_address=":0",
+            silence_logs=60,
+        ) as running:
+            engine = DaskCluster(Rows(raising=ALWAYS), running.scheduler_address)
+            rows = run(engine, tmp_path)
+    finally:
+        use_cores(None)
     assert rows[:3] + rows[4:] == expected(SWEEP)[:3] + expected(SWEEP)[4:]
     assert (rows[3]["status"], rows[3]["reason"]) == ("failed", "ArithmeticError: number 3")
 

@@ -107,6 +107,7 @@ def run(folder: Path, count: int, writes: int | None) -> subprocess.CompletedPro
     return subprocess.run([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE)
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_loses_no_row(tmp_path):
     """With SIGKILL, before a file of a task and before a merged one are put in place."""
     sweep, folder = Sweep(count=47), tmp_path / "killed"

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import decimal
+import functools
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Le
 from pydantic import BeforeValidator, ConfigDict, model_validator
 
-from ropeode.validation import Input, fault_of, field, finite_number, plain, shown, whole_number
+from ropeode.validation import (
+    Input,
+    WholePositive,
+    fault_of,
+    field,
+    finite_number,
+    plain,
+    positive_number,
+    shown,
+    whole_number,
+)
 
 ForEach = Literal["node", "spring"]
 
@@ -20,16 +32,20 @@ _MOST_SEEDS = 2**63
 _DIGITS = 34
 
 
+def _ordered(value: Any, number: Callable[[Any], Any]) -> tuple[Any, Any]:
+    low, high = (number(end) for end in _pair(value))
+    if low > high:
+        raise ValueError(f"{low} is above {high}")
+    return low, high
+
+
 def _ends(value: Any) -> tuple[Any, Any]:
     """Two numbers, or two lists of as many numbers."""
     low, high = _pair(value)
     if isinstance(low, list) != isinstance(high, list):
         raise ValueError("both ends are numbers, or both are lists")
     if not isinstance(low, list):
-        low, high = finite_number(low), finite_number(high)
-        if low > high:
-            raise ValueError(f"{low} is above {high}")
-        return low, high
+        return _ordered(value, finite_number)
     if not low or len(low) != len(high):
         raise ValueError(f"{len(low)} and {len(high)} numbers")
     ends = [_ends(pair) for pair in zip(low, high, strict=True)]
@@ -37,17 +53,11 @@ def _ends(value: Any) -> tuple[Any, Any]:
 
 
 def _positive_ends(value: Any) -> tuple[float, float]:
-    low, high = (finite_number(end) for end in _pair(value))
-    if not 0 < low <= high:
-        raise ValueError(f"{low} and {high} are not above zero, in this order")
-    return low, high
+    return _ordered(value, positive_number)
 
 
 def _whole_ends(value: Any) -> tuple[int, int]:
-    low, high = (whole_number(end, at_least=-_MOST_SEEDS) for end in _pair(value))
-    if low > high:
-        raise ValueError(f"{low} is above {high}")
-    return low, high
+    return _ordered(value, functools.partial(whole_number, at_least=-_MOST_SEEDS))
 
 
 def _pair(value: Any) -> list[Any]:
@@ -74,12 +84,6 @@ def _seeds(value: Any) -> tuple[int, ...]:
     return seeds
 
 
-def _count(value: Any) -> int:
-    if (count := whole_number(value, at_least=1)) > _MOST_DRAWS:
-        raise ValueError(f"{count} is above 2^32")
-    return count
-
-
 class Draws(Input):
     """How many draws there are.
 
@@ -91,7 +95,7 @@ class Draws(Input):
         InputError: one line for each that cannot be used.
     """
 
-    count: Annotated[int, BeforeValidator(_count)] = field(
+    count: Annotated[WholePositive, Le(_MOST_DRAWS)] = field(
         1, allowed="a whole number from 1 to 2^32", example="100"
     )
     seeds: Annotated[tuple[int, ...], BeforeValidator(_seeds)] = field(

@@ -23,8 +23,8 @@ from ropeode.sweep.design.content_hash import software
 from ropeode.sweep.design.distributions import Distribution
 from ropeode.sweep.design.problem_factory import problem_factory
 from ropeode.sweep.design.steppers import StepperSource, stepper_from, stepper_sources
-from ropeode.sweep.design.tables import NAMES, OF_RUNS, Tables, repeated
-from ropeode.validation import bad_value, complaint, field
+from ropeode.sweep.design.tables import NAMES, Tables
+from ropeode.validation import bad_value, field
 
 DEFAULT_STEPS_PER_FRAME = (16, 32, 64)
 DEFAULT_ORDER_FACTORS = (1, 2, 4, 8)
@@ -37,9 +37,6 @@ MOST_PROBLEMS = 64
 MOST_KEPT = 100_000
 # Of the states of one run of all problems of a task.
 _MOST_BYTES = 2**26
-# Parameters that determine the size of arrays. In a user's problem others may as well; then a
-# task is run in parts.
-_SHAPES = ("frames", "num_nodes", "num_masses", "start")
 # Problems that are sorted by shape at a time, so that memory is bounded.
 _SORTED_AT_ONCE = 1024
 
@@ -117,13 +114,13 @@ class SweepSpec:
             raise bad_value("kind", self.fields.kind, allowed, "leave it out")
         name = self.fields.kind if rope else self.fields.problem
         self._factory = problem_factory(name, folder)
-        self._set_design(checked["tables"])
+        self._design = checked["tables"].design(self._factory, self.fields.frames)
         self._settings = self._checked(folder, checked["steppers"])
 
     @property
     def count(self) -> int:
         """The number of cases."""
-        return self._problems * self._per_problem
+        return self._design.count * self._per_problem
 
     @property
     def columns(self) -> dict[str, Column]:
@@ -140,25 +137,18 @@ class SweepSpec:
         """The spec as plain JSON values, the same however it was written."""
         settings = self._settings
         files = {label: each.file for label, each in settings.steppers.items() if each.file}
-        return json.loads(
-            json.dumps(
-                {
-                    **settings.identity,
-                    "steppers": [] if "stepper" in self._drawn else [*settings.steppers],
-                    **({"stepper_files": files} if files else {}),
-                    "steps_per_frame": self.fields.steps_per_frame,
-                    "norm": settings.norm,
-                    **settings.reference_options,
-                    "order_factors": settings.order_factors,
-                    "largest_stable_dt": settings.largest_stable_dt,
-                    "fixed": self._fixed,
-                    "grid": self._grid,
-                    "seeds": self._seeds,
-                    "count": self._draws,
-                    "random": {name: each.as_written for name, each in self._drawn.items()},
-                }
-            )
-        )
+        values = {
+            **settings.identity,
+            "steppers": [] if "stepper" in self._design.drawn else [*settings.steppers],
+            **({"stepper_files": files} if files else {}),
+            "steps_per_frame": self.fields.steps_per_frame,
+            "norm": settings.norm,
+            **settings.reference_options,
+            "order_factors": settings.order_factors,
+            "largest_stable_dt": settings.largest_stable_dt,
+            **self._design.values,
+        }
+        return json.loads(json.dumps(values))
 
     def cases(self, start: int = 0, stop: int | None = None) -> Iterator[Case]:
         """Cases by their numbers, made one after the other.
@@ -180,13 +170,11 @@ class SweepSpec:
         Arguments:
             first: the task to begin with; the cases of those before are not made.
         """
-        shape_drawn = any(name in self._drawn for name in _SHAPES)
-        number = 0
-        for start in range(0, self._problems, _SORTED_AT_ONCE):
+        number, count = 0, self._design.count
+        for start in range(0, count, _SORTED_AT_ONCE):
             shapes: dict[tuple[int, int, int], list[int]] = {}
-            for index in range(start, min(start + _SORTED_AT_ONCE, self._problems)):
-                given, *_ = self._given(index, draw_them=shape_drawn)
-                shapes.setdefault(self._shape(given), []).append(index)
+            for index in range(start, min(start + _SORTED_AT_ONCE, count)):
+                shapes.setdefault(self._design.shape(index), []).append(index)
             for (dim, nodes, frames), alike in shapes.items():
                 # Positions and velocities at all samples.
                 most = _MOST_BYTES // (16 * dim * nodes * (frames + 1))
@@ -198,37 +186,15 @@ class SweepSpec:
                     number += 1
 
     @property
-    def _problems(self) -> int:
-        """The number of problems."""
-        return math.prod(map(len, self._grid.values())) * max(1, len(self._seeds) * self._draws)
-
-    @property
     def _per_problem(self) -> int:
         """The number of cases of each problem."""
-        steppers = 1 if "stepper" in self._drawn else len(self._settings.steppers)
-        steps = 1 if "steps_per_frame" in self._drawn else len(self.fields.steps_per_frame)
+        steppers = 1 if "stepper" in self._design.drawn else len(self._settings.steppers)
+        steps = 1 if "steps_per_frame" in self._design.drawn else len(self.fields.steps_per_frame)
         return steppers * steps
-
-    def _given(
-        self, index: int, draw_them: bool = True
-    ) -> tuple[dict[str, Any], int | None, int | None]:
-        """What the spec says of a problem, maybe with a stepper and steps; its seed and draw."""
-        rest, given, seed, draw = index, {**self._fixed}, None, None
-        if self._seeds:
-            rest, draw = divmod(rest, self._draws)
-            rest, at = divmod(rest, len(self._seeds))
-            seed = self._seeds[at]
-        for name, values in reversed(self._grid.items()):
-            rest, at = divmod(rest, len(values))
-            given[name] = values[at]
-        if draw_them and seed is not None and draw is not None:
-            for name, each in self._drawn.items():
-                given[name] = each.value(seed, draw, name, self._entries(each, given))
-        return self._pins_at_rest(given), seed, draw
 
     def _cases_of(self, index: int) -> Iterator[Case]:
         """The cases of a problem."""
-        given, seed, draw = self._given(index)
+        given, seed, draw = self._design.point(index)
         settings = self._settings
         label = given.pop("stepper", None)
         steppers = settings.steppers if label is None else [label]
@@ -250,70 +216,6 @@ class SweepSpec:
                 settings=settings,
             )
 
-    def _entries(self, distribution: Distribution, given: Mapping[str, Any]) -> int | None:
-        """The number of entries of a list that is drawn; None for what is not a list."""
-        if distribution.for_each is None:
-            return None
-        nodes = given.get("num_nodes", self._factory.defaults.get("num_nodes"))
-        return int(nodes) - (distribution.for_each == "spring")
-
-    def _pins_at_rest(self, given: dict[str, Any]) -> dict[str, Any]:
-        """The same with drawn velocities of pinned nodes set to zero."""
-        distribution = self._drawn.get("initial_velocity")
-        if distribution and distribution.for_each == "node" and "initial_velocity" in given:
-            velocity = given["initial_velocity"]
-            for node in given.get("pinned", self._factory.defaults.get("pinned", ())):
-                if 0 <= node < len(velocity):
-                    velocity[node] = [0.0] * len(velocity[node])
-        return given
-
-    def _shape(self, given: Mapping[str, Any]) -> tuple[int, int, int]:
-        """Components of a position, nodes or masses, and frames; 1 for each that is unknown."""
-        given = {**self._factory.defaults, **given}
-
-        def whole(name: str) -> int:
-            # A value that cannot be used is reported when the problem is built.
-            value = given.get(name)
-            return int(value) if isinstance(value, (int, float)) and value >= 1 else 1
-
-        start = given.get("start")
-        dim = len(start) if isinstance(start, (list, tuple)) else 1
-        return dim, max(whole("num_nodes"), whole("num_masses")), whole("frames")
-
-    def _set_design(self, tables: Tables) -> None:
-        """Take the tables over, after the names in them have been checked."""
-        factory, grid, drawn = self._factory, tables.grid, tables.drawn
-        fixed = tables.fixed(factory)
-        if self.fields.frames is not None:
-            if "frames" in {**fixed, **grid, **drawn}:
-                raise InputError(repeated("frames"))
-            fixed["frames"] = self.fields.frames
-        parameters = {name: each for name, each in drawn.items() if name not in OF_RUNS}
-        run_checks(
-            lambda: factory.check_names(fixed, "fixed"),
-            lambda: factory.check_names(grid, "grid"),
-            lambda: factory.check_names(parameters, "random"),
-            lambda: factory.check_required({**fixed, **grid, **drawn}),
-            tables.check_runs,
-            lambda: self._check_lists(drawn),
-        )
-        self._fixed, self._drawn = fixed, drawn
-        self._seeds = tables.draws.seeds if drawn else ()
-        self._draws = tables.draws.count
-        # Parameters that determine shapes change last, so that few shapes alternate.
-        self._grid = dict(sorted(grid.items(), key=lambda item: item[0] not in _SHAPES))
-
-    def _check_lists(self, drawn: Mapping[str, Distribution]) -> None:
-        if "num_nodes" in self._factory.defaults:
-            return
-        faults = [
-            complaint(f"random.{name}", each.for_each, "no for_each without nodes", "leave it out")
-            for name, each in drawn.items()
-            if each.for_each is not None
-        ]
-        if faults:
-            raise InputError(faults)
-
     def _checked(self, folder: Path, steppers: Mapping[str, StepperSource] | None) -> Settings:
         """The settings of all cases, after examples of the problems have been tried.
 
@@ -324,14 +226,15 @@ class SweepSpec:
             InputError: one line for each that cannot be used.
         """
         factory, fields = self._factory, self.fields
-        examples = [*self._examples()]
+        examples = [*self._design.examples()]
         run_checks(*(lambda each=each: factory.check(each) for each in examples))
         built: list[Problem] = []
         some = examples[:_MOST_BUILT]
         run_checks(*(lambda each=each: built.append(factory.build(each)) for each in some))
-        if "stepper" in self._drawn:
-            steppers = stepper_sources(self._drawn["stepper"].extremes, folder)
-            self._drawn["stepper"] = Distribution(choice=tuple(steppers))
+        drawn = self._design.drawn
+        if "stepper" in drawn:
+            steppers = stepper_sources(drawn["stepper"].extremes, folder)
+            drawn["stepper"] = Distribution(choice=tuple(steppers))
         elif steppers is None:
             steppers = stepper_sources(default_steppers(built[0]), folder)
         loaded = [stepper_from(source, folder) for source in steppers.values()]
@@ -350,29 +253,9 @@ class SweepSpec:
             reference_options=fields.asked,
             order_factors=fields.order_factors,
             largest_stable_dt=fields.largest_stable_dt,
-            keep_references=self._problems <= MOST_KEPT,
+            keep_references=self._design.count <= MOST_KEPT,
             software=software(fields.level),
         )
-
-    def _examples(self) -> Iterator[dict[str, Any]]:
-        """Parameters that stand for all others: each value once, with the first of the rest."""
-        drawn = {name: each for name, each in self._drawn.items() if name not in OF_RUNS}
-        first = {**self._fixed, **{name: values[0] for name, values in self._grid.items()}}
-        ends = {name: each.extremes[0] for name, each in drawn.items()}
-
-        def example(given: dict[str, Any], ends: Mapping[str, Any]) -> dict[str, Any]:
-            for name, end in ends.items():
-                entries = self._entries(drawn[name], given)
-                given[name] = end if entries is None else [end] * entries
-            return self._pins_at_rest(given)
-
-        yield example({**first}, ends)
-        for name, values in self._grid.items():
-            for value in values[1:]:
-                yield example({**first, name: value}, ends)
-        for name, each in drawn.items():
-            for end in each.extremes[1:]:
-                yield example({**first}, {**ends, name: end})
 
 
 def commented_sweep() -> str:

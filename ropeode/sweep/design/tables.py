@@ -11,12 +11,11 @@ from ropeode.errors import InputError
 from ropeode.problems.checks import run as run_checks
 from ropeode.study.accuracy_table import check_steps
 from ropeode.sweep.design.distributions import Distribution, Draws
+from ropeode.sweep.design.points import OF_RUNS, SHAPES, Design
 from ropeode.sweep.design.problem_factory import ProblemFactory, RopeFactory
 from ropeode.validation import bad_value, complaint
 
 NAMES = ("rope", "parameters", "grid", "random")
-# May be drawn although they are not parameters of the problem.
-OF_RUNS = ("stepper", "steps_per_frame")
 
 
 class Tables:
@@ -73,7 +72,7 @@ class Tables:
     def _set_drawn(self, name: str, value: Any) -> None:
         what = f"random.{name}"
         if name == "steppers":
-            raise bad_value(what, value, "one drawn at a time", "write stepper")
+            raise bad_value(what, value, "one stepper for each draw", "name it stepper")
         if not isinstance(value, Mapping):
             fix = f"for example {name} = {{ uniform = [0.0, 0.1] }}"
             raise bad_value(what, value, "a distribution, which is a table", fix)
@@ -84,7 +83,7 @@ class Tables:
     def _check_together(self, draws: Mapping[str, Any]) -> None:
         places = [*self.shared.values(), self.grid, self.drawn]
         names = [name for place in places for name in place]
-        faults = [repeated(name) for name in dict.fromkeys(names) if names.count(name) > 1]
+        faults = [_repeated(name) for name in dict.fromkeys(names) if names.count(name) > 1]
         if self.drawn and "count" not in draws:
             allowed = "the number of draws for each seed"
             faults.append(complaint("random.count", None, allowed, "add count = 100"))
@@ -94,26 +93,42 @@ class Tables:
         if faults:
             raise InputError(faults)
 
-    def fixed(self, factory: ProblemFactory) -> dict[str, Any]:
-        """The parameters that all problems share.
+    def design(self, factory: ProblemFactory, frames: int | None) -> Design:
+        """The design that the tables describe.
+
+        Arguments:
+            factory: of the problems.
+            frames: of all problems; None where a table may say it.
 
         Raises:
-            InputError: they are in the table for another kind of problem.
+            InputError: one line for each value that does not fit these problems.
         """
-        right = "rope" if isinstance(factory, RopeFactory) else "parameters"
-        wrong = "parameters" if right == "rope" else "rope"
+        right, wrong = "rope", "parameters"
+        if not isinstance(factory, RopeFactory):
+            right, wrong = wrong, right
         if misplaced := self.shared[wrong]:
-            fix = f"write [{right}] above them"
             allowed = f"no such table with {factory.name!r}"
-            raise bad_value(wrong, misplaced, allowed, fix)
-        return dict(self.shared[right])
+            raise bad_value(wrong, misplaced, allowed, f"write [{right}] above them")
+        fixed = dict(self.shared[right])
+        if frames is not None:
+            if "frames" in {**fixed, **self.grid, **self.drawn}:
+                raise InputError(_repeated("frames"))
+            fixed["frames"] = frames
+        parameters = {name: each for name, each in self.drawn.items() if name not in OF_RUNS}
+        run_checks(
+            lambda: factory.check_names(fixed, "fixed"),
+            lambda: factory.check_names(self.grid, "grid"),
+            lambda: factory.check_names(parameters, "random"),
+            lambda: factory.check_required({**fixed, **self.grid, **self.drawn}),
+            self._check_runs,
+            lambda: self._check_lists("num_nodes" in factory.defaults),
+        )
+        # Parameters that determine shapes change last, so that few shapes alternate.
+        grid = dict(sorted(self.grid.items(), key=lambda item: item[0] not in SHAPES))
+        return Design(factory, fixed, grid, self.drawn, self.draws)
 
-    def check_runs(self) -> None:
-        """See that the drawn steppers are a choice, and the drawn steps whole numbers.
-
-        Raises:
-            InputError: one line for each that cannot be used.
-        """
+    def _check_runs(self) -> None:
+        """See that the drawn steppers are a choice, and the drawn steps whole numbers."""
         stepper, steps = (self.drawn.get(name) for name in OF_RUNS)
         if stepper and (stepper.choice is None or stepper.for_each is not None):
             fix = 'for example stepper = { choice = ["rk4"] }'
@@ -126,6 +141,15 @@ class Tables:
             if steps.choice:
                 self.drawn["steps_per_frame"] = Distribution(choice=tuple(checked))
 
+    def _check_lists(self, have_nodes: bool) -> None:
+        faults = [
+            complaint(f"random.{name}", each.for_each, "no for_each without nodes", "leave it out")
+            for name, each in self.drawn.items()
+            if each.for_each is not None and not have_nodes
+        ]
+        if faults:
+            raise InputError(faults)
+
 
 @contextlib.contextmanager
 def _in_table(name: str) -> Iterator[None]:
@@ -136,7 +160,7 @@ def _in_table(name: str) -> Iterator[None]:
         raise InputError(name + line for line in error.problems) from None
 
 
-def repeated(name: str) -> str:
+def _repeated(name: str) -> str:
     """The complaint about a parameter that stands in two tables."""
     allowed = "one place for each parameter"
     return complaint(name, "in two tables", allowed, "remove it from one of them")

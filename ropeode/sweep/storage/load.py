@@ -85,8 +85,6 @@ def _frame(folder: Path, index: Index, columns: Sequence[str] | None) -> pd.Data
 
 
 def _dataset(frame: Any, inputs: Sequence[str]) -> xr.Dataset:
-    import pandas as pd
-
     sizes = {name: frame[name].nunique(dropna=False) for name in inputs}
     dims = [name for name, size in sizes.items() if size > 1]
     if "draw" in dims:
@@ -103,11 +101,10 @@ def _dataset(frame: Any, inputs: Sequence[str]) -> xr.Dataset:
             f"{' x '.join(dims)})",
             "form='pandas'",
         )
-    plain = frame.copy()
-    for name in plain.columns:
-        if pd.api.types.is_integer_dtype(plain[name]) or pd.api.types.is_bool_dtype(plain[name]):
-            whole = "float64" if plain[name].isna().any() else plain[name].dtype.numpy_dtype
-            plain[name] = plain[name].astype(whole)
-        elif not pd.api.types.is_float_dtype(plain[name]):
-            plain[name] = plain[name].astype(object)
-    return plain.set_index(dims or inputs[:1]).to_xarray()
+    types: dict[str, Any] = {}
+    for name, column in frame.items():
+        if column.dtype.kind in "ib":
+            types[name] = "float64" if column.isna().any() else column.dtype.numpy_dtype
+        elif column.dtype.kind != "f":
+            types[name] = object
+    return frame.astype(types).set_index(dims or inputs[:1]).to_xarray()
