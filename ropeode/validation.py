@@ -16,7 +16,6 @@ from pydantic import (
     ConfigDict,
     Field,
     NonNegativeFloat,
-    PositiveFloat,
     ValidationError,
 )
 from pydantic_core import PydanticCustomError
@@ -152,6 +151,18 @@ def finite_number(value: Any) -> float:
     return number
 
 
+def positive_number(value: Any) -> float:
+    """`value` as a finite float above zero.
+
+    Raises:
+        ValueError: it is not such a number.
+    """
+    number = finite_number(value)
+    if number <= 0:
+        raise ValueError("it must be above zero")
+    return number
+
+
 def whole_number(value: Any, *, at_least: int) -> int:
     """`value` as an int not below `at_least`.
 
@@ -191,7 +202,7 @@ def finite_numbers(
 
 
 Finite = Annotated[float, BeforeValidator(finite_number)]
-Positive = Annotated[PositiveFloat, BeforeValidator(finite_number)]
+Positive = Annotated[float, BeforeValidator(positive_number)]
 NonNegative = Annotated[NonNegativeFloat, BeforeValidator(finite_number)]
 FiniteTuple = Annotated[tuple[float, ...], BeforeValidator(finite_numbers)]
 FinitePair = Annotated[
@@ -244,10 +255,7 @@ def check_positive(name: str, value: Any, *, example: str) -> float:
         InputError: it is not one.
     """
     try:
-        number = finite_number(value)
-        if number <= 0:
-            raise ValueError("it must be above zero")
-        return number
+        return positive_number(value)
     except ValueError as error:
         raise InputError(
             complaint(

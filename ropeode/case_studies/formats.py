@@ -10,7 +10,7 @@ from ropeode.case_studies.comparisons import Compared
 from ropeode.case_studies.report import FigureResult, Reading, Report
 from ropeode.render.formats import formats_of, formatted
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
-from ropeode.render.plain_text import wrapped
+from ropeode.render.text_layout import wrapped
 
 SCHEMA = "ropeode.report/1"
 TITLE = "The published rope report, run again"

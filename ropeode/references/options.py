@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, get_args
+from typing import Any, TypedDict, get_args
 
 from ropeode.errors import InputError
 from ropeode.problems import checks
@@ -15,6 +15,16 @@ LARGEST_RTOL = 1e-3
 # At the level `extended`: float64 has 16 digits, and two to spare.
 DIGITS = 18
 TIME_LIMIT = 60.0
+
+
+class Asked(TypedDict, total=False):
+    """The fields of `ReferenceOptions` that a study of a problem takes by name."""
+
+    accuracy: float | None
+    rtol: float | None
+    level: Level
+    digits: int
+    time_limit: float
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
-from ropeode.references.options import ReferenceOptions
+from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import simulate
 from ropeode.simulation.method import Method, method_of
@@ -124,10 +124,8 @@ def accuracy_table(
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
-    accuracy: float | None = None,
-    rtol: float | None = None,
     progress: Progress = silent,
-    **asked: Any,
+    **asked: Unpack[Asked],
 ) -> AccuracyTable:
     """Run steppers at several step sizes and hold them against a reference.
 
@@ -140,10 +138,8 @@ def accuracy_table(
             `DEFAULT_STEPPERS` that can run on the problem and are meant for it.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
-        accuracy: as for `ropeode.reference`.
-        rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
-        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
+        asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
     Raises:
         InputError: one line for each argument that cannot be used.
@@ -151,7 +147,7 @@ def accuracy_table(
     """
     given, problem = problem, problem_of(problem)
     chosen, steps_per_frame = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    measure = norm_for(problem, norm)
+    measure, options = norm_for(problem, norm), ReferenceOptions(**asked)
     # Each run is made twice; the second time in other units, to find its round-off.
     rescaled = in_other_units(problem)
     with threads(_side_by_side(problem)) as pool:
@@ -161,7 +157,6 @@ def accuracy_table(
             for method in methods
             for each in (problem, rescaled)
         ]
-        options = ReferenceOptions(accuracy, rtol, **asked)
         reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
         for each in compiled:
             each.result()
@@ -278,13 +273,9 @@ def check_steps(given: Sequence[int]) -> StepsPerFrame:
         if len(set(steps)) < len(steps):
             raise ValueError("one is repeated")
     except (TypeError, ValueError) as error:
+        allowed = f"different whole numbers >= 1 ({error})"
         raise InputError(
-            complaint(
-                "steps_per_frame",
-                given,
-                f"different whole numbers >= 1 ({error})",
-                "for example 16, 32, 64",
-            )
+            complaint("steps_per_frame", given, allowed, "for example 16, 32, 64")
         ) from None
     return steps
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -30,14 +31,9 @@ from ropeode.study.accuracy_table import (
     check_steppers,
     check_steps,
 )
-from ropeode.validation import (
-    Input,
-    complaint,
-    field,
-    finite_number,
-    unknown,
-    whole_number,
-)
+from ropeode.validation import Input, Positive, WholePositive, complaint, field, unknown
+
+COMMENTED_SPEC = resources.files("ropeode.study").joinpath("spec.toml").read_text("utf-8")
 
 
 def _steppers(value: Any) -> tuple[str, ...] | None:
@@ -50,35 +46,15 @@ def _themselves(value: Any) -> tuple[Stepper, ...] | None:
     return None if value is None else tuple(check_steppers(value))
 
 
-def _norm(value: str | None) -> str | None:
-    if value is not None and value not in NORMS:
-        raise InputError(unknown("norm", value, NORMS))
-    return value
+def _one_of(name: str, allowed: Iterable[str]) -> AfterValidator:
+    """The check of a field that is one of these names, or None."""
 
+    def check(value: str | None) -> str | None:
+        if value is not None and value not in allowed:
+            raise InputError(unknown(name, value, allowed))
+        return value
 
-def _kind(value: str) -> str:
-    if value not in ROPES:
-        raise InputError(unknown("kind", value, ROPES))
-    return value
-
-
-def _level(value: str) -> str:
-    if value not in get_args(Level):
-        raise InputError(unknown("level", value, get_args(Level)))
-    return value
-
-
-def _frames(value: Any) -> int | None:
-    return None if value is None else whole_number(value, at_least=1)
-
-
-def _positive(value: Any) -> float | None:
-    if value is not None and finite_number(value) <= 0:
-        raise ValueError("it must be above zero")
-    return None if value is None else finite_number(value)
-
-
-Positive = Annotated[float | None, BeforeValidator(_positive)]
+    return AfterValidator(check)
 
 
 class StudySpec(Input):
@@ -103,12 +79,10 @@ class StudySpec(Input):
     """
 
     problem: str = field("rope", allowed="a problem's name, or FILE.py:NAME", example='"rope"')
-    kind: Annotated[str, AfterValidator(_kind)] = field(
+    kind: Annotated[str, _one_of("kind", ROPES)] = field(
         "rope", allowed="the kind of a rope", example='"inextensible-rope"'
     )
-    frames: Annotated[int | None, BeforeValidator(_frames)] = field(
-        None, allowed="a whole number >= 1", example="20"
-    )
+    frames: WholePositive | None = field(None, allowed="a whole number >= 1", example="20")
     steppers: Annotated[tuple[str, ...] | None, BeforeValidator(_steppers)] = field(
         None, allowed="names of steppers", example='["rk4"]'
     )
@@ -117,18 +91,18 @@ class StudySpec(Input):
         allowed="different whole numbers >= 1",
         example="[16, 32, 64]",
     )
-    norm: Annotated[str | None, AfterValidator(_norm)] = field(
+    norm: Annotated[str | None, _one_of("norm", NORMS)] = field(
         None, allowed="the name of a norm", example='"position-max"'
     )
-    accuracy: Positive = field(None, allowed="a finite number > 0", example="1e-6")
-    rtol: Positive = field(None, allowed="a finite number > 0", example="1e-12")
-    level: Annotated[str, AfterValidator(_level)] = field(
+    accuracy: Positive | None = field(None, allowed="a finite number > 0", example="1e-6")
+    rtol: Positive | None = field(None, allowed="a finite number > 0", example="1e-12")
+    level: Annotated[str, _one_of("level", get_args(Level))] = field(
         "consensus", allowed="the level of a reference", example='"extended"'
     )
-    digits: Annotated[int | None, BeforeValidator(_frames)] = field(
+    digits: WholePositive | None = field(
         None, allowed="a whole number >= 1, with level 'extended'", example="18"
     )
-    time_limit: Positive = field(
+    time_limit: Positive | None = field(
         None, allowed="a finite number > 0, with level 'extended'", example="60"
     )
 
@@ -219,14 +193,9 @@ def rope_of(kind: str, parameters: Any) -> Rope | InextensibleRope:
         )
     made = ROPES.get(kind, Rope)
     if made is InextensibleRope and "stiffness" in parameters:
-        raise InputError(
-            complaint(
-                "stiffness",
-                parameters["stiffness"],
-                "none with kind 'inextensible-rope', whose links do not stretch",
-                "leave it out, or choose kind 'rope'",
-            )
-        )
+        allowed = "none with kind 'inextensible-rope', whose links do not stretch"
+        fix = "leave it out, or choose kind 'rope'"
+        raise InputError(complaint("stiffness", parameters["stiffness"], allowed, fix))
     return made(**parameters)
 
 
@@ -324,68 +293,3 @@ class TableJob:
             progress=progress,
             **spec.asked,
         )
-
-
-COMMENTED_SPEC = """\
-# What `ropeode table THIS-FILE` computes. Every line may be left out: these are the defaults.
-
-# "rope", another problem of the library (pendulum, kepler, lorenz, van-der-pol, ...), or your
-# own: "FILE.py:NAME", where NAME is a Problem or a function that returns one.
-problem = "rope"
-
-# With problem "rope": nodes joined by springs ("rope") or by rigid links ("inextensible-rope",
-# without a stiffness).
-kind = "rope"
-
-# A file with a reference, or a name of the stored library (see `ropeode reference list`); it
-# says the problem as well.
-# reference = "rope.nc"
-
-# How long to simulate. One frame is the rope's time unit and the distance of two samples.
-frames = 20
-
-# `ropeode steppers` lists them with their options, as in "stormer-verlet:start=rest".
-steppers = [
-    "explicit-euler",
-    "semi-implicit-euler",
-    "stormer-verlet:start=rest",
-    "stormer-verlet",
-    "rk4",
-]
-
-# Step sizes: dt = frame / steps_per_frame.
-steps_per_frame = [16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384]
-
-# How an error is measured: position-max, position-rms, velocity-max or velocity-rms; for
-# problems that are not mechanical state-max or state-rms.
-norm = "position-max"
-
-# The largest error bound of the reference that is still trusted; by default 1e-8 of how far
-# the nodes move.
-# accuracy = 1e-6
-
-# Relative tolerance of the reference; by default as tight as gains anything.
-# rtol = 1e-12
-
-# "consensus" of float64 solvers, or "extended" precision, which needs heyoka:
-# pip install '.[extended]'.
-level = "consensus"
-
-# With level "extended": to how many digits two runs are to agree, and how many seconds they have.
-# digits = 18
-# time_limit = 60
-
-# Whether `ropeode reference` is to write states between the samples as well.
-dense = false
-
-[rope]
-start = [0.0, 200.0]       # 2 or 3 coordinates
-end = [-400.0, 200.0]
-num_nodes = 16
-node_mass = 1.0            # one number, or a list with one for each node
-stiffness = 100.0          # one number, or a list with one for each spring; not for links
-pinned = [0]               # indices of the nodes that do not move
-gravity = [0.0, -1.0]
-damping = 0.01             # one number, or a list with one for each node
-initial_velocity = [0.0, 0.0]  # of all free nodes, or a list with one for each node
-"""

@@ -19,7 +19,7 @@ from ropeode.render.formats import FORMATS
 from ropeode.render.stepper_list import as_text as stepper_list
 from ropeode.steppers import STEPPERS
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.terminal.formats import FORMATS as LISTED
+from ropeode.terminal.output import FORMATS as LISTED
 
 
 def cubic(t, y, args):
