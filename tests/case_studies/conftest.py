@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ropeode.case_studies.projection_sweeps import sweep_study
+from docs.studies.projection_sweeps import sweep_study
 from ropeode.case_studies.report import rope_report
 from ropeode.problems.inextensible_rope import InextensibleRope
 

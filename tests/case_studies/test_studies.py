@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode.case_studies.growth import growth_scan
-from ropeode.case_studies.projection_sweeps import sweep_study
-from ropeode.case_studies.rest_time import rest_times
+from docs.studies.growth import growth_scan
+from docs.studies.projection_sweeps import sweep_study
+from docs.studies.rest_time import rest_times
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
 
