@@ -21,12 +21,11 @@ from ropeode.render.plots.horizon import plot_horizon
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.horizon import horizon
 from ropeode.terminal.output import FORMATS as NAMES
+from tests.quartic import HOSTILE
 
 pytestmark = pytest.mark.slow
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
-
-HOSTILE = "<b>a|b</b> 100% & $x_1$ \\ {#}"
 
 
 def away(t, y, args):
