@@ -1,4 +1,4 @@
-"""The command that checks a stepper that is brought."""
+"""The command that checks a stepper."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _OF_SWEEP = {"x": "damping", "y": "steps_per_frame", "value": "observed_order"}
 
 
 def _picture_options(function: Callable) -> Callable:
-    """Add what plots and films are made of: a spec with options, or trajectories in files."""
+    """Add what plots and films show: a spec with options, or trajectories in files."""
     for option in (
         click.option(
             "--dt",

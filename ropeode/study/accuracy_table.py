@@ -39,7 +39,7 @@ DEFAULT_STEPPERS = (
 )
 DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
 
-# Of the states of runs that are made side by side.
+# Of the states of runs that run side by side.
 _MOST_BYTES = 2**28
 
 
@@ -57,10 +57,10 @@ class Row:
             if it is below `resolution`.
         error_max: the largest over these samples; likewise.
         error_rms: the root mean square over them; likewise.
-        resolved: whether `error_max` is a number that the reference can tell.
+        resolved: whether the reference resolves `error_max`.
         resolution: ten times the reference's estimated bound.
         round_off: estimated from the same run in other units; None if it diverged, or if the
-            stepper computes forces of its own, in units of its own.
+            stepper computes its own forces, in its own units.
         rhs_evaluations: of the right-hand side; None where nobody can count them.
         seconds: to run, without compiling, beside another run on each other processor.
     """
@@ -127,9 +127,9 @@ def accuracy_table(
     progress: Progress = silent,
     **asked: Unpack[Asked],
 ) -> AccuracyTable:
-    """Run steppers at several step sizes and hold them against a reference.
+    """Run steppers at several step sizes and compare them with a reference.
 
-    The steppers are compiled while the reference is made, and then run side by side, one on
+    The steppers are compiled while the reference is computed, and then run side by side, one on
     each processor.
 
     Arguments:
@@ -148,7 +148,7 @@ def accuracy_table(
     given, problem = problem, problem_of(problem)
     chosen, steps_per_frame = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     measure, options = norm_for(problem, norm), ReferenceOptions(**asked)
-    # Each run is made twice; the second time in other units, to find its round-off.
+    # Each run is repeated in other units, which shows its round-off.
     rescaled = in_other_units(problem)
     with threads(_side_by_side(problem)) as pool:
         methods = [method_of(stepper, problem) for stepper in chosen]
@@ -166,13 +166,13 @@ def accuracy_table(
             for steps in sorted(steps_per_frame, reverse=True)
             for method in methods
         }
-        found, done = {}, 0
+        finished, done = {}, 0
         for each in as_completed(running):
             row, done = each.result(), done + running[each]
-            found[row.stepper, row.steps_per_frame] = row
+            finished[row.stepper, row.steps_per_frame] = row
             text = f"{row.stepper}: {row.steps_per_frame} steps per frame"
             progress(text, done / (len(chosen) * sum(steps_per_frame)))
-    rows = [found[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
+    rows = [finished[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
     size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
     progress("done", 1.0)
     return AccuracyTable(
@@ -194,7 +194,7 @@ def accuracy_table(
 
 
 def _side_by_side(problem: Problem) -> int:
-    """How many runs are made at a time; each keeps its states and those of its double."""
+    """How many runs run at a time; each keeps its states and those of its double."""
     of_a_run = 2 * len(problem.ts) * problem.y0.nbytes
     return max(1, min(cores(), _MOST_BYTES // of_a_run))
 
@@ -210,7 +210,7 @@ def default_steppers(problem: Problem) -> list[str]:
 
 
 def chosen_steppers(problem: Problem, given: Any) -> list[Stepper]:
-    """Steppers that can run on a problem; where none are given, those that a table has.
+    """Steppers that can run on a problem; for None, those that a table has by default.
 
     Raises:
         InputError: one line for each that does not exist, is repeated or cannot run.
@@ -231,7 +231,7 @@ def check_steppers(given: Any, folder: Path | None = None) -> list[Stepper]:
     Raises:
         InputError: one line for each that does not exist or is repeated.
     """
-    found: dict[str, Stepper] = {}
+    chosen: dict[str, Stepper] = {}
     problems: list[str] = []
     for each in given if isinstance(given, (list, tuple)) else [given]:
         try:
@@ -242,16 +242,16 @@ def check_steppers(given: Any, folder: Path | None = None) -> list[Stepper]:
         except InputError as error:
             problems.extend(error.problems)
             continue
-        if stepper.label in found:
-            another = found[stepper.label] is not stepper and isinstance(stepper, StepFunction)
+        if stepper.label in chosen:
+            another = chosen[stepper.label] is not stepper and isinstance(stepper, StepFunction)
             fix = "name them apart with as_stepper(function, label=...)" if another else "drop one"
             problems.append(complaint("steppers", stepper.label, "each stepper once", fix))
-        found[stepper.label] = stepper
-    if not found and not problems:
+        chosen[stepper.label] = stepper
+    if not chosen and not problems:
         problems.append(complaint("steppers", [], "at least one stepper", "name one, such as rk4"))
     if problems:
         raise InputError(problems)
-    return list(found.values())
+    return list(chosen.values())
 
 
 class StepsPerFrame(tuple[int, ...]):
@@ -289,10 +289,10 @@ def _row(
     norm: Norm,
 ) -> Row:
     run = simulate(problem, method, steps)
-    found: dict[str, Any] = dict.fromkeys(("error_final", "error_max", "error_rms", "round_off"))
+    errors: dict[str, Any] = dict.fromkeys(("error_final", "error_max", "error_rms", "round_off"))
     if run.status == "ok":
         series = error_series(run, reference, norm.name)
-        found = {
+        errors = {
             "error_final": series.final,
             "error_max": series.max,
             "error_rms": series.rms,
@@ -304,8 +304,8 @@ def _row(
         dt=run.dt,
         status=run.status,
         diverged_at=run.diverged_at,
-        **found,
-        resolved=found["error_max"] is not None,
+        **errors,
+        resolved=errors["error_max"] is not None,
         resolution=float(RESOLUTION_FACTOR * reference.bound(norm)[-1]),
         rhs_evaluations=run.rhs_evaluations,
         seconds=run.seconds,

@@ -180,7 +180,7 @@ def _reference_and_runs(
     progress: Progress,
     asked: Asked,
 ) -> tuple[Reference, Iterator[Trajectory]]:
-    """The reference, and the runs, which are made one after the other when they are needed."""
+    """The reference, and the runs, which run one after the other when they are needed."""
     problem, options = problem_of(given), ReferenceOptions(**asked)
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
     reference = reference_for(given, options, lambda text, _: progress(text, 0.0))

@@ -1,4 +1,4 @@
-"""What a table is made from, as a TOML file or as options of the command line."""
+"""The settings of a table, from a TOML file or from options of the command line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from ropeode.problems.rope import Rope
 from ropeode.progress import Progress
 from ropeode.references.certificate import Level
 from ropeode.references.reference import Reference, problem_of
-from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
     AccuracyTable,
@@ -42,10 +41,6 @@ def _steppers(value: Any) -> tuple[str, ...] | None:
     return tuple(stepper.label for stepper in check_steppers(value))
 
 
-def _themselves(value: Any) -> tuple[Stepper, ...] | None:
-    return None if value is None else tuple(check_steppers(value))
-
-
 def _one_of(name: str, allowed: Iterable[str]) -> AfterValidator:
     """The check of a field that is one of these names, or None."""
 
@@ -58,21 +53,21 @@ def _one_of(name: str, allowed: Iterable[str]) -> AfterValidator:
 
 
 class StudySpec(Input):
-    """What spec files of all kinds say.
+    """The fields that all kinds of spec files share.
 
     Arguments:
         problem: `rope`, another problem of the library, or FILE.py:NAME.
         kind: of the rope: `rope` or `inextensible-rope`.
-        frames: how many frames are solved; where nothing is given, 20 for the rope.
-        steppers: names with options; where none are given, those of `DEFAULT_STEPPERS` that
+        frames: how many frames are solved; by default 20 for the rope.
+        steppers: names with options; by default those of `DEFAULT_STEPPERS` that
             can run on the problem.
         steps_per_frame: whole numbers.
         norm: one of `ropeode.norms.NORMS`.
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
         level: as for `ropeode.reference`, like what follows.
-        digits: of an extended reference; 18 where nothing is given.
-        time_limit: of an extended reference, in seconds; 60 where nothing is given.
+        digits: of an extended reference; by default 18.
+        time_limit: of an extended reference, in seconds; by default 60.
 
     Raises:
         InputError: one line for each that cannot be used.
@@ -108,16 +103,15 @@ class StudySpec(Input):
 
     @property
     def asked(self) -> dict[str, Any]:
-        """What is asked of the reference, as `ropeode.reference` takes it."""
+        """The options of the reference that the spec sets, as `ropeode.reference` names them."""
         names = ("accuracy", "rtol", "level", "digits", "time_limit")
-        given = {name: getattr(self, name) for name in names}
-        return {name: value for name, value in given.items() if value is not None}
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def check_level(self) -> None:
-        """See that nothing is given that only another level has.
+        """Refuse options of the level `extended` at another level.
 
         Raises:
-            InputError: something is.
+            InputError: one line for each of them.
         """
         if self.level == "extended":
             return
@@ -134,7 +128,7 @@ class TableSpec(StudySpec):
     """Everything in a table's spec file except the rope's own table.
 
     Arguments:
-        steppers: themselves, from whatever `ropeode.as_stepper` takes.
+        steppers: themselves; `TableJob` makes them of whatever `ropeode.as_stepper` takes.
         reference: a file with a reference, or a name of the stored library; either says the
             problem as well.
         dense: whether a reference that is written is to have states between the samples.
@@ -143,7 +137,7 @@ class TableSpec(StudySpec):
         InputError: one line for each that cannot be used.
     """
 
-    steppers: Annotated[Any, BeforeValidator(_themselves)] = field(
+    steppers: Any = field(
         None, allowed="names of steppers", example='["rk4", "steps.py:verlet", "diffrax:Heun"]'
     )
     reference: str | None = field(
@@ -170,7 +164,7 @@ def kind_apart(values: Mapping[str, Any]) -> dict[str, Any]:
     """A spec's values where the name of a rope, which says its kind as well, is its kind.
 
     Raises:
-        InputError: another kind is given beside it.
+        InputError: the spec names another kind as well.
     """
     rest = dict(values)
     if rest.get("problem") in ROPES:
@@ -191,12 +185,12 @@ def rope_of(kind: str, parameters: Any) -> Rope | InextensibleRope:
         raise InputError(
             complaint("rope", parameters, "a table of parameters", "write [rope] above them")
         )
-    made = ROPES.get(kind, Rope)
-    if made is InextensibleRope and "stiffness" in parameters:
+    rope = ROPES.get(kind, Rope)
+    if rope is InextensibleRope and "stiffness" in parameters:
         allowed = "none with kind 'inextensible-rope', whose links do not stretch"
         fix = "leave it out, or choose kind 'rope'"
         raise InputError(complaint("stiffness", parameters["stiffness"], allowed, fix))
-    return made(**parameters)
+    return rope(**parameters)
 
 
 class TableJob:
@@ -213,69 +207,48 @@ class TableJob:
 
     def __init__(self, values: Mapping[str, Any], folder: Path | None = None):
         rest = kind_apart(values)
-        rope_values = rest.pop("rope", {})
-        found: dict[str, Any] = {}
-
-        def check_names_of_steppers() -> None:
-            if (given := rest.pop("steppers", None)) is not None:
-                found["steppers"] = check_steppers(given, folder)
-
-        def check_spec() -> None:
-            if "steppers" in found:
-                rest["steppers"] = found["steppers"]
-            found["spec"] = TableSpec(**rest)
-
-        def check_rope() -> None:
-            found["rope"] = rope_of(str(rest.get("kind")), rope_values)
-
-        run_checks(check_names_of_steppers, check_spec, check_rope)
-        self.spec: TableSpec = found["spec"]
-        self.spec.check_level()
+        rope_values, steppers = rest.pop("rope", {}), rest.pop("steppers", None)
+        chosen, spec, self._rope = run_checks(
+            lambda: None if steppers is None else tuple(check_steppers(steppers, folder)),
+            lambda: TableSpec(**rest),
+            lambda: rope_of(str(rest.get("kind")), rope_values),
+        )
+        spec.check_level()
+        self.spec: TableSpec = spec.model_copy(update={"steppers": chosen})
         self.folder = folder
+        self._rope_given = bool(rope_values)
         self.given: Problem | Reference
         if self.spec.reference is None:
-            self.given = self._problem(found["rope"], bool(rope_values), folder, self.spec.frames)
+            self.given = self._problem(self.spec.frames)
         else:
-            self.given = self._stored(found["rope"], bool(rope_values), {*rest}, folder)
+            self.given = self._stored({*rest})
 
-    def _problem(
-        self,
-        rope: Rope | InextensibleRope,
-        rope_given: bool,
-        folder: Path | None,
-        frames: int | None,
-    ) -> Problem:
+    def _problem(self, frames: int | None) -> Problem:
         spec = self.spec
         if spec.problem == "rope":
-            return rope.problem(**({} if frames is None else {"frames": frames}))
-        if rope_given or spec.kind != "rope":
-            raise InputError(
-                complaint(
-                    "rope" if rope_given else "kind",
-                    f"what describes a rope, with problem {spec.problem!r}",
-                    "what describes a rope with problem 'rope' only",
-                    "leave out one of the two",
-                )
-            )
-        return load_problem(spec.problem, folder=folder, frames=frames)
+            return self._rope.problem(**({} if frames is None else {"frames": frames}))
+        if self._rope_given or spec.kind != "rope":
+            name = "rope" if self._rope_given else "kind"
+            given = f"what describes a rope, with problem {spec.problem!r}"
+            allowed = "what describes a rope with problem 'rope' only"
+            raise InputError(complaint(name, given, allowed, "leave out one of the two"))
+        return load_problem(spec.problem, folder=self.folder, frames=frames)
 
-    def _stored(
-        self, rope: Rope | InextensibleRope, rope_given: bool, named: set[str], folder: Path | None
-    ) -> Reference:
+    def _stored(self, named: set[str]) -> Reference:
         """The stored reference; its problem must be the one that is described, if one is."""
         # Not above: HDF5 takes its time to load, and most tables need none of it.
         from ropeode.references.files.library import find
         from ropeode.references.files.store import reference_from, stored_facts
 
         assert self.spec.reference is not None
-        beside = (folder or Path()) / self.spec.reference
+        beside = (self.folder or Path()) / self.spec.reference
         facts = stored_facts(beside if beside.exists() else find(self.spec.reference))
-        if not (rope_given or named & {"problem", "kind", "frames"}):
+        if not (self._rope_given or named & {"problem", "kind", "frames"}):
             return reference_from(facts)
         frames = self.spec.frames
         if frames is None and self.spec.problem in PROBLEMS:
             frames = facts.problem["parameters"].get("frames")
-        return reference_from(facts, self._problem(rope, rope_given, folder, frames))
+        return reference_from(facts, self._problem(frames))
 
     @property
     def problem(self) -> Problem:
