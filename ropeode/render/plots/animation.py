@@ -74,14 +74,9 @@ def check_fps(rate: Any) -> float:
             raise ValueError("it is out of range")
         return fps
     except ValueError as error:
-        raise InputError(
-            complaint(
-                "fps",
-                rate,
-                f"a number above 0 and up to {_MOST_FPS:g} ({error})",
-                f"for example {DEFAULT_FPS:g}",
-            )
-        ) from None
+        allowed = f"a number above 0 and up to {_MOST_FPS:g} ({error})"
+        fix = f"for example {DEFAULT_FPS:g}"
+        raise InputError(complaint("fps", rate, allowed, fix)) from None
 
 
 @matplotlib.rc_context(STYLE)

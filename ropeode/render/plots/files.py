@@ -35,14 +35,9 @@ def check_picture(path: str | Path, suffixes: Iterable[str], name: str = "out") 
     """
     allowed = list(suffixes)
     if Path(path).suffix.lower() not in allowed:
-        raise InputError(
-            complaint(
-                name,
-                str(path),
-                f"a file name that ends in {', '.join(allowed)}",
-                f"for example {Path(path).stem or 'picture'}{allowed[0]}",
-            )
-        )
+        ends = f"a file name that ends in {', '.join(allowed)}"
+        fix = f"for example {Path(path).stem or 'picture'}{allowed[0]}"
+        raise InputError(complaint(name, str(path), ends, fix))
     return check_writable(name, path)
 
 
