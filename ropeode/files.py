@@ -8,8 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from ropeode.errors import InputError
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 
 def check_writable(name: str, path: str | Path) -> Path:
@@ -25,15 +24,13 @@ def check_writable(name: str, path: str | Path) -> Path:
     path = Path(path)
     folder = path.parent
     if not folder.is_dir():
-        raise InputError(
-            complaint(name, str(path), "a file in a folder that exists", f"create {str(folder)!r}")
+        raise bad_value(
+            name, str(path), "a file in a folder that exists", f"create {str(folder)!r}"
         )
     if path.is_dir():
-        raise InputError(complaint(name, str(path), "a file", "add a file name; this is a folder"))
+        raise bad_value(name, str(path), "a file", "add a file name; this is a folder")
     if not os.access(folder, os.W_OK):
-        raise InputError(
-            complaint(name, str(path), "a folder that you may write to", "choose another folder")
-        )
+        raise bad_value(name, str(path), "a folder that you may write to", "choose another folder")
     return path
 
 
@@ -61,7 +58,7 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         allowed = f"a folder that can be created ({error.strerror})"
-        raise InputError(complaint("out", str(path), allowed, "choose another")) from error
+        raise bad_value("out", str(path), allowed, "choose another") from error
 
 
 @contextlib.contextmanager
@@ -89,13 +86,11 @@ def replacing(path: Path) -> Iterator[Path]:
         os.chmod(part, 0o666 & ~mask)
         os.replace(part, path)
     except OSError as error:
-        raise InputError(
-            complaint(
-                "out",
-                str(path),
-                f"a file that can be written ({error.strerror or error})",
-                "choose another",
-            )
+        raise bad_value(
+            "out",
+            str(path),
+            f"a file that can be written ({error.strerror or error})",
+            "choose another",
         ) from error
     finally:
         if part is not None:
@@ -113,8 +108,8 @@ def read_text(name: str, path: str | Path) -> str:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(
-            complaint(name, str(path), f"a text file that can be read ({why})", "check the path")
+        raise bad_value(
+            name, str(path), f"a text file that can be read ({why})", "check the path"
         ) from error
 
 
@@ -128,4 +123,4 @@ def read_bytes(name: str, path: str | Path) -> bytes:
         return Path(path).read_bytes()
     except OSError as error:
         allowed = f"a file that can be read ({error.strerror})"
-        raise InputError(complaint(name, str(path), allowed, "check the path")) from error
+        raise bad_value(name, str(path), allowed, "check the path") from error

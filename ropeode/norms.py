@@ -9,7 +9,7 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
-from ropeode.validation import complaint, unknown
+from ropeode.validation import bad_value, unknown
 
 _BLOCK_BYTES = 2**24
 
@@ -67,10 +67,8 @@ def norm_for(problem: Problem, name: str | None = None) -> Norm:
         raise InputError(unknown("norm", name, NORMS))
     if NORMS[name] not in fitting:
         allowed = ", ".join(norm.name for norm in fitting)
-        raise InputError(
-            complaint(
-                "norm", name, f"those that {problem.name!r} has: {allowed}", "use one of them"
-            )
+        raise bad_value(
+            "norm", name, f"those that {problem.name!r} has: {allowed}", "use one of them"
         )
     return NORMS[name]
 

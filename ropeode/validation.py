@@ -6,9 +6,9 @@ import difflib
 import functools
 import importlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -21,6 +21,8 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ropeode.errors import InputError, RopeodeError
+
+T = TypeVar("T")
 
 _LONGEST_VALUE_SHOWN = 60
 _LONGEST_TEXT_SHOWN = 200
@@ -99,6 +101,11 @@ def _lines(model: type[Input], error: ValidationError) -> list[str]:
     return list(lines.values())
 
 
+def bad_value(name: str, given: Any, allowed: str, fix: str) -> InputError:
+    """The exception for one bad value, to be raised; `complaint` is its message."""
+    return InputError(complaint(name, given, allowed, fix))
+
+
 def complaint(name: str, given: Any, allowed: str, fix: str) -> str:
     """The one form in which every bad value is reported."""
     return f"{name}: {shown(given)} given; allowed: {allowed}. Fix: {fix}."
@@ -155,7 +162,7 @@ def positive_number(value: Any) -> float:
     """`value` as a finite float above zero.
 
     Raises:
-        ValueError: it is not such a number.
+        ValueError: it is not one.
     """
     number = finite_number(value)
     if number <= 0:
@@ -201,21 +208,29 @@ def finite_numbers(
     return numbers
 
 
-Finite = Annotated[float, BeforeValidator(finite_number)]
-Positive = Annotated[float, BeforeValidator(positive_number)]
-NonNegative = Annotated[NonNegativeFloat, BeforeValidator(finite_number)]
-FiniteTuple = Annotated[tuple[float, ...], BeforeValidator(finite_numbers)]
+# Types of arguments. The last entry says what is allowed, as in `field`.
+Finite = Annotated[float, BeforeValidator(finite_number), "a finite number"]
+Positive = Annotated[float, BeforeValidator(positive_number), "a finite number > 0"]
+NonNegative = Annotated[NonNegativeFloat, BeforeValidator(finite_number), "a finite number >= 0"]
+FiniteTuple = Annotated[Sequence[float], BeforeValidator(finite_numbers), "finite numbers"]
 FinitePair = Annotated[
-    tuple[float, ...], BeforeValidator(functools.partial(finite_numbers, count=2))
+    Sequence[float],
+    BeforeValidator(functools.partial(finite_numbers, count=2)),
+    "two finite numbers",
 ]
 PositivePair = Annotated[
-    tuple[float, ...],
+    Sequence[float],
     BeforeValidator(functools.partial(finite_numbers, count=2, above_zero=True)),
+    "two finite numbers > 0",
 ]
 FiniteTriple = Annotated[
-    tuple[float, ...], BeforeValidator(functools.partial(finite_numbers, count=3))
+    Sequence[float],
+    BeforeValidator(functools.partial(finite_numbers, count=3)),
+    "three finite numbers",
 ]
-WholePositive = Annotated[int, BeforeValidator(functools.partial(whole_number, at_least=1))]
+WholePositive = Annotated[
+    int, BeforeValidator(functools.partial(whole_number, at_least=1)), "a whole number >= 1"
+]
 
 
 def check_whole(name: str, value: Any, *, at_least: int, example: str) -> int:
@@ -230,17 +245,8 @@ def check_whole(name: str, value: Any, *, at_least: int, example: str) -> int:
     Raises:
         InputError: it is not a whole number, or too small.
     """
-    try:
-        return whole_number(value, at_least=at_least)
-    except ValueError as error:
-        raise InputError(
-            complaint(
-                name,
-                plain(value),
-                f"a whole number >= {at_least} ({error})",
-                f"for example {name}={example}",
-            )
-        ) from None
+    check = functools.partial(whole_number, at_least=at_least)
+    return _checked(name, value, check, f"a whole number >= {at_least}", example)
 
 
 def check_positive(name: str, value: Any, *, example: str) -> float:
@@ -254,17 +260,15 @@ def check_positive(name: str, value: Any, *, example: str) -> float:
     Raises:
         InputError: it is not one.
     """
+    return _checked(name, value, positive_number, "a finite number > 0", example)
+
+
+def _checked(name: str, value: Any, check: Callable[[Any], T], allowed: str, example: str) -> T:
     try:
-        return positive_number(value)
+        return check(value)
     except ValueError as error:
-        raise InputError(
-            complaint(
-                name,
-                plain(value),
-                f"a finite number > 0 ({error})",
-                f"for example {name}={example}",
-            )
-        ) from None
+        fix = f"for example {name}={example}"
+        raise bad_value(name, plain(value), f"{allowed} ({error})", fix) from None
 
 
 def require(package: str, extra: str, purpose: str) -> ModuleType:

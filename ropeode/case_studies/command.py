@@ -12,7 +12,7 @@ from ropeode.progress import Progress
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import end_on_ctrl_c, not_interrupted, set_up_jax, with_progress
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 
 @click.command()
@@ -82,5 +82,5 @@ def _check_folder(name: str) -> Path:
             folder.rmdir()
     except (OSError, InputError) as error:
         allowed = "a folder that you may write to, or the name of a new one in such a folder"
-        raise InputError(complaint("plots", name, allowed, "choose another folder")) from error
+        raise bad_value("plots", name, allowed, "choose another folder") from error
     return folder

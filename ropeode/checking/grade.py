@@ -68,7 +68,7 @@ def grade(
     own = problem_of(problem)
     runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * (share or 0.0)))
     off = check_initial_states(runs, own)
-    options = ReferenceOptions(accuracy, rtol, **asked)
+    options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked)
     reference = reference_for(problem, options, lambda text, _: progress(text, 0.9))
     order, notes = _order(reference, runs, expected_order)
     exactly = "exactly" if off == 0.0 else f"to rounding ({off:.1e})"

@@ -37,11 +37,13 @@ def table(spec: Path | None, form: str | None, out: Path | None, **options: str 
 def spec(command: str, out: Path | None) -> None:
     """Print a commented spec file for `table` or `sweep`."""
     if command == "sweep":
-        from ropeode.sweep.design.spec import COMMENTED_SWEEP as text
-    else:
-        from ropeode.study.spec import COMMENTED_SPEC as text
+        from ropeode.sweep.design.spec import commented_sweep
 
-    put_out(text, out)
+        put_out(commented_sweep(), out)
+    else:
+        from ropeode.study.spec import COMMENTED_SPEC
+
+        put_out(COMMENTED_SPEC, out)
 
 
 @click.command()

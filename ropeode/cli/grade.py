@@ -7,11 +7,10 @@ from pathlib import Path
 import click
 
 from ropeode.cli.job import job_from
-from ropeode.errors import InputError
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 
 @click.command()
@@ -54,10 +53,10 @@ def grade(
         return _init(init, problem, bool(files or reference or dt or order or out or form))
     if not files:
         allowed = "trajectories, one file for each step size"
-        raise InputError(complaint("files", "none", allowed, "see `ropeode grade --init DIR`"))
+        raise bad_value("files", "none", allowed, "see `ropeode grade --init DIR`")
     if problem is None and reference is None:
         fix = "give --problem SPEC; `ropeode grade --init DIR` writes one"
-        raise InputError(complaint("problem", "none", "the problem that they solve", fix))
+        raise bad_value("problem", "none", "the problem that they solve", fix)
     set_up_jax()
     from ropeode.checking.grade import grade as graded
     from ropeode.render.formats import format_check
@@ -81,7 +80,7 @@ def _init(folder: str, problem: Path | None, other_options: bool) -> int:
     """Write the starter files."""
     if other_options:
         allowed, fix = "no other option but --problem", "leave out the others"
-        raise InputError(complaint("init", folder, allowed, fix))
+        raise bad_value("init", folder, allowed, fix)
     set_up_jax()
     from ropeode.checking.starter_files import write_start
 

@@ -8,13 +8,12 @@ import click
 
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.progress import Progress
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 
 @click.command()
@@ -61,7 +60,7 @@ def horizon(
 
     if options["level"] not in (None, "extended"):
         allowed = "extended, which is the default here"
-        raise InputError(complaint("level", options["level"], allowed, "leave it out"))
+        raise bad_value("level", options["level"], allowed, "leave it out")
     job = job_from(spec, {**options, "level": "extended"})
     settings = {name: value for name, value in job.spec.asked.items() if name != "level"}
     chosen = SPANS if spans is None else spans

@@ -15,7 +15,7 @@ from ropeode.files import write_whole
 from ropeode.progress import Progress
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
-from ropeode.validation import complaint
+from ropeode.validation import bad_value, complaint
 
 if TYPE_CHECKING:
     from ropeode.study.spec import TableJob
@@ -118,16 +118,16 @@ def _check_sources(
         _refuse({"dt": dt}, "only with --trajectories")
         if len(files) > 1:
             allowed, fix = "one spec file", "to draw trajectories, add --trajectories"
-            raise InputError(complaint("spec", " ".join(map(str, files)), allowed, fix))
+            raise bad_value("spec", " ".join(map(str, files)), allowed, fix)
         return
     chosen = {"steppers": options["steppers"], "steps": options["steps_per_frame"]}
     _refuse(chosen, "only without --trajectories: the files hold runs already")
     if not files:
         allowed = "trajectories, one file for each step size"
-        raise InputError(complaint("files", "none", allowed, "name them: 32.csv 64.csv 128.csv"))
+        raise bad_value("files", "none", allowed, "name them: 32.csv 64.csv 128.csv")
     if options["problem"] is None and options["reference"] is None:
         allowed, fix = "the problem of the trajectories", "give --problem SPEC"
-        raise InputError(complaint("problem", "none", allowed, fix))
+        raise bad_value("problem", "none", allowed, fix)
 
 
 def _job(files: tuple[Path, ...], trajectories: bool, options: Mapping[str, Any]) -> TableJob:
@@ -165,7 +165,7 @@ def _plot_sweep(
     for each in where:
         name, equals, wanted[name] = each.partition("=")
         if not equals:
-            raise InputError(complaint("where", each, "INPUT=VALUE", "for example stepper=rk4"))
+            raise bad_value("where", each, "INPUT=VALUE", "for example stepper=rk4")
     _write(path, figure_bytes(plot_sweep(folder, x, y, value, wanted), path.suffix))
 
 

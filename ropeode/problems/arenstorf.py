@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Input, Positive, WholePositive, field
+from ropeode.validation import Positive, WholePositive
 
 MOON = 0.012277471
 START = 0.994
@@ -22,14 +23,8 @@ class ArenstorfArgs(NamedTuple):
     moon: Any
 
 
-class _Arguments(Input):
-    """The arguments of `arenstorf`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    periods: Positive = field(..., allowed="a finite number > 0", example="1.0")
-
-
-def arenstorf(frames: int = 20, periods: float = 1.0) -> Problem:
+@library_problem()
+def arenstorf(frames: WholePositive = 20, periods: Positive = 1.0) -> Problem:
     """The restricted three-body problem on a closed orbit that passes close to the moon.
 
     In coordinates that turn with earth and moon, whose distance is 1. Positions have the shape
@@ -45,16 +40,14 @@ def arenstorf(frames: int = 20, periods: float = 1.0) -> Problem:
     Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.0,
     equations (0.1) and (0.2), after Arenstorf (1963).
     """
-    checked = _Arguments(frames=frames, periods=periods)
     return Problem.second_order(
         acceleration,
         [[START, 0.0]],
         [[0.0, SPEED]],
-        np.linspace(0.0, checked.periods * PERIOD, checked.frames + 1),
+        np.linspace(0.0, periods * PERIOD, frames + 1),
         ArenstorfArgs(MOON),
         name="Arenstorf orbit",
         energy=energy,
-        parameters={"kind": "arenstorf", **checked.model_dump(mode="json")},
     )
 
 

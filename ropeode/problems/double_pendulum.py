@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import FinitePair, Input, Positive, PositivePair, WholePositive, field
+from ropeode.validation import FinitePair, Positive, PositivePair, WholePositive
 
 
 class DoublePendulumArgs(NamedTuple):
@@ -20,24 +20,14 @@ class DoublePendulumArgs(NamedTuple):
     gravity: Any
 
 
-class _Arguments(Input):
-    """The arguments of `double_pendulum`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    masses: PositivePair = field(..., allowed="two finite numbers > 0", example="[1.0, 1.0]")
-    lengths: PositivePair = field(..., allowed="two finite numbers > 0", example="[1.0, 1.0]")
-    gravity: Positive = field(..., allowed="a finite number > 0", example="1.0")
-    angles: FinitePair = field(..., allowed="two finite numbers", example="[2.0, 2.5]")
-    velocities: FinitePair = field(..., allowed="two finite numbers", example="[0.0, 0.0]")
-
-
+@library_problem()
 def double_pendulum(
-    frames: int = 20,
-    masses: Sequence[float] = (1.0, 1.0),
-    lengths: Sequence[float] = (1.0, 1.0),
-    gravity: float = 1.0,
-    angles: Sequence[float] = (2.0, 2.5),
-    velocities: Sequence[float] = (0.0, 0.0),
+    frames: WholePositive = 20,
+    masses: PositivePair = (1.0, 1.0),
+    lengths: PositivePair = (1.0, 1.0),
+    gravity: Positive = 1.0,
+    angles: FinitePair = (2.0, 2.5),
+    velocities: FinitePair = (0.0, 0.0),
 ) -> Problem:
     """Two masses on rigid rods without friction, the second hanging from the first.
 
@@ -57,23 +47,14 @@ def double_pendulum(
 
     Source: Landau and Lifshitz, Mechanics, section 5, problem 1 (the Lagrangian).
     """
-    checked = _Arguments(
-        frames=frames,
-        masses=masses,  # pyright: ignore[reportArgumentType]
-        lengths=lengths,  # pyright: ignore[reportArgumentType]
-        gravity=gravity,
-        angles=angles,  # pyright: ignore[reportArgumentType]
-        velocities=velocities,  # pyright: ignore[reportArgumentType]
-    )
     return Problem.second_order(
         acceleration,
-        np.reshape(checked.angles, (2, 1)),
-        np.reshape(checked.velocities, (2, 1)),
-        np.arange(checked.frames + 1.0),
-        DoublePendulumArgs(np.array(checked.masses), np.array(checked.lengths), checked.gravity),
+        np.reshape(angles, (2, 1)),
+        np.reshape(velocities, (2, 1)),
+        np.arange(frames + 1.0),
+        DoublePendulumArgs(np.array(masses), np.array(lengths), gravity),
         name="double pendulum",
         energy=energy,
-        parameters={"kind": "double-pendulum", **checked.model_dump(mode="json")},
     )
 
 

@@ -113,43 +113,34 @@ class Ensemble(Sequence[Problem]):
                 lengths differ, or there is none.
         """
         varied: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        own, structure = jax.tree.flatten(problem.args)
         if y0 is not None:
             varied["y0"] = [(np.asarray(y0), problem.y0)]
         if args is not None:
-            arrays, structure = jax.tree.flatten(args)
-            own, needed = jax.tree.flatten(problem.args)
-            if structure != needed:
+            arrays, others = jax.tree.flatten(args)
+            if others != structure:
                 raise InputError(
-                    complaint("args", structure, f"arguments like {needed}", "name them alike")
+                    complaint("args", others, f"arguments like {structure}", "name them alike")
                 )
             varied["args"] = [(np.asarray(new), old) for new, old in zip(arrays, own, strict=True)]
         size = _check_arrays(varied)
-        states = (
-            varied["y0"][0][0].astype(np.float64, copy=False)
-            if y0 is not None
-            else problem.y0[None]
-        )
-        leaves = [new.astype(old.dtype, copy=False) for new, old in varied.get("args", [])]
-        values = jax.tree.unflatten(jax.tree.structure(problem.args), leaves) if leaves else None
+
+        def of_all(name: str, values: Sequence[np.ndarray]) -> list[np.ndarray]:
+            """What varies, in the type of the problem's own; what does not, once for each."""
+            if name in varied:
+                return [new.astype(old.dtype, copy=False) for new, old in varied[name]]
+            return [np.broadcast_to(value, (size, *np.shape(value))) for value in values]
+
+        (states,) = of_all("y0", [problem.y0])
+        values = jax.tree.unflatten(structure, of_all("args", own))
 
         def numbers(start: int, stop: int) -> Numbers:
-            def last(array: np.ndarray) -> np.ndarray:
-                return np.moveaxis(array[start:stop], 0, -1)
-
-            def same(array: np.ndarray) -> np.ndarray:
-                return np.repeat(np.asarray(array)[..., None], stop - start, axis=-1)
-
-            return Numbers(
-                same(problem.y0) if y0 is None else last(states),
-                jax.tree.map(same, problem.args) if args is None else jax.tree.map(last, values),
-            )
+            some = Numbers(states, values)
+            return jax.tree.map(lambda array: np.moveaxis(array[start:stop], 0, -1), some)
 
         def member(index: int) -> Problem:
-            return problem.with_numbers(
-                states[index % len(states)],
-                problem.args if args is None else jax.tree.map(lambda leaf: leaf[index], values),
-                parameters(index),
-            )
+            args = jax.tree.map(lambda leaf: leaf[index], values)
+            return problem.with_numbers(states[index], args, parameters(index))
 
         start = member(0)
         checks.right_hand_side(start.rhs, start.ts[0], start.y0, start.args)
@@ -178,7 +169,7 @@ class Ensemble(Sequence[Problem]):
         return map(self._member, range(self._size))
 
 
-def family(problem: Problem) -> Hashable:
+def family(problem: Problem) -> tuple[Hashable, ...]:
     """What the members of an ensemble share: equal where `Ensemble.of` takes two together."""
     shapes = _shapes((problem.y0, problem.args))
     return problem.rhs, problem.mechanics, shapes, problem.ts.tobytes()
@@ -186,13 +177,9 @@ def family(problem: Problem) -> Hashable:
 
 def _difference(problem: Problem, first: Problem) -> str | None:
     """In what, besides numbers, a problem differs from the first; None if in nothing."""
-    if problem.rhs != first.rhs or problem.mechanics != first.mechanics:
-        return "right-hand sides"
-    if _shapes((problem.y0, problem.args)) != _shapes((first.y0, first.args)):
-        return "shapes"
-    if not np.array_equal(problem.ts, first.ts):
-        return "sample times"
-    return None
+    names = ("right-hand sides", "right-hand sides", "shapes", "sample times")
+    pairs = zip(names, family(problem), family(first), strict=True)
+    return next((name for name, own, its in pairs if own != its), None)
 
 
 def _check_arrays(varied: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> int:

@@ -12,14 +12,14 @@ from ropeode.errors import InputError, call_user_code
 from ropeode.files import read_text
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems.rope_input import RopeInput
 from ropeode.validation import complaint, unknown
 
 
 def load_problem(where: str, *, folder: Path | None = None, frames: int | None = None) -> Problem:
     """A problem of the library by its name, or of a file as ``FILE.py:NAME``.
 
-    In a file, NAME is a `Problem`, a `Rope`, or a function that returns one of them; a
+    In a file, NAME is a `Problem`, a rope, or a function that returns one of them; a
     function that has a parameter `frames` is given it.
 
     Arguments:
@@ -111,7 +111,7 @@ def as_problem(found: Any, where: str, frames: int | None, **parameters: Any) ->
     """The problem that a name in a file stands for.
 
     Arguments:
-        found: a `Problem`, a `Rope`, or a function that returns one of them.
+        found: a `Problem`, a rope, or a function that returns one of them.
         where: what it is called.
         frames: how many frames to solve; None leaves it to the problem.
         parameters: others of the function.
@@ -121,19 +121,19 @@ def as_problem(found: Any, where: str, frames: int | None, **parameters: Any) ->
             are fixed.
         UserCodeError: the function raised.
     """
-    if callable(found) and not isinstance(found, (Problem, Rope)):
+    if callable(found) and not isinstance(found, (Problem, RopeInput)):
         takes_frames = "frames" in inspect.signature(found).parameters
         given = {"frames": frames} if takes_frames and frames is not None else {}
         found = call_user_code(f"problem: {where}", found, **given, **parameters)
         frames = None if takes_frames else frames
-    if isinstance(found, Rope):
+    if isinstance(found, RopeInput):
         return found.problem(**({} if frames is None else {"frames": frames}))
     if not isinstance(found, Problem):
         raise InputError(
             complaint(
                 "problem",
                 where,
-                f"the name of a Problem, a Rope, or a function that returns one, and this is a "
+                f"the name of a Problem, a rope, or a function that returns one, and this is a "
                 f"{type(found).__name__}",
                 "build a Problem, as in problem = Problem(rhs, y0, ts)",
             )

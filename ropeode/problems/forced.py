@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Finite, Input, Positive, WholePositive, field
+from ropeode.validation import Finite, Positive, WholePositive
 
 
 class ForcedArgs(NamedTuple):
@@ -19,16 +20,10 @@ class ForcedArgs(NamedTuple):
     frequency: Any
 
 
-class _Arguments(Input):
-    """The arguments of `forced`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    rate: Positive = field(..., allowed="a finite number > 0", example="1.0")
-    frequency: Finite = field(..., allowed="a finite number", example="1.0")
-    y0: Finite = field(..., allowed="a finite number", example="0.0")
-
-
-def forced(frames: int = 20, rate: float = 1.0, frequency: float = 1.0, y0: float = 0.0) -> Problem:
+@library_problem()
+def forced(
+    frames: WholePositive = 20, rate: Positive = 1.0, frequency: Finite = 1.0, y0: Finite = 0.0
+) -> Problem:
     """Relaxation towards an oscillating value, ``y' = -rate (y - cos(frequency t))``.
 
     The state has the shape (1,). The time unit is one frame. With a rate of 50 or more this
@@ -46,16 +41,14 @@ def forced(frames: int = 20, rate: float = 1.0, frequency: float = 1.0, y0: floa
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.1,
     equation (1.1), after Curtiss and Hirschfelder (1952).
     """
-    checked = _Arguments(frames=frames, rate=rate, frequency=frequency, y0=y0)
-    args = ForcedArgs(checked.rate, checked.frequency)
+    args = ForcedArgs(rate, frequency)
     return Problem(
         rhs,
-        np.array([checked.y0]),
-        np.arange(checked.frames + 1.0),
+        np.array([y0]),
+        np.arange(frames + 1.0),
         args,
         name="forced",
-        exact=functools.partial(_exact, args, checked.y0),
-        parameters={"kind": "forced", **checked.model_dump(mode="json")},
+        exact=functools.partial(_exact, args, y0),
     )
 
 

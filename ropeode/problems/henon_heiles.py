@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import FinitePair, Input, Positive, WholePositive, field
+from ropeode.validation import FinitePair, Positive, WholePositive
 
 
-class _Arguments(Input):
-    """The arguments of `henon_heiles`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    duration: Positive = field(..., allowed="a finite number > 0", example="20.0")
-    position: FinitePair = field(..., allowed="two finite numbers", example="[0.0, 0.1]")
-    velocity: FinitePair = field(..., allowed="two finite numbers", example="[0.49, 0.0]")
-
-
+@library_problem()
 def henon_heiles(
-    frames: int = 20,
-    duration: float = 20.0,
-    position: Sequence[float] = (0.0, 0.1),
-    velocity: Sequence[float] = (0.49, 0.0),
+    frames: WholePositive = 20,
+    duration: Positive = 20.0,
+    position: FinitePair = (0.0, 0.1),
+    velocity: FinitePair = (0.49, 0.0),
 ) -> Problem:
     """A star that is drawn to the centre, ``x'' = -x - 2 x y``, ``y'' = -y - x^2 + y^2``.
 
@@ -44,20 +36,13 @@ def henon_heiles(
     Source: Hénon and Heiles, The applicability of the third integral of motion, Astronomical
     Journal 69 (1964), equation (11).
     """
-    checked = _Arguments(
-        frames=frames,
-        duration=duration,
-        position=position,  # pyright: ignore[reportArgumentType]
-        velocity=velocity,  # pyright: ignore[reportArgumentType]
-    )
     return Problem.second_order(
         acceleration,
-        [checked.position],
-        [checked.velocity],
-        np.linspace(0.0, checked.duration, checked.frames + 1),
+        [position],
+        [velocity],
+        np.linspace(0.0, duration, frames + 1),
         name="Hénon-Heiles",
         energy=energy,
-        parameters={"kind": "henon-heiles", **checked.model_dump(mode="json")},
     )
 
 

@@ -7,18 +7,13 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Input, Positive, WholePositive, field
+from ropeode.validation import Positive, WholePositive
 
 
-class _Arguments(Input):
-    """The arguments of `hires`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    duration: Positive = field(..., allowed="a finite number > 0", example="321.8122")
-
-
-def hires(frames: int = 20, duration: float = 321.8122) -> Problem:
+@library_problem()
+def hires(frames: WholePositive = 20, duration: Positive = 321.8122) -> Problem:
     """The high irradiance response of a plant, a stiff reaction of eight substances.
 
     The state has the shape (8,).
@@ -33,13 +28,11 @@ def hires(frames: int = 20, duration: float = 321.8122) -> Problem:
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.10,
     equation (10.4), after Schäfer (1975).
     """
-    checked = _Arguments(frames=frames, duration=duration)
     return Problem(
         rhs,
         np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0057]),
-        np.linspace(0.0, checked.duration, checked.frames + 1),
+        np.linspace(0.0, duration, frames + 1),
         name="HIRES",
-        parameters={"kind": "hires", **checked.model_dump(mode="json")},
     )
 
 

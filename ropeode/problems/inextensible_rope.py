@@ -9,16 +9,10 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.problems import rope_input
-from ropeode.problems.links import (
-    LinearDamping,
-    Links,
-    along,
-    constrained_acceleration,
-    dot,
-)
-from ropeode.problems.problem import Problem
+from ropeode.problems.links import along, constrained_acceleration, dot
+from ropeode.problems.rope import energy_of_nodes, linear_damping, links
 from ropeode.problems.rope_input import Indices, Nodes, Numbers, OneOrMany, RopeInput, Velocity
-from ropeode.validation import check_whole, complaint
+from ropeode.validation import complaint
 
 # What rounding may leave of a stretching rate, relative to the velocities.
 _ROUNDING = 1e-12
@@ -48,6 +42,8 @@ class InextensibleRope(RopeInput):
     Raises:
         InputError: one line for each argument that cannot be used.
     """
+
+    kind = "inextensible-rope"
 
     start: Numbers = rope_input.START
     end: Numbers = rope_input.END
@@ -99,41 +95,19 @@ class InextensibleRope(RopeInput):
         fix = "give velocities across the rope, or none"
         return [complaint("initial_velocity", self.initial_velocity, allowed, fix)]
 
-    def problem(self, frames: int = 20) -> Problem:
-        """The rope as a `Problem`, sampled at times 0, 1, ..., `frames`.
-
-        Raises:
-            InputError: `frames` is not a whole number >= 1.
-        """
-        frames = check_whole("frames", frames, at_least=1, example="20")
-        nodes = self.nodes()
-        return Problem.second_order(
-            acceleration,
-            nodes.x0,
-            nodes.v0,
-            np.arange(frames + 1.0),
-            self.args(nodes),
+    def functions(self) -> dict[str, Any]:
+        """See `RopeInput`."""
+        return {
+            "acceleration": acceleration,
             # The tensions depend on the velocities too, and a single node has none.
-            damping=linear_damping if self.num_nodes == 1 else None,
-            links=links,
-            node_axis=1,
-            in_turn=True,
-            name="inextensible rope",
-            energy=energy,
-            constraints=constraints,
-            parameters={
-                "kind": "inextensible-rope",
-                "frames": frames,
-                **self.model_dump(mode="json"),
-            },
-        )
+            "damping": linear_damping if self.num_nodes == 1 else None,
+            "links": links,
+            "energy": energy_of_nodes,
+            "constraints": constraints,
+        }
 
     def args(self, nodes: Nodes) -> InextensibleRopeArgs:
-        """The numbers in its equations.
-
-        Arguments:
-            nodes: its own.
-        """
+        """See `RopeInput`."""
         return InextensibleRopeArgs(
             mass=nodes.mass,
             rest_length=nodes.length,
@@ -151,21 +125,6 @@ class InextensibleRopeArgs(NamedTuple):
     free: Any
     gravity: Any
     damping: Any
-
-
-def links(args: InextensibleRopeArgs) -> Links:
-    """The links, and gravity and damping on the nodes."""
-    return Links(
-        length=args.rest_length,
-        inverse_mass=args.free / args.mass,
-        acceleration=args.gravity * args.free,
-        damping=linear_damping(args),
-    )
-
-
-def linear_damping(args: InextensibleRopeArgs) -> LinearDamping:
-    """The damping force ``-damping v`` as an acceleration; none at pinned nodes."""
-    return LinearDamping(args.damping / args.mass * args.free, args.damping * args.free)
 
 
 def acceleration(t: Any, x: Any, v: Any, args: InextensibleRopeArgs) -> Any:
@@ -194,18 +153,3 @@ def constraints(t: Any, y: Any, args: InextensibleRopeArgs) -> dict[str, Any]:
     d, w = along(y[0], apart), along(y[1], apart)
     length = jnp.sqrt(dot(d, d))
     return {"position": length - args.rest_length, "velocity": dot(d, w) / length}
-
-
-def energy(t: Any, y: Any, args: InextensibleRopeArgs) -> Any:
-    """Kinetic energy and potential energy in gravity's field.
-
-    Constant along solutions where the damping is zero.
-
-    Arguments:
-        t: time; not used.
-        y: state, ``(2, dim, nodes)``.
-        args: the rope's numbers.
-    """
-    del t
-    x, v = y
-    return 0.5 * jnp.sum(args.mass * jnp.sum(v * v, axis=0)) - jnp.sum(args.mass * args.gravity * x)

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from pydantic import Field
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Input, NonNegative, Positive, WholePositive, field
+from ropeode.validation import NonNegative, Positive, WholePositive
 
 # Newton's iteration takes at most 12 rounds at the eccentricities that are allowed.
 _ROUNDS = 20
@@ -19,18 +20,14 @@ _ROUNDS = 20
 _TERMS = 12
 
 
-class _Arguments(Input):
-    """The arguments of `kepler`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    # Nearer to 1, rounding the initial velocity changes the period by more than 1e-12.
-    eccentricity: Annotated[NonNegative, Field(le=0.9999)] = field(
-        ..., allowed="a number from 0 to 0.9999", example="0.5"
-    )
-    periods: Positive = field(..., allowed="a finite number > 0", example="1.0")
+# Nearer to 1, rounding the initial velocity changes the period by more than 1e-12.
+Eccentricity = Annotated[NonNegative, Field(le=0.9999), "a number from 0 to 0.9999"]
 
 
-def kepler(frames: int = 20, eccentricity: float = 0.5, periods: float = 1.0) -> Problem:
+@library_problem()
+def kepler(
+    frames: WholePositive = 20, eccentricity: Eccentricity = 0.5, periods: Positive = 1.0
+) -> Problem:
     """A planet around a sun at the origin, ``x'' = -x/|x|^3``, from the pericentre.
 
     The semi-major axis is 1 and the period 2 pi, but for the rounding of the initial state.
@@ -46,18 +43,16 @@ def kepler(frames: int = 20, eccentricity: float = 0.5, periods: float = 1.0) ->
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, section I.2.
     """
-    checked = _Arguments(frames=frames, eccentricity=eccentricity, periods=periods)
-    e = checked.eccentricity
-    distance, speed = 1.0 - e, float(np.sqrt((1.0 + e) / (1.0 - e)))
+    distance = 1.0 - eccentricity
+    speed = float(np.sqrt((1.0 + eccentricity) / (1.0 - eccentricity)))
     return Problem.second_order(
         acceleration,
         [[distance, 0.0]],
         [[0.0, speed]],
-        2.0 * np.pi * checked.periods * np.arange(checked.frames + 1) / checked.frames,
+        2.0 * np.pi * periods * np.arange(frames + 1) / frames,
         name="Kepler",
         energy=energy,
         exact=functools.partial(_exact, distance, speed),
-        parameters={"kind": "kepler", **checked.model_dump(mode="json")},
     )
 
 

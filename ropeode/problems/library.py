@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from ropeode.problems.arenstorf import arenstorf
 from ropeode.problems.double_pendulum import double_pendulum
@@ -25,41 +24,12 @@ from ropeode.problems.van_der_pol import van_der_pol
 
 # The ropes, which take the same words in specs and options.
 ROPES: dict[str, type[Rope] | type[InextensibleRope]] = {
-    "rope": Rope,
-    "inextensible-rope": InextensibleRope,
+    rope.kind: rope for rope in (Rope, InextensibleRope)
 }
-
-
-def rope(frames: int = 20, **parameters: Any) -> Problem:
-    """A `Rope` as a problem.
-
-    Arguments:
-        frames: the problem is sampled at times 0, 1, ..., `frames`.
-        parameters: those of `Rope`.
-
-    Raises:
-        InputError: one line for each argument that cannot be used.
-    """
-    return Rope(**parameters).problem(frames)
-
-
-def inextensible_rope(frames: int = 20, **parameters: Any) -> Problem:
-    """An `InextensibleRope` as a problem.
-
-    Arguments:
-        frames: the problem is sampled at times 0, 1, ..., `frames`.
-        parameters: those of `InextensibleRope`.
-
-    Raises:
-        InputError: one line for each argument that cannot be used.
-    """
-    return InextensibleRope(**parameters).problem(frames)
-
 
 # Each problem's `parameters` name its kind, one of these keys; with the others it is built anew.
 PROBLEMS: dict[str, Callable[..., Problem]] = {
-    "rope": rope,
-    "inextensible-rope": inextensible_rope,
+    **{name: rope.from_parameters for name, rope in ROPES.items()},
     "oscillator": oscillator,
     "linear-chain": linear_chain,
     "kepler": kepler,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,8 +12,9 @@ from pydantic import ValidationInfo, field_validator
 
 from ropeode.problems import oscillator
 from ropeode.problems.links import LinearDamping
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import FiniteTuple, Input, NonNegative, Positive, WholePositive, field
+from ropeode.validation import FiniteTuple, NonNegative, Positive, WholePositive
 
 
 class ChainArgs(NamedTuple):
@@ -24,38 +25,26 @@ class ChainArgs(NamedTuple):
     damping: Any
 
 
-class _Arguments(Input):
-    """The arguments of `linear_chain`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    num_masses: WholePositive = field(..., allowed="a whole number >= 1", example="8")
-    mass: Positive = field(..., allowed="a finite number > 0", example="1.0")
-    stiffness: Positive = field(..., allowed="a finite number > 0", example="1.0")
-    damping: NonNegative = field(..., allowed="a finite number >= 0", example="0.0")
-    displacement: FiniteTuple = field(
-        ..., allowed="finite numbers, at most num_masses of them", example="[1.0]"
-    )
-    velocity: FiniteTuple = field(
-        ..., allowed="finite numbers, at most num_masses of them", example="[0.0]"
-    )
-
-    @field_validator("displacement", "velocity")
-    @classmethod
-    def _fill(cls, value: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
-        missing = info.data.get("num_masses", len(value)) - len(value)
-        if missing < 0:
-            raise ValueError(f"{len(value)} given for {info.data['num_masses']} masses")
-        return value + (0.0,) * missing
+Numbers = Annotated[FiniteTuple, "finite numbers, at most num_masses of them"]
 
 
+def _filled(values: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+    """Zeros in place of the numbers that are missing."""
+    missing = info.data.get("num_masses", len(values)) - len(values)
+    if missing < 0:
+        raise ValueError(f"{len(values)} given for {info.data['num_masses']} masses")
+    return values + (0.0,) * missing
+
+
+@library_problem(filled=field_validator("displacement", "velocity")(_filled))
 def linear_chain(
-    frames: int = 20,
-    num_masses: int = 8,
-    mass: float = 1.0,
-    stiffness: float = 1.0,
-    damping: float = 0.0,
-    displacement: Sequence[float] = (1.0,),
-    velocity: Sequence[float] = (),
+    frames: WholePositive = 20,
+    num_masses: WholePositive = 8,
+    mass: Positive = 1.0,
+    stiffness: Positive = 1.0,
+    damping: NonNegative = 0.0,
+    displacement: Numbers = (1.0,),
+    velocity: Numbers = (),
 ) -> Problem:
     """Equal masses in a row between two walls, with equal springs between neighbours.
 
@@ -78,27 +67,17 @@ def linear_chain(
     Source: LeVeque, Finite Difference Methods for Ordinary and Partial Differential
     Equations, section 2.10, equations (2.23) and (2.24): the modes and their frequencies.
     """
-    checked = _Arguments(
-        frames=frames,
-        num_masses=num_masses,
-        mass=mass,
-        stiffness=stiffness,
-        damping=damping,
-        displacement=displacement,  # pyright: ignore[reportArgumentType]
-        velocity=velocity,  # pyright: ignore[reportArgumentType]
-    )
-    args = ChainArgs(checked.mass, checked.stiffness, checked.damping)
+    args = ChainArgs(mass, stiffness, damping)
     return Problem.second_order(
         acceleration,
-        checked.displacement,
-        checked.velocity,
-        np.arange(checked.frames + 1.0),
+        displacement,
+        velocity,
+        np.arange(frames + 1.0),
         args,
         damping=linear_damping,
         name="linear chain",
         energy=energy,
-        exact=functools.partial(_exact, args, checked.displacement, checked.velocity),
-        parameters={"kind": "linear-chain", **checked.model_dump(mode="json")},
+        exact=functools.partial(_exact, args, displacement, velocity),
     )
 
 

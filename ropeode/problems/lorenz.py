@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Finite, FiniteTriple, Input, Positive, WholePositive, field
+from ropeode.validation import Finite, FiniteTriple, Positive, WholePositive
 
 
 class LorenzArgs(NamedTuple):
@@ -20,24 +20,14 @@ class LorenzArgs(NamedTuple):
     beta: Any
 
 
-class _Arguments(Input):
-    """The arguments of `lorenz`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    duration: Positive = field(..., allowed="a finite number > 0", example="10.0")
-    sigma: Finite = field(..., allowed="a finite number", example="10.0")
-    rho: Finite = field(..., allowed="a finite number", example="28.0")
-    beta: Finite = field(..., allowed="a finite number", example="2.6666666666666665")
-    y0: FiniteTriple = field(..., allowed="three finite numbers", example="[1.0, 1.0, 1.0]")
-
-
+@library_problem()
 def lorenz(
-    frames: int = 20,
-    duration: float = 10.0,
-    sigma: float = 10.0,
-    rho: float = 28.0,
-    beta: float = 8.0 / 3.0,
-    y0: Sequence[float] = (1.0, 1.0, 1.0),
+    frames: WholePositive = 20,
+    duration: Positive = 10.0,
+    sigma: Finite = 10.0,
+    rho: Finite = 28.0,
+    beta: Finite = 8.0 / 3.0,
+    y0: FiniteTriple = (1.0, 1.0, 1.0),
 ) -> Problem:
     """``x' = sigma (y - x)``, ``y' = x (rho - z) - y``, ``z' = x y - beta z``.
 
@@ -57,21 +47,12 @@ def lorenz(
     Source: Lorenz, Deterministic nonperiodic flow, Journal of the Atmospheric Sciences 20
     (1963), equations (25) to (27).
     """
-    checked = _Arguments(
-        frames=frames,
-        duration=duration,
-        sigma=sigma,
-        rho=rho,
-        beta=beta,
-        y0=y0,  # pyright: ignore[reportArgumentType]
-    )
     return Problem(
         rhs,
-        np.array(checked.y0),
-        np.linspace(0.0, checked.duration, checked.frames + 1),
-        LorenzArgs(checked.sigma, checked.rho, checked.beta),
+        np.array(y0),
+        np.linspace(0.0, duration, frames + 1),
+        LorenzArgs(sigma, rho, beta),
         name="Lorenz",
-        parameters={"kind": "lorenz", **checked.model_dump(mode="json")},
     )
 
 

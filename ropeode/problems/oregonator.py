@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Input, Positive, WholePositive, field
+from ropeode.validation import Positive, WholePositive
 
 
 class OregonatorArgs(NamedTuple):
@@ -19,14 +20,8 @@ class OregonatorArgs(NamedTuple):
     w: Any
 
 
-class _Arguments(Input):
-    """The arguments of `oregonator`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    duration: Positive = field(..., allowed="a finite number > 0", example="360.0")
-
-
-def oregonator(frames: int = 20, duration: float = 360.0) -> Problem:
+@library_problem()
+def oregonator(frames: WholePositive = 20, duration: Positive = 360.0) -> Problem:
     """The reaction of Belousov and Zhabotinskii, with a limit cycle of steep flanks.
 
     ``y1' = s (y2 + y1 (1 - q y1 - y2))``, ``y2' = (y3 - (1 + y1) y2)/s``, ``y3' = w (y1 - y3)``
@@ -42,14 +37,12 @@ def oregonator(frames: int = 20, duration: float = 360.0) -> Problem:
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.10,
     equation (10.3), after Field and Noyes (1974).
     """
-    checked = _Arguments(frames=frames, duration=duration)
     return Problem(
         rhs,
         np.array([1.0, 2.0, 3.0]),
-        np.linspace(0.0, checked.duration, checked.frames + 1),
+        np.linspace(0.0, duration, frames + 1),
         OregonatorArgs(s=77.27, q=8.375e-6, w=0.161),
         name="Oregonator",
-        parameters={"kind": "oregonator", **checked.model_dump(mode="json")},
     )
 
 

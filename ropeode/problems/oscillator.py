@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.links import LinearDamping
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Finite, Input, NonNegative, Positive, WholePositive, field
+from ropeode.validation import Finite, NonNegative, Positive, WholePositive
 
 
 class OscillatorArgs(NamedTuple):
@@ -21,24 +22,14 @@ class OscillatorArgs(NamedTuple):
     damping: Any
 
 
-class _Arguments(Input):
-    """The arguments of `oscillator`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    mass: Positive = field(..., allowed="a finite number > 0", example="1.0")
-    stiffness: Positive = field(..., allowed="a finite number > 0", example="1.0")
-    damping: NonNegative = field(..., allowed="a finite number >= 0", example="0.1")
-    x0: Finite = field(..., allowed="a finite number", example="1.0")
-    v0: Finite = field(..., allowed="a finite number", example="0.0")
-
-
+@library_problem()
 def oscillator(
-    frames: int = 20,
-    mass: float = 1.0,
-    stiffness: float = 1.0,
-    damping: float = 0.1,
-    x0: float = 1.0,
-    v0: float = 0.0,
+    frames: WholePositive = 20,
+    mass: Positive = 1.0,
+    stiffness: Positive = 1.0,
+    damping: NonNegative = 0.1,
+    x0: Finite = 1.0,
+    v0: Finite = 0.0,
 ) -> Problem:
     """A mass on a linear spring, ``mass x'' = -stiffness x - damping x'``.
 
@@ -57,21 +48,17 @@ def oscillator(
 
     Source: Landau and Lifshitz, Mechanics, section 25.
     """
-    checked = _Arguments(
-        frames=frames, mass=mass, stiffness=stiffness, damping=damping, x0=x0, v0=v0
-    )
-    args = OscillatorArgs(checked.mass, checked.stiffness, checked.damping)
+    args = OscillatorArgs(mass, stiffness, damping)
     return Problem.second_order(
         acceleration,
-        [[checked.x0]],
-        [[checked.v0]],
-        np.arange(checked.frames + 1.0),
+        [[x0]],
+        [[v0]],
+        np.arange(frames + 1.0),
         args,
         damping=linear_damping,
         name="oscillator",
         energy=energy,
-        exact=functools.partial(_exact, args, checked.x0, checked.v0),
-        parameters={"kind": "oscillator", **checked.model_dump(mode="json")},
+        exact=functools.partial(_exact, args, x0, v0),
     )
 
 

@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems import elliptic
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Finite, Input, Positive, WholePositive, field
+from ropeode.validation import Finite, Positive, WholePositive
 
 
 class PendulumArgs(NamedTuple):
@@ -20,22 +21,13 @@ class PendulumArgs(NamedTuple):
     gravity: Any
 
 
-class _Arguments(Input):
-    """The arguments of `pendulum`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    length: Positive = field(..., allowed="a finite number > 0", example="1.0")
-    gravity: Positive = field(..., allowed="a finite number > 0", example="1.0")
-    angle: Finite = field(..., allowed="a finite number", example="2.0")
-    velocity: Finite = field(..., allowed="a finite number", example="0.0")
-
-
+@library_problem()
 def pendulum(
-    frames: int = 20,
-    length: float = 1.0,
-    gravity: float = 1.0,
-    angle: float = 2.0,
-    velocity: float = 0.0,
+    frames: WholePositive = 20,
+    length: Positive = 1.0,
+    gravity: Positive = 1.0,
+    angle: Finite = 2.0,
+    velocity: Finite = 0.0,
 ) -> Problem:
     """A mass on a rigid rod without friction, ``length angle'' = -gravity sin(angle)``.
 
@@ -53,20 +45,16 @@ def pendulum(
 
     Source: Landau and Lifshitz, Mechanics, section 11, problem 1.
     """
-    checked = _Arguments(
-        frames=frames, length=length, gravity=gravity, angle=angle, velocity=velocity
-    )
-    args = PendulumArgs(checked.length, checked.gravity)
+    args = PendulumArgs(length, gravity)
     return Problem.second_order(
         acceleration,
-        [[checked.angle]],
-        [[checked.velocity]],
-        np.arange(checked.frames + 1.0),
+        [[angle]],
+        [[velocity]],
+        np.arange(frames + 1.0),
         args,
         name="pendulum",
         energy=energy,
-        exact=functools.partial(_exact, args, checked.angle, checked.velocity),
-        parameters={"kind": "pendulum", **checked.model_dump(mode="json")},
+        exact=functools.partial(_exact, args, angle, velocity),
     )
 
 

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Input, Positive, WholePositive, field
+from ropeode.validation import Positive, WholePositive
 
 POSITIONS = ((3, 3), (3, -3), (-1, 2), (-3, 0), (2, 0), (-2, -4), (2, 4))
 VELOCITIES = ((0, 0), (0, 0), (0, 0), (0, -1.25), (0, 1), (1.75, 0), (-1.5, 0))
@@ -20,14 +21,8 @@ class PleiadesArgs(NamedTuple):
     masses: Any
 
 
-class _Arguments(Input):
-    """The arguments of `pleiades`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    duration: Positive = field(..., allowed="a finite number > 0", example="3.0")
-
-
-def pleiades(frames: int = 20, duration: float = 3.0) -> Problem:
+@library_problem()
+def pleiades(frames: WholePositive = 20, duration: Positive = 3.0) -> Problem:
     """Seven stars of the masses 1 to 7 under each other's gravity, in a plane.
 
     Positions have the shape (7, 2).
@@ -42,16 +37,14 @@ def pleiades(frames: int = 20, duration: float = 3.0) -> Problem:
     Source: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, section II.10,
     equations (10.2) and (10.3).
     """
-    checked = _Arguments(frames=frames, duration=duration)
     return Problem.second_order(
         acceleration,
         POSITIONS,
         VELOCITIES,
-        np.linspace(0.0, checked.duration, checked.frames + 1),
+        np.linspace(0.0, duration, frames + 1),
         PleiadesArgs(np.arange(1.0, 8.0)),
         name="Pleiades",
         energy=energy,
-        parameters={"kind": "pleiades", **checked.model_dump(mode="json")},
     )
 
 

@@ -346,22 +346,12 @@ def no_damping(args: Any) -> LinearDamping:
     return LinearDamping(0.0, 0.0)
 
 
-def _velocities_to_try(v0: np.ndarray) -> list[np.ndarray]:
-    """A few velocities that are not symmetric in any way, and of the problem's size."""
-    draw = np.random.default_rng(20).normal(size=(3, *v0.shape))
-    return list(draw * max(1.0, float(np.max(np.abs(v0), initial=0.0))))
-
-
 @in_float64
 def _depends_on_velocity(
     acceleration: Acceleration, ts: np.ndarray, x0: np.ndarray, v0: np.ndarray, args: Any
 ) -> bool:
-    compiled = jax.jit(acceleration)
-    still = compiled(ts[0], x0, np.zeros(x0.shape), args)
-    return any(
-        not np.array_equal(still, compiled(ts[0], x0, v, args), equal_nan=True)
-        for v in _velocities_to_try(v0)
-    )
+    still, moving = _trials(acceleration, ts, x0, v0, args)
+    return any(not np.array_equal(still, a, equal_nan=True) for _, a in moving)
 
 
 @in_float64
@@ -373,14 +363,27 @@ def _is_the_damping(
     v0: np.ndarray,
     args: Any,
 ) -> bool:
-    compiled = jax.jit(acceleration)
+    still, trials = _trials(acceleration, ts, x0, v0, args)
     rate = np.asarray(damping(args).rate)
-    still = np.asarray(compiled(ts[0], x0, np.zeros(x0.shape), args))
-    for v in _velocities_to_try(v0):
-        moving = np.asarray(compiled(ts[0], x0, v, args))
+    for v, moving in trials:
         size = np.max(np.abs(still)) + np.max(np.abs(moving))
         # What is smaller than any normal number counts as zero to XLA, but not to NumPy.
         rounding = np.finfo(np.float64).tiny * (1.0 + np.max(np.abs(v)))
         if np.max(np.abs(moving - (still - rate * v))) > 1e-12 * size + rounding:
             return False
     return True
+
+
+def _trials(
+    acceleration: Acceleration, ts: np.ndarray, x0: np.ndarray, v0: np.ndarray, args: Any
+) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    """The acceleration at rest, and a few velocities with the acceleration at each of them."""
+    compiled = jax.jit(acceleration)
+
+    def at(v: np.ndarray) -> np.ndarray:
+        return np.asarray(compiled(ts[0], x0, v, args))
+
+    # Not symmetric in any way, and of the problem's size.
+    draw = np.random.default_rng(20).normal(size=(3, *v0.shape))
+    velocities = draw * max(1.0, float(np.max(np.abs(v0), initial=0.0)))
+    return at(np.zeros(x0.shape)), [(v, at(v)) for v in velocities]

@@ -7,18 +7,13 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Input, Positive, WholePositive, field
+from ropeode.validation import Positive, WholePositive
 
 
-class _Arguments(Input):
-    """The arguments of `robertson`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="12")
-    duration: Positive = field(..., allowed="a finite number > 0", example="1e11")
-
-
-def robertson(frames: int = 12, duration: float = 1e11) -> Problem:
+@library_problem()
+def robertson(frames: WholePositive = 12, duration: Positive = 1e11) -> Problem:
     """Three substances; the second decays almost as soon as it forms.
 
     ``y1' = -0.04 y1 + 1e4 y2 y3``, ``y3' = 3e7 y2^2``, and the sum stays 1. The state has the
@@ -35,13 +30,11 @@ def robertson(frames: int = 12, duration: float = 1e11) -> Problem:
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.1,
     equation (1.4), after Robertson (1966).
     """
-    checked = _Arguments(frames=frames, duration=duration)
     return Problem(
         rhs,
         np.array([1.0, 0.0, 0.0]),
-        np.append(0.0, checked.duration / 10.0 ** np.arange(checked.frames - 1, -1, -1)),
+        np.append(0.0, duration / 10.0 ** np.arange(frames - 1, -1, -1)),
         name="Robertson",
-        parameters={"kind": "robertson", **checked.model_dump(mode="json")},
     )
 
 

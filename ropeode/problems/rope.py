@@ -9,9 +9,8 @@ import numpy as np
 
 from ropeode.problems import rope_input
 from ropeode.problems.links import LinearDamping, Links, along, impulses
-from ropeode.problems.problem import Problem
 from ropeode.problems.rope_input import Indices, Nodes, Numbers, OneOrMany, RopeInput, Velocity
-from ropeode.validation import check_whole, field
+from ropeode.validation import field
 
 _SMALLEST = float(np.finfo(np.float64).tiny)
 
@@ -38,6 +37,8 @@ class Rope(RopeInput):
         InputError: one line for each argument that cannot be used.
     """
 
+    kind = "rope"
+
     start: Numbers = rope_input.START
     end: Numbers = rope_input.END
     num_nodes: int = rope_input.NUM_NODES
@@ -50,35 +51,17 @@ class Rope(RopeInput):
     damping: OneOrMany = rope_input.DAMPING
     initial_velocity: Velocity = rope_input.INITIAL_VELOCITY
 
-    def problem(self, frames: int = 20) -> Problem:
-        """The rope as a `Problem`, sampled at times 0, 1, ..., `frames`.
-
-        Raises:
-            InputError: `frames` is not a whole number >= 1.
-        """
-        frames = check_whole("frames", frames, at_least=1, example="20")
-        nodes = self.nodes()
-        return Problem.second_order(
-            acceleration,
-            nodes.x0,
-            nodes.v0,
-            np.arange(frames + 1.0),
-            self.args(nodes),
-            damping=linear_damping,
-            links=links,
-            node_axis=1,
-            in_turn=True,
-            name="rope",
-            energy=energy,
-            parameters={"kind": "rope", "frames": frames, **self.model_dump(mode="json")},
-        )
+    def functions(self) -> dict[str, Any]:
+        """See `RopeInput`."""
+        return {
+            "acceleration": acceleration,
+            "damping": linear_damping,
+            "links": links,
+            "energy": energy,
+        }
 
     def args(self, nodes: Nodes) -> RopeArgs:
-        """The numbers in its equations.
-
-        Arguments:
-            nodes: its own.
-        """
+        """See `RopeInput`."""
         return RopeArgs(
             mass=nodes.mass,
             stiffness=np.broadcast_to(self.stiffness, (self.num_nodes - 1,)),
@@ -130,13 +113,13 @@ def _springs(x: Any, args: RopeArgs) -> tuple[Any, Any]:
     return d, jnp.sqrt(sum((component**2 for component in d), _SMALLEST))
 
 
-def linear_damping(args: RopeArgs) -> LinearDamping:
+def linear_damping(args: Any) -> LinearDamping:
     """The damping force ``-damping v`` as an acceleration; none at pinned nodes."""
     return LinearDamping(args.damping / args.mass * args.free, args.damping * args.free)
 
 
-def links(args: RopeArgs) -> Links:
-    """The rope as steppers see it that keep its springs at their rest lengths."""
+def links(args: Any) -> Links:
+    """The rope as steppers see it that keep the lengths of its springs or links."""
     return Links(
         length=args.rest_length,
         inverse_mass=args.free / args.mass,
@@ -156,9 +139,14 @@ def energy(t: Any, y: Any, args: RopeArgs) -> Any:
         y: state, ``(2, dim, nodes)``.
         args: the rope's numbers.
     """
+    _, length = _springs(y[0], args)
+    springs = 0.5 * jnp.sum(args.stiffness * (length - args.rest_length) ** 2)
+    return energy_of_nodes(t, y, args) + springs
+
+
+def energy_of_nodes(t: Any, y: Any, args: Any) -> Any:
+    """Kinetic energy and potential energy in gravity's field; arguments as for `energy`."""
     del t
     x, v = y
-    _, length = _springs(x, args)
     kinetic = 0.5 * jnp.sum(args.mass * jnp.sum(v * v, axis=0))
-    springs = 0.5 * jnp.sum(args.stiffness * (length - args.rest_length) ** 2)
-    return kinetic + springs - jnp.sum(args.mass * args.gravity * x)
+    return kinetic - jnp.sum(args.mass * args.gravity * x)

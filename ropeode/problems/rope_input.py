@@ -1,14 +1,16 @@
-"""The arguments that ropes share: nodes in a straight row, masses, pins, gravity, damping."""
+"""What ropes share: nodes in a straight row, masses, pins, gravity, damping."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import BeforeValidator, ValidationInfo, field_validator, model_validator
 
+from ropeode.problems.problem import Problem
 from ropeode.validation import (
     Input,
+    check_whole,
     fault_of,
     field,
     finite_number,
@@ -19,7 +21,6 @@ from ropeode.validation import (
 
 if TYPE_CHECKING:
     from ropeode.problems.ensemble import Ensemble
-    from ropeode.problems.problem import Problem
 
 
 def _one_or_many(value: Any) -> float | tuple[float, ...]:
@@ -75,6 +76,9 @@ class RopeInput(Input):
     Raises:
         InputError: one line for each argument that cannot be used.
     """
+
+    # In the library.
+    kind: ClassVar[str]
 
     if TYPE_CHECKING:
         start: Numbers
@@ -193,11 +197,50 @@ class RopeInput(Input):
 
         return rope_ensemble(self, frames, arrays)
 
-    if TYPE_CHECKING:
+    def problem(self, frames: int = 20) -> Problem:
+        """The rope as a `Problem`, sampled at times 0, 1, ..., `frames`.
 
-        def problem(self, frames: int = 20) -> Problem:
-            """Each rope has one."""
-            ...
+        Raises:
+            InputError: `frames` is not a whole number >= 1.
+        """
+        frames = check_whole("frames", frames, at_least=1, example="20")
+        nodes = self.nodes()
+        return Problem.second_order(
+            x0=nodes.x0,
+            v0=nodes.v0,
+            ts=np.arange(frames + 1.0),
+            args=self.args(nodes),
+            node_axis=1,
+            in_turn=True,
+            name=self.kind.replace("-", " "),
+            parameters={"kind": self.kind, "frames": frames, **self.model_dump(mode="json")},
+            **self.functions(),
+        )
+
+    @classmethod
+    def from_parameters(cls, frames: int = 20, **parameters: Any) -> Problem:
+        """The problem of a rope, as the library has it.
+
+        Arguments:
+            frames: the problem is sampled at times 0, 1, ..., `frames`.
+            parameters: those of the rope.
+
+        Raises:
+            InputError: one line for each argument that cannot be used.
+        """
+        return cls(**parameters).problem(frames)
+
+    def functions(self) -> dict[str, Any]:
+        """The functions that `Problem.second_order` takes."""
+        raise NotImplementedError
+
+    def args(self, nodes: Nodes) -> Any:
+        """The numbers in the rope's equations.
+
+        Arguments:
+            nodes: its own.
+        """
+        raise NotImplementedError
 
     def nodes(self) -> Nodes:
         """The nodes as arrays."""

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
-from ropeode.validation import Finite, Input, Positive, WholePositive, field
+from ropeode.validation import Finite, Positive, WholePositive
 
 
 class VanDerPolArgs(NamedTuple):
@@ -16,22 +17,13 @@ class VanDerPolArgs(NamedTuple):
     epsilon: Any
 
 
-class _Arguments(Input):
-    """The arguments of `van_der_pol`, checked."""
-
-    frames: WholePositive = field(..., allowed="a whole number >= 1", example="20")
-    duration: Positive = field(..., allowed="a finite number > 0", example="2.0")
-    epsilon: Positive = field(..., allowed="a finite number > 0", example="1e-6")
-    x0: Finite = field(..., allowed="a finite number", example="2.0")
-    v0: Finite = field(..., allowed="a finite number", example="0.0")
-
-
+@library_problem()
 def van_der_pol(
-    frames: int = 20,
-    duration: float = 2.0,
-    epsilon: float = 0.1,
-    x0: float = 2.0,
-    v0: float = 0.0,
+    frames: WholePositive = 20,
+    duration: Positive = 2.0,
+    epsilon: Positive = 0.1,
+    x0: Finite = 2.0,
+    v0: Finite = 0.0,
 ) -> Problem:
     """A circuit that swings by itself, ``epsilon x'' = (1 - x^2) x' - x``.
 
@@ -51,15 +43,13 @@ def van_der_pol(
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.1,
     equation (1.5').
     """
-    checked = _Arguments(frames=frames, duration=duration, epsilon=epsilon, x0=x0, v0=v0)
     return Problem.second_order(
         acceleration,
-        [[checked.x0]],
-        [[checked.v0]],
-        np.linspace(0.0, checked.duration, checked.frames + 1),
-        VanDerPolArgs(checked.epsilon),
+        [[x0]],
+        [[v0]],
+        np.linspace(0.0, duration, frames + 1),
+        VanDerPolArgs(epsilon),
         name="Van der Pol",
-        parameters={"kind": "van-der-pol", **checked.model_dump(mode="json")},
     )
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
+import platform
 from collections.abc import Mapping, Sequence
+from importlib import metadata
 from typing import Literal
 
 import numpy as np
@@ -19,6 +22,10 @@ from ropeode.references.solvers.solver import Solver
 SAFETY_FACTOR = 3.0
 # Units of rounding below which a difference of two float64 runs means nothing.
 ROUNDING_UNITS = 4.0
+# The default accuracy, of how far the solution moves; and, of the initial state's scale, the
+# finest: what hardly moves cannot be known to 1e-8 of its motion.
+RELATIVE_ACCURACY = 1e-8
+FINEST_ACCURACY = 1e-12
 
 Role = Literal["looser", "tighter", "neighbour", "short steps", "independent", "fewer digits"]
 Level = Literal["consensus", "extended"]
@@ -104,8 +111,8 @@ def witness(problem: Problem, primary: Solution, run: Solution, role: Role) -> W
         steps=run.steps,
         seconds=run.seconds,
         differences={
-            quantity: padded(distance(problem, norm, run.states, primary.states), problem)
-            for quantity, norm in largest_norms(problem).items()
+            quantity: padded(series, problem)
+            for quantity, series in distances(problem, run.states, primary.states).items()
         },
     )
 
@@ -113,6 +120,37 @@ def witness(problem: Problem, primary: Solution, run: Solution, role: Role) -> W
 def largest_norms(problem: Problem) -> dict[str, Norm]:
     """For each quantity the norm that none of its others exceeds."""
     return {quantity: NORMS[f"{quantity}-max"] for quantity in problem.quantities}
+
+
+def distances(problem: Problem, a: np.ndarray, b: np.ndarray) -> dict[str, np.ndarray]:
+    """The distance of the largest node of two runs, for each quantity.
+
+    Arguments:
+        problem: of both.
+        a: states, ``(times, *state)``.
+        b: states; the longer of the two is cut.
+    """
+    norms = largest_norms(problem).items()
+    return {quantity: distance(problem, norm, a, b) for quantity, norm in norms}
+
+
+def default_accuracy(problem: Problem, moved: float, relative: float = 0.0) -> float:
+    """The largest bound that is trusted where the caller does not say.
+
+    Arguments:
+        problem: what was solved.
+        moved: how far its solution moves, in the units of the first quantity.
+        relative: the least accuracy, as a part of `moved`, if that is more than the usual one.
+    """
+    relative = max(RELATIVE_ACCURACY, relative)
+    return max(relative * moved, FINEST_ACCURACY * problem.scale)
+
+
+@functools.cache
+def versions(*packages: str) -> Mapping[str, str]:
+    """The versions of packages that take part in a reference, and of Python."""
+    own = {name: metadata.version(name) for name in packages}
+    return own | {"python": platform.python_version()}
 
 
 def bounds(
@@ -144,9 +182,8 @@ def bounds(
 
 def from_tightest(problem: Problem, run: Solution, tightest: Solution) -> np.ndarray:
     """The largest distance of the first quantity up to each sample, ``(times,)``."""
-    norm = next(iter(largest_norms(problem).values()))
-    distances = distance(problem, norm, run.states, tightest.states)
-    return np.maximum.accumulate(padded(distances, problem))
+    apart = distances(problem, run.states, tightest.states)[problem.quantities[0]]
+    return np.maximum.accumulate(padded(apart, problem))
 
 
 def trusted_samples(
@@ -182,11 +219,11 @@ def trusted_samples(
         rounding = max(run.steps, 100) * (np.maximum.accumulate(neighbour) + bound[0])
         return np.maximum(rounding, run.steps * run.rtol * problem.scale)
 
-    *distances, _ = from_tightest  # The tightest rung is no distance from itself.
-    excused = [series <= allowed(run) for series, run in zip(distances, rungs, strict=False)]
-    settled = (distances[-1] <= distances[0] / 3.0) | excused[-1]
-    for looser, tighter in itertools.combinations(range(len(distances)), 2):
-        settled &= (distances[tighter] <= 10.0 * distances[looser]) | excused[tighter]
+    *apart, _ = from_tightest  # The tightest rung is no distance from itself.
+    excused = [series <= allowed(run) for series, run in zip(apart, rungs, strict=False)]
+    settled = (apart[-1] <= apart[0] / 3.0) | excused[-1]
+    for looser, tighter in itertools.combinations(range(len(apart)), 2):
+        settled &= (apart[tighter] <= 10.0 * apart[looser]) | excused[tighter]
 
     enough = int(np.argmin(np.append(bound <= accuracy, False)))
     trusted = int(np.max(np.flatnonzero(settled[:enough]), initial=-1)) + 1

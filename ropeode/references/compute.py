@@ -90,7 +90,9 @@ def reference(
         InputError: an argument cannot be used.
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
-    options = ReferenceOptions(accuracy, rtol, level, digits, time_limit, dense)
+    options = ReferenceOptions(
+        accuracy=accuracy, rtol=rtol, level=level, digits=digits, time_limit=time_limit, dense=dense
+    )
     if isinstance(problem, Ensemble):
         return list(_each(problem, options, cores(), progress))
     return _reference(problem, options, progress)
@@ -134,7 +136,9 @@ def each_reference(
     Raises:
         InputError: an argument cannot be used.
     """
-    options = ReferenceOptions(accuracy, rtol, level, digits, time_limit, dense)
+    options = ReferenceOptions(
+        accuracy=accuracy, rtol=rtol, level=level, digits=digits, time_limit=time_limit, dense=dense
+    )
     count = cores() if workers is None else check_whole("workers", workers, at_least=1, example="2")
     return _each(ensemble, options, count, progress)
 

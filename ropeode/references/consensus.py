@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-import platform
-from importlib import metadata
 
 import numpy as np
 
@@ -15,11 +12,12 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.references.certificate import (
     Certificate,
-    Role,
     Witness,
     bounds,
+    default_accuracy,
     from_tightest,
     trusted_samples,
+    versions,
     witness,
 )
 from ropeode.references.ladder import (
@@ -27,9 +25,8 @@ from ropeode.references.ladder import (
     IMPLICIT,
     Method,
     climb,
-    neighbour,
+    other_runs,
     recall,
-    short_steps,
     solve_independent,
     solve_primary,
     step_budget,
@@ -39,9 +36,6 @@ from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
 
 TIGHTEST_RTOL = 1e-14
-RELATIVE_ACCURACY = 1e-8
-# Of the initial state's scale; what hardly moves cannot be known to 1e-8 of its motion.
-FINEST_ACCURACY = 1e-12
 _PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
 
 
@@ -123,25 +117,10 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
     bare_rungs = tuple(rung.without_states() for rung in rungs)
     del rungs, tightest
     others = []
-
-    def add_witness(run: Solution, role: Role) -> None:
+    for role, options in other_runs(problem, problem).items():
+        run = solve_primary(problem, method, primary.rtol, progress, **options)
         witnesses.append(witness(problem, primary, run, role))
         others.append(run.without_states())
-
-    add_witness(
-        solve_primary(problem, method, primary.rtol, progress, y0=neighbour(problem)), "neighbour"
-    )
-    add_witness(
-        solve_primary(
-            problem,
-            method,
-            primary.rtol,
-            progress,
-            max_steps=2 * step_budget(problem),
-            longest_steps=short_steps(problem, problem.ts),
-        ),
-        "short steps",
-    )
     return Primary(
         problem=problem,
         method=method,
@@ -172,11 +151,8 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
     estimated = bounds(problem, run, witnesses, drift)
     bound, accuracy = estimated[problem.quantities[0]], options.accuracy
     if accuracy is None:
-        relative = max(RELATIVE_ACCURACY, 1e4 * (options.rtol or 0.0))
-        accuracy = max(
-            relative * _resolved_motion(problem, run.states, bound),
-            FINEST_ACCURACY * problem.scale,
-        )
+        moved = _resolved_motion(problem, run.states, bound)
+        accuracy = default_accuracy(problem, moved, 1e4 * (options.rtol or 0.0))
     trusted, reason = trusted_samples(
         problem, primary.rungs, primary.from_tightest, bound, witnesses, accuracy
     )
@@ -208,18 +184,9 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
             stiff=primary.method is IMPLICIT,
             seconds=sum(each.seconds for each in every),
             compile_seconds=sum(each.compile_seconds for each in every),
-            versions=dict(_versions()),
+            versions=versions(*_PACKAGES),
         ),
     )
-
-
-@functools.cache
-def _versions() -> dict[str, str]:
-    """Of the packages that take part."""
-    return {
-        **{name: metadata.version(name) for name in _PACKAGES},
-        "python": platform.python_version(),
-    }
 
 
 def _resolved_motion(problem: Problem, states: np.ndarray, bound: np.ndarray) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
+from ropeode.references.certificate import Role
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solution import Solution, absolute_tolerance
 from ropeode.references.solvers.solver import (
@@ -144,6 +145,22 @@ def neighbour(problem: Problem) -> np.ndarray:
     stays = problem.mechanics is not None and np.any(y0)
     from_zero = 0.0 if stays else np.finfo(np.float64).eps * problem.scale
     return np.where(y0 == 0.0, from_zero, moved)
+
+
+def other_runs(problem: Problem, solved: Problem) -> dict[Role, dict[str, Any]]:
+    """The witnesses of the primary solver that are not rungs: what `solve_primary` takes.
+
+    Arguments:
+        problem: that of the reference.
+        solved: the same one, or with sample times inside its frames.
+    """
+    return {
+        "neighbour": {"y0": neighbour(solved)},
+        "short steps": {
+            "max_steps": 2 * step_budget(solved),
+            "longest_steps": short_steps(problem, solved.ts),
+        },
+    }
 
 
 def recall(problem: Problem, method: Method, rung: Solution, progress: Progress) -> Solution:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any, TypedDict, get_args
+from typing import Annotated, TypedDict
+
+from pydantic import Field, ValidationInfo, field_validator
 
 from ropeode.errors import InputError
-from ropeode.problems import checks
 from ropeode.references.certificate import Level
-from ropeode.validation import check_positive, check_whole, complaint, unknown
+from ropeode.validation import Input, Positive, WholePositive, complaint, field
 
 SMALLEST_RTOL = 1e-13
 LARGEST_RTOL = 1e-3
 # At the level `extended`: float64 has 16 digits, and two to spare.
 DIGITS = 18
 TIME_LIMIT = 60.0
+
+Rtol = Annotated[Positive, Field(ge=SMALLEST_RTOL, le=LARGEST_RTOL)]
 
 
 class Asked(TypedDict, total=False):
@@ -27,8 +29,7 @@ class Asked(TypedDict, total=False):
     time_limit: float
 
 
-@dataclasses.dataclass(frozen=True)
-class ReferenceOptions:
+class ReferenceOptions(Input):
     """The options of `ropeode.reference`, which describes them.
 
     Arguments:
@@ -44,52 +45,22 @@ class ReferenceOptions:
         InputError: one line for each option that cannot be used.
     """
 
-    accuracy: float | None = None
-    rtol: float | None = None
-    level: Level = "consensus"
-    digits: int = DIGITS
-    time_limit: float = TIME_LIMIT
-    dense: bool = False
+    accuracy: Positive | None = field(None, allowed="a finite number > 0", example="1e-6")
+    rtol: Rtol | None = field(
+        None,
+        allowed=f"from {SMALLEST_RTOL:g} (float64 carries no more) to {LARGEST_RTOL:g}",
+        example=f"{SMALLEST_RTOL:g}",
+    )
+    level: Level = field("consensus", allowed="consensus or extended", example='"extended"')
+    digits: WholePositive = field(DIGITS, allowed="a whole number >= 1", example="24")
+    time_limit: Positive = field(TIME_LIMIT, allowed="a finite number > 0", example="600")
+    dense: bool = field(False, allowed="true or false", example="true")
 
-    def __post_init__(self) -> None:
-        checks.run(
-            lambda: self._set("accuracy", self._checked_accuracy()),
-            lambda: self._set("rtol", self._checked_rtol()),
-            self._check_level,
-            lambda: self._set(
-                "digits", check_whole("digits", self.digits, at_least=1, example="18")
-            ),
-            lambda: self._set(
-                "time_limit", check_positive("time_limit", self.time_limit, example="60")
-            ),
-        )
-
-    def _set(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)
-
-    def _checked_accuracy(self) -> float | None:
-        if self.accuracy is None:
-            return None
-        return check_positive("accuracy", self.accuracy, example="1e-6")
-
-    def _checked_rtol(self) -> float | None:
-        if self.rtol is None:
-            return None
-        if self.level == "extended":
+    @field_validator("level")
+    @classmethod
+    def _without_rtol(cls, level: Level, info: ValidationInfo) -> Level:
+        rtol = info.data.get("rtol")
+        if level == "extended" and rtol is not None:
             fix = "leave it out, or ask for digits"
-            raise InputError(complaint("rtol", self.rtol, "none with level 'extended'", fix))
-        rtol = check_positive("rtol", self.rtol, example="1e-12")
-        if not SMALLEST_RTOL <= rtol <= LARGEST_RTOL:
-            raise InputError(
-                complaint(
-                    "rtol",
-                    rtol,
-                    f"from {SMALLEST_RTOL:g} (float64 carries no more) to {LARGEST_RTOL:g}",
-                    f"for example rtol={SMALLEST_RTOL:g}",
-                )
-            )
-        return rtol
-
-    def _check_level(self) -> None:
-        if self.level not in get_args(Level):
-            raise InputError(unknown("level", self.level, get_args(Level)))
+            raise InputError(complaint("rtol", rtol, "none with level 'extended'", fix))
+        return level

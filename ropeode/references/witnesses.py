@@ -13,11 +13,9 @@ from ropeode.references.ladder import (
     IMPLICIT,
     Method,
     independent_budget,
-    neighbour,
-    short_steps,
+    other_runs,
     solve_independent,
     solve_primary,
-    step_budget,
 )
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
@@ -65,13 +63,7 @@ def witness_runs(
     method = method_of(reference)
     problem = problem or reference.problem
     primary = primary or primary_solution(reference)
-    options = {
-        "neighbour": {"y0": neighbour(problem)},
-        "short steps": {
-            "max_steps": 2 * step_budget(problem),
-            "longest_steps": short_steps(reference.problem, problem.ts),
-        },
-    }
+    options = other_runs(reference.problem, problem)
     next_tighter = primary
     for witness in reference.certificate.witnesses:
         role = witness.role

@@ -26,7 +26,7 @@ from ropeode.steppers import as_stepper
 from ropeode.steppers.base import ProblemClass, Stepper
 from ropeode.steppers.functions import StepFunction
 from ropeode.threads import cores, threads
-from ropeode.validation import complaint, whole_number
+from ropeode.validation import bad_value, complaint, whole_number
 
 DEFAULT_STEPPERS = (
     "explicit-euler",
@@ -274,9 +274,7 @@ def check_steps(given: Sequence[int]) -> StepsPerFrame:
             raise ValueError("one is repeated")
     except (TypeError, ValueError) as error:
         allowed = f"different whole numbers >= 1 ({error})"
-        raise InputError(
-            complaint("steps_per_frame", given, allowed, "for example 16, 32, 64")
-        ) from None
+        raise bad_value("steps_per_frame", given, allowed, "for example 16, 32, 64") from None
     return steps
 
 

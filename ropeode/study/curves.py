@@ -9,7 +9,6 @@ from typing import Any, Unpack
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
-from ropeode.errors import InputError
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -19,7 +18,7 @@ from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, check_steps, chosen_steppers
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -211,7 +210,7 @@ def check_energy(problem: Problem) -> None:
     """
     if problem.energy is None:
         fix = "give it one, Problem(..., energy=...), or choose what needs none"
-        raise InputError(complaint("problem", problem.name, "a problem that has an energy", fix))
+        raise bad_value("problem", problem.name, "a problem that has an energy", fix)
 
 
 def runs_of(

@@ -214,7 +214,7 @@ def horizon(
     spans = check_spans(problem, spans)
     heyoka()
     reference = reference_for(
-        problem, ReferenceOptions(accuracy, rtol), lambda text, _: progress(text, 0.0)
+        problem, ReferenceOptions(accuracy=accuracy, rtol=rtol), lambda text, _: progress(text, 0.0)
     )
     truth = extended_solution(
         problem, digits=digits, time_limit=time_limit, progress=lambda text, _: progress(text, 0.2)

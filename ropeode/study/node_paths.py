@@ -9,7 +9,6 @@ from typing import Unpack
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
-from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -19,7 +18,7 @@ from ropeode.references.reference import Reference, problem_of
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import runs_of
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 DEFAULT_STEPPERS = ("semi-implicit-euler",)
 DEFAULT_STEPS_PER_FRAME = 64
@@ -137,7 +136,7 @@ def check_positions(problem: Problem) -> None:
     if problem.mechanics is None or problem.positions(problem.y0[None]).shape[2] not in (2, 3):
         allowed = "a problem whose positions have 2 or 3 components"
         fix = "choose one that moves in a plane or in space, such as rope or kepler"
-        raise InputError(complaint("problem", problem.name, allowed, fix))
+        raise bad_value("problem", problem.name, allowed, fix)
 
 
 def parts_of(frames: int, steps: int) -> int:

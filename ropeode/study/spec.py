@@ -30,9 +30,9 @@ from ropeode.study.accuracy_table import (
     check_steppers,
     check_steps,
 )
-from ropeode.validation import Input, Positive, WholePositive, complaint, field, unknown
+from ropeode.validation import Input, Positive, WholePositive, bad_value, complaint, field, unknown
 
-COMMENTED_SPEC = resources.files("ropeode.study").joinpath("spec.toml").read_text("utf-8")
+COMMENTED_SPEC = resources.files("ropeode.study").joinpath("commented.toml").read_text("utf-8")
 
 
 def _steppers(value: Any) -> tuple[str, ...] | None:
@@ -155,8 +155,8 @@ def read_spec(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(read_text("spec", path))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            complaint("spec", str(path), f"a TOML file ({error})", "see `ropeode spec` for one")
+        raise bad_value(
+            "spec", str(path), f"a TOML file ({error})", "see `ropeode spec` for one"
         ) from error
 
 
@@ -171,7 +171,7 @@ def kind_apart(values: Mapping[str, Any]) -> dict[str, Any]:
         kind = rest.pop("problem")
         if kind != "rope" and rest.setdefault("kind", kind) != kind:
             allowed = f"no other kind with problem {kind!r}"
-            raise InputError(complaint("kind", rest["kind"], allowed, "leave out one of them"))
+            raise bad_value("kind", rest["kind"], allowed, "leave out one of them")
     return rest
 
 
@@ -182,14 +182,12 @@ def rope_of(kind: str, parameters: Any) -> Rope | InextensibleRope:
         InputError: one line for each parameter that cannot be used.
     """
     if not isinstance(parameters, Mapping):
-        raise InputError(
-            complaint("rope", parameters, "a table of parameters", "write [rope] above them")
-        )
+        raise bad_value("rope", parameters, "a table of parameters", "write [rope] above them")
     rope = ROPES.get(kind, Rope)
     if rope is InextensibleRope and "stiffness" in parameters:
         allowed = "none with kind 'inextensible-rope', whose links do not stretch"
         fix = "leave it out, or choose kind 'rope'"
-        raise InputError(complaint("stiffness", parameters["stiffness"], allowed, fix))
+        raise bad_value("stiffness", parameters["stiffness"], allowed, fix)
     return rope(**parameters)
 
 
@@ -231,7 +229,7 @@ class TableJob:
             name = "rope" if self._rope_given else "kind"
             given = f"what describes a rope, with problem {spec.problem!r}"
             allowed = "what describes a rope with problem 'rope' only"
-            raise InputError(complaint(name, given, allowed, "leave out one of the two"))
+            raise bad_value(name, given, allowed, "leave out one of the two")
         return load_problem(spec.problem, folder=self.folder, frames=frames)
 
     def _stored(self, named: set[str]) -> Reference:

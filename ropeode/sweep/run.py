@@ -17,7 +17,7 @@ from ropeode.sweep.execution.dask_cluster import DaskCluster
 from ropeode.sweep.execution.engines import Engine, InProcess, LocalProcesses, Work
 from ropeode.sweep.execution.evaluate import evaluate
 from ropeode.sweep.storage.folder import Index, locked, read_index, write_errors
-from ropeode.validation import check_whole, complaint, require
+from ropeode.validation import bad_value, check_whole, require
 
 if TYPE_CHECKING:
     from ropeode.sweep.storage.summary import SweepSummary
@@ -88,7 +88,7 @@ def _check_folder(folder: Path, sweep: SweepSpec, extend: bool) -> Index | None:
     """
     if not folder.parent.is_dir():
         fix = f"create {str(folder.parent)!r}"
-        raise InputError(complaint("folder", str(folder), "a folder in one that exists", fix))
+        raise bad_value("folder", str(folder), "a folder in one that exists", fix)
     index = read_index(folder)
     if index and not extend and (changes := index.changes(_index(sweep))):
         fix = "choose another folder, or extend with --extend"
@@ -138,9 +138,7 @@ def _remove_other_rows(folder: Path, index: Index) -> None:
 def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
     work: Work = functools.partial(evaluate, folder=folder.resolve())
     if workers is not None and scheduler is not None:
-        raise InputError(
-            complaint("workers", workers, "none with a scheduler", "leave out one of the two")
-        )
+        raise bad_value("workers", workers, "none with a scheduler", "leave out one of the two")
     if scheduler is not None:
         return DaskCluster(work, scheduler)
     if workers is None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ropeode.analysis import lyapunov
-from ropeode.analysis.lyapunov import lyapunov_exponent, mean_slope
+from ropeode.analysis.lyapunov import divided, lyapunov_exponent, mean_slope
 from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
@@ -133,3 +133,13 @@ def test_mean_slope_covers_independent_increments():
 def test_faults(more, words):
     with pytest.raises(InputError, match=words):
         lyapunov_exponent(oscillator(), **more)
+
+
+@pytest.mark.parametrize(("frames", "parts"), [(1, 100), (60, 2), (99, 2), (100, 1), (250, 1)])
+def test_frames_are_divided_into_a_hundred_samples_or_more(frames, parts):
+    ts = np.cumsum(np.random.default_rng(3).uniform(0.5, 2.0, frames + 1))
+    times = divided(ts)
+    assert len(times) == frames * parts + 1
+    np.testing.assert_array_equal(times[::parts], ts)
+    within = np.diff(times).reshape(frames, parts)
+    np.testing.assert_allclose(within, np.diff(ts)[:, None] / parts * np.ones(parts), rtol=1e-10)

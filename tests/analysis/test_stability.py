@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import linalg
 
+from ropeode.analysis import stability
 from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
 from ropeode.analysis.stability import growth_per_frame, stability_limit
 from ropeode.errors import InputError
@@ -268,3 +270,24 @@ def test_steppers_that_cannot_run_are_refused():
         growth_per_frame(oscillator(), "explicit-euler", 0)
     with pytest.raises(InputError, match="stepper: 'nonsense' given"):
         stability_limit(oscillator(), "nonsense")
+
+
+@pytest.mark.parametrize(
+    ("unstable", "limit"),
+    [
+        # The search finds 3, which is stable; twice and four times as many are looked at again.
+        ({1, 2, *range(6, 12)}, 12),
+        ({1, 2, *range(10, 14)}, 14),
+        ({1, 2}, 3),
+    ],
+)
+def test_a_stepper_may_be_unstable_again_with_more_steps(monkeypatch, unstable, limit):
+    class Linearised:
+        def __init__(self, *_):
+            pass
+
+        def growth(self, steps):
+            return SimpleNamespace(stable=steps not in unstable)
+
+    monkeypatch.setattr(stability, "_Linearised", Linearised)
+    assert stability_limit(oscillator(), "rk4") == limit

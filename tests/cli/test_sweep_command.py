@@ -14,7 +14,7 @@ from PIL import Image
 from ropeode.cli import sweep as command
 from ropeode.cli.main import cli
 from ropeode.errors import InputError
-from ropeode.sweep.design.spec import COMMENTED_SWEEP
+from ropeode.sweep.design.spec import commented_sweep
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 # The three lines of README: write a spec, run it, draw a map.
@@ -136,4 +136,4 @@ def test_without_dask(swept, monkeypatch):
 
 
 def test_the_commented_spec_can_be_printed():
-    assert call("spec", "sweep").output == COMMENTED_SWEEP
+    assert call("spec", "sweep").output == commented_sweep()

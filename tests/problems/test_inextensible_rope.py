@@ -17,9 +17,8 @@ from ropeode.problems.inextensible_rope import (
     InextensibleRopeArgs,
     acceleration,
     constraints,
-    energy,
 )
-from ropeode.problems.rope import Rope
+from ropeode.problems.rope import Rope, energy_of_nodes
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
@@ -67,7 +66,7 @@ def admissible(draw, **fixed):
 
 
 compiled = functools.cache(jax.jit)
-energy_slope = jax.grad(energy, argnums=1)
+energy_slope = jax.grad(energy_of_nodes, argnums=1)
 
 
 def in_jax(function, *inputs):

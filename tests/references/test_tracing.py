@@ -57,9 +57,7 @@ def key_of(rhs, y0=(1.0,), ts=(0.0, 1.0), args=1.0, solver=DOPRI8, jumps=0):
     leaves, tree = jax.tree.flatten(np.asarray(args))
     abstract = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
     with jax.enable_x64(True):
-        return program_cache._key(
-            Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps, False)
-        )
+        return program_cache._key(Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps))
 
 
 def test_what_differs_in_numbers_only_has_one_trace():

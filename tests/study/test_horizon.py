@@ -9,10 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode.analysis.lyapunov import LyapunovExponent
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.references.extended.taylor import solve
+from ropeode.references.solvers.solver import DOPRI8
 from ropeode.render.formats import format_horizon
 from ropeode.study import horizon as module
 from ropeode.study.horizon import horizon
@@ -140,3 +142,15 @@ def test_every_fault_is_told():
     with pytest.raises(InputError) as raised:
         horizon(oscillator(), [0, -1])
     assert len(raised.value.problems) == 2
+
+
+def test_the_rounding_of_later_steps_adds_up():
+    """Between not at all and all in one direction: ten times the span, at most one digit more."""
+    times = np.arange(11.0)
+    still = [
+        LyapunovExponent(0.0, (0.0, 0.0), 0.0, times, np.zeros((2, 11)), DOPRI8, 1e-10, None)
+    ] * 2
+    need = module._need(1000.0, 18, times, np.full(11, 0.3), still)
+    assert need.lost == pytest.approx(0.3 + 1.0)
+    assert need.interval[0] <= 18 + 0.3
+    assert need.interval[1] >= 18 + 0.3 + 2.0

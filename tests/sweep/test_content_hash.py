@@ -12,7 +12,7 @@ from ropeode.steppers import STEPPERS
 from ropeode.sweep.design import spec as spec_module
 from ropeode.sweep.design.content_hash import SOURCES, software, source_digest
 from ropeode.sweep.design.spec import SweepSpec, read_sweep
-from ropeode.sweep.design.steppers import file_digest, stepper_from, stepper_sources
+from ropeode.sweep.design.steppers import stepper_digest, stepper_from, stepper_sources
 
 VALUES = {
     "steppers": ["rk4"],
@@ -63,6 +63,14 @@ def test_every_change_changes_the_key(cases):
 def test_a_reference_is_shared_by_what_does_not_change_it(cases, what):
     same = cases[what].problem_key == cases["plain"].problem_key
     assert same == (what in SAME_REFERENCE)
+
+
+def test_each_draw_has_a_key_of_its_own():
+    """Also where two draws are equal; they have the same reference."""
+    random = {"count": 2, "seeds": [3, 4], "gravity": {"choice": [[0.0, -1.0]]}}
+    cases = list(SweepSpec({**VALUES, "random": random}).cases())
+    assert len({case.key for case in cases}) == len(cases) == 4
+    assert len({case.problem_key for case in cases}) == 1
 
 
 def test_what_is_written_as_the_default_is_no_change(cases):
@@ -131,11 +139,11 @@ def test_a_users_stepper_counts_by_what_is_in_its_file(tmp_path, monkeypatch):
 def test_a_name_of_a_file_starts_from_the_folder_of_the_spec(tmp_path):
     """As a stepper in a file has it, with and without a name."""
     (tmp_path / "steps.py").write_text("a = 1")
-    digest = file_digest("steps.py", tmp_path)
-    assert digest == file_digest("steps.py:euler", tmp_path) is not None
-    assert {file_digest(name, tmp_path) for name in (*STEPPERS, "diffrax:Heun")} == {None}
+    digest = stepper_digest("steps.py", tmp_path)
+    assert digest == stepper_digest("steps.py:euler", tmp_path) is not None
+    assert {stepper_digest(name, tmp_path) for name in (*STEPPERS, "diffrax:Heun")} == {None}
     (tmp_path / "steps.py").write_text("a = 2")
-    assert file_digest("steps.py", tmp_path) not in (digest, None)
+    assert stepper_digest("steps.py", tmp_path) not in (digest, None)
 
 
 def imported(path: Path) -> set[Path]:

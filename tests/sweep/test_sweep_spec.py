@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ropeode.errors import InputError
 from ropeode.study.spec import TableJob
-from ropeode.sweep.design.spec import COMMENTED_SWEEP, MOST_PROBLEMS, SweepSpec, read_sweep
+from ropeode.sweep.design.spec import MOST_PROBLEMS, SweepSpec, commented_sweep, read_sweep
 
 SMALL = """
 steppers = ["rk4", "semi-implicit-euler"]
@@ -258,14 +258,15 @@ def test_a_fault_is_reported_for_each_value():
 
 def test_the_commented_spec(tmp_path):
     path = tmp_path / "sweep.toml"
-    path.write_text(COMMENTED_SWEEP)
+    text = commented_sweep()
+    path.write_text(text)
     spec = read_sweep(path)
     assert spec.count == 2 * 2 * 2 * 3
     # The lines that are commented out can be used as well.
-    path.write_text(COMMENTED_SWEEP.replace("# accuracy", "accuracy").replace("# rtol", "rtol"))
+    path.write_text(text.replace("# accuracy", "accuracy").replace("# rtol", "rtol"))
     assert read_sweep(path).fields.accuracy == 1e-6
-    start = COMMENTED_SWEEP.index("# [random]")
-    path.write_text(COMMENTED_SWEEP[:start] + COMMENTED_SWEEP[start:].replace("# ", ""))
+    start = text.index("# [random]")
+    path.write_text(text[:start] + text[start:].replace("# ", ""))
     assert read_sweep(path).count == 2 * spec.count
 
 

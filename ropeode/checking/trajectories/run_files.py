@@ -17,7 +17,7 @@ from ropeode.checking.trajectories.sampling import Sampling
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.validation import complaint, finite_number
+from ropeode.validation import complaint, positive_number
 
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
@@ -190,10 +190,7 @@ def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None) -> list[float]
 
 def _positive(file: File, given: Any, faults: list[str]) -> float:
     try:
-        number = finite_number(given)
-        if number <= 0:
-            raise ValueError("it must be above zero")
-        return number
+        return positive_number(given)
     except ValueError as error:
         allowed = f"a finite number > 0 ({error})"
         faults.append(complaint(f"{file.path}, dt", given, allowed, "for example dt = 0.01"))

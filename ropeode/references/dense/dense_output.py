@@ -148,8 +148,8 @@ def _through_the_samples(reference: Reference, dense: Dense) -> Dense:
     times = dense.times[sampled]
     states = reference.states[np.searchsorted(reference.times, times)]
     derivatives = dense.derivatives.copy()
-    count = derivatives.shape[1] - 1
-    derivatives[sampled] = time_derivatives(reference.problem, times, states, count)
+    at_samples = time_derivatives(reference.problem, times, states, _MOST_DERIVATIVES)
+    derivatives[sampled] = at_samples[:, : derivatives.shape[1]]
     return dataclasses.replace(dense, derivatives=derivatives)
 
 

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import platform
-from importlib import metadata
-
 import numpy as np
 
 from ropeode.errors import ReferenceRefused
-from ropeode.norms import distance, motion
+from ropeode.norms import motion
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
-from ropeode.references.certificate import Certificate, Witness, largest_norms, padded
-from ropeode.references.consensus import (
-    FINEST_ACCURACY,
-    RELATIVE_ACCURACY,
-    consensus_reference,
+from ropeode.references.certificate import (
+    Certificate,
+    Witness,
+    default_accuracy,
+    distances,
+    padded,
+    versions,
 )
+from ropeode.references.consensus import consensus_reference
 from ropeode.references.extended.solution import ExtendedSolution, extended_solution
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
@@ -50,8 +50,7 @@ def extended_reference(
         )
     states, accuracy = solution.states[: solution.agreed], options.accuracy
     if accuracy is None:
-        farthest = float(motion(problem, states)[-1])
-        accuracy = max(RELATIVE_ACCURACY * farthest, FINEST_ACCURACY * problem.scale)
+        accuracy = default_accuracy(problem, float(motion(problem, states)[-1]))
     drift = problem.drift(states)
     bounds = {
         quantity: padded(_with_drift(series[: solution.agreed], drift.get(quantity)), problem)
@@ -61,8 +60,8 @@ def extended_reference(
     within = bounds[first] <= accuracy
     trusted = int(np.argmin(np.append(within, False)))
     other = _consensus(problem, accuracy, progress)
-    distances = _distances(problem, states, other) if other else {}
-    contradicted_at = _contradiction(distances[first], bounds[first], other) if other else trusted
+    apart = distances(problem, states, other.states[: other.trusted]) if other else {}
+    contradicted_at = _contradiction(apart[first], bounds[first], other) if other else trusted
     if other and contradicted_at < trusted:
         raise ReferenceRefused(
             f"no extended reference for {problem.name!r}: from t = {problem.ts[contradicted_at]:g} "
@@ -97,13 +96,12 @@ def extended_reference(
             horizon_reason=reason,
             witnesses=(
                 _witness(problem, solution, trusted),
-                *([_independent(problem, other, distances)] if other else []),
+                *([_independent(problem, other, apart)] if other else []),
             ),
             stiff=False,
             seconds=solution.seconds,
             compile_seconds=solution.coarse.compile_seconds + solution.fine.compile_seconds,
-            versions={name: metadata.version(name) for name in _PACKAGES}
-            | {"python": platform.python_version()},
+            versions=versions(*_PACKAGES),
         ),
     )
 
@@ -114,26 +112,18 @@ def _consensus(problem: Problem, accuracy: float, progress: Progress) -> Referen
     The two runs in extended precision use one method, and step over a narrow pulse alike.
     """
     try:
-        return consensus_reference(problem, ReferenceOptions(accuracy), progress)
+        return consensus_reference(problem, ReferenceOptions(accuracy=accuracy), progress)
     except ReferenceRefused:
         return None
 
 
-def _distances(problem: Problem, states: np.ndarray, other: Reference) -> dict[str, np.ndarray]:
-    """The distance of the other reference, for each quantity at each sample that both have."""
-    return {
-        quantity: distance(problem, norm, states, other.states[: other.trusted])
-        for quantity, norm in largest_norms(problem).items()
-    }
-
-
-def _contradiction(distances: np.ndarray, bound: np.ndarray, other: Reference) -> int:
+def _contradiction(apart: np.ndarray, bound: np.ndarray, other: Reference) -> int:
     """The first sample at which two references are further apart than their bounds allow."""
-    too_far = distances > bound[: len(distances)] + other.bound()[: len(distances)]
-    return int(np.argmax(np.append(too_far, True))) if np.any(too_far) else len(bound)
+    too_far = apart > bound[: len(apart)] + other.bound()[: len(apart)]
+    return int(np.argmax(too_far)) if np.any(too_far) else len(bound)
 
 
-def _independent(problem: Problem, other: Reference, distances: dict[str, np.ndarray]) -> Witness:
+def _independent(problem: Problem, other: Reference, apart: dict[str, np.ndarray]) -> Witness:
     """The other reference as a witness, up to its horizon."""
     certificate = other.certificate
     return Witness(
@@ -142,8 +132,8 @@ def _independent(problem: Problem, other: Reference, distances: dict[str, np.nda
         role="independent",
         steps=certificate.steps,
         seconds=certificate.seconds,
-        differences={quantity: padded(series, problem) for quantity, series in distances.items()},
-        difference=float(np.max(distances[problem.quantities[0]])),
+        differences={quantity: padded(series, problem) for quantity, series in apart.items()},
+        difference=float(np.max(apart[problem.quantities[0]])),
     )
 
 

@@ -9,14 +9,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ropeode.norms import NORMS, distance
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
+from ropeode.references.certificate import SAFETY_FACTOR, distances
 from ropeode.references.extended.taylor import ExtendedRun, solve
 from ropeode.validation import check_positive, check_whole
 
-# As for references in float64: the bound is this many times the difference of the runs.
-SAFETY_FACTOR = 3.0
 # The finer run of a pair has so many bits more, and a tolerance that is finer by as much.
 _BITS_APART = 24
 # Bits that the first pair has beyond the digits, enough for problems that lose little.
@@ -107,30 +105,21 @@ class _Pair:
         self.reached = min(self.coarse.reached, self.fine.reached)
         self.states = self.fine.rounded[: self.reached]
         difference = self.coarse.states[: self.reached] - self.fine.states[: self.reached]
-        self.differences = self._distances(difference.astype(np.float64))
+        self.differences = _sizes(problem, difference.astype(np.float64))
         relative = [
             SAFETY_FACTOR * self.differences[quantity] / size
-            for quantity, size in self._sizes().items()
+            for quantity, size in self._largest().items()
         ]
         self.relative = np.maximum.accumulate(np.max(relative, axis=0))
         self.agreed = int(np.sum(self.relative <= 10.0**-digits))
 
-    def _sizes(self) -> dict[str, float]:
+    def _largest(self) -> dict[str, float]:
         """The largest component of each quantity; 1 where nothing moves."""
         largest = {
             quantity: float(np.max(np.abs(self.problem.quantity(quantity, self.states))))
             for quantity in self.problem.quantities
         }
         return {quantity: size or 1.0 for quantity, size in largest.items()}
-
-    def _distances(self, difference: np.ndarray) -> dict[str, np.ndarray]:
-        """Differences of states in the norms of the largest node."""
-        return {
-            quantity: distance(
-                self.problem, NORMS[f"{quantity}-max"], difference, np.zeros_like(difference)
-            )
-            for quantity in self.problem.quantities
-        }
 
     def bits_needed(self) -> int:
         """The precision at which a coarse run would agree to the end, by the loss of this one."""
@@ -146,7 +135,7 @@ class _Pair:
 
     def solution(self, seconds: float, out_of_time: bool) -> ExtendedSolution:
         """The result of the pair."""
-        rounding = self._distances(np.spacing(np.abs(self.states)) / 2)
+        rounding = _sizes(self.problem, np.spacing(np.abs(self.states)) / 2)
         return ExtendedSolution(
             states=self.states,
             bounds={
@@ -173,3 +162,8 @@ class _Pair:
             f"{self.digits} digits are not reached from t = {self.problem.ts[self.agreed]:g} on: "
             f"{why}"
         )
+
+
+def _sizes(problem: Problem, differences: np.ndarray) -> dict[str, np.ndarray]:
+    """The size of differences of states, in the norm of the largest node of each quantity."""
+    return distances(problem, differences, np.zeros_like(differences))

@@ -20,12 +20,12 @@ from ropeode.references.solvers.solver import Solver
 
 SCHEMA = "ropeode.reference/1"
 PROBES = 3
-# Fields of a rope's args that a file has, and their dimensions.
-ROPE_ARRAYS: dict[str, tuple[str, ...]] = {
-    "mass": ("node",),
-    "stiffness": ("spring",),
-    "rest_length": ("spring",),
-    "damping": ("node",),
+# Fields of a rope's args that a file has, their dimensions, and their units.
+ROPE_ARRAYS: dict[str, tuple[str, str]] = {
+    "mass": ("node", "mass"),
+    "stiffness": ("spring", "mass frame-2"),
+    "rest_length": ("spring", "length"),
+    "damping": ("node", "mass frame-1"),
 }
 
 
@@ -58,13 +58,10 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
         ),
     }
     for quantity in problem.quantities:
-        if problem.mechanics is None:
-            dims, values = ("time", *_state_dims(problem)), reference.states
-        else:
-            dims = ("time", "node", "component")
-            values = problem.quantity(quantity, reference.states)
+        dims, values = _in_file(problem, quantity, reference.states)
         missing = np.full((len(problem.ts) - len(values), *values.shape[1:]), np.nan)
-        arrays[quantity] = Array(dims, np.concatenate([values, missing]), quantity, units[quantity])
+        whole = np.concatenate([values, missing])
+        arrays[quantity] = Array(("time", *dims), whole, quantity, units[quantity])
         for name, long_name, series in (
             ("bound", "estimated error bound of the worst node", certificate.bounds),
             ("drift", "distance from the constraints", certificate.drift),
@@ -80,9 +77,9 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
         )
     if rope:
         args = problem.args
-        for name, dims in ROPE_ARRAYS.items():
+        for name, (dim, unit) in ROPE_ARRAYS.items():
             if hasattr(args, name):
-                arrays[name] = Array(dims, np.asarray(getattr(args, name)), name, _rope_unit(name))
+                arrays[name] = Array((dim,), np.asarray(getattr(args, name)), name, unit)
         arrays["gravity"] = Array(
             ("component",), np.asarray(args.gravity)[:, 0], "acceleration", "length frame-2"
         )
@@ -187,10 +184,7 @@ def _dense_arrays(
     nodes, count = dense.derivatives.shape[:2]
     rows = dense.derivatives.reshape(-1, *problem.y0.shape)
     for quantity in problem.quantities:
-        if problem.mechanics is None:
-            dims, values = _state_dims(problem), rows
-        else:
-            dims, values = ("node", "component"), problem.quantity(quantity, rows)
+        dims, values = _in_file(problem, quantity, rows)
         arrays[f"dense_{quantity}"] = Array(
             ("dense_time", "derivative", *dims),
             values.reshape(nodes, count, *values.shape[1:]),
@@ -204,6 +198,15 @@ def _dense_arrays(
             units[quantity],
         )
     return arrays
+
+
+def _in_file(
+    problem: Problem, quantity: str, states: np.ndarray
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """A quantity of states in a file's layout: the names of its dimensions, and its values."""
+    if problem.mechanics is None:
+        return _state_dims(problem), states
+    return ("node", "component"), problem.quantity(quantity, states)
 
 
 def _joined(problem: Problem, values: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -256,15 +259,6 @@ def _state_dims(problem: Problem) -> tuple[str, ...]:
 
 def _is_rope(problem: Problem) -> bool:
     return all(hasattr(problem.args, name) for name in ("rest_length", "gravity", "free", "mass"))
-
-
-def _rope_unit(name: str) -> str:
-    return {
-        "mass": "mass",
-        "stiffness": "mass frame-2",
-        "rest_length": "length",
-        "damping": "mass frame-1",
-    }[name]
 
 
 def _plain(value: Any) -> Any:

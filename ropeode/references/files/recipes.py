@@ -15,10 +15,9 @@ from ropeode.files import read_text
 from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
-from ropeode.references.certificate import Level
-from ropeode.references.options import DIGITS, TIME_LIMIT, ReferenceOptions
+from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
-from ropeode.validation import Input, Positive, WholePositive, complaint, field, unknown
+from ropeode.validation import Input, Positive, complaint, field, unknown
 
 
 def _library_problem(value: str) -> str:
@@ -42,18 +41,15 @@ class Published(Input):
     uncertainty: Positive = field(..., allowed="a finite number > 0", example="1e-14")
 
 
-class Recipe(Input):
+class Recipe(ReferenceOptions):
     """A problem of the library, and the options of its reference.
 
     Arguments:
         title: one line.
         problem: its name.
         parameters: of the problem.
-        level: as for `ropeode.reference`, like the next three.
-        accuracy: None for the default.
-        digits: of an extended reference.
-        time_limit: of an extended reference, in seconds.
         published: values from the literature, where there are any.
+        others: the `ReferenceOptions`.
 
     Raises:
         InputError: one line for each that cannot be used.
@@ -64,10 +60,6 @@ class Recipe(Input):
         ..., allowed="the name of a problem of the library", example='"rope"'
     )
     parameters: dict[str, Any] = field(..., allowed="a table", example="{ frames = 20 }")
-    level: Level = field("consensus", allowed="consensus or extended", example='"extended"')
-    accuracy: Positive | None = field(None, allowed="a finite number > 0", example="1e-6")
-    digits: WholePositive = field(DIGITS, allowed="a whole number >= 1", example="24")
-    time_limit: Positive = field(TIME_LIMIT, allowed="a finite number > 0", example="600")
     published: Published | None = field(
         None, allowed="a table", example='{ source = "...", values = [1.0], uncertainty = 1e-14 }'
     )
@@ -79,9 +71,8 @@ class Recipe(Input):
     @property
     def options(self) -> ReferenceOptions:
         """The options of its reference."""
-        return ReferenceOptions(
-            self.accuracy, level=self.level, digits=self.digits, time_limit=self.time_limit
-        )
+        names = ReferenceOptions.model_fields
+        return ReferenceOptions(**{name: getattr(self, name) for name in names})
 
     def published_error(self, reference: Reference) -> float | None:
         """The distance of the last sample from the published values; None if there are none.

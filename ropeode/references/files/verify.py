@@ -79,7 +79,9 @@ def verify_reference(
     recomputed = reference_for(
         dataclasses.replace(stored.problem, ts=times),
         ReferenceOptions(
-            stored.certificate.accuracy, level=stored.certificate.level, time_limit=time_limit
+            accuracy=stored.certificate.accuracy,
+            level=stored.certificate.level,
+            time_limit=time_limit,
         ),
         progress,
     )

@@ -8,6 +8,7 @@ than all runs of a reference.
 # pyright: reportAssignmentType=false, reportCallIssue=false
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -46,23 +47,28 @@ SOLVERS: dict[Solver, Callable[[Any, Any], diffrax.AbstractSolver]] = {
 }
 
 
-class _StepLimit(diffrax.AbstractAdaptiveStepSizeController):
+class _Wrapper(diffrax.AbstractAdaptiveStepSizeController):
+    """A controller that lets another one choose, and changes its choice."""
+
+    controller: diffrax.AbstractAdaptiveStepSizeController
+
+    rtol = property(lambda self: self.controller.rtol)
+    atol = property(lambda self: self.controller.atol)
+    norm = property(lambda self: self.controller.norm)
+
+    def wrap(self, direction: Any) -> _Wrapper:
+        """Pass the direction of time on."""
+        return dataclasses.replace(self, controller=self.controller.wrap(direction))
+
+
+class _StepLimit(_Wrapper):
     """A controller that gives up after a number of steps that is an input of the program.
 
     `diffeqsolve(max_steps=...)` is a constant of the program, and would cost a compilation for
     each rung of a tolerance ladder.
     """
 
-    controller: diffrax.AbstractAdaptiveStepSizeController
     limit: Any
-
-    rtol = property(lambda self: self.controller.rtol)
-    atol = property(lambda self: self.controller.atol)
-    norm = property(lambda self: self.controller.norm)
-
-    def wrap(self, direction: Any) -> _StepLimit:
-        """Pass the direction of time on."""
-        return _StepLimit(self.controller.wrap(direction), self.limit)
 
     def init(self, *inputs: Any) -> tuple:
         """Start the count beside the inner controller's state."""
@@ -79,23 +85,14 @@ class _StepLimit(diffrax.AbstractAdaptiveStepSizeController):
         return *choice, (count, inner), result
 
 
-class _LongestSteps(diffrax.AbstractAdaptiveStepSizeController):
+class _LongestSteps(_Wrapper):
     """A controller that takes no step longer than the frame in which it starts allows.
 
     `PIDController(dtmax=...)` knows one length for all frames.
     """
 
-    controller: diffrax.AbstractAdaptiveStepSizeController
     ts: Any
     longest: Any
-
-    rtol = property(lambda self: self.controller.rtol)
-    atol = property(lambda self: self.controller.atol)
-    norm = property(lambda self: self.controller.norm)
-
-    def wrap(self, direction: Any) -> _LongestSteps:
-        """Pass the direction of time on."""
-        return _LongestSteps(self.controller.wrap(direction), self.ts, self.longest)
 
     def init(self, *inputs: Any) -> tuple:
         """Shorten the first step."""
@@ -108,7 +105,7 @@ class _LongestSteps(diffrax.AbstractAdaptiveStepSizeController):
         return keep, t0, self._shortened(t0, t1), *more
 
     def _shortened(self, t0: Any, t1: Any) -> Any:
-        frame = jnp.searchsorted(self.ts, t0, side="right") - 1
+        frame = jnp.searchsorted(self.ts, t0, side="right", method="compare_all") - 1
         return jnp.minimum(t1, t0 + self.longest[jnp.clip(frame, 0, len(self.longest) - 1)])
 
 
@@ -130,12 +127,8 @@ def solution_of(family: Family) -> Callable:
     def run(
         y0: Any, leaves: Any, ts: Any, jump_ts: Any, rtol: Any, atol: Any, limit: Any, longest: Any
     ) -> Any:
-        if family.own_lengths:
-            inner = _LongestSteps(diffrax.PIDController(rtol=rtol, atol=atol), ts, longest)
-        else:
-            inner = diffrax.PIDController(rtol=rtol, atol=atol, dtmax=longest)
         controller = diffrax.ClipStepSizeController(
-            inner,
+            _LongestSteps(diffrax.PIDController(rtol=rtol, atol=atol), ts, longest),
             step_ts=ts,
             jump_ts=jump_ts if family.jumps else None,
         )

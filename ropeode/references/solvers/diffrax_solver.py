@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import jax
 import numpy as np
@@ -42,7 +41,7 @@ def solve(
         y0: initial state; by default the problem's.
     """
     start = problem.y0 if y0 is None else y0
-    longest = np.float64(np.inf) if longest_steps is None else _one_or_each(longest_steps)
+    longest = np.full(problem.frames, np.inf) if longest_steps is None else longest_steps
     leaves, tree = jax.tree.flatten(problem.args)
     samples = len(problem.ts)
     # Powers of two, so that few programs serve all numbers of samples.
@@ -57,7 +56,6 @@ def solve(
             tuple((leaf.shape, leaf.dtype) for leaf in leaves),
             samples + spare,
             len(problem.jump_times),
-            longest.ndim == 1,
         )
     )
     compile_seconds = time.perf_counter() - started
@@ -95,8 +93,3 @@ def solve(
         compile_seconds=compile_seconds if fresh else 0.0,
         failure=failure,
     )
-
-
-def _one_or_each(longest: np.ndarray) -> Any:
-    """One length where all are the same but for rounding."""
-    return np.mean(longest) if np.ptp(longest) <= 1e-9 * np.max(longest) else longest

@@ -24,7 +24,6 @@ class Family:
         args_leaves: shape and dtype of each array in it.
         times: how many sample times; the last one may stand there several times.
         jumps: how many jump times.
-        own_lengths: whether each frame has a longest step of its own.
     """
 
     solver: Solver
@@ -34,7 +33,6 @@ class Family:
     args_leaves: tuple[tuple[tuple[int, ...], Any], ...]
     times: int
     jumps: int
-    own_lengths: bool
 
     def field(self, t: Any, y: Any, leaves: Any) -> Any:
         """The right-hand side for flat states: one flat array is diffrax's fastest form."""
@@ -52,7 +50,7 @@ class Family:
             number,
             number,
             abstract((), np.int64),
-            abstract((self.times - 1,) if self.own_lengths else ()),
+            abstract((self.times - 1,)),
         )
 
 

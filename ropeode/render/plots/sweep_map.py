@@ -20,7 +20,7 @@ from ropeode.errors import InputError
 from ropeode.render.plots.style import STYLE, WIDTH, new_figure, new_grid, wrapped
 from ropeode.sweep.design.columns import COLUMNS, INPUTS
 from ropeode.sweep.storage.load import load_sweep
-from ropeode.validation import complaint, unknown
+from ropeode.validation import bad_value, unknown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -161,17 +161,17 @@ def _chosen(frame: Frame, x: str, y: str, value: str, where: dict[str, Any]) -> 
     if value not in numbers:
         raise InputError(unknown("value", value, numbers))
     if x == y:
-        raise InputError(complaint("y", y, "an input other than x", "choose another"))
+        raise bad_value("y", y, "an input other than x", "choose another")
     if frame.empty:
         allowed = "a sweep with at least one finished case"
-        raise InputError(complaint("sweep", "no finished case", allowed, "run the sweep first"))
+        raise bad_value("sweep", "no finished case", allowed, "run the sweep first")
     for name, wanted in where.items():
         values = list(frame[name].dropna().unique())
         equal = [each for each in values if str(each) == str(wanted) or _equal(each, wanted)]
         if not equal:
             allowed = _listed(values) or "nothing, since no row has a value"
             fix = "choose one of these" if values else "leave it out"
-            raise InputError(complaint(f"where {name}", wanted, allowed, fix))
+            raise bad_value(f"where {name}", wanted, allowed, fix)
         frame = frame[frame[name] == equal[0]]
     return frame
 

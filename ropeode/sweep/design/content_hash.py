@@ -13,17 +13,12 @@ from typing import Any
 
 import jax
 
+from ropeode.files import read_bytes
+
 # The packages that compute a row; diffrax's solvers come from the last three.
 PACKAGES = (
-    "ropeode",
-    "diffrax",
-    "jax",
-    "jaxlib",
-    "numpy",
-    "scipy",
-    "equinox",
-    "lineax",
-    "optimistix",
+    *("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy"),
+    *("equinox", "lineax", "optimistix"),
 )
 # The parts of this package that compute a row, with everything that they import from it.
 SOURCES = (
@@ -58,25 +53,34 @@ def digest(value: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def file_digest(what: str, path: Path) -> str:
+    """The sha256 of a user's file.
+
+    Arguments:
+        what: it defines, for the message.
+        path: of the file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    return hashlib.sha256(read_bytes(what, path)).hexdigest()
+
+
+@functools.cache
 def software(level: str = "consensus") -> Mapping[str, str]:
     """The versions of all software that computes a row, and the kind of machine.
 
     Arguments:
         level: of the references; extended ones are computed by heyoka.
     """
-    if level != "extended":
-        return _software()
-    try:
-        heyoka = metadata.version("heyoka")
-    except metadata.PackageNotFoundError:
-        heyoka = "not installed"
-    return {**_software(), "heyoka": heyoka}
-
-
-@functools.lru_cache(maxsize=1)
-def _software() -> Mapping[str, str]:
+    versions = {name: metadata.version(name) for name in PACKAGES}
+    if level == "extended":
+        try:
+            versions["heyoka"] = metadata.version("heyoka")
+        except metadata.PackageNotFoundError:
+            versions["heyoka"] = "not installed"
     return {
-        **{name: metadata.version(name) for name in PACKAGES},
+        **versions,
         "python": platform.python_version(),
         "machine": platform.machine(),
         "backend": jax.default_backend(),

@@ -63,6 +63,42 @@ def _choices(value: Any) -> tuple[Any, ...]:
     return tuple(value)
 
 
+def _seeds(value: Any) -> tuple[int, ...]:
+    if not isinstance(value, (list, tuple)) or not value:
+        raise ValueError("at least one is needed, in a list")
+    seeds = tuple(whole_number(each, at_least=0) for each in value)
+    if max(seeds) >= _MOST_SEEDS:
+        raise ValueError(f"{max(seeds)} is above 2^63 - 1")
+    if len(set(seeds)) < len(seeds):
+        raise ValueError("one is repeated")
+    return seeds
+
+
+def _count(value: Any) -> int:
+    if (count := whole_number(value, at_least=1)) > _MOST_DRAWS:
+        raise ValueError(f"{count} is above 2^32")
+    return count
+
+
+class Draws(Input):
+    """How many draws there are.
+
+    Arguments:
+        count: draws for each seed.
+        seeds: of the random numbers.
+
+    Raises:
+        InputError: one line for each that cannot be used.
+    """
+
+    count: Annotated[int, BeforeValidator(_count)] = field(
+        1, allowed="a whole number from 1 to 2^32", example="100"
+    )
+    seeds: Annotated[tuple[int, ...], BeforeValidator(_seeds)] = field(
+        (0,), allowed="different whole numbers >= 0", example="[0, 1]"
+    )
+
+
 class Distribution(Input):
     """The distribution of a parameter: one of the four.
 
@@ -177,31 +213,3 @@ def _between_logarithms(low: float, high: float, fraction: float) -> float:
         ratio = decimal.Decimal(high) / decimal.Decimal(low)
         drawn = float(decimal.Decimal(low) * (ratio.ln() * decimal.Decimal(fraction)).exp())
     return min(max(drawn, low), high)
-
-
-def check_seeds(value: Any) -> tuple[int, ...]:
-    """Seeds, each once.
-
-    Raises:
-        ValueError: one is not a whole number from 0 on, or is repeated.
-    """
-    if not isinstance(value, (list, tuple)) or not value:
-        raise ValueError("at least one is needed, in a list")
-    seeds = tuple(whole_number(each, at_least=0) for each in value)
-    if max(seeds) >= _MOST_SEEDS:
-        raise ValueError(f"{max(seeds)} is above 2^63 - 1")
-    if len(set(seeds)) < len(seeds):
-        raise ValueError("one is repeated")
-    return seeds
-
-
-def check_count(value: Any) -> int:
-    """The number of draws for each seed.
-
-    Raises:
-        ValueError: it is not a whole number from 1 to 2^32.
-    """
-    count = whole_number(value, at_least=1)
-    if count > _MOST_DRAWS:
-        raise ValueError(f"{count} is above 2^32")
-    return count

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 import functools
-import hashlib
 import inspect
 import json
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.files import read_bytes
 from ropeode.problems.files import as_problem, file_and_name, named_in_file
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.study.spec import rope_of
 from ropeode.sweep.design.columns import COLUMNS, Column
-from ropeode.validation import check_whole, complaint, unknown
+from ropeode.sweep.design.content_hash import file_digest
+from ropeode.validation import bad_value, check_whole, complaint, unknown
 
 # The product of four numbers of this size still fits into a float64.
 _MODERATE = 1e60
@@ -32,8 +30,10 @@ _TYPES: Mapping[type, Any] = {bool: "bool", int: "int64", float: "double", str: 
 
 
 @dataclasses.dataclass(frozen=True)
-class ProblemFactory(abc.ABC):
-    """Builds problems that differ in their parameters; `frames` is one of these.
+class ProblemFactory:
+    """Builds the problems of the library that differ in their parameters, `frames` among them.
+
+    Ropes and problems in users' files have factories of their own, derived from this one.
 
     Arguments:
         name: of the problem, as in the spec.
@@ -41,12 +41,11 @@ class ProblemFactory(abc.ABC):
 
     name: str
 
-    @property
-    @abc.abstractmethod
+    @functools.cached_property
     def defaults(self) -> Mapping[str, Any]:
         """The parameters and their defaults."""
+        return _parameters(PROBLEMS[self.name])
 
-    @abc.abstractmethod
     def build(self, parameters: Mapping[str, Any]) -> Problem:
         """The problem with these parameters.
 
@@ -54,11 +53,7 @@ class ProblemFactory(abc.ABC):
             InputError: one line for each parameter that cannot be used.
             UserCodeError: the user's code raised.
         """
-
-    @property
-    def required(self) -> list[str]:
-        """The parameters that have no default."""
-        return [name for name, default in self.defaults.items() if default is _REQUIRED]
+        return PROBLEMS[self.name](**parameters)
 
     @property
     def identity(self) -> Mapping[str, str]:
@@ -68,13 +63,8 @@ class ProblemFactory(abc.ABC):
     def complete(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """All parameters as plain JSON values: the same however the given ones are written.
 
-        Raises:
-            InputError: one line for each that cannot be used, where that is seen at once.
+        They are not checked; where one cannot be used, the problem cannot be built.
         """
-        return self.with_defaults(given)
-
-    def with_defaults(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """All parameters, whether they can be used or not."""
         defaults = {name: value for name, value in self.defaults.items() if value is not _REQUIRED}
         return {
             name: _typed_like(value, self.defaults.get(name))
@@ -95,13 +85,24 @@ class ProblemFactory(abc.ABC):
         Raises:
             InputError: one does not exist.
         """
-        faults = [
-            unknown(f"{table} parameter of {self.name!r}", name, self.defaults)
-            for name in given
-            if name not in self.defaults
-        ]
-        if faults:
-            raise InputError(faults)
+        kind = f"{table} parameter of {self.name!r}"
+        names = [name for name in given if name not in self.defaults]
+        if names:
+            raise InputError(unknown(kind, name, self.defaults) for name in names)
+
+    def check_required(self, given: Container[str]) -> None:
+        """See that every parameter without a default has a value.
+
+        Arguments:
+            given: names of parameters that have one.
+
+        Raises:
+            InputError: one has none.
+        """
+        required = [name for name, default in self.defaults.items() if default is _REQUIRED]
+        allowed = f"a value: {self.name!r} has no default for it"
+        if missing := [name for name in required if name not in given]:
+            raise InputError(complaint(name, None, allowed, "add it") for name in missing)
 
     def columns(self, sample: Mapping[str, Any]) -> dict[str, Column]:
         """A column for each parameter; JSON unless the default is one number or word.
@@ -109,14 +110,13 @@ class ProblemFactory(abc.ABC):
         Arguments:
             sample: parameters of a problem; they give the type where there is no default.
         """
-        return {
-            name: Column(
-                _TYPES.get(
-                    type(sample[name] if default in (_REQUIRED, None) else default), "string"
-                ),
-                f"parameter of {self.name}",
-            )
+        typical = {
+            name: sample[name] if default in (_REQUIRED, None) else default
             for name, default in self.defaults.items()
+        }
+        return {
+            name: Column(_TYPES.get(type(value), "string"), f"parameter of {self.name}")
+            for name, value in typical.items()
         }
 
 
@@ -130,19 +130,24 @@ class RopeFactory(ProblemFactory):
 
     def complete(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """See `ProblemFactory`."""
-        rest = {**given}
-        frames = check_whole("frames", rest.pop("frames", 20), at_least=1, example="20")
-        return {"frames": frames, **rope_of(self.name, rest).model_dump(mode="json")}
+        try:
+            frames, rope = self._checked(given)
+        except InputError:
+            return super().complete(given)
+        return {"frames": frames, **rope.model_dump(mode="json")}
 
     def check(self, parameters: Mapping[str, Any]) -> None:
         """See `ProblemFactory`."""
-        self.complete(parameters)
+        self._checked(parameters)
+
+    def _checked(self, given: Mapping[str, Any]) -> tuple[int, Any]:
+        rest = {**given}
+        frames = check_whole("frames", rest.pop("frames", 20), at_least=1, example="20")
+        return frames, rope_of(self.name, rest)
 
     def build(self, parameters: Mapping[str, Any]) -> Problem:
         """See `ProblemFactory`."""
-        rest = {**parameters}
-        frames = rest.pop("frames", 20)
-        rope = rope_of(self.name, rest)
+        frames, rope = self._checked(parameters)
         nodes = rope.nodes()
         y0, args = np.stack([nodes.x0, nodes.v0]), rope.args(nodes)
         if rope.num_nodes < 2 or not _moderate(y0, *args):
@@ -168,19 +173,6 @@ def _moderate(*numbers: np.ndarray) -> bool:
     return bool(np.all((sizes == 0) | ((sizes > 1 / _MODERATE) & (sizes < _MODERATE))))
 
 
-class LibraryFactory(ProblemFactory):
-    """Builds any other problem of the library."""
-
-    @functools.cached_property
-    def defaults(self) -> Mapping[str, Any]:
-        """See `ProblemFactory`."""
-        return _parameters(PROBLEMS[self.name])
-
-    def build(self, parameters: Mapping[str, Any]) -> Problem:
-        """See `ProblemFactory`."""
-        return PROBLEMS[self.name](**parameters)
-
-
 @dataclasses.dataclass(frozen=True)
 class FileFactory(ProblemFactory):
     """Builds the problem that a name in a user's Python file stands for.
@@ -201,10 +193,10 @@ class FileFactory(ProblemFactory):
     @functools.cached_property
     def _definition(self) -> Any:
         definition = named_in_file(self.name, self.folder)
-        if _file_digest(self.name, self.folder) != self.digest:
+        if _digest(self.name, self.folder) != self.digest:
             allowed = "the file as it was when the sweep was read"
             fix = "do not change it while the sweep runs"
-            raise InputError(complaint("problem", self.name, allowed, fix))
+            raise bad_value("problem", self.name, allowed, fix)
         return definition
 
     @functools.cached_property
@@ -222,10 +214,8 @@ class FileFactory(ProblemFactory):
         return as_problem(self._definition, self.name, rest.pop("frames", None), **rest)
 
 
-@functools.lru_cache(maxsize=4)
-def _file_factory(name: str, folder: Path, digest: str) -> FileFactory:
-    """Cached, so that a file's functions, and thus their compiled programs, stay the same."""
-    return FileFactory(name, folder, digest)
+# Cached, so that a file's functions, and thus their compiled programs, stay the same.
+_file_factory = functools.lru_cache(maxsize=4)(FileFactory)
 
 
 def problem_factory(name: str, folder: Path) -> ProblemFactory:
@@ -240,27 +230,20 @@ def problem_factory(name: str, folder: Path) -> ProblemFactory:
         UserCodeError: the user's file raised.
     """
     if ":" in name or name.endswith(".py"):
-        factory: ProblemFactory = _file_factory(name, folder, _file_digest(name, folder))
-    elif name in ROPES:
-        factory = RopeFactory(name)
+        factory: ProblemFactory = _file_factory(name, folder, _digest(name, folder))
     elif name in PROBLEMS:
-        factory = LibraryFactory(name)
+        factory = RopeFactory(name) if name in ROPES else ProblemFactory(name)
     else:
         raise InputError(unknown("problem", name, [*PROBLEMS, "FILE.py:NAME"]))
     if clashes := [each for each in factory.defaults if each in COLUMNS]:
         allowed = "parameters that are not named like a column of the sweep's table"
-        raise InputError(complaint("problem", clashes[0], allowed, f"rename it in {name}"))
+        raise bad_value("problem", clashes[0], allowed, f"rename it in {name}")
     return factory
 
 
-def _file_digest(name: str, folder: Path) -> str:
-    """The sha256 of a user's problem file.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+def _digest(name: str, folder: Path) -> str:
     path, _ = file_and_name(name, folder)
-    return hashlib.sha256(read_bytes("problem", path)).hexdigest()
+    return file_digest("problem", path)
 
 
 def column_values(columns: Mapping[str, Column], parameters: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, PlainValidator
 
 from ropeode.errors import InputError
 from ropeode.norms import norm_for
 from ropeode.problems.checks import run as run_checks
 from ropeode.problems.problem import Problem
-from ropeode.study.accuracy_table import check_steps, default_steppers
+from ropeode.study.accuracy_table import StepsPerFrame, check_steps, default_steppers
 from ropeode.study.spec import StudySpec, kind_apart, read_spec
 from ropeode.sweep.design.cases import Case, Settings, Task
 from ropeode.sweep.design.columns import COLUMNS, Column
@@ -23,7 +24,7 @@ from ropeode.sweep.design.distributions import Distribution
 from ropeode.sweep.design.problem_factory import problem_factory
 from ropeode.sweep.design.steppers import StepperSource, stepper_from, stepper_sources
 from ropeode.sweep.design.tables import NAMES, OF_RUNS, Tables, repeated
-from ropeode.validation import complaint, field
+from ropeode.validation import bad_value, complaint, field
 
 DEFAULT_STEPS_PER_FRAME = (16, 32, 64)
 DEFAULT_ORDER_FACTORS = (1, 2, 4, 8)
@@ -41,10 +42,6 @@ _MOST_BYTES = 2**26
 _SHAPES = ("frames", "num_nodes", "num_masses", "start")
 # Problems that are sorted by shape at a time, so that memory is bounded.
 _SORTED_AT_ONCE = 1024
-
-
-def _steps(value: Any) -> tuple[int, ...]:
-    return tuple(check_steps(value))
 
 
 def _factors(value: Any) -> tuple[int, ...]:
@@ -69,7 +66,7 @@ class SweepFields(StudySpec):
     """
 
     steppers: Any = field(None, allowed="names of steppers", example='["rk4"]')
-    steps_per_frame: Annotated[tuple[int, ...], BeforeValidator(_steps)] = field(
+    steps_per_frame: Annotated[StepsPerFrame, PlainValidator(check_steps)] = field(
         DEFAULT_STEPS_PER_FRAME, allowed="different whole numbers >= 1", example="[16, 32, 64]"
     )
     order_factors: Annotated[tuple[int, ...], BeforeValidator(_factors)] = field(
@@ -108,16 +105,16 @@ class SweepSpec:
             checked["fields"] = SweepFields(**rest)
             checked["fields"].check_level()
 
-        run_checks(
-            check_fields,
-            lambda: checked.update(steppers=_sources(rest.get("steppers"), folder)),
-            lambda: checked.update(tables=Tables(tables)),
-        )
+        def check_steppers() -> None:
+            given = rest.get("steppers")
+            checked["steppers"] = None if given is None else stepper_sources(given, folder)
+
+        run_checks(check_fields, check_steppers, lambda: checked.update(tables=Tables(tables)))
         self.fields: SweepFields = checked["fields"]
         rope = self.fields.problem == "rope"
         if not rope and self.fields.kind != "rope":
             allowed = "none with a problem other than 'rope'"
-            raise InputError(complaint("kind", self.fields.kind, allowed, "leave it out"))
+            raise bad_value("kind", self.fields.kind, allowed, "leave it out")
         name = self.fields.kind if rope else self.fields.problem
         self._factory = problem_factory(name, folder)
         self._set_design(checked["tables"])
@@ -233,17 +230,11 @@ class SweepSpec:
         """The cases of a problem."""
         given, seed, draw = self._given(index)
         settings = self._settings
-        steppers = [given.pop("stepper")] if "stepper" in given else settings.steppers
-        steps = (
-            [given.pop("steps_per_frame")]
-            if "steps_per_frame" in given
-            else self.fields.steps_per_frame
-        )
-        try:
-            parameters = self._factory.complete(given)
-        except InputError:
-            # A case like others until its problem is built; then a row says why it failed.
-            parameters = self._factory.with_defaults(given)
+        label = given.pop("stepper", None)
+        steppers = settings.steppers if label is None else [label]
+        n = given.pop("steps_per_frame", None)
+        steps = self.fields.steps_per_frame if n is None else [n]
+        parameters = self._factory.complete(given)
         problem_key = settings.problem_key(parameters)
         runs = [(stepper, n) for stepper in steppers for n in steps]
         for number, (stepper, n) in enumerate(runs, index * self._per_problem):
@@ -302,25 +293,15 @@ class SweepSpec:
             lambda: factory.check_names(fixed, "fixed"),
             lambda: factory.check_names(grid, "grid"),
             lambda: factory.check_names(parameters, "random"),
-            lambda: self._check_required({**fixed, **grid, **drawn}),
-            lambda: tables.check_runs(),
+            lambda: factory.check_required({**fixed, **grid, **drawn}),
+            tables.check_runs,
             lambda: self._check_lists(drawn),
         )
         self._fixed, self._drawn = fixed, drawn
-        self._seeds, self._draws = tables.seeds, tables.draws
+        self._seeds = tables.draws.seeds if drawn else ()
+        self._draws = tables.draws.count
         # Parameters that determine shapes change last, so that few shapes alternate.
         self._grid = dict(sorted(grid.items(), key=lambda item: item[0] not in _SHAPES))
-
-    def _check_required(self, given: Mapping[str, Any]) -> None:
-        faults = [
-            complaint(
-                name, None, f"a value: {self._factory.name!r} has no default for it", "add it"
-            )
-            for name in self._factory.required
-            if name not in given
-        ]
-        if faults:
-            raise InputError(faults)
 
     def _check_lists(self, drawn: Mapping[str, Distribution]) -> None:
         if "num_nodes" in self._factory.defaults:
@@ -346,12 +327,8 @@ class SweepSpec:
         examples = [*self._examples()]
         run_checks(*(lambda each=each: factory.check(each) for each in examples))
         built: list[Problem] = []
-        run_checks(
-            *(
-                lambda each=each: built.append(factory.build(each))
-                for each in examples[:_MOST_BUILT]
-            )
-        )
+        some = examples[:_MOST_BUILT]
+        run_checks(*(lambda each=each: built.append(factory.build(each)) for each in some))
         if "stepper" in self._drawn:
             steppers = stepper_sources(self._drawn["stepper"].extremes, folder)
             self._drawn["stepper"] = Distribution(choice=tuple(steppers))
@@ -398,8 +375,9 @@ class SweepSpec:
                 yield example({**first}, {**ends, name: end})
 
 
-def _sources(given: Any, folder: Path) -> dict[str, StepperSource] | None:
-    return None if given is None else stepper_sources(given, folder)
+def commented_sweep() -> str:
+    """A spec file in which comments say what each value means."""
+    return resources.files("ropeode.sweep.design").joinpath("commented.toml").read_text("utf-8")
 
 
 def read_sweep(path: Path) -> SweepSpec:
@@ -413,72 +391,3 @@ def read_sweep(path: Path) -> SweepSpec:
         UserCodeError: the user's problem file raised.
     """
     return SweepSpec(read_spec(path), Path(path).parent)
-
-
-COMMENTED_SWEEP = """\
-# `ropeode sweep THIS-FILE -o FOLDER` runs every stepper with every number of steps on every
-# problem of a design, and writes one row for each case. Rows that are in the folder already are
-# not computed again; with --extend the design may grow by values, draws, seeds, steppers or steps.
-
-# "rope", another problem of the library (pendulum, kepler, lorenz, van-der-pol, ...), or your
-# own: "FILE.py:NAME", where NAME is a function of parameters that returns a Problem.
-problem = "rope"
-
-# With problem "rope": nodes joined by springs ("rope") or by rigid links ("inextensible-rope",
-# without a stiffness).
-kind = "rope"
-
-# `ropeode steppers` lists them with their options, as in "stormer-verlet:start=rest". Your own is
-# "FILE.py:NAME"; "diffrax:Heun" and "scipy:RK45" work too. By default those of `ropeode table`
-# that can run on the problem.
-steppers = ["semi-implicit-euler", "rk4"]
-
-# Step sizes: dt = frame / steps_per_frame.
-steps_per_frame = [16, 32, 64]
-
-# The order at n steps per frame is observed from runs with n times each of these. [] for none.
-order_factors = [1, 2, 4, 8]
-
-# Whether to compute the largest step size at which a rope can hang still.
-largest_stable_dt = false
-
-# How an error is measured: position-max, position-rms, velocity-max or velocity-rms; for
-# problems that are not mechanical state-max or state-rms.
-norm = "position-max"
-
-# The largest error bound of a reference that is still trusted; by default 1e-8 of how far
-# the nodes move.
-# accuracy = 1e-6
-
-# Relative tolerance of the references; by default as tight as gains anything.
-# rtol = 1e-12
-
-# "consensus" of float64 solvers, or "extended" precision, which needs heyoka:
-# pip install '.[extended]'.
-level = "consensus"
-
-# With level "extended": the digits to which two runs must agree, and their time limit in seconds.
-# digits = 18
-# time_limit = 60
-
-# Parameters that all ropes share; any other has its default. For other problems: [parameters].
-[rope]
-gravity = [0.0, -1.0]
-initial_velocity = [0.0, 0.0]
-
-# Every combination of these values. Any parameter of the problem may stand here.
-[grid]
-num_nodes = [8, 16]
-damping = [0.01, 0.1]
-frames = [20]
-
-# Random draws: `count` draws for each seed, each of them at every point of the grid. A draw is
-# { uniform = [0.0, 0.1] }, { log_uniform = [10.0, 1000.0] }, { integers = [4, 32] } or
-# { choice = [1.0, 2.0] }. Ends that are lists are those of each component. With
-# for_each = "node" or "spring" a list is drawn, with an entry for each of them.
-# [random]
-# count = 2
-# seeds = [0]
-# stiffness = { log_uniform = [50.0, 200.0] }
-# node_mass = { uniform = [0.5, 2.0], for_each = "node" }
-"""

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
+import functools
 import inspect
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ropeode.errors import InputError
-from ropeode.files import read_bytes
+from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steppers
-from ropeode.sweep.design.content_hash import PACKAGES
-from ropeode.validation import complaint
+from ropeode.sweep.design.content_hash import PACKAGES, file_digest
+from ropeode.validation import bad_value
 
 
 class StepperSource(NamedTuple):
@@ -40,9 +38,9 @@ def stepper_sources(given: Any, folder: Path) -> dict[str, StepperSource]:
         InputError: one line for each that is not a stepper or is repeated.
     """
     given = [*given] if isinstance(given, (list, tuple)) else [given]
-    steppers = _steppers(given, folder)
+    steppers = check_steppers(given, folder)
     return {
-        stepper.label: StepperSource(each, file_digest(each, folder))
+        stepper.label: StepperSource(each, stepper_digest(each, folder))
         for each, stepper in zip(given, steppers, strict=True)
     }
 
@@ -53,42 +51,39 @@ def stepper_from(source: StepperSource, folder: Path) -> Stepper:
     Raises:
         InputError: its file is not the one that the sweep was started with.
     """
-    if source.file != file_digest(source.given, folder):
-        raise InputError(
-            complaint(
-                "stepper",
-                source.given,
-                "the same file in all processes, unchanged since the sweep was started",
-                "start the sweep again",
-            )
-        )
-    (stepper,) = _steppers([source.given], folder)
-    return stepper
+    given, file = source
+    if file != stepper_digest(given, folder):
+        allowed = "the same file in all processes, unchanged since the sweep was started"
+        raise bad_value("stepper", given, allowed, "start the sweep again")
+    return _by_text(given, folder, file) if isinstance(given, str) else as_stepper(given)
 
 
-def _steppers(given: Sequence[Any], folder: Path) -> list[Stepper]:
-    """The only place in this room where text becomes a stepper."""
-    return check_steppers(given, folder)
+@functools.lru_cache(maxsize=64)
+def _by_text(text: str, folder: Path, file: str | None) -> Stepper:
+    """Cached, so that a user's file runs once for all tasks of a process, unless it changes."""
+    del file
+    return as_stepper(text, folder=folder)
 
 
-def file_digest(given: Any, folder: Path) -> str | None:
-    """The sha256 of the Python file that defines a stepper; None if a package does."""
-    if (path := _file_of(given, folder)) is None:
-        return None
-    return hashlib.sha256(read_bytes("stepper", path)).hexdigest()
+def stepper_digest(given: Any, folder: Path) -> str | None:
+    """The sha256 of the Python file that defines a stepper; None if a package does.
 
+    Arguments:
+        given: as for `stepper_sources`.
+        folder: likewise.
 
-def _file_of(given: Any, folder: Path) -> Path | None:
+    Raises:
+        InputError: there is no such file.
+    """
     if isinstance(given, str):
         file = given if given.endswith(".py") else given.rpartition(":")[0]
-        return folder / file if file.endswith(".py") else None
+        return file_digest("stepper", folder / file) if file.endswith(".py") else None
     definition = given if inspect.isroutine(given) or inspect.isclass(given) else type(given)
     if definition.__module__.partition(".")[0] in PACKAGES:
         return None
     try:
-        return Path(inspect.getfile(definition))
+        return file_digest("stepper", Path(inspect.getfile(definition)))
     except (OSError, TypeError) as error:
         allowed = f"a stepper that is defined in a Python file ({error})"
-        raise InputError(
-            complaint("stepper", given, allowed, "write it in a file, and import it")
-        ) from None
+        fix = "write it in a file, and import it"
+        raise bad_value("stepper", given, allowed, fix) from None

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ropeode.errors import InputError
 from ropeode.problems.checks import run as run_checks
 from ropeode.study.accuracy_table import check_steps
-from ropeode.sweep.design.distributions import Distribution, check_count, check_seeds
+from ropeode.sweep.design.distributions import Distribution, Draws
 from ropeode.sweep.design.problem_factory import ProblemFactory, RopeFactory
-from ropeode.validation import complaint
+from ropeode.validation import bad_value, complaint
 
 NAMES = ("rope", "parameters", "grid", "random")
 # May be drawn although they are not parameters of the problem.
 OF_RUNS = ("stepper", "steps_per_frame")
-_RANDOM = {
-    "count": ("a whole number from 1 to 2^32", "100"),
-    "seeds": ("different whole numbers >= 0", "[0, 1]"),
-}
-_DISTRIBUTION = ("a distribution", "{ uniform = [0.0, 0.1] }")
 
 
 class Tables:
@@ -36,8 +32,6 @@ class Tables:
     def __init__(self, tables: Mapping[str, Any]):
         self.grid: dict[str, tuple[Any, ...]] = {}
         self.drawn: dict[str, Distribution] = {}
-        self.seeds: tuple[int, ...] = ()
-        self.draws = 1
         faults = [
             complaint(name, table, "a table", f"write [{name}] above its values")
             for name, table in tables.items()
@@ -46,12 +40,15 @@ class Tables:
         if faults:
             raise InputError(faults)
         self.shared = {name: dict(tables[name]) for name in ("rope", "parameters")}
+        random = dict(tables["random"])
+        draws = {name: random.pop(name) for name in Draws.model_fields if name in random}
         run_checks(
             *(lambda item=item: _check_plain(*item) for item in self.shared.items()),
             *(lambda item=item: self._set_grid(*item) for item in tables["grid"].items()),
-            *(lambda item=item: self._set_random(*item) for item in tables["random"].items()),
+            *(lambda item=item: self._set_drawn(*item) for item in random.items()),
+            lambda: self._set_draws(draws),
         )
-        self._check_together(tables["random"])
+        self._check_together(draws)
         # A list is drawn with one entry for each node, so the number of nodes is drawn before.
         self.drawn = dict(sorted(self.drawn.items(), key=lambda item: bool(item[1].for_each)))
 
@@ -60,58 +57,42 @@ class Tables:
         if name in (*OF_RUNS, "steppers"):
             top = "steppers" if name == "stepper" else name
             fix = f"write {top} above all tables"
-            raise InputError(complaint(f"grid.{name}", values, "parameters of the problem", fix))
+            raise bad_value(f"grid.{name}", values, "parameters of the problem", fix)
         if not isinstance(values, (list, tuple)) or not values:
-            raise InputError(complaint(f"grid.{name}", values, "a list of values", fix))
+            raise bad_value(f"grid.{name}", values, "a list of values", fix)
         _check_plain("grid", {name: list(values)})
         if any(value in values[:at] for at, value in enumerate(values)):
             fix = "remove the repeated ones"
-            raise InputError(complaint(f"grid.{name}", values, "different values", fix))
+            raise bad_value(f"grid.{name}", values, "different values", fix)
         self.grid[name] = tuple(values)
 
-    def _set_random(self, name: str, value: Any) -> None:
-        try:
-            if name == "count":
-                self.draws = check_count(value)
-            elif name == "seeds":
-                self.seeds = check_seeds(value)
-            else:
-                self._set_drawn(name, value)
-        except InputError:
-            raise
-        except ValueError as error:
-            allowed, example = _RANDOM.get(name, _DISTRIBUTION)
-            fix = f"for example {name} = {example}"
-            raise InputError(
-                complaint(f"random.{name}", value, f"{allowed} ({error})", fix)
-            ) from None
+    def _set_draws(self, values: Mapping[str, Any]) -> None:
+        with _in_table("random."):
+            self.draws = Draws(**values)
 
     def _set_drawn(self, name: str, value: Any) -> None:
-        if not isinstance(value, Mapping):
-            raise ValueError("it is not a table")
-        try:
-            distribution = Distribution(**value)
-        except InputError as error:
-            raise InputError([f"random.{name}.{line}" for line in error.problems]) from None
-        _check_plain("random", {name: distribution.extremes})
+        what = f"random.{name}"
         if name == "steppers":
-            raise ValueError("one is drawn at a time: write stepper")
-        self.drawn[name] = distribution
+            raise bad_value(what, value, "one drawn at a time", "write stepper")
+        if not isinstance(value, Mapping):
+            fix = f"for example {name} = {{ uniform = [0.0, 0.1] }}"
+            raise bad_value(what, value, "a distribution, which is a table", fix)
+        with _in_table(f"{what}."):
+            self.drawn[name] = Distribution(**value)
+        _check_plain("random", {name: self.drawn[name].extremes})
 
-    def _check_together(self, random: Mapping[str, Any]) -> None:
+    def _check_together(self, draws: Mapping[str, Any]) -> None:
         places = [*self.shared.values(), self.grid, self.drawn]
         names = [name for place in places for name in place]
         faults = [repeated(name) for name in dict.fromkeys(names) if names.count(name) > 1]
-        if self.drawn and "count" not in random:
+        if self.drawn and "count" not in draws:
             allowed = "the number of draws for each seed"
             faults.append(complaint("random.count", None, allowed, "add count = 100"))
-        if random and not self.drawn:
+        if draws and not self.drawn:
             fix = "for example damping = { uniform = [0.0, 0.1] }"
-            faults.append(complaint("random", [*random], "at least one parameter to draw", fix))
+            faults.append(complaint("random", [*draws], "at least one parameter to draw", fix))
         if faults:
             raise InputError(faults)
-        if self.drawn and not self.seeds:
-            self.seeds = (0,)
 
     def fixed(self, factory: ProblemFactory) -> dict[str, Any]:
         """The parameters that all problems share.
@@ -124,7 +105,7 @@ class Tables:
         if misplaced := self.shared[wrong]:
             fix = f"write [{right}] above them"
             allowed = f"no such table with {factory.name!r}"
-            raise InputError(complaint(wrong, misplaced, allowed, fix))
+            raise bad_value(wrong, misplaced, allowed, fix)
         return dict(self.shared[right])
 
     def check_runs(self) -> None:
@@ -136,18 +117,23 @@ class Tables:
         stepper, steps = (self.drawn.get(name) for name in OF_RUNS)
         if stepper and (stepper.choice is None or stepper.for_each is not None):
             fix = 'for example stepper = { choice = ["rk4"] }'
-            raise InputError(
-                complaint("random.stepper", stepper.as_written, "a choice of names", fix)
-            )
+            raise bad_value("random.stepper", stepper.as_written, "a choice of names", fix)
         if steps:
             if not (steps.choice or steps.integers) or steps.for_each is not None:
                 fix = "for example steps_per_frame = { integers = [16, 64] }"
-                raise InputError(
-                    complaint("random.steps_per_frame", steps.as_written, "whole numbers", fix)
-                )
+                raise bad_value("random.steps_per_frame", steps.as_written, "whole numbers", fix)
             checked = check_steps(list(dict.fromkeys(steps.extremes)))
             if steps.choice:
                 self.drawn["steps_per_frame"] = Distribution(choice=tuple(checked))
+
+
+@contextlib.contextmanager
+def _in_table(name: str) -> Iterator[None]:
+    """Put the name of a table before the names of the fields that cannot be used."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(name + line for line in error.problems) from None
 
 
 def repeated(name: str) -> str:

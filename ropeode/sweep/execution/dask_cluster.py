@@ -6,10 +6,10 @@ import time
 from concurrent.futures import Future
 from typing import Any
 
-from ropeode.errors import InputError, RopeodeError
+from ropeode.errors import RopeodeError
 from ropeode.sweep.design.columns import Row
-from ropeode.sweep.execution.engines import AHEAD, Work, on_one_core
-from ropeode.validation import complaint, require
+from ropeode.sweep.execution.engines import AHEAD, Engine, Work, on_one_core
+from ropeode.validation import bad_value, require
 
 _CONNECT_S = 10.0
 _COUNT_EVERY_S = 1.0
@@ -17,7 +17,7 @@ _COUNT_EVERY_S = 1.0
 NO_WORKERS_S = 300.0
 
 
-class DaskCluster:
+class DaskCluster(Engine):
     """The workers of a Dask scheduler. Dask itself retries the tasks of a worker that died.
 
     Arguments:
@@ -32,7 +32,7 @@ class DaskCluster:
         require("distributed", "dask", "Dask clusters")
         import distributed
 
-        self.lost: tuple[type[BaseException], ...] = (distributed.KilledWorker,)
+        self.lost = (distributed.KilledWorker,)
         self._work, self._address = work, address
         try:
             self._client: Any = distributed.Client(
@@ -42,7 +42,7 @@ class DaskCluster:
             why = " ".join(str(error).split())
             allowed = f"the address of a Dask scheduler that answers ({why})"
             fix = "for example tcp://host:8786"
-            raise InputError(complaint("scheduler", address, allowed, fix)) from error
+            raise bad_value("scheduler", address, allowed, fix) from error
         self._executor = self._client.get_executor(pure=False)
         self._threads, self._counted_at, self._alive_at = 0, -_COUNT_EVERY_S, time.monotonic()
 
@@ -55,8 +55,10 @@ class DaskCluster:
         return self._executor.submit(on_one_core, self._work, task)
 
     def check(self) -> None:
-        """Raises:
-        RopeodeError: there have been no workers for five minutes, or the scheduler has gone.
+        """See that there are workers.
+
+        Raises:
+            RopeodeError: there have been none for five minutes, or the scheduler has gone.
         """
         self._count()
         waited = time.monotonic() - self._alive_at

@@ -30,11 +30,11 @@ _STARTS = 3
 class Engine(Protocol):
     """An object that computes tasks.
 
-    Fields:
+    Attributes:
         lost: the exceptions of a future whose process has died.
     """
 
-    lost: tuple[type[BaseException], ...]
+    lost: tuple[type[BaseException], ...] = ()
 
     def slots(self) -> int:
         """The number of tasks that should be under way."""
@@ -45,20 +45,22 @@ class Engine(Protocol):
         ...
 
     def check(self) -> None:
-        """Raises:
-        RopeodeError: no worker is left.
+        """See that there are workers, where that is not certain.
+
+        Raises:
+            RopeodeError: no worker is left.
         """
-        ...
 
     def close(self) -> None:
         """End all processes that were started, at once."""
-        ...
 
 
-class InProcess:
-    """Computes each task at once, in this process; a crash aborts the sweep."""
+class InProcess(Engine):
+    """Computes each task at once, in this process; a crash aborts the sweep.
 
-    lost: tuple[type[BaseException], ...] = ()
+    Arguments:
+        work: computes a task.
+    """
 
     def __init__(self, work: Work):
         self._work = work
@@ -76,14 +78,8 @@ class InProcess:
             future.set_exception(error)
         return future
 
-    def check(self) -> None:
-        """There is always this process."""
 
-    def close(self) -> None:
-        """No process was started."""
-
-
-class LocalProcesses:
+class LocalProcesses(Engine):
     """Processes of this machine, each with its own queue, so that one may die alone.
 
     Arguments:
@@ -94,7 +90,7 @@ class LocalProcesses:
         RopeodeError: processes cannot be started.
     """
 
-    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    lost = (BrokenExecutor,)
 
     def __init__(self, work: Work, workers: int):
         self._work = work
@@ -115,9 +111,6 @@ class LocalProcesses:
             self._workers[i].close()
             self._workers[i] = _Worker(self._context)
             return self._workers[i].submit(self._work, task)
-
-    def check(self) -> None:
-        """When a process dies, its futures raise at once."""
 
     def close(self) -> None:
         """Kill the processes."""

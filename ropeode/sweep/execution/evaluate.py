@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -10,7 +11,6 @@ from ropeode.analysis.stability import MOST_STEPS, stability_limit
 from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
 from ropeode.simulation import step_size
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import order_of
@@ -55,19 +55,11 @@ def evaluate(task: Task, folder: Path) -> list[Row]:
         settings.reference_options,
         keep=settings.keep_references,
     )
-    subjects = {
-        key: subject(problem, norm, reference if isinstance(reference, Reference) else None)
-        for key, (problem, norm) in built.items()
-        for reference in [references[key]]
-    }
+    subjects = {key: subject(*built[key], outcome) for key, outcome in references.items()}
     runnable = [case for case in task.cases if case.problem_key in subjects]
     for label, cases in _grouped(runnable, lambda case: case.stepper).items():
         stepper = stepper_from(settings.steppers[label], settings.folder)
         rows |= _rows_of_stepper(stepper, cases, subjects)
-    for case in runnable:
-        row, key = rows[case.key], case.problem_key
-        if row["status"] != "failed":
-            _add_reference(row, subjects[key], references[key], key)
     return [rows[case.key] for case in task.cases]
 
 
@@ -106,8 +98,20 @@ def _failed(cases: Sequence[Case], error: Exception) -> dict[str, Row]:
 def _rows_of_stepper(
     stepper: Stepper, cases: Sequence[Case], subjects: Mapping[str, Subject]
 ) -> dict[str, Row]:
-    """The rows of the cases of one stepper, by key; the reference's columns are still empty."""
-    runs = _runs(stepper, cases, subjects)
+    """The rows of the cases of one stepper, by key."""
+    own = {case.steps_per_frame for case in cases}
+    needed: dict[int, dict[str, Subject]] = {}
+    for case in cases:
+        of = subjects[case.problem_key]
+        for n in _ladder(case, of):
+            needed.setdefault(n, {})[case.problem_key] = of
+    # All runs that the cases need, each made once, by problem and number of steps.
+    runs: dict[tuple[str, int], Run] = {}
+    for n, together in needed.items():
+        # If one of the problems raises, each is run alone below, so that the others have rows.
+        with contextlib.suppress(Exception):
+            results = run_all([*together.values()], stepper, n, n in own)
+            runs |= {(key, n): run for key, run in zip(together, results, strict=True)}
     rows: dict[str, Row] = {}
     stability: dict[str, Row] = {}
     for case in cases:
@@ -115,25 +119,14 @@ def _rows_of_stepper(
         try:
             if case.settings.largest_stable_dt and key not in stability:
                 stability[key] = _stability(of.problem, stepper)
-            ladder = {n: _raised(runs[key, n]) for n in _ladder(case, of)}
-            own = ladder[case.steps_per_frame]
-            row = {**case.inputs(), **dict.fromkeys(RESULTS), **own._asdict()}
-            row |= stability.get(key, {})
-            if own.status == "diverged":
-                _add_reason(row, f"no longer finite at frame {own.diverged_at}")
-            if of.reference is not None and case.settings.order_factors:
-                row |= _order(of, of.reference, stepper, ladder)
-            rows[case.key] = row
+            for n in _ladder(case, of):
+                if (key, n) not in runs:
+                    [runs[key, n]] = run_all([of], stepper, n, n in own)
+            ladder = {n: runs[key, n] for n in _ladder(case, of)}
+            rows[case.key] = _row(case, of, stepper, ladder, stability.get(key, {}))
         except Exception as error:
             rows |= _failed([case], error)
     return rows
-
-
-def _raised(run: Run | Exception) -> Run:
-    """A run; if it ended with an exception, that is raised."""
-    if isinstance(run, Exception):
-        raise run
-    return run
 
 
 def _ladder(case: Case, of: Subject) -> list[int]:
@@ -142,45 +135,34 @@ def _ladder(case: Case, of: Subject) -> list[int]:
     return [case.steps_per_frame * factor for factor in (factors or (1,))]
 
 
-def _runs(
-    stepper: Stepper, cases: Sequence[Case], subjects: Mapping[str, Subject]
-) -> dict[tuple[str, int], Run | Exception]:
-    """All runs that the cases need, each made once, by problem and number of steps."""
-    own = {(case.problem_key, case.steps_per_frame) for case in cases}
-    needed: dict[int, dict[str, Subject]] = {}
-    for case in cases:
-        of = subjects[case.problem_key]
-        for n in _ladder(case, of):
-            needed.setdefault(n, {})[case.problem_key] = of
-    runs: dict[tuple[str, int], Run | Exception] = {}
-    for n, together in needed.items():
-        with_motion = [(key, n) in own for key in together]
-        try:
-            results: Sequence[Run | Exception] = run_all(
-                [*together.values()], stepper, n, with_motion
-            )
-        except Exception:
-            # One of the problems raised; each is run alone, so that the others have their rows.
-            results = [
-                _run_alone(of, stepper, n, each)
-                for of, each in zip(together.values(), with_motion, strict=True)
-            ]
-        runs |= {(key, n): run for key, run in zip(together, results, strict=True)}
-    return runs
+def _row(
+    case: Case, of: Subject, stepper: Stepper, ladder: Mapping[int, Run], stability: Row
+) -> Row:
+    """The row of a case, from the runs on its ladder."""
+    own = ladder[case.steps_per_frame]
+    row = {**case.inputs(), **dict.fromkeys(RESULTS), **own._asdict(), **stability}
+    reasons = [stability.get("reason"), of.refusal]
+    if own.status == "diverged":
+        reasons.insert(1, f"no longer finite at frame {own.diverged_at}")
+    if of.reference is not None:
+        finest = float(resolution(of.reference, of.norm)[-1])
+        row |= {
+            "reference": case.problem_key,
+            "trusted": of.reference.trusted,
+            "horizon": of.reference.horizon,
+            "horizon_reason": of.reference.certificate.horizon_reason,
+            "resolution": finest,
+            "motion_size": of.motion_size,
+        }
+        if case.settings.order_factors:
+            row |= _order(of, stepper, ladder, finest)
+    elif own.status == "ok":
+        row["status"] = "no-reference"
+    return {**row, "reason": "; ".join(filter(None, reasons)) or None}
 
 
-def _run_alone(
-    of: Subject, stepper: Stepper, steps_per_frame: int, with_motion: bool
-) -> Run | Exception:
-    try:
-        return run_all([of], stepper, steps_per_frame, [with_motion])[0]
-    except Exception as error:
-        return error
-
-
-def _order(of: Subject, reference: Reference, stepper: Stepper, ladder: Mapping[int, Run]) -> Row:
+def _order(of: Subject, stepper: Stepper, ladder: Mapping[int, Run], finest: float) -> Row:
     """The observed order from the runs with several numbers of steps."""
-    finest = resolution(reference, of.norm)[-1]
     result = order_of(of.problem, stepper, [*ladder.values()], finest, of.motion_size)
     order = result.order
     steps = {run.dt: n for n, run in ladder.items()}
@@ -212,24 +194,3 @@ def _stability(problem: Problem, stepper: Stepper) -> Row:
     if limit is None:
         return {"reason": f"no largest stable dt: unstable at {MOST_STEPS} steps per frame"}
     return {"stability_limit": limit, "largest_stable_dt": step_size(problem, limit)}
-
-
-def _add_reference(row: Row, of: Subject, reference: Reference | str, key: str) -> None:
-    """Fill the columns of the reference, or say why there is none."""
-    if isinstance(reference, str):
-        if row["status"] == "ok":
-            row["status"] = "no-reference"
-        _add_reason(row, reference)
-        return
-    row |= {
-        "reference": key,
-        "trusted": reference.trusted,
-        "horizon": reference.horizon,
-        "horizon_reason": reference.certificate.horizon_reason,
-        "resolution": float(resolution(reference, of.norm)[-1]),
-        "motion_size": of.motion_size,
-    }
-
-
-def _add_reason(row: Row, reason: str) -> None:
-    row["reason"] = "; ".join(filter(None, [row["reason"], reason]))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import io
 import json
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.errors import ReferenceRefused
-from ropeode.files import make_folder, write_whole
+from ropeode.errors import InputError, ReferenceRefused
+from ropeode.files import make_folder, replacing
 from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.compute import each_reference
+from ropeode.references.files.checksum import append_checksum, verify_checksum
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import Solver
 from ropeode.validation import in_one_line
 
 FOLDER = "references"
-_SCHEMA = "ropeode.sweep-reference/2"
-_DIGEST_BYTES = 32
+_SCHEMA = "ropeode.sweep-reference/3"
 # What a file does not say of a certificate: durations differ from run to run, and the witnesses'
 # numbers are not needed for rows.
 _NOT_KEPT: Mapping[str, Any] = {
@@ -69,9 +67,7 @@ def references_of(
             references[key] = new
             # Where a solver raised, the next attempt may succeed.
             if keep and isinstance(outcome, (Reference, ReferenceRefused)):
-                path = reference_path(folder, key)
-                make_folder(path.parent)
-                write_whole(path, _packed(key, new, outcome))
+                _write(reference_path(folder, key), key, new)
     return references
 
 
@@ -106,48 +102,43 @@ def _trusted(reference: Reference) -> Reference:
     return Reference(reference.problem, reference.states[:trusted], certificate)
 
 
-def _packed(key: str, new: Reference | str, outcome: Reference | Exception) -> bytes:
-    """The contents of a file: NumPy arrays, the rest as JSON, and the sha256 of both."""
+def _write(path: Path, key: str, reference: Reference | str) -> None:
+    """Write a file: NumPy arrays, the rest as JSON, and a checksum of all."""
     words: dict[str, Any] = {"schema": _SCHEMA, "key": key}
     arrays: dict[str, Any] = {}
-    if isinstance(new, Reference) and isinstance(outcome, Reference):
-        kept = {k: v for k, v in vars(new.certificate).items() if k not in _NOT_KEPT}
+    if isinstance(reference, Reference):
+        kept = {k: v for k, v in vars(reference.certificate).items() if k not in _NOT_KEPT}
         arrays = {f"bound_{name}": series for name, series in kept.pop("bounds").items()}
-        arrays["states"] = new.states
-        words |= {
-            "certificate": {**kept, "solver": str(new.certificate.solver)},
-            # For readers of the file.
-            "witnesses": [f"{w.role}: {w.solver}" for w in outcome.certificate.witnesses],
-            "parameters": dict(outcome.problem.parameters),
-        }
+        arrays["states"] = reference.states
+        words["certificate"] = {**kept, "solver": str(kept["solver"])}
+        # For readers of the file.
+        words["parameters"] = dict(reference.problem.parameters)
     else:
-        words["refused"] = new
-    file = io.BytesIO()
-    np.savez(file, words=np.array(json.dumps(words, default=dict, sort_keys=True)), **arrays)
-    return file.getvalue() + hashlib.sha256(file.getvalue()).digest()
+        words["refused"] = reference
+    make_folder(path.parent)
+    with replacing(path) as part:
+        with part.open("wb") as file:
+            np.savez(file, words=np.array(json.dumps(words, default=dict)), **arrays)
+        append_checksum(part)
 
 
 def _read(path: Path, key: str, problem: Problem) -> Reference | str | None:
     """The contents of a file; None if there is no file, or it is damaged."""
     try:
-        contents = path.read_bytes()
-    except OSError:
+        verify_checksum(path)
+    except InputError:
         return None
-    body, digest = contents[:-_DIGEST_BYTES], contents[-_DIGEST_BYTES:]
-    if hashlib.sha256(body).digest() != digest:
-        return None
-    with np.load(io.BytesIO(body), allow_pickle=False) as arrays:
+    with np.load(path, allow_pickle=False) as arrays:
         words = json.loads(str(arrays["words"]))
         if (words["schema"], words["key"]) != (_SCHEMA, key):
             return None
         if "refused" in words:
             return words["refused"]
-        bounds = {
+        kept = words["certificate"]
+        kept["solver"] = Solver.parse(kept["solver"])
+        kept["bounds"] = {
             name.removeprefix("bound_"): arrays[name]
             for name in arrays.files
             if name.startswith("bound_")
         }
-        kept = words["certificate"]
-        kept["solver"] = Solver.parse(kept["solver"])
-        certificate = Certificate(**kept, bounds=bounds, **_NOT_KEPT)
-        return Reference(problem, arrays["states"], certificate)
+        return Reference(problem, arrays["states"], Certificate(**kept, **_NOT_KEPT))

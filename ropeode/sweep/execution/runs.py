@@ -29,6 +29,7 @@ class Subject(NamedTuple):
         rescaled: the same in other units.
         norm: in which errors are measured.
         reference: None if there is none.
+        refusal: why there is none.
         motion_size: how far it moves inside the horizon; infinite without a reference.
         family: equal for problems that can be run side by side, in other units too.
     """
@@ -37,33 +38,31 @@ class Subject(NamedTuple):
     rescaled: Problem
     norm: Norm
     reference: Reference | None
+    refusal: str | None
     motion_size: float
     family: Hashable
 
 
-def subject(problem: Problem, norm: Norm, reference: Reference | None) -> Subject:
-    """A problem, ready to be run."""
-    size = np.inf if reference is None else float(motion(problem, reference.states, norm)[-1])
-    return Subject(problem, in_other_units(problem), norm, reference, size, family(problem))
+def subject(problem: Problem, norm: Norm, outcome: Reference | str) -> Subject:
+    """A problem, ready to be run.
+
+    Arguments:
+        problem: that is solved.
+        norm: in which errors are measured.
+        outcome: the reference up to its trust horizon, or why there is none.
+    """
+    rescaled, alike = in_other_units(problem), family(problem)
+    if not isinstance(outcome, Reference):
+        return Subject(problem, rescaled, norm, None, outcome, np.inf, alike)
+    size = float(motion(problem, outcome.states, norm)[-1])
+    return Subject(problem, rescaled, norm, outcome, None, size, alike)
 
 
 class Run(NamedTuple):
-    """The results of a run, by the columns of a row.
+    """The results of a run, in the columns of the same names; see `columns.RESULTS`.
 
-    Fields:
-        dt: step size.
-        status: `ok` or `diverged`.
-        diverged_at: frame of the first state that is not finite.
-        rhs_evaluations: evaluations of the right-hand side; None where they are not counted.
-        error_final: None if unresolved, diverged, or without a reference, as the others.
-        error_max: likewise.
-        error_rms: likewise.
-        resolved: whether there is an `error_max`; None without a reference.
-        round_off: None without a reference, if the run diverged, or if the stepper computes
-            forces of its own.
-        motion: of a rope, in a word; None if it was not requested or there is no rope.
-        swings: likewise.
-        settled_at: likewise.
+    Errors, `resolved` and `round_off` are None without a reference. `round_off` is also None if
+    the stepper computes forces of its own, and what describes motion if it was not requested.
     """
 
     dt: float
@@ -81,7 +80,7 @@ class Run(NamedTuple):
 
 
 def run_all(
-    subjects: Sequence[Subject], stepper: Stepper, steps_per_frame: int, with_motion: Sequence[bool]
+    subjects: Sequence[Subject], stepper: Stepper, steps_per_frame: int, with_motion: bool
 ) -> list[Run]:
     """Run a stepper on many problems, and again in other units where there is a reference.
 
@@ -91,7 +90,7 @@ def run_all(
         subjects: the problems.
         stepper: that is run.
         steps_per_frame: equal steps in each frame.
-        with_motion: for each problem, whether to describe the motion of a rope.
+        with_motion: whether to describe the motion of ropes.
     """
     families: dict[Hashable, list[int]] = {}
     for index, each in enumerate(subjects):
@@ -101,20 +100,18 @@ def run_all(
         members = [subjects[index] for index in indices]
         method = method_of(stepper, members[0].problem)
         trajectories = _side_by_side([each.problem for each in members], method, steps_per_frame)
-        in_both_units = [
-            place
-            for place, (each, run) in enumerate(zip(members, trajectories, strict=True))
-            if each.reference is not None
+        first = dict(zip(indices, trajectories, strict=True))
+        again = [
+            index
+            for index, run in first.items()
+            if (of := subjects[index]).reference is not None
             and run.status == "ok"
-            and keeps_units(each.problem, method, each.rescaled)
+            and keeps_units(of.problem, method, of.rescaled)
         ]
-        rescaled = [members[place].rescaled for place in in_both_units]
-        repeats = _side_by_side(rescaled, method, steps_per_frame)
-        repeated = dict(zip(in_both_units, repeats, strict=True))
-        for place, index in enumerate(indices):
-            runs[index] = _run(
-                members[place], trajectories[place], repeated.get(place), with_motion[index]
-            )
+        rescaled = [subjects[index].rescaled for index in again]
+        repeated = dict(zip(again, _side_by_side(rescaled, method, steps_per_frame), strict=True))
+        for index, run in first.items():
+            runs[index] = _run(subjects[index], run, repeated.get(index), with_motion)
     return [runs[index] for index in range(len(subjects))]
 
 
@@ -132,16 +129,14 @@ def _run(
     if of.reference is None or run.status != "ok":
         return run
     series = error_series(trajectory, of.reference, of.norm.name)
+    if repeated is not None:
+        round_off = distance_of_runs(trajectory, repeated, of.reference.trusted, of.norm)
+        run = run._replace(round_off=round_off)
     return run._replace(
         error_final=series.final,
         error_max=series.max,
         error_rms=series.rms,
         resolved=series.max is not None,
-        round_off=(
-            None
-            if repeated is None
-            else distance_of_runs(trajectory, repeated, of.reference.trusted, of.norm)
-        ),
     )
 
 

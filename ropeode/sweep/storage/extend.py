@@ -53,39 +53,32 @@ class _RowsByKey:
     """The rows of a folder, looked up by their keys: 16 bytes of memory for each."""
 
     def __init__(self, folder: Path):
-        self._files = [path for name in partitions(folder) for path in files_of(folder, name)]
-        hashes, files, rows = [], [], []
-        for at, path in enumerate(self._files):
-            keys = read_file(path, ["key"]).column("key").to_pylist()
-            hashes.append(_hashes(keys))
-            files.append(np.full(len(keys), at, np.uint32))
-            rows.append(np.arange(len(keys), dtype=np.uint32))
-        every = np.concatenate([*hashes, np.empty(0, np.uint64)])
-        order = np.argsort(every, kind="stable")
-        self._hashes = every[order]
-        self._file = np.concatenate([*files, np.empty(0, np.uint32)])[order]
-        self._row = np.concatenate([*rows, np.empty(0, np.uint32)])[order]
-        self._table = functools.lru_cache(_OPEN_FILES)(lambda at: read_file(self._files[at]))
-
-    @property
-    def count(self) -> int:
-        return len(self._hashes)
+        files = [path for name in partitions(folder) for path in files_of(folder, name)]
+        keys = [_hashes(read_file(path, ["key"])["key"].to_pylist()) for path in files]
+        every = np.concatenate([*keys, np.empty(0, np.uint64)])
+        self.count = len(every)
+        # The place of each hash in order among all rows, and the first place of each file.
+        self._order = np.argsort(every, kind="stable")
+        self._hashes = every[self._order]
+        self._starts = np.cumsum([0, *map(len, keys)])
+        self._table = functools.lru_cache(_OPEN_FILES)(lambda at: read_file(files[at]))
 
     def of(self, cases: list[Case], store: Store) -> pa.Table | None:
         """The rows of those cases that have one."""
         if not self.count:
             return None
         wanted = _hashes([case.key for case in cases])
-        place = np.searchsorted(self._hashes, wanted).clip(max=self.count - 1)
-        hits = np.flatnonzero(self._hashes[place] == wanted)
+        at = np.searchsorted(self._hashes, wanted).clip(max=self.count - 1)
+        hits = np.flatnonzero(self._hashes[at] == wanted)
+        rows = self._order[at[hits]]
+        files = np.searchsorted(self._starts, rows, side="right") - 1
         tables = []
-        for at in np.unique(self._file[place[hits]]):
-            own = hits[self._file[place[hits]] == at]
-            rows = self._table(int(at)).take(self._row[place[own]])
-            same = [
-                cases[i].key == key for i, key in zip(own, rows["key"].to_pylist(), strict=True)
-            ]
-            tables.append(store.renewed([cases[i] for i in own[same]], rows.filter(pa.array(same))))
+        for file in np.unique(files):
+            own = [cases[i] for i in hits[files == file]]
+            table = self._table(int(file)).take(rows[files == file] - self._starts[file])
+            same = [c.key == k for c, k in zip(own, table["key"].to_pylist(), strict=True)]
+            own = [*itertools.compress(own, same)]
+            tables.append(store.renewed(own, table.filter(pa.array(same))))
         return pa.concat_tables(tables).sort_by(NUMBER) if tables else None
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from ropeode.errors import InputError, RopeodeError
 from ropeode.files import read_text, write_whole
 from ropeode.sweep.design.columns import COLUMNS, INPUTS, Column
-from ropeode.validation import complaint, shown
+from ropeode.validation import bad_value, shown
 
 INDEX = "index.json"
 LOCK = "lock"
@@ -72,12 +72,12 @@ def read_index(folder: Path) -> Index | None:
     """
     path = folder / INDEX
     if folder.exists() and not folder.is_dir():
-        raise InputError(complaint("folder", str(folder), "a folder", "choose another name"))
+        raise bad_value("folder", str(folder), "a folder", "choose another name")
     if not path.exists():
         # A run that was killed early may have left its lock.
         if folder.exists() and any(each.name not in (LOCK, HOLDER) for each in folder.iterdir()):
             allowed = "a sweep's folder, an empty one, or a new one"
-            raise InputError(complaint("folder", str(folder), allowed, "choose another folder"))
+            raise bad_value("folder", str(folder), allowed, "choose another folder")
         return None
     try:
         values = json.loads(read_text("folder", path))
@@ -87,9 +87,7 @@ def read_index(folder: Path) -> Index | None:
         return Index(columns=columns, **values)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         allowed = f"a sweep's folder ({error})"
-        raise InputError(
-            complaint("folder", str(folder), allowed, "choose another folder")
-        ) from error
+        raise bad_value("folder", str(folder), allowed, "choose another folder") from error
 
 
 def _differences(old: Any, new: Any, name: str = "") -> Iterator[str]:
@@ -131,7 +129,7 @@ def locked(folder: Path) -> Iterator[None]:
     except filelock.Timeout:
         allowed = f"a folder that no other run is writing to{_holder(folder)}"
         fix = "wait for it, or choose another folder"
-        raise InputError(complaint("folder", str(folder), allowed, fix)) from None
+        raise bad_value("folder", str(folder), allowed, fix) from None
     try:
         now = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
         note = {"process": os.getpid(), "host": socket.gethostname(), "since": now}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ropeode.errors import InputError
 from ropeode.sweep.storage.folder import Index, read_index
-from ropeode.validation import complaint, require, unknown
+from ropeode.validation import bad_value, require, unknown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,9 +60,7 @@ def sweep_in(folder: str | Path) -> Index:
         InputError: there is no sweep in it.
     """
     if (index := read_index(Path(folder))) is None:
-        raise InputError(
-            complaint("folder", str(folder), "a folder of `ropeode sweep`", "check the path")
-        )
+        raise bad_value("folder", str(folder), "a folder of `ropeode sweep`", "check the path")
     return index
 
 
@@ -98,14 +96,12 @@ def _dataset(frame: Any, inputs: Sequence[str]) -> xr.Dataset:
         dims = [name for name in dims if name in ("seed", "draw", *grid)]
     cells = math.prod(sizes[name] for name in dims)
     if cells > _MOST_CELLS * max(1, len(frame)):
-        raise InputError(
-            complaint(
-                "form",
-                "xarray",
-                f"pandas for this sweep ({len(frame)} rows would be {cells} cells of "
-                f"{' x '.join(dims)})",
-                "form='pandas'",
-            )
+        raise bad_value(
+            "form",
+            "xarray",
+            f"pandas for this sweep ({len(frame)} rows would be {cells} cells of "
+            f"{' x '.join(dims)})",
+            "form='pandas'",
         )
     plain = frame.copy()
     for name in plain.columns:

@@ -6,16 +6,14 @@ import dataclasses
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ropeode.sweep.storage.load import sweep_in
 from ropeode.validation import require
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 _RANGES = ("error_max", "observed_order", "largest_stable_dt")
 _COUNTS = ("status", "order_verdict", "resolved", "expected_order")
+_GROUPS = ("stepper", "reason", *_COUNTS)
 # Different reasons that are counted at the same time.
 _MOST_REASONS = 10_000
 
@@ -72,8 +70,6 @@ def summarize(folder: str | Path) -> SweepSummary:
         RopeodeError: a file is damaged.
     """
     require("pyarrow", "data", "sweeps")
-    import pyarrow.compute as pc
-
     from ropeode.sweep.storage.row_files import read_parts
 
     index = sweep_in(folder)
@@ -81,25 +77,24 @@ def summarize(folder: str | Path) -> SweepSummary:
     ranges: dict[str, dict[str, tuple[float, float]]] = {}
     reasons: Counter[tuple[str, str]] = Counter()
     done = 0
-    wanted = ["stepper", "reason", *_COUNTS, *_RANGES]
-    for table in read_parts(Path(folder) / index.rows, wanted):
+    for table in read_parts(Path(folder) / index.rows, [*_GROUPS, *_RANGES]):
         done += table.num_rows
-        # A run that diverged has no error at all.
-        measured = table.filter(pc.field("status") == "ok")
-        for name in _COUNTS:
-            rows = measured if name == "resolved" else table
-            for stepper, value, number in _grouped(rows, ["stepper", name]):
-                of_stepper = counts.setdefault(stepper, {name: Counter() for name in _COUNTS})
-                of_stepper[name][value] += number
-        for stepper, *ends in _extremes(table):
-            own = ranges.setdefault(stepper, {})
-            for name, low, high in zip(_RANGES, ends[::2], ends[1::2], strict=True):
-                if low is not None:
-                    before = own.get(name, (low, high))
-                    own[name] = (min(low, before[0]), max(high, before[1]))
-        for status, reason, number in _grouped(table, ["status", "reason"]):
-            if reason:
-                reasons[status, reason] += number
+        ends = [(name, kind) for name in _RANGES for kind in ("min", "max")]
+        groups = table.group_by([*_GROUPS]).aggregate([([], "count_all"), *ends])
+        for row in groups.to_pylist():
+            number, stepper = row["count_all"], row["stepper"]
+            own = counts.setdefault(stepper, {name: Counter() for name in _COUNTS})
+            for name in _COUNTS:
+                # A run that diverged has no error at all.
+                if name != "resolved" or row["status"] == "ok":
+                    own[name][row[name]] += number
+            of_stepper = ranges.setdefault(stepper, {})
+            for name in _RANGES:
+                if (low := row[f"{name}_min"]) is not None:
+                    least, most = of_stepper.get(name, (low, low))
+                    of_stepper[name] = min(least, low), max(most, row[f"{name}_max"])
+            if row["reason"]:
+                reasons[row["status"], row["reason"]] += number
         if len(reasons) > _MOST_REASONS:
             reasons = Counter(dict(reasons.most_common(_MOST_REASONS // 2)))
     return SweepSummary(
@@ -110,17 +105,3 @@ def summarize(folder: str | Path) -> SweepSummary:
         steppers={name: StepperSummary(counts[name], ranges[name]) for name in sorted(counts)},
         reasons=dict(reasons.most_common()),
     )
-
-
-def _grouped(table: pa.Table, names: list[str]) -> list[tuple]:
-    """The different values of columns, and how often each occurs."""
-    groups = table.select(names).group_by(names).aggregate([([], "count_all")])
-    return [tuple(row[name] for name in [*names, "count_all"]) for row in groups.to_pylist()]
-
-
-def _extremes(table: pa.Table) -> list[tuple]:
-    """Each stepper with the least and the greatest value of each column of `_RANGES`."""
-    ends = [(name, kind) for name in _RANGES for kind in ("min", "max")]
-    groups = table.select(["stepper", *_RANGES]).group_by("stepper").aggregate(ends)
-    names = ["stepper", *(f"{name}_{kind}" for name, kind in ends)]
-    return [tuple(row[name] for name in names) for row in groups.to_pylist()]

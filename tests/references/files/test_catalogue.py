@@ -90,7 +90,7 @@ def test_others_are_reproduced_within_their_bounds(name):
     known, (recipe, _) = load(name), RECIPES[name]
     samples = FIRST_SAMPLES.get(name, max(2, known.trusted // 10))
     problem = dataclasses.replace(known.problem, ts=known.problem.ts[:samples])
-    again = reference_for(problem, dataclasses.replace(recipe.options, time_limit=NEVER))
+    again = reference_for(problem, recipe.options.model_copy(update={"time_limit": NEVER}))
     apart = np.max(np.abs(again.states - known.states[:samples]), axis=1)
     assert np.all(apart <= known.bound()[:samples] + again.bound())
 
