@@ -177,7 +177,7 @@ def test_progress_reaches_the_end(small_rope):
         ({"norm": "pos"}, "norm: 'pos' given"),
         ({"norm": "state-max"}, "norm: 'state-max' given; allowed: those that 'rope' has"),
         ({"accuracy": -1}, "accuracy: -1 given"),
-        ({"rtol": 1}, "rtol: 1.0 given"),
+        ({"rtol": 1}, "rtol: 1 given"),
     ],
     ids=str,
 )
