@@ -84,7 +84,8 @@ def place_of(fault: dict[str, Any], copy: Path) -> tuple[Path, str, str]:
     Ends the program where there is not exactly one such place.
     """
     own = copy / "ropeode" / fault["file"]
-    for files in ([own] if own.exists() else [], (copy / "ropeode").rglob("*.py")):
+    others = [*(copy / "ropeode").rglob("*.py"), *(copy / "docs/studies").rglob("*.py")]
+    for files in ([own] if own.exists() else [], others):
         places = [
             (path, old, new)
             for path in files

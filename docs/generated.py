@@ -16,6 +16,10 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from studies.growth import growth_scan
+from studies.plots import plot_growth, plot_rest_times, plot_sweeps
+from studies.projection_sweeps import sweep_study
+from studies.rest_time import rest_times
 from tabulate import tabulate
 
 from ropeode import (
@@ -28,12 +32,8 @@ from ropeode import (
 )
 from ropeode import horizon as horizon_of
 from ropeode.case_studies.formats import blocks
-from ropeode.case_studies.growth import growth_scan
 from ropeode.case_studies.pictures import plot_contact_sheets
-from ropeode.case_studies.projection_sweeps import sweep_study
 from ropeode.case_studies.report import Report, rope_report
-from ropeode.case_studies.rest_time import rest_times
-from ropeode.case_studies.study_plots import plot_growth, plot_rest_times, plot_sweeps
 from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.report import Claims

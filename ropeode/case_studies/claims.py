@@ -7,8 +7,7 @@ import math
 from ropeode.analysis.motion import Motion, Words
 from ropeode.analysis.stability import Growth
 from ropeode.case_studies.figures import Claim
-from ropeode.errors import InputError
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 HOLDS, FAILS = "holds", "does not hold"
 
@@ -43,9 +42,7 @@ def verdict(claim: Claim, motion: Motion | Words, growth: Growth) -> str:
     if claim == "settles_without_swinging":
         settled = settled and not motion.swings
     elif claim != "settles":
-        raise InputError(
-            complaint("claim", claim, "the claim of a figure that moves", "choose one")
-        )
+        raise bad_value("claim", claim, "the claim of a figure that moves", "choose one")
     return _lasting(settled, motion.unsettled_at)
 
 

@@ -8,26 +8,31 @@ import click
 
 from ropeode.errors import InputError
 from ropeode.files import check_writable, write_whole
-from ropeode.terminal.formats import format_for, format_option
-from ropeode.terminal.running import (
-    end_on_ctrl_c,
-    interruptible,
-    not_interrupted,
-    put_out,
-    set_up_jax,
-    show_progress,
-)
-from ropeode.validation import complaint
+from ropeode.progress import Progress
+from ropeode.terminal.lists import CommaSeparated
+from ropeode.terminal.output import format_for, format_option, out_option, put_out
+from ropeode.terminal.running import end_on_ctrl_c, not_interrupted, set_up_jax, with_progress
+from ropeode.validation import bad_value
 
 
 @click.command()
-@click.option("--figure", "figures", metavar="N[,N...]", help="Figures, 1 to 41. [all]")
+@click.option(
+    "--figure",
+    "figures",
+    metavar="N[,N...]",
+    type=CommaSeparated(),
+    help="Figures, 1 to 41. [all]",
+)
 @click.option("--frames", metavar="N", help="Frames to watch. [4000, or more where needed]")
 @click.option("--plots", metavar="DIR", help="Write a picture for each figure, and sheets, to DIR.")
 @format_option
-@click.option("--out", metavar="FILE", help="Write the report to FILE and print nothing.")
+@out_option("report")
 def report(
-    figures: str | None, frames: str | None, plots: str | None, form: str | None, out: str | None
+    figures: list[str] | None,
+    frames: str | None,
+    plots: str | None,
+    form: str | None,
+    out: Path | None,
 ) -> None:
     """Run the published rope report again, claim by claim.
 
@@ -35,7 +40,6 @@ def report(
     finished, and the same command goes on from there. Pictures need matplotlib: pip install
     '.[plots]'.
     """
-    path = check_writable("out", out) if out else None
     folder = _check_folder(plots) if plots else None
     if folder:
         from ropeode.case_studies.pictures import draw_report
@@ -46,26 +50,23 @@ def report(
     from ropeode.case_studies.formats import format_report
     from ropeode.case_studies.report import rope_report
 
-    numbers = [part.strip() for part in figures.split(",")] if figures is not None else None
-    with show_progress() as progress:
+    def work(progress: Progress) -> tuple[str, dict[str, bytes]]:
+        result = rope_report(
+            figures,  # type: ignore[arg-type]
+            frames,  # type: ignore[arg-type]
+            folder=platformdirs.user_cache_path("ropeode") / "report",
+            progress=progress,
+        )
+        pictures = draw_report(result, progress) if folder else {}
+        return format_report(result, format_for(form, out)), pictures
 
-        def work() -> tuple[str, dict[str, bytes]]:
-            result = rope_report(
-                numbers,  # type: ignore[arg-type]
-                frames,  # type: ignore[arg-type]
-                folder=platformdirs.user_cache_path("ropeode") / "report",
-                progress=progress,
-            )
-            pictures = draw_report(result, progress) if folder else {}
-            return format_report(result, format_for(form, path)), pictures
-
-        text, pictures = interruptible(work)
+    text, pictures = with_progress(work)
     if folder:
         with not_interrupted():
             folder.mkdir(exist_ok=True)
             for name, contents in pictures.items():
                 write_whole(folder / name, contents)
-    put_out(text, path)
+    put_out(text, out)
     if folder:
         click.echo(f"wrote {len(pictures)} pictures to {folder}", err=True)
 
@@ -81,5 +82,5 @@ def _check_folder(name: str) -> Path:
             folder.rmdir()
     except (OSError, InputError) as error:
         allowed = "a folder that you may write to, or the name of a new one in such a folder"
-        raise InputError(complaint("plots", name, allowed, "choose another folder")) from error
+        raise bad_value("plots", name, allowed, "choose another folder") from error
     return folder

@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from importlib import resources
 from typing import Any, Literal
 
-from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.validation import complaint, whole_number
+from ropeode.validation import bad_value, whole_number
 
 Claim = Literal[
     "drawn", "swings", "diverges", "settles", "settles_without_swinging", "never_settles"
@@ -162,7 +161,7 @@ def check_figures(numbers: Sequence[Any] | None) -> list[Figure]:
             chosen.append(figures[whole_number(number, at_least=1)])
         except (KeyError, ValueError):
             allowed = f"whole numbers from 1 to {max(figures)}"
-            raise InputError(complaint("figure", number, allowed, "for example 8")) from None
+            raise bad_value("figure", number, allowed, "for example 8") from None
     if not chosen:
-        raise InputError(complaint("figure", [], "at least one figure", "for example 8"))
+        raise bad_value("figure", [], "at least one figure", "for example 8")
     return sorted(set(chosen), key=lambda figure: figure.figure)

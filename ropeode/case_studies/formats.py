@@ -10,7 +10,7 @@ from ropeode.case_studies.comparisons import Compared
 from ropeode.case_studies.report import FigureResult, Reading, Report
 from ropeode.render.formats import formats_of, formatted
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
-from ropeode.render.plain_text import wrapped
+from ropeode.render.text_layout import wrapped
 
 SCHEMA = "ropeode.report/1"
 TITLE = "The published rope report, run again"
@@ -109,17 +109,12 @@ def threshold_words(report: Report) -> str:
         f"a spring is longer than {1 + t.stretch:g} rest lengths; a swing goes {t.swing:g} L past "
         "the vertical on both sides. Each was halved and doubled: "
     )
-    return (
-        words
-        + "; ".join(
-            f"figure {each.figure}{_listing(each)} is '{each.verdict}' at {each.threshold} "
-            f"{each.value:g}"
-            for each in report.sensitive_to_thresholds
-        )
-        + "."
-        if report.sensitive_to_thresholds
-        else words + "no verdict changes."
+    effects = "; ".join(
+        f"figure {each.figure}{_listing(each)} is '{each.verdict}' at {each.threshold} "
+        f"{each.value:g}"
+        for each in report.sensitive_to_thresholds
     )
+    return f"{words}{effects or 'no verdict changes'}."
 
 
 def rounding_words(report: Report) -> str:
@@ -129,9 +124,8 @@ def rounding_words(report: Report) -> str:
     for each in report.sensitive_to_rounding:
         change = f"{_MEASURES[each.measure]} {_or_none(each.value)} becomes {_or_none(each.nudged)}"
         effects.setdefault(f"figure {each.figure}{_listing(each)}", []).append(change)
-    if not effects:
-        return words + "no measurement changes."
-    return words + "; ".join(f"{name}: {', '.join(each)}" for name, each in effects.items()) + "."
+    changes = "; ".join(f"{name}: {', '.join(each)}" for name, each in effects.items())
+    return f"{words}{changes or 'no measurement changes'}."
 
 
 _MEASURES = {

@@ -71,7 +71,7 @@ def plot_contact_sheets(report: Report) -> list[Figure]:
                 _draw_shapes(axes, result.readings[0])
             else:
                 _draw_still(axes, result)
-            axes.set_title(_small_title(result), fontsize=6.5, loc="left")
+            axes.set_title(_title(result, small=True), fontsize=6.5, loc="left")
             axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
         for axes in grid[len(shown) :]:
             axes.remove()
@@ -79,24 +79,16 @@ def plot_contact_sheets(report: Report) -> list[Figure]:
     return sheets
 
 
-def _small_title(result: FigureResult) -> str:
-    setting = result.figure
-    if setting.run_as is None:
-        return f"{setting.figure}: {setting.num_nodes} nodes\nnot moving\n{result.verdict}"
-    return (
-        f"{setting.figure}: {setting.stepper.replace('_', ' ')}\n"
-        f"{setting.steps_per_frame}/frame, damping {setting.damping:g}\n{result.verdict}"
-    )
-
-
-def _title(result: FigureResult) -> str:
-    setting = result.figure
-    if setting.run_as is None:
-        return f"Figure {setting.figure}: {setting.num_nodes} nodes"
-    return (
-        f"Figure {setting.figure}: {setting.stepper.replace('_', ' ')}, "
-        f"{setting.steps_per_frame} steps per frame, damping {setting.damping:g}"
-    )
+def _title(result: FigureResult, *, small: bool = False) -> str:
+    """The setting; small, as on a sheet, in short lines with the verdict."""
+    figure = result.figure
+    what, how = f"{figure.num_nodes} nodes", "not moving"
+    if figure.run_as is not None:
+        steps = f"{figure.steps_per_frame}{'' if small else ' steps'}/frame"
+        what, how = figure.stepper.replace("_", " "), f"{steps}, damping {figure.damping:g}"
+    if small:
+        return f"{figure.figure}: {what}\n{how}\n{result.verdict}"
+    return f"Figure {figure.figure}: {what}, {how}"
 
 
 def _below(result: FigureResult) -> str:
@@ -154,7 +146,7 @@ def _draw_speed(axes: Axes, result: FigureResult) -> None:
         label = None
         if len(result.readings) > 1:
             label = "as the words have it" if reading.meaning == "words" else "as listed"
-        axes.plot(_thinned(speed)[0], _thinned(speed)[1], color=colour, lw=0.7, label=label)
+        axes.plot(*_thinned(speed), color=colour, lw=0.7, label=label)
         if motion.settled_at is not None:
             axes.axvline(motion.settled_at, color=colour, ls="--", lw=0.9, label="at rest from")
         if motion.diverged_at is not None:

@@ -1,4 +1,4 @@
-"""The runs behind the figures: made side by side, and kept on disk until the report is done."""
+"""The runs behind the figures: they run side by side, and stay on disk until the report is done."""
 
 from __future__ import annotations
 

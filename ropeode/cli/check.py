@@ -1,19 +1,18 @@
-"""The command that checks a stepper that is brought."""
+"""The command that checks a stepper."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
-from ropeode.files import check_writable
-from ropeode.terminal.formats import format_for, format_option
-from ropeode.terminal.running import interruptible, put_out, set_up_jax, show_progress
+from ropeode.terminal.lists import CommaSeparated
+from ropeode.terminal.output import format_for, format_option, out_option, put_out
+from ropeode.terminal.running import set_up_jax, with_progress
 
 # The names in ropeode.steppers.templates; a test holds the two together.
 TEMPLATES = ("acceleration", "rhs", "two-step")
-
-
-def _names(value: str | None) -> list[str] | None:
-    return None if value is None else [part.strip() for part in value.split(",") if part.strip()]
+NAMES = CommaSeparated()
 
 
 @click.command()
@@ -23,8 +22,8 @@ def _names(value: str | None) -> list[str] | None:
 @click.option("--symplectic", is_flag=True, help="Its author claims that it is.")
 @click.option("--reversible", is_flag=True, help="Likewise.")
 @click.option("--conserves-energy", is_flag=True, help="Likewise: in the long run.")
-@click.option("--only", metavar="CHECK[,...]", help="Make these checks, and no others.")
-@click.option("--skip", metavar="CHECK[,...]", help="Leave these checks out.")
+@click.option("--only", type=NAMES, metavar="CHECK[,...]", help="Make these checks, and no others.")
+@click.option("--skip", type=NAMES, metavar="CHECK[,...]", help="Leave these checks out.")
 @click.option("--quick", is_flag=True, help="Leave out what takes long.")
 @click.option("--time-limit", metavar="S", help="Seconds for each check. [60]")
 @click.option(
@@ -33,7 +32,7 @@ def _names(value: str | None) -> list[str] | None:
     help="Print a stepper to begin with, and check nothing.",
 )
 @format_option
-@click.option("--out", metavar="FILE", help="Write the report to FILE and print nothing.")
+@out_option("report")
 def check(
     step: str | None,
     order: str | None,
@@ -41,13 +40,13 @@ def check(
     symplectic: bool,
     reversible: bool,
     conserves_energy: bool,
-    only: str | None,
-    skip: str | None,
+    only: list[str] | None,
+    skip: list[str] | None,
     quick: bool,
     time_limit: str | None,
     template: str | None,
     form: str | None,
-    out: str | None,
+    out: Path | None,
 ) -> int:
     """Check a stepper: does it solve the right equation, and how well?
 
@@ -57,11 +56,10 @@ def check(
     of a stepper of ropeode. The exit code is 0 if every check that
     applies passes, 1 if the stepper is wrong, and 2 if it cannot be checked.
     """
-    path = check_writable("out", out) if out else None
     if template is not None:
         from ropeode.steppers.templates import template as text_of
 
-        put_out(text_of(template), path)
+        put_out(text_of(template), out)
         return 0
     if step is None:
         raise click.MissingParameter(param_hint="STEP", param_type="argument")
@@ -69,21 +67,20 @@ def check(
     from ropeode.checking.check import TIME_LIMIT, check_stepper
     from ropeode.render.formats import format_check
 
-    with show_progress() as progress:
-        report = interruptible(
-            lambda: check_stepper(
-                step,
-                order,  # type: ignore[arg-type]
-                method=method,
-                symplectic=symplectic or None,
-                reversible=reversible or None,
-                conserves_energy=conserves_energy or None,
-                only=_names(only),
-                skip=_names(skip) or (),
-                quick=quick,
-                time_limit=TIME_LIMIT if time_limit is None else time_limit,  # type: ignore[arg-type]
-                progress=progress,
-            )
+    report = with_progress(
+        lambda progress: check_stepper(
+            step,
+            order,  # type: ignore[arg-type]
+            method=method,
+            symplectic=symplectic or None,
+            reversible=reversible or None,
+            conserves_energy=conserves_energy or None,
+            only=only,
+            skip=skip or (),
+            quick=quick,
+            time_limit=TIME_LIMIT if time_limit is None else time_limit,  # type: ignore[arg-type]
+            progress=progress,
         )
-    put_out(format_check(report, format_for(form, path)), path)
+    )
+    put_out(format_check(report, format_for(form, out)), out)
     return 0 if report.passed else 1

@@ -8,46 +8,42 @@ import click
 
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.files import check_writable
-from ropeode.terminal.formats import format_for, format_option
-from ropeode.terminal.running import interruptible, put_out, set_up_jax, show_progress
+from ropeode.terminal.output import format_for, format_option, out_option, put_out
+from ropeode.terminal.running import set_up_jax, with_progress
 
 
 @click.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options
 @format_option
-@click.option("--out", metavar="FILE", help="Write the table to FILE and print nothing.")
-def table(spec: Path | None, form: str | None, out: str | None, **options: str | None) -> None:
+@out_option("table")
+def table(spec: Path | None, form: str | None, out: Path | None, **options: str | None) -> None:
     """Print the accuracy table of a rope, or of another problem.
 
     The settings come from the options and from the file SPEC (`ropeode spec` prints one).
     Options override SPEC. Without settings, it prints the table of the default rope.
     """
-    path = check_writable("out", out) if out else None
     set_up_jax()
     from ropeode.render.formats import format_table
 
     job = job_from(spec, options)
-    with show_progress() as progress:
-        text = interruptible(lambda: format_table(job.run(progress), format_for(form, path)))
-    put_out(text, path)
+    form = format_for(form, out)
+    put_out(with_progress(lambda progress: format_table(job.run(progress), form)), out)
 
 
 @click.command()
 @click.argument("command", type=click.Choice(["table", "sweep"]), default="table")
-@click.option("--out", metavar="FILE", help="Write to FILE instead of printing.")
-def spec(command: str, out: str | None) -> None:
+@out_option("spec")
+def spec(command: str, out: Path | None) -> None:
     """Print a commented spec file for `table` or `sweep`."""
-    path = check_writable("out", out) if out else None
     if command == "sweep":
         from ropeode.sweep.design.spec import commented_sweep
 
-        put_out(commented_sweep(), path)
+        put_out(commented_sweep(), out)
     else:
         from ropeode.study.spec import COMMENTED_SPEC
 
-        put_out(COMMENTED_SPEC, path)
+        put_out(COMMENTED_SPEC, out)
 
 
 @click.command()

@@ -8,11 +8,12 @@ import click
 
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.errors import InputError
-from ropeode.files import check_writable, write_whole
-from ropeode.terminal.formats import format_for, format_option
-from ropeode.terminal.running import interruptible, not_interrupted, set_up_jax, show_progress
-from ropeode.validation import complaint
+from ropeode.files import write_whole
+from ropeode.progress import Progress
+from ropeode.terminal.lists import CommaSeparated
+from ropeode.terminal.output import format_for, format_option, out_option, put_out
+from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
+from ropeode.validation import bad_value
 
 
 @click.command()
@@ -21,17 +22,18 @@ from ropeode.validation import complaint
 @click.option(
     "--spans",
     metavar="T[,T...]",
+    type=CommaSeparated(),
     help="Spans whose required precision is reported. [100,300,1000]",
 )
 @click.option("--plot", metavar="FILE", help="Draw all errors over time: .png, .pdf or .svg.")
 @format_option
-@click.option("--out", metavar="FILE", help="Write the report to FILE instead of printing it.")
+@out_option("report")
 def horizon(
     spec: Path | None,
-    spans: str | None,
+    spans: list[str] | None,
     plot: str | None,
     form: str | None,
-    out: str | None,
+    out: Path | None,
     **options: str | None,
 ) -> None:
     """Report when float64 references lose their digits.
@@ -45,7 +47,6 @@ def horizon(
     --digits is the number of digits that must be left at the end. Needs heyoka (pip install
     '.[extended]'), and matplotlib for --plot (pip install '.[plots]').
     """
-    path = check_writable("out", out) if out else None
     picture = None
     if plot:
         from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
@@ -58,29 +59,20 @@ def horizon(
     from ropeode.study.horizon import horizon as study
 
     if options["level"] not in (None, "extended"):
-        raise InputError(
-            complaint(
-                "level", options["level"], "extended, which is the default here", "leave it out"
-            )
-        )
+        allowed = "extended, which is the default here"
+        raise bad_value("level", options["level"], allowed, "leave it out")
     job = job_from(spec, {**options, "level": "extended"})
     settings = {name: value for name, value in job.spec.asked.items() if name != "level"}
-    chosen = SPANS if spans is None else [part for part in spans.split(",") if part.strip()]
+    chosen = SPANS if spans is None else spans
 
-    with show_progress() as progress:
+    def work(progress: Progress) -> tuple[str, bytes | None]:
+        result = study(job.problem, chosen, **settings, progress=progress)  # type: ignore[arg-type]
+        drawn = figure_bytes(plot_horizon(result), picture.suffix) if picture else None
+        return format_horizon(result, format_for(form, out)), drawn
 
-        def work() -> tuple[str, bytes | None]:
-            result = study(job.problem, chosen, **settings, progress=progress)  # type: ignore[arg-type]
-            drawn = figure_bytes(plot_horizon(result), picture.suffix) if picture else None
-            return format_horizon(result, format_for(form, path)), drawn
-
-        text, drawn = interruptible(work)
-    with not_interrupted():
-        if picture and drawn:
+    text, drawn = with_progress(work)
+    if picture and drawn:
+        with not_interrupted():
             write_whole(picture, drawn)
-        if path:
-            write_whole(path, text)
-    if not path:
-        click.echo(text, nl=False)
-    if picture:
         click.echo(f"wrote {picture}", err=True)
+    put_out(text, out)

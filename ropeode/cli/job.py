@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from ropeode.study.spec import TableJob
 
 
-def job_from(spec: Path | None, options: Mapping[str, str | None]) -> TableJob:
+def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
     """The job that a spec file and options describe; options override the file.
 
     Arguments:
         spec: the file, or None.
-        options: from click; None for those that the user left out.
+        options: what was typed, by the names that click has for the options of `table_options`.
 
     Raises:
         InputError: one line for each value that cannot be used.
@@ -26,6 +26,9 @@ def job_from(spec: Path | None, options: Mapping[str, str | None]) -> TableJob:
 
     values: dict[str, Any] = read_spec(spec) if spec else {}
     given, rope = given_values(options)
+    if "reference" in given and Path(given["reference"]).exists():
+        # Relative to the current folder, not to that of the spec.
+        given["reference"] = str(Path(given["reference"]).resolve())
     values |= given
     if rope:
         values["rope"] = {**values.get("rope", {}), **rope}

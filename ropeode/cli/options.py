@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
-
-def _text(value: str) -> Any:
-    return value
-
-
-def _list(value: str) -> list[str]:
-    return [part.strip() for part in value.split(",") if part.strip()]
+from ropeode.terminal.lists import split_at_commas
 
 
 def _one_or_list(value: str) -> Any:
-    return _list(value) if "," in value else value
+    return split_at_commas(value) if "," in value else value
 
 
 def _rows(value: str) -> Any:
-    return [_list(row) for row in value.split(";")] if ";" in value else _list(value)
+    rows = [split_at_commas(row) for row in value.split(";")]
+    return rows if len(rows) > 1 else rows[0]
 
 
 def _steppers(value: str) -> list[str]:
     """Split at commas, except at those between the options of one stepper."""
     found: list[str] = []
-    for part in _list(value):
+    for part in split_at_commas(value):
         if found and "=" in part and ":" not in part:
             found[-1] += f",{part}"
         else:
@@ -35,84 +30,85 @@ def _steppers(value: str) -> list[str]:
     return found
 
 
-# Field of Rope: how its text is read, how it is written, what it means.
-ROPE: dict[str, tuple[Callable[[str], Any], str, str]] = {
-    "start": (_list, "X,Y[,Z]", "Position of the first node. [0,200]"),
-    "end": (_list, "X,Y[,Z]", "Position of the last node. [-400,200]"),
-    "num_nodes": (_text, "N", "Number of nodes. [16]"),
-    "node_mass": (_one_or_list, "M[,M...]", "Mass: one number, or one per node. [1]"),
-    "stiffness": (_one_or_list, "K[,K...]", "Stiffness: one number, or one per spring. [100]"),
-    "pinned": (_list, "I[,I...]", "Nodes that do not move; '' for none. [0]"),
-    "gravity": (_list, "X,Y[,Z]", "Acceleration of gravity. [0,-1]"),
-    "damping": (_one_or_list, "D[,D...]", "Damping: one number, or one per node. [0.01]"),
-    "initial_velocity": (
-        _rows,
-        "X,Y[;X,Y...]",
-        "Velocity of all free nodes, or per node. [0,0]",
+class Option(NamedTuple):
+    """An option that sets a field of a spec.
+
+    Fields:
+        read: turns its text into the field's value, which is not checked yet.
+        metavar: how it is written.
+        help: what it means.
+    """
+
+    read: Callable[[str], Any]
+    metavar: str
+    help: str
+
+
+# By field of Rope.
+ROPE = {
+    "start": Option(split_at_commas, "X,Y[,Z]", "Position of the first node. [0,200]"),
+    "end": Option(split_at_commas, "X,Y[,Z]", "Position of the last node. [-400,200]"),
+    "num_nodes": Option(str, "N", "Number of nodes. [16]"),
+    "node_mass": Option(_one_or_list, "M[,M...]", "Mass: one number, or one per node. [1]"),
+    "stiffness": Option(
+        _one_or_list, "K[,K...]", "Stiffness: one number, or one per spring. [100]"
+    ),
+    "pinned": Option(split_at_commas, "I[,I...]", "Nodes that do not move; '' for none. [0]"),
+    "gravity": Option(split_at_commas, "X,Y[,Z]", "Acceleration of gravity. [0,-1]"),
+    "damping": Option(_one_or_list, "D[,D...]", "Damping: one number, or one per node. [0.01]"),
+    "initial_velocity": Option(
+        _rows, "X,Y[;X,Y...]", "Velocity of all free nodes, or per node. [0,0]"
     ),
 }
 
-# Field of TableSpec: option name, how its text is read, how it is written, what it means.
-TABLE: dict[str, tuple[str, Callable[[str], Any], str, str]] = {
-    "problem": ("problem", _text, "NAME", "rope, another library problem, or FILE.py:NAME. [rope]"),
-    "kind": ("kind", _text, "KIND", "rope (springs) or inextensible-rope (rigid links). [rope]"),
-    "reference": (
-        "reference",
-        _text,
-        "FILE",
-        "A reference file, or a name in the stored library. It sets the problem too.",
+# By field of TableSpec.
+TABLE = {
+    "problem": Option(str, "NAME", "rope, another library problem, or FILE.py:NAME. [rope]"),
+    "kind": Option(str, "KIND", "rope (springs) or inextensible-rope (rigid links). [rope]"),
+    "reference": Option(
+        str, "FILE", "A reference file, or a name in the stored library. It sets the problem too."
     ),
-    "frames": ("frames", _text, "N", "Number of frames to solve. [20]"),
-    "steppers": (
-        "steppers",
+    "frames": Option(str, "N", "Number of frames to solve. [20]"),
+    "steppers": Option(
         _steppers,
         "S[,S...]",
         "Names (`ropeode steppers` lists them), FILE.py:NAME, diffrax:NAME, scipy:NAME.",
     ),
-    "steps_per_frame": ("steps", _list, "N[,N...]", "Steps per frame. [16,32,...,16384]"),
-    "norm": ("norm", _text, "NAME", "Measure of errors: position-max, position-rms, ..."),
-    "accuracy": ("accuracy", _text, "E", "Largest error bound to trust. [1e-8 of the motion]"),
-    "rtol": ("rtol", _text, "R", "Tolerance of the reference. [the tightest useful one]"),
-    "level": (
-        "level",
-        _text,
-        "LEVEL",
-        "Of the reference: consensus or extended. [consensus]",
-    ),
-    "digits": ("digits", _text, "N", "Digits of an extended reference. [18]"),
-    "time_limit": (
-        "time-limit",
-        _text,
-        "S",
-        "Seconds that an extended reference may take. [60]",
-    ),
+    "steps_per_frame": Option(split_at_commas, "N[,N...]", "Steps per frame. [16,32,...,16384]"),
+    "norm": Option(str, "NAME", "Measure of errors: position-max, position-rms, ..."),
+    "accuracy": Option(str, "E", "Largest error bound to trust. [1e-8 of the motion]"),
+    "rtol": Option(str, "R", "Tolerance of the reference. [the tightest useful one]"),
+    "level": Option(str, "LEVEL", "Of the reference: consensus or extended. [consensus]"),
+    "digits": Option(str, "N", "Digits of an extended reference. [18]"),
+    "time_limit": Option(str, "S", "Seconds that an extended reference may take. [60]"),
 }
+
+# Fields whose option has a shorter name.
+_SHORT = {"steps_per_frame": "steps"}
 
 
 def table_options(function: Callable) -> Callable:
     """Add an option for each field of a table's spec and of the rope."""
-    for field, (_, metavar, words) in reversed(ROPE.items()):
-        name = f"--{field.replace('_', '-')}"
-        function = click.option(name, f"rope_{field}", metavar=metavar, help=words)(function)
-    for field, (option, _, metavar, words) in reversed(TABLE.items()):
-        function = click.option(f"--{option}", field, metavar=metavar, help=words)(function)
+    for prefix, fields in (("rope_", ROPE), ("", TABLE)):
+        for field, option in reversed(fields.items()):
+            name = f"--{_SHORT.get(field, field).replace('_', '-')}"
+            add = click.option(name, prefix + field, metavar=option.metavar, help=option.help)
+            function = add(function)
     return function
 
 
-def given_values(options: Mapping[str, str | None]) -> tuple[dict[str, Any], dict[str, Any]]:
+def given_values(options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """What was typed, as values of a spec and of its rope; not yet checked.
 
     Arguments:
         options: from click, None where nothing was typed.
     """
-    spec = {
-        field: read(text)
-        for field, (_, read, _, _) in TABLE.items()
-        if (text := options[field]) is not None
-    }
-    rope = {
-        field: read(text)
-        for field, (read, _, _) in ROPE.items()
-        if (text := options[f"rope_{field}"]) is not None
-    }
-    return spec, rope
+
+    def read(fields: Mapping[str, Option], prefix: str) -> dict[str, Any]:
+        return {
+            field: option.read(text)
+            for field, option in fields.items()
+            if (text := options.get(prefix + field)) is not None
+        }
+
+    return read(TABLE, ""), read(ROPE, "rope_")

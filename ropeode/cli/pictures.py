@@ -12,8 +12,10 @@ from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
 from ropeode.errors import InputError
 from ropeode.files import write_whole
-from ropeode.terminal.running import interruptible, not_interrupted, set_up_jax, show_progress
-from ropeode.validation import complaint
+from ropeode.progress import Progress
+from ropeode.terminal.lists import CommaSeparated
+from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
+from ropeode.validation import bad_value, complaint
 
 if TYPE_CHECKING:
     from ropeode.study.spec import TableJob
@@ -26,9 +28,14 @@ _OF_SWEEP = {"x": "damping", "y": "steps_per_frame", "value": "observed_order"}
 
 
 def _picture_options(function: Callable) -> Callable:
-    """Add what plots and films are made of: a spec with options, or trajectories in files."""
+    """Add what plots and films show: a spec with options, or trajectories in files."""
     for option in (
-        click.option("--dt", metavar="A[,B...]", help="Step size of each file. [as the files say]"),
+        click.option(
+            "--dt",
+            metavar="A[,B...]",
+            type=CommaSeparated(),
+            help="Step size of each file. [as the files say]",
+        ),
         click.option("--trajectories", is_flag=True, help="Draw trajectories from each FILE."),
         table_options,
         click.argument(
@@ -52,7 +59,7 @@ def _picture_options(function: Callable) -> Callable:
 def plot(
     files: tuple[Path, ...],
     trajectories: bool,
-    dt: str | None,
+    dt: list[str] | None,
     name: str | None,
     out: str | None,
     where: tuple[str, ...],
@@ -83,60 +90,51 @@ def plot(
     from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
 
     path = check_picture(out or f"{name}.png", FIGURES)
-    dts = _check_sources(files, trajectories, dt, options)
+    _check_sources(files, trajectories, dt, options)
     set_up_jax()
     from ropeode.render.plots.registry import PLOTS
 
     job = _job(files, trajectories, options)
     kind = PLOTS[name]
 
-    with show_progress() as progress:
+    def work(progress: Progress) -> bytes:
+        named = {"norm": job.spec.norm, **job.spec.asked, "progress": progress}
+        if trajectories:
+            result = kind.of_trajectories(files, job.given, dt, **named)
+        else:
+            result = kind.study(job.given, job.spec.steppers, job.spec.steps_per_frame, **named)
+        return figure_bytes(kind.draw(result), path.suffix)
 
-        def work() -> bytes:
-            named = {"norm": job.spec.norm, **job.spec.asked, "progress": progress}
-            if trajectories:
-                result = kind.of_trajectories(files, job.given, dts, **named)
-            else:
-                result = kind.study(job.given, job.spec.steppers, job.spec.steps_per_frame, **named)
-            return figure_bytes(kind.draw(result), path.suffix)
-
-        contents = interruptible(work)
-    _write(path, contents)
+    _write(path, with_progress(work))
 
 
 def _check_sources(
-    files: tuple[Path, ...], trajectories: bool, dt: str | None, options: Mapping[str, Any]
-) -> list[str] | None:
-    """See that arguments and options fit together; the step sizes that were given.
-
-    Raises:
-        InputError: they do not.
+    files: tuple[Path, ...], trajectories: bool, dt: list[str] | None, options: Mapping[str, Any]
+) -> None:
+    """Raises:
+    InputError: arguments and options do not fit together.
     """
     if not trajectories:
         _refuse({"dt": dt}, "only with --trajectories")
         if len(files) > 1:
             allowed, fix = "one spec file", "to draw trajectories, add --trajectories"
-            raise InputError(complaint("spec", " ".join(map(str, files)), allowed, fix))
-        return None
+            raise bad_value("spec", " ".join(map(str, files)), allowed, fix)
+        return
     chosen = {"steppers": options["steppers"], "steps": options["steps_per_frame"]}
     _refuse(chosen, "only without --trajectories: the files hold runs already")
     if not files:
         allowed = "trajectories, one file for each step size"
-        raise InputError(complaint("files", "none", allowed, "name them: 32.csv 64.csv 128.csv"))
+        raise bad_value("files", "none", allowed, "name them: 32.csv 64.csv 128.csv")
     if options["problem"] is None and options["reference"] is None:
         allowed, fix = "the problem of the trajectories", "give --problem SPEC"
-        raise InputError(complaint("problem", "none", allowed, fix))
-    return None if dt is None else [part.strip() for part in dt.split(",")]
+        raise bad_value("problem", "none", allowed, fix)
 
 
 def _job(files: tuple[Path, ...], trajectories: bool, options: Mapping[str, Any]) -> TableJob:
     """What SPEC and the options say; of trajectories, --problem may name the spec."""
     if not trajectories:
         return job_from(next(iter(files), None), options)
-    problem, reference = options["problem"], options["reference"]
-    if reference is not None and Path(reference).exists():
-        # Where it was typed, and not where the spec is.
-        options = {**options, "reference": str(Path(reference).resolve())}
+    problem = options["problem"]
     if problem is not None and Path(problem).suffix == ".toml":
         return job_from(Path(problem), {**options, "problem": None})
     return job_from(None, options)
@@ -146,8 +144,11 @@ def _refuse(options: Mapping[str, Any], allowed: str) -> None:
     """Raises:
     InputError: one of the options was given.
     """
+    fix = "leave it out"
     faults = [
-        complaint(name, value, allowed, "leave it out") for name, value in options.items() if value
+        complaint(name, ",".join(value) if isinstance(value, list) else value, allowed, fix)
+        for name, value in options.items()
+        if value
     ]
     if faults:
         raise InputError(faults)
@@ -164,7 +165,7 @@ def _plot_sweep(
     for each in where:
         name, equals, wanted[name] = each.partition("=")
         if not equals:
-            raise InputError(complaint("where", each, "INPUT=VALUE", "for example stepper=rk4"))
+            raise bad_value("where", each, "INPUT=VALUE", "for example stepper=rk4")
     _write(path, figure_bytes(plot_sweep(folder, x, y, value, wanted), path.suffix))
 
 
@@ -175,7 +176,7 @@ def _plot_sweep(
 def animate(
     files: tuple[Path, ...],
     trajectories: bool,
-    dt: str | None,
+    dt: list[str] | None,
     fps: str,
     out: str | None,
     **options: str | None,
@@ -194,7 +195,7 @@ def animate(
     from ropeode.render.plots.animation import check_film, check_fps, film_bytes
 
     path, speed = check_film(out or "rope.gif"), check_fps(fps)
-    dts = _check_sources(files, trajectories, dt, options)
+    _check_sources(files, trajectories, dt, options)
     set_up_jax()
     from ropeode.checking.trajectories.studies import trajectory_paths
     from ropeode.study.node_paths import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME, node_paths
@@ -204,18 +205,15 @@ def animate(
     if "steps_per_frame" in job.spec.model_fields_set:
         steps = job.spec.steps_per_frame[0]
 
-    with show_progress() as progress:
+    def work(progress: Progress) -> bytes:
+        named = {"norm": job.spec.norm, **job.spec.asked, "progress": progress}
+        if trajectories:
+            paths = trajectory_paths(files, job.given, dt, **named)
+        else:
+            paths = node_paths(job.given, job.spec.steppers or DEFAULT_STEPPERS, steps, **named)
+        return film_bytes(paths, path.suffix, speed, progress)
 
-        def work() -> bytes:
-            named = {"norm": job.spec.norm, **job.spec.asked, "progress": progress}
-            if trajectories:
-                paths = trajectory_paths(files, job.given, dts, **named)
-            else:
-                paths = node_paths(job.given, job.spec.steppers or DEFAULT_STEPPERS, steps, **named)
-            return film_bytes(paths, path.suffix, speed, progress)
-
-        contents = interruptible(work)
-    _write(path, contents)
+    _write(path, with_progress(work))
 
 
 def _write(path: Path, contents: bytes) -> None:

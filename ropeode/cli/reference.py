@@ -9,8 +9,9 @@ import click
 from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.files import check_writable
-from ropeode.terminal.running import interruptible, set_up_jax, show_progress
+from ropeode.progress import Progress
+from ropeode.terminal.output import WritablePath
+from ropeode.terminal.running import set_up_jax, with_progress
 
 
 @click.group(cls=DefaultGroup, default="compute")
@@ -26,14 +27,15 @@ def reference() -> None:
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options
 @click.option("--dense", is_flag=True, help="Compute the states between the samples as well.")
-@click.option("-o", "--out", metavar="FILE", required=True, help="A NetCDF file, *.nc.")
-def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> None:
+@click.option(
+    "-o", "--out", metavar="FILE", type=WritablePath(), required=True, help="A NetCDF file, *.nc."
+)
+def compute(spec: Path | None, out: Path, dense: bool, **options: str | None) -> None:
     """Compute a reference and write it to FILE.
 
     Takes the problem and the reference's settings from SPEC and the options, as `ropeode table`
     does. Steppers are ignored.
     """
-    path = check_writable("out", out)
     set_up_jax()
     from ropeode.references.compute import reference_for
     from ropeode.references.dense.dense_output import with_dense_output
@@ -44,19 +46,17 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
 
     job = job_from(spec, options)
 
-    with show_progress() as progress:
+    def work(progress: Progress) -> Reference:
+        options = ReferenceOptions(**job.spec.asked)
+        reference = reference_for(job.given, options, progress)
+        if not (dense or job.spec.dense):
+            return reference
+        return with_dense_output(reference, time_limit=options.time_limit, progress=progress)
 
-        def work() -> Reference:
-            options = ReferenceOptions(**job.spec.asked)
-            reference = reference_for(job.given, options, progress)
-            if not (dense or job.spec.dense):
-                return reference
-            return with_dense_output(reference, time_limit=options.time_limit, progress=progress)
-
-        computed = interruptible(work)
-    save_reference(computed, path)
+    computed = with_progress(work)
+    save_reference(computed, out)
     click.echo(summary(computed), nl=False)
-    click.echo(f"wrote {path}")
+    click.echo(f"wrote {out}")
 
 
 @reference.command()
@@ -81,11 +81,7 @@ def list_library() -> None:
 
 @reference.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--problem",
-    metavar="FILE.py:NAME",
-    help="If the library does not have it.",
-)
+@click.option("--problem", metavar="FILE.py:NAME", help="If the library does not have it.")
 @click.option("--time-limit", metavar="S", help="Seconds to recompute an extended reference. [60]")
 def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
     """Check FILE, and compute its reference again with today's solvers.
@@ -103,15 +99,14 @@ def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
     limit = TIME_LIMIT
     if time_limit is not None:
         limit = check_positive("time_limit", time_limit, example="600")
-    with show_progress() as progress:
-        verification = interruptible(
-            lambda: verify_reference(
-                find(file),
-                load_problem(problem) if problem else None,
-                time_limit=limit,
-                progress=progress,
-            )
+    verification = with_progress(
+        lambda progress: verify_reference(
+            find(file),
+            load_problem(problem) if problem else None,
+            time_limit=limit,
+            progress=progress,
         )
+    )
     click.echo(verification_text(verification), nl=False)
     if not verification.agrees:
         raise SystemExit(1)

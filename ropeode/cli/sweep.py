@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from ropeode.cli.groups import DefaultGroup
-from ropeode.terminal.running import end_on_ctrl_c, interruptible, set_up_jax, show_cases
+from ropeode.terminal.running import end_on_ctrl_c, set_up_jax, with_progress
 
 
 @click.group(cls=DefaultGroup, default="run")
@@ -39,17 +39,17 @@ def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend
     from ropeode.render.sweep import as_text
     from ropeode.sweep.run import run_sweep
 
-    with show_cases() as progress:
-        summary = interruptible(
-            lambda: run_sweep(
-                spec,
-                out,
-                workers=workers,  # type: ignore[arg-type]
-                scheduler=scheduler,
-                extend=extend,
-                progress=progress,
-            )
-        )
+    summary = with_progress(
+        lambda progress: run_sweep(
+            spec,
+            out,
+            workers=workers,  # type: ignore[arg-type]
+            scheduler=scheduler,
+            extend=extend,
+            progress=progress,
+        ),
+        time_left=True,
+    )
     click.echo(as_text(summary), nl=False)
 
 

@@ -13,24 +13,29 @@ from ropeode.precision import in_float64
 from ropeode.validation import bad_value, finite_numbers
 
 
-def run(*each: Callable[[], Any]) -> None:
+def run(*each: Callable[[], Any]) -> list[Any]:
     """Run every check, and raise all faults together.
+
+    Returns:
+        what the checks returned.
 
     Raises:
         InputError: with the lines of all the checks that failed, each line once.
         UserCodeError: the user's code raised; the traceback of its own exception is worth more
             than the other lines.
     """
+    results: list[Any] = []
     faults: list[str] = []
     for check in each:
         try:
-            check()
+            results.append(check())
         except UserCodeError:
             raise
         except InputError as error:
             faults.extend(error.problems)
     if faults:
         raise InputError(dict.fromkeys(faults))
+    return results
 
 
 def real_array(name: str, value: Any) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 from pydantic import Field, ValidationInfo, field_validator
 
@@ -16,6 +16,16 @@ DIGITS = 18
 TIME_LIMIT = 60.0
 
 Rtol = Annotated[Positive, Field(ge=SMALLEST_RTOL, le=LARGEST_RTOL)]
+
+
+class Asked(TypedDict, total=False):
+    """The fields of `ReferenceOptions` that a study of a problem takes by name."""
+
+    accuracy: float | None
+    rtol: float | None
+    level: Level
+    digits: int
+    time_limit: float
 
 
 class ReferenceOptions(Input):

@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import textwrap
 from typing import Any
 
-from tabulate import tabulate
-
 from ropeode.checking.report import CheckReport, Claims, Convergence
-from ropeode.render import markup
-from ropeode.render.data import without_infinities
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
-from ropeode.render.plain_text import WIDTH, wrapped
+from ropeode.render.text_layout import columns, hanging, wrapped
 
 SCHEMA = "ropeode.check/1"
 _MARKS = {"pass": "ok", "fail": "WRONG", "note": "-", "skip": "skip"}
@@ -27,10 +19,11 @@ def as_text(report: CheckReport) -> str:
     lines = [*wrapped(title(report)), ""]
     for finding in report.findings:
         head = f"{_MARKS[finding.status]:5}  {finding.check:{width}}  "
-        first, *others = _hanging(finding.line, len(head))
-        lines += [head + first, *others]
+        lines += hanging(head, finding.line)
     if convergence := shown(report):
-        lines += ["", *wrapped(_errors_title(convergence)), *_plain_grid(convergence)]
+        grid = _errors_grid(convergence)
+        lines += ["", *wrapped(_errors_title(convergence))]
+        lines += columns([grid.headers, *grid.rows], grid.left)
     for diagnosis in report.diagnosis:
         lines += ["", *wrapped(f"Diagnosis ({diagnosis.cause}): {diagnosis.line}")]
     for note in report.notes:
@@ -40,38 +33,21 @@ def as_text(report: CheckReport) -> str:
     return "\n".join([*lines, "", *wrapped(verdict(report)), ""])
 
 
-def as_markdown(report: CheckReport) -> str:
-    """Pipe tables: the findings, and the errors behind a failed order."""
-    return markup.markdown(blocks(report))
-
-
-def as_latex(report: CheckReport) -> str:
-    """Tabulars in the style of the booktabs package."""
-    return markup.latex(blocks(report))
-
-
-def as_html(report: CheckReport) -> str:
-    """A self-contained page."""
-    return markup.html_page(blocks(report))
-
-
-def as_csv(report: CheckReport) -> str:
+def as_lines(report: CheckReport) -> list[dict[str, Any]]:
     """One line for each check."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("label", "check", "status", "finding"))
-    for finding in report.findings:
-        writer.writerow((report.label, finding.check, finding.status, finding.line))
-    return text.getvalue()
-
-
-def as_json(report: CheckReport) -> str:
-    """Schema `ropeode.check/1`; numbers that do not exist are null."""
-    return json.dumps(without_infinities(as_dict(report)), indent=2, allow_nan=False) + "\n"
+    return [
+        {
+            "label": report.label,
+            "check": finding.check,
+            "status": finding.status,
+            "finding": finding.line,
+        }
+        for finding in report.findings
+    ]
 
 
 def as_dict(report: CheckReport) -> dict[str, Any]:
-    """The report as nested plain values."""
+    """The report as nested plain values, schema `ropeode.check/1`."""
     return {
         "schema": SCHEMA,
         "label": report.label,
@@ -216,17 +192,6 @@ def _errors_grid(convergence: Convergence) -> Grid:
     return Grid(headers, rows, left=frozenset({1 + len(quantities)}))
 
 
-def _plain_grid(convergence: Convergence) -> list[str]:
-    grid = _errors_grid(convergence)
-    lines = tabulate(
-        [grid.headers, *grid.rows],
-        tablefmt="plain",
-        disable_numparse=True,
-        colalign=["left" if i in grid.left else "right" for i in range(len(grid.headers))],
-    ).splitlines()
-    return [line.rstrip() for line in lines]
-
-
 def _error(error: float | None, resolution: float) -> str:
     if error is None:
         return "diverged"
@@ -237,9 +202,3 @@ def _left_out(convergence: Convergence, quantity: str, dt: float) -> str:
     return next(
         (point.reason for point in convergence.orders[quantity].left_out if point.dt == dt), ""
     )
-
-
-def _hanging(text: str, indent: int) -> list[str]:
-    """The lines of a paragraph with a hanging indent."""
-    first, *others = textwrap.wrap(text, WIDTH - indent) or [""]
-    return [first, *(" " * indent + line for line in others)]

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
-from ropeode.study.accuracy_table import AccuracyTable
+from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
 
 
 def blocks(table: AccuracyTable) -> list[Block]:
     """Runs and orders as tables, between paragraphs."""
     runs = [(row.stepper, *table_words.run_cells(row)) for row in table.rows]
     orders = [
-        (*table_words.order_cells(table, each.stepper), _remarks(table, each.stepper))
-        for each in table.orders
+        (*table_words.order_cells(table, each), _remarks(table, each)) for each in table.orders
     ]
     return [
         Heading(table_words.title(table)),
@@ -29,7 +28,6 @@ def blocks(table: AccuracyTable) -> list[Block]:
     ]
 
 
-def _remarks(table: AccuracyTable, stepper: str) -> str:
-    each = next(each for each in table.orders if each.stepper == stepper)
-    left_out = table_words.left_out_words(table, stepper, each.order)
+def _remarks(table: AccuracyTable, each: StepperOrder) -> str:
+    left_out = table_words.left_out_words(table, each)
     return "; ".join(filter(None, (table_words.remark(each), each.order.why, left_out)))

@@ -44,23 +44,10 @@ def formats_of(
 
 
 FORMATS = formats_of(as_text, blocks, as_lines, as_dict)
-HORIZON_FORMATS: dict[str, Callable[[Horizon], str]] = {
-    "text": of_horizon.as_text,
-    "markdown": of_horizon.as_markdown,
-    "latex": of_horizon.as_latex,
-    "csv": of_horizon.as_csv,
-    "json": of_horizon.as_json,
-    "html": of_horizon.as_html,
-}
-
-CHECK_FORMATS: dict[str, Callable[[CheckReport], str]] = {
-    "text": of_check.as_text,
-    "markdown": of_check.as_markdown,
-    "latex": of_check.as_latex,
-    "csv": of_check.as_csv,
-    "json": of_check.as_json,
-    "html": of_check.as_html,
-}
+HORIZON_FORMATS = formats_of(
+    of_horizon.as_text, of_horizon.blocks, of_horizon.as_lines, of_horizon.as_dict
+)
+CHECK_FORMATS = formats_of(of_check.as_text, of_check.blocks, of_check.as_lines, of_check.as_dict)
 
 
 def format_table(table: AccuracyTable, form: str = "text") -> str:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from tabulate import tabulate
 
 from ropeode.norms import NORMS
 from ropeode.problems.library import ROPES
 from ropeode.render import markup, table_words
 from ropeode.render.data import problem_dict
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
-from ropeode.render.plain_text import wrapped
 from ropeode.study.horizon import Growth, Horizon, Run
 
 SCHEMA = "ropeode.horizon/1"
@@ -29,58 +24,25 @@ _NEEDS = ("span", "digits lost", "digits needed", "95% interval", "bits", "known
 
 def as_text(study: Horizon) -> str:
     """Tables between paragraphs, for 80 columns."""
-    lines: list[str] = []
-    for block in blocks(study):
-        if isinstance(block, Grid):
-            align = ["left" if i in block.left else "right" for i in range(len(block.headers))]
-            grid = tabulate(
-                [block.headers, *block.rows],
-                tablefmt="plain",
-                disable_numparse=True,
-                colalign=align,
-            )
-            lines += [*(line.rstrip() for line in grid.splitlines()), ""]
-        else:
-            lines += [*wrapped(block.text), *([""] if isinstance(block, Paragraph) else [])]
-    return "\n".join(lines)
+    return markup.plain(blocks(study))
 
 
-def as_markdown(study: Horizon) -> str:
-    """Pipe tables between paragraphs."""
-    return markup.markdown(blocks(study))
-
-
-def as_latex(study: Horizon) -> str:
-    """Tabulars in the style of the booktabs package."""
-    return markup.latex(blocks(study))
-
-
-def as_html(study: Horizon) -> str:
-    """A page that needs nothing beside it."""
-    return markup.html_page(blocks(study))
-
-
-def as_json(study: Horizon) -> str:
-    """Schema `ropeode.horizon/1`; what does not exist is null."""
-    return json.dumps(as_dict(study), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def as_csv(study: Horizon) -> str:
+def as_lines(study: Horizon) -> list[dict[str, Any]]:
     """One line for each sample: the bound, each run's error, and the digits lost."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    names = [f"{run.role} {run.solver} {run.tolerance:.0e}" for run in study.runs]
-    writer.writerow(["time", "bound", *names, "digits lost in extended precision"])
-    columns = [study.times, study.bound, *(run.errors for run in study.runs), study.lost]
-    for row in np.stack(columns, axis=1):
-        writer.writerow([float(number) if math.isfinite(number) else "" for number in row])
-    return text.getvalue()
+    columns = {
+        "time": study.times,
+        "bound": study.bound,
+        **{f"{run.role} {run.solver} {run.tolerance:.0e}": run.errors for run in study.runs},
+        "digits lost in extended precision": study.lost,
+    }
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def blocks(study: Horizon) -> list[Block]:
     """The tables, and the words around them."""
     parts: list[Block] = [
-        Heading(f"Horizon of float64 references: {table_words.problem_words(cast(Any, study))}"),
+        Heading(f"Horizon of float64 references: {table_words.problem_words(study.problem)}"),
         Paragraph(truth_words(study)),
         Grid(_RUNS, [_run_cells(study, run) for run in study.runs], left=frozenset({0, 2})),
         Paragraph(loss_words(study)),
@@ -134,13 +96,7 @@ def truth_words(study: Horizon) -> str:
 
 def loss_words(study: Horizon) -> str:
     """Where the trust ends, and whether the bound holds."""
-    reference = study.reference
-    trust = (
-        "trusted to the end"
-        if reference.horizon is None
-        else f"trusted before t = {reference.horizon:g} only "
-        f"({reference.certificate.horizon_reason})"
-    )
+    trust = table_words.trust_words(study.reference.certificate)
     words = (
         f"The certificate: {trust}. Inside, the reference's error is at most "
         f"{study.worst_cover:.2f} of the bound."
@@ -208,7 +164,7 @@ def _time(time: float | None) -> str:
 
 
 def as_dict(study: Horizon) -> dict[str, Any]:
-    """The study as nested plain values."""
+    """The study as nested plain values, schema `ropeode.horizon/1`."""
     problem, reference, exponent = study.problem, study.reference, study.exponent
     return {
         "schema": SCHEMA,
@@ -222,7 +178,7 @@ def as_dict(study: Horizon) -> dict[str, Any]:
         },
         "size": study.size,
         "times": study.times.tolist(),
-        "bound": _finite(study.bound),
+        "bound": study.bound.tolist(),
         "horizon": reference.horizon,
         "horizon_reason": reference.certificate.horizon_reason,
         "largest_error_over_bound": study.worst_cover,
@@ -232,7 +188,7 @@ def as_dict(study: Horizon) -> dict[str, Any]:
                 "tolerance": run.tolerance,
                 "role": run.role,
                 "steps": run.steps,
-                "errors": _finite(run.errors),
+                "errors": run.errors.tolist(),
             }
             for run in study.runs
         ],
@@ -252,7 +208,3 @@ def as_dict(study: Horizon) -> dict[str, Any]:
         },
         "needs": [vars(each) for each in study.needs],
     }
-
-
-def _finite(series: np.ndarray) -> list[float | None]:
-    return [float(number) if math.isfinite(number) else None for number in series]

@@ -1,4 +1,4 @@
-"""Headings, paragraphs and tables, written in Markdown, LaTeX or HTML."""
+"""Headings, paragraphs and tables, written as plain text, Markdown, LaTeX or HTML."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from tabulate import tabulate
+
+from ropeode.render.text_layout import columns, wrapped
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -71,6 +73,21 @@ class Code(NamedTuple):
 
 
 Block = Heading | Paragraph | Grid | Code
+
+
+def plain(blocks: Sequence[Block]) -> str:
+    """Text for a terminal of 80 columns."""
+    lines: list[str] = []
+    for block in blocks:
+        if isinstance(block, Heading):
+            lines += wrapped(block.text)
+        elif isinstance(block, Paragraph):
+            lines += [*wrapped(block.text), ""]
+        elif isinstance(block, Code):
+            lines += [*block.text.splitlines(), ""]
+        else:
+            lines += [*columns([block.headers, *block.rows], block.left), ""]
+    return "\n".join(lines)
 
 
 def markdown(blocks: Sequence[Block]) -> str:

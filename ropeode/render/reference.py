@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from tabulate import tabulate
 
 from ropeode.references.certificate import Certificate
 from ropeode.references.files.encoding import dense_name
@@ -15,7 +14,8 @@ from ropeode.references.files.library import Entry
 from ropeode.references.files.store import Facts
 from ropeode.references.files.verify import Verification
 from ropeode.references.reference import Reference
-from ropeode.render.plain_text import wrapped
+from ropeode.render.table_words import trust_words
+from ropeode.render.text_layout import columns, wrapped
 
 _COLUMNS, _ROWS = 60, 8
 _BLOCKS = " ▁▂▃▄▅▆▇█"
@@ -39,11 +39,7 @@ def as_text(facts: Facts) -> str:
         (str(w.solver), f"{w.tolerance:.0e}", w.role, str(w.steps), f"{w.difference:.1e}")
         for w in certificate.witnesses
     ]
-    witnesses = tabulate(
-        [("witness", "tolerance", "role", "steps", "difference"), *rows],
-        tablefmt="plain",
-        disable_numparse=True,
-    )
+    witnesses = columns([("witness", "tolerance", "role", "steps", "difference"), *rows])
     first_bound = next(iter(certificate.bounds.values()))
     versions = ", ".join(f"{name} {number}" for name, number in certificate.versions.items())
     span = f"{len(times)} samples from t = {times[0]:g} to {times[-1]:g}."
@@ -54,7 +50,7 @@ def as_text(facts: Facts) -> str:
         wrapped(f"{span} {_claim(certificate)}"),
         _stored_dense_claim(facts),
         [""],
-        witnesses.splitlines(),
+        witnesses,
         [""],
         _plot(times[: certificate.trusted], first_bound[: certificate.trusted]),
         [""],
@@ -69,11 +65,7 @@ def library_list(entries: Mapping[str, Entry]) -> str:
         (name, entry.level, str(entry.samples), f"{entry.end:g}", f"{entry.bound:.1e}")
         for name, entry in entries.items()
     ]
-    head, *lines = tabulate(
-        [("name", "level", "samples", "until t =", "error bound"), *rows],
-        tablefmt="plain",
-        disable_numparse=True,
-    ).splitlines()
+    head, *lines = columns([("name", "level", "samples", "until t =", "error bound"), *rows])
     titled = [
         part
         for line, entry in zip(lines, entries.values(), strict=True)
@@ -117,9 +109,6 @@ def _why_not_all(verification: Verification) -> str:
 
 
 def _claim(certificate: Certificate) -> str:
-    horizon = "trusted to the end"
-    if certificate.horizon is not None:
-        horizon = f"trusted before t = {certificate.horizon:g} ({certificate.horizon_reason})"
     bounds = ", ".join(
         f"{quantity} {series[certificate.trusted - 1]:.1e}"
         for quantity, series in certificate.bounds.items()
@@ -130,7 +119,7 @@ def _claim(certificate: Certificate) -> str:
     )
     return (
         f"Level {certificate.level}: {certificate.solver} at rtol {certificate.rtol:.0e}. "
-        f"Estimated error bound at the end: {bounds}{drift}; {horizon}."
+        f"Estimated error bound at the end: {bounds}{drift}; {trust_words(certificate)}."
     )
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 
-from tabulate import tabulate
-
+from ropeode.render.text_layout import columns
 from ropeode.steppers.base import BuiltIn, ProblemClass
 from ropeode.steppers.registry import STEPPERS, option_value, options
 
@@ -42,7 +41,7 @@ def as_text() -> str:
     ]
     return "\n".join(
         [
-            tabulate([HEADERS, *rows], tablefmt="plain", disable_numparse=True),
+            *columns([HEADERS, *rows]),
             "",
             "Declared orders of convergence: undamped and at rest at the start; damped;",
             "damped and moving at the start. 0: it converges to another solution. Those of",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
 from typing import Any
 
-from ropeode.render.plain_text import WIDTH, wrapped
+from ropeode.render.text_layout import hanging, wrapped
 from ropeode.sweep.design.columns import STATUSES
 from ropeode.sweep.storage.summary import StepperSummary, SweepSummary
 from ropeode.validation import shown
@@ -25,7 +24,7 @@ def as_text(summary: SweepSummary) -> str:
             line
             for status, meaning in STATUSES.items()
             if (number := summary.statuses[status])
-            for line in _hanging(f"{status:12} {number:>10}  ", meaning)
+            for line in hanging(f"{status:12} {number:>10}  ", meaning)
         ),
     ]
     for name, stepper in summary.steppers.items():
@@ -38,10 +37,6 @@ def as_text(summary: SweepSummary) -> str:
         if (more := len(summary.reasons) - _REASONS) > 0:
             lines += wrapped(f"and {more} others", 4)
     return "\n".join([*lines, ""])
-
-
-def _hanging(head: str, text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
 
 
 def _design(spec: Mapping[str, Any]) -> list[str]:

@@ -9,6 +9,8 @@ import numpy as np
 
 from ropeode.analysis.order import ObservedOrder
 from ropeode.problems.library import ROPES
+from ropeode.problems.problem import Problem
+from ropeode.references.certificate import Certificate
 from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
 
 RUN_HEADERS = (
@@ -25,13 +27,12 @@ ORDER_HEADERS = ("stepper", "expected", "observed", "95% interval", "steps used"
 
 def title(table: AccuracyTable) -> str:
     """The title of the table."""
-    return f"Accuracy of steppers: {problem_words(table)}"
+    return f"Accuracy of steppers: {problem_words(table.problem)}"
 
 
-def problem_words(table: AccuracyTable) -> str:
+def problem_words(problem: Problem) -> str:
     """The problem in a few words."""
-    problem, parameters = table.problem, table.problem.parameters
-    words = [problem.name]
+    words, parameters = [problem.name], problem.parameters
     if parameters.get("kind") in ROPES:
         words.append(f"{parameters['num_nodes']} nodes")
         words.append(_parameter_words("damping", parameters["damping"]))
@@ -78,16 +79,16 @@ def run_cells(row: Row) -> tuple[str, ...]:
     )
 
 
-def order_cells(table: AccuracyTable, stepper: str) -> tuple[str, ...]:
+def order_cells(table: AccuracyTable, each: StepperOrder) -> tuple[str, ...]:
     """The order of one stepper as the cells under `ORDER_HEADERS`."""
-    row = next(each for each in table.orders if each.stepper == stepper)
-    order = row.order
+    order = each.order
+    used = [steps for dt, steps in _steps_by_dt(table, each).items() if dt in order.used]
     return (
-        stepper,
-        "-" if row.expected is None else str(row.expected or "none"),
+        each.stepper,
+        "-" if each.expected is None else str(each.expected or "none"),
         "-" if order.observed is None else f"{order.observed:.3f}",
         interval(order),
-        used_steps(table, stepper, order),
+        f"{min(used)} to {max(used)}" if used else "-",
         order.verdict,
     )
 
@@ -99,19 +100,13 @@ def interval(order: ObservedOrder) -> str:
     return f"[{order.ci95[0]:.3f}, {order.ci95[1]:.3f}]"
 
 
-def used_steps(table: AccuracyTable, stepper: str, order: ObservedOrder) -> str:
-    """The steps per frame that the fit used."""
-    used = [row.steps_per_frame for row in _rows(table, stepper) if row.dt in order.used]
-    return f"{min(used)} to {max(used)}" if used else "-"
-
-
-def left_out_words(table: AccuracyTable, stepper: str, order: ObservedOrder) -> str:
+def left_out_words(table: AccuracyTable, each: StepperOrder) -> str:
     """The steps per frame that were left out, by reason."""
-    steps = {row.dt: row.steps_per_frame for row in _rows(table, stepper)}
+    steps = _steps_by_dt(table, each)
     by_reason: dict[str, list[str]] = {}
-    for point in order.left_out:
+    for point in each.order.left_out:
         by_reason.setdefault(point.reason, []).append(str(steps[point.dt]))
-    return "; ".join(f"{reason}: {', '.join(each)}" for reason, each in by_reason.items())
+    return "; ".join(f"{reason}: {', '.join(words)}" for reason, words in by_reason.items())
 
 
 def remark(order: StepperOrder) -> str | None:
@@ -132,15 +127,17 @@ def reference_words(table: AccuracyTable) -> str:
     )
     drift = certificate.drift.get(quantity)
     kept = "" if drift is None else f"; constraints kept to {np.max(drift[inside]):.1e}"
-    trust = (
-        "trusted to the end"
-        if reference.horizon is None
-        else f"trusted before t = {reference.horizon:g} only ({certificate.horizon_reason})"
-    )
     return (
         f"Reference: {certificate.solver} at rtol {certificate.rtol:.0e}, estimated bound "
-        f"{reference.bound(table.norm)[-1]:.1e}; {agreeing}{kept}; {trust}."
+        f"{reference.bound(table.norm)[-1]:.1e}; {agreeing}{kept}; {trust_words(certificate)}."
     )
+
+
+def trust_words(certificate: Certificate) -> str:
+    """Up to where a reference is trusted, and why no further."""
+    if certificate.horizon is None:
+        return "trusted to the end"
+    return f"trusted before t = {certificate.horizon:g} only ({certificate.horizon_reason})"
 
 
 def _agreement(table: AccuracyTable, differences: np.ndarray) -> str:
@@ -152,5 +149,5 @@ def _agreement(table: AccuracyTable, differences: np.ndarray) -> str:
     return f"{words} before t = {table.problem.ts[reached]:g}"
 
 
-def _rows(table: AccuracyTable, stepper: str) -> list[Row]:
-    return [row for row in table.rows if row.stepper == stepper]
+def _steps_by_dt(table: AccuracyTable, each: StepperOrder) -> dict[float, int]:
+    return {row.dt: row.steps_per_frame for row in table.rows if row.stepper == each.stepper}

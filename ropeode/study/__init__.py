@@ -1,1 +1,1 @@
-"""Studies: many runs, judged together."""
+"""Studies: many runs, compared with one reference."""

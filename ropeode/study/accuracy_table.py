@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
-from ropeode.references.options import ReferenceOptions
+from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import simulate
 from ropeode.simulation.method import Method, method_of
@@ -26,7 +26,7 @@ from ropeode.steppers import as_stepper
 from ropeode.steppers.base import ProblemClass, Stepper
 from ropeode.steppers.functions import StepFunction
 from ropeode.threads import cores, threads
-from ropeode.validation import complaint, whole_number
+from ropeode.validation import bad_value, complaint, whole_number
 
 DEFAULT_STEPPERS = (
     "explicit-euler",
@@ -39,7 +39,7 @@ DEFAULT_STEPPERS = (
 )
 DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
 
-# Of the states of runs that are made side by side.
+# Of the states of runs that run side by side.
 _MOST_BYTES = 2**28
 
 
@@ -57,10 +57,10 @@ class Row:
             if it is below `resolution`.
         error_max: the largest over these samples; likewise.
         error_rms: the root mean square over them; likewise.
-        resolved: whether `error_max` is a number that the reference can tell.
+        resolved: whether the reference resolves `error_max`.
         resolution: ten times the reference's estimated bound.
         round_off: estimated from the same run in other units; None if it diverged, or if the
-            stepper computes forces of its own, in units of its own.
+            stepper computes its own forces, in its own units.
         rhs_evaluations: of the right-hand side; None where nobody can count them.
         seconds: to run, without compiling, beside another run on each other processor.
     """
@@ -124,14 +124,12 @@ def accuracy_table(
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
-    accuracy: float | None = None,
-    rtol: float | None = None,
     progress: Progress = silent,
-    **asked: Any,
+    **asked: Unpack[Asked],
 ) -> AccuracyTable:
-    """Run steppers at several step sizes and hold them against a reference.
+    """Run steppers at several step sizes and compare them with a reference.
 
-    The steppers are compiled while the reference is made, and then run side by side, one on
+    The steppers are compiled while the reference is computed, and then run side by side, one on
     each processor.
 
     Arguments:
@@ -140,10 +138,8 @@ def accuracy_table(
             `DEFAULT_STEPPERS` that can run on the problem and are meant for it.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
-        accuracy: as for `ropeode.reference`.
-        rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
-        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
+        asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
     Raises:
         InputError: one line for each argument that cannot be used.
@@ -151,8 +147,8 @@ def accuracy_table(
     """
     given, problem = problem, problem_of(problem)
     chosen, steps_per_frame = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    measure = norm_for(problem, norm)
-    # Each run is made twice; the second time in other units, to find its round-off.
+    measure, options = norm_for(problem, norm), ReferenceOptions(**asked)
+    # Each run is repeated in other units, which shows its round-off.
     rescaled = in_other_units(problem)
     with threads(_side_by_side(problem)) as pool:
         methods = [method_of(stepper, problem) for stepper in chosen]
@@ -161,7 +157,6 @@ def accuracy_table(
             for method in methods
             for each in (problem, rescaled)
         ]
-        options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked)
         reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
         for each in compiled:
             each.result()
@@ -171,13 +166,13 @@ def accuracy_table(
             for steps in sorted(steps_per_frame, reverse=True)
             for method in methods
         }
-        found, done = {}, 0
+        finished, done = {}, 0
         for each in as_completed(running):
             row, done = each.result(), done + running[each]
-            found[row.stepper, row.steps_per_frame] = row
+            finished[row.stepper, row.steps_per_frame] = row
             text = f"{row.stepper}: {row.steps_per_frame} steps per frame"
             progress(text, done / (len(chosen) * sum(steps_per_frame)))
-    rows = [found[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
+    rows = [finished[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
     size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
     progress("done", 1.0)
     return AccuracyTable(
@@ -199,7 +194,7 @@ def accuracy_table(
 
 
 def _side_by_side(problem: Problem) -> int:
-    """How many runs are made at a time; each keeps its states and those of its double."""
+    """How many runs run at a time; each keeps its states and those of its double."""
     of_a_run = 2 * len(problem.ts) * problem.y0.nbytes
     return max(1, min(cores(), _MOST_BYTES // of_a_run))
 
@@ -215,7 +210,7 @@ def default_steppers(problem: Problem) -> list[str]:
 
 
 def chosen_steppers(problem: Problem, given: Any) -> list[Stepper]:
-    """Steppers that can run on a problem; where none are given, those that a table has.
+    """Steppers that can run on a problem; for None, those that a table has by default.
 
     Raises:
         InputError: one line for each that does not exist, is repeated or cannot run.
@@ -236,7 +231,7 @@ def check_steppers(given: Any, folder: Path | None = None) -> list[Stepper]:
     Raises:
         InputError: one line for each that does not exist or is repeated.
     """
-    found: dict[str, Stepper] = {}
+    chosen: dict[str, Stepper] = {}
     problems: list[str] = []
     for each in given if isinstance(given, (list, tuple)) else [given]:
         try:
@@ -247,16 +242,16 @@ def check_steppers(given: Any, folder: Path | None = None) -> list[Stepper]:
         except InputError as error:
             problems.extend(error.problems)
             continue
-        if stepper.label in found:
-            another = found[stepper.label] is not stepper and isinstance(stepper, StepFunction)
+        if stepper.label in chosen:
+            another = chosen[stepper.label] is not stepper and isinstance(stepper, StepFunction)
             fix = "name them apart with as_stepper(function, label=...)" if another else "drop one"
             problems.append(complaint("steppers", stepper.label, "each stepper once", fix))
-        found[stepper.label] = stepper
-    if not found and not problems:
+        chosen[stepper.label] = stepper
+    if not chosen and not problems:
         problems.append(complaint("steppers", [], "at least one stepper", "name one, such as rk4"))
     if problems:
         raise InputError(problems)
-    return list(found.values())
+    return list(chosen.values())
 
 
 class StepsPerFrame(tuple[int, ...]):
@@ -278,14 +273,8 @@ def check_steps(given: Sequence[int]) -> StepsPerFrame:
         if len(set(steps)) < len(steps):
             raise ValueError("one is repeated")
     except (TypeError, ValueError) as error:
-        raise InputError(
-            complaint(
-                "steps_per_frame",
-                given,
-                f"different whole numbers >= 1 ({error})",
-                "for example 16, 32, 64",
-            )
-        ) from None
+        allowed = f"different whole numbers >= 1 ({error})"
+        raise bad_value("steps_per_frame", given, allowed, "for example 16, 32, 64") from None
     return steps
 
 
@@ -298,10 +287,10 @@ def _row(
     norm: Norm,
 ) -> Row:
     run = simulate(problem, method, steps)
-    found: dict[str, Any] = dict.fromkeys(("error_final", "error_max", "error_rms", "round_off"))
+    errors: dict[str, Any] = dict.fromkeys(("error_final", "error_max", "error_rms", "round_off"))
     if run.status == "ok":
         series = error_series(run, reference, norm.name)
-        found = {
+        errors = {
             "error_final": series.final,
             "error_max": series.max,
             "error_rms": series.rms,
@@ -313,8 +302,8 @@ def _row(
         dt=run.dt,
         status=run.status,
         diverged_at=run.diverged_at,
-        **found,
-        resolved=found["error_max"] is not None,
+        **errors,
+        resolved=errors["error_max"] is not None,
         resolution=float(RESOLUTION_FACTOR * reference.bound(norm)[-1]),
         rhs_evaluations=run.rhs_evaluations,
         seconds=run.seconds,

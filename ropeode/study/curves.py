@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
-from ropeode.errors import InputError
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
-from ropeode.references.options import ReferenceOptions
+from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers.base import Stepper
-from ropeode.study.accuracy_table import (
-    DEFAULT_STEPS_PER_FRAME,
-    check_steps,
-    chosen_steppers,
-)
-from ropeode.validation import complaint
+from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, check_steps, chosen_steppers
+from ropeode.validation import bad_value
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -102,10 +97,8 @@ def error_curves(
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
-    accuracy: float | None = None,
-    rtol: float | None = None,
     progress: Progress = silent,
-    **asked: Any,
+    **asked: Unpack[Asked],
 ) -> ErrorCurves:
     """Run steppers and measure their distance from a reference at each sample.
 
@@ -116,31 +109,19 @@ def error_curves(
         steppers: as for `ropeode.accuracy_table`.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
-        accuracy: as for `ropeode.reference`.
-        rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
-        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
+        asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
     Raises:
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference of the problem can be certified.
     """
-    source, problem = problem, problem_of(problem)
-    chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    measure = norm_for(problem, norm)
-    reference = reference_for(
-        source,
-        ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked),
-        lambda text, _: progress(text, 0.0),
+    measure = norm_for(problem_of(problem), norm)
+    reference, runs = _reference_and_runs(problem, steppers, steps_per_frame, progress, asked)
+    curves = (
+        _curve(run, run.times[1:], distances(run.states, reference, measure)[1:]) for run in runs
     )
-    return errors_of(
-        reference,
-        measure,
-        (
-            _curve(run, run.times[1:], distances(run.states, reference, measure)[1:])
-            for run in runs(problem, chosen, ladder, progress)
-        ),
-    )
+    return errors_of(reference, measure, curves)
 
 
 def errors_of(reference: Reference, norm: Norm, curves: Iterable[Curve]) -> ErrorCurves:
@@ -169,10 +150,8 @@ def energy_curves(
     steppers: Sequence[str | Stepper] | None = None,
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
-    accuracy: float | None = None,
-    rtol: float | None = None,
     progress: Progress = silent,
-    **asked: Any,
+    **asked: Unpack[Asked],
 ) -> EnergyCurves:
     """Run steppers and compute their energy at each sample, and that of a reference.
 
@@ -180,30 +159,31 @@ def energy_curves(
         problem: the problem to solve, which must have an energy; or a reference of it.
         steppers: as for `ropeode.accuracy_table`.
         steps_per_frame: whole numbers, each once.
-        accuracy: as for `ropeode.reference`.
-        rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
-        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
+        asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
     Raises:
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference of the problem can be certified.
     """
-    source, problem = problem, problem_of(problem)
-    check_energy(problem)
+    check_energy(problem_of(problem))
+    reference, runs = _reference_and_runs(problem, steppers, steps_per_frame, progress, asked)
+    curves = (_curve(run, run.times, run.problem.energies(run.states)) for run in runs)
+    return energies_of(reference, curves)
+
+
+def _reference_and_runs(
+    given: Problem | Reference,
+    steppers: Any,
+    steps_per_frame: Sequence[int],
+    progress: Progress,
+    asked: Asked,
+) -> tuple[Reference, Iterator[Trajectory]]:
+    """The reference, and the runs, which run one after the other when they are needed."""
+    problem, options = problem_of(given), ReferenceOptions(**asked)
     chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    reference = reference_for(
-        source,
-        ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked),
-        lambda text, _: progress(text, 0.0),
-    )
-    return energies_of(
-        reference,
-        (
-            _curve(run, run.times, problem.energies(run.states))
-            for run in runs(problem, chosen, ladder, progress)
-        ),
-    )
+    reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
+    return reference, runs_of(problem, chosen, ladder, progress)
 
 
 def energies_of(reference: Reference, curves: Iterable[Curve]) -> EnergyCurves:
@@ -229,17 +209,11 @@ def check_energy(problem: Problem) -> None:
         InputError: it has none.
     """
     if problem.energy is None:
-        raise InputError(
-            complaint(
-                "problem",
-                problem.name,
-                "a problem that has an energy",
-                "give it one, Problem(..., energy=...), or choose what needs none",
-            )
-        )
+        fix = "give it one, Problem(..., energy=...), or choose what needs none"
+        raise bad_value("problem", problem.name, "a problem that has an energy", fix)
 
 
-def runs(
+def runs_of(
     problem: Problem, steppers: Sequence[Stepper], ladder: Sequence[int], progress: Progress
 ) -> Iterator[Trajectory]:
     """Each stepper at each number of steps per frame, one after the other."""

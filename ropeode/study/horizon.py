@@ -329,16 +329,13 @@ def _digits_left(
 
     rows = []
     for digits in range(FLOAT64_DIGITS - 1, -1, -1):
-        times_of_loss = [first(run.errors, digits) for run in runs]
-        luckiest = (
-            None
-            if None in times_of_loss
-            else max(time for time in times_of_loss if time is not None)
-        )
-        rows.append(DigitsLeft(digits, times_of_loss[0], luckiest, first(bound, digits)))
-    return tuple(
-        each for each in rows if (each.reference, each.luckiest, each.certificate) != (None,) * 3
-    )
+        losses = [first(run.errors, digits) for run in runs]
+        lost = [time for time in losses if time is not None]
+        luckiest = max(lost) if len(lost) == len(losses) else None
+        certificate = first(bound, digits)
+        if losses[0] is not None or certificate is not None:
+            rows.append(DigitsLeft(digits, losses[0], luckiest, certificate))
+    return tuple(rows)
 
 
 def _growth(times: np.ndarray, lost: np.ndarray, most: float) -> Growth | None:

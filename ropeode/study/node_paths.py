@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
-from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
-from ropeode.references.options import ReferenceOptions
+from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
-from ropeode.study.curves import runs
-from ropeode.validation import complaint
+from ropeode.study.curves import runs_of
+from ropeode.validation import bad_value
 
 DEFAULT_STEPPERS = ("semi-implicit-euler",)
 DEFAULT_STEPS_PER_FRAME = 64
@@ -82,10 +81,8 @@ def node_paths(
     steps_per_frame: int = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
-    accuracy: float | None = None,
-    rtol: float | None = None,
     progress: Progress = silent,
-    **asked: Any,
+    **asked: Unpack[Asked],
 ) -> NodePaths:
     """Run steppers on a problem that is sampled up to 8 times in each frame.
 
@@ -97,10 +94,8 @@ def node_paths(
         steppers: steppers, or their names with options.
         steps_per_frame: a whole number, the same for all.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
-        accuracy: as for `ropeode.reference`.
-        rtol: as for `ropeode.reference`.
         progress: called with what is being done and the fraction that is done.
-        asked: `level`, `digits` and `time_limit` of `ropeode.reference`.
+        asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
     Raises:
         InputError: one line for each argument that cannot be used.
@@ -109,14 +104,10 @@ def node_paths(
     source, problem = problem, problem_of(problem)
     check_positions(problem)
     chosen, (steps,) = chosen_steppers(problem, steppers), check_steps([steps_per_frame])
-    measure = norm_for(problem, norm)
+    measure, options = norm_for(problem, norm), ReferenceOptions(**asked)
     parts = 1 if isinstance(source, Reference) else parts_of(problem.frames, steps)
     sampled = sampled_finer(source, parts)
-    reference = reference_for(
-        sampled,
-        ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked),
-        lambda text, _: progress(text, 0.0),
-    )
+    reference = reference_for(sampled, options, lambda text, _: progress(text, 0.0))
     return NodePaths(
         problem=problem,
         reference=reference,
@@ -131,7 +122,7 @@ def node_paths(
                 errors=distances(run.states, reference, measure),
                 diverged_at=None if run.diverged_at is None else -(-run.diverged_at // parts),
             )
-            for run in runs(reference.problem, chosen, [steps // parts], progress)
+            for run in runs_of(reference.problem, chosen, [steps // parts], progress)
         ),
     )
 
@@ -143,14 +134,9 @@ def check_positions(problem: Problem) -> None:
         InputError: its positions do not have 2 or 3 components.
     """
     if problem.mechanics is None or problem.positions(problem.y0[None]).shape[2] not in (2, 3):
-        raise InputError(
-            complaint(
-                "problem",
-                problem.name,
-                "a problem whose positions have 2 or 3 components",
-                "choose one that moves in a plane or in space, such as rope or kepler",
-            )
-        )
+        allowed = "a problem whose positions have 2 or 3 components"
+        fix = "choose one that moves in a plane or in space, such as rope or kepler"
+        raise bad_value("problem", problem.name, allowed, fix)
 
 
 def parts_of(frames: int, steps: int) -> int:

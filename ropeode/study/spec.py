@@ -1,9 +1,10 @@
-"""What a table is made from, as a TOML file or as options of the command line."""
+"""The settings of a table, from a TOML file or from options of the command line."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -21,7 +22,6 @@ from ropeode.problems.rope import Rope
 from ropeode.progress import Progress
 from ropeode.references.certificate import Level
 from ropeode.references.reference import Reference, problem_of
-from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
     AccuracyTable,
@@ -30,14 +30,9 @@ from ropeode.study.accuracy_table import (
     check_steppers,
     check_steps,
 )
-from ropeode.validation import (
-    Input,
-    Positive,
-    WholePositive,
-    complaint,
-    field,
-    unknown,
-)
+from ropeode.validation import Input, Positive, WholePositive, bad_value, complaint, field, unknown
+
+COMMENTED_SPEC = resources.files("ropeode.study").joinpath("commented.toml").read_text("utf-8")
 
 
 def _steppers(value: Any) -> tuple[str, ...] | None:
@@ -46,51 +41,40 @@ def _steppers(value: Any) -> tuple[str, ...] | None:
     return tuple(stepper.label for stepper in check_steppers(value))
 
 
-def _themselves(value: Any) -> tuple[Stepper, ...] | None:
-    return None if value is None else tuple(check_steppers(value))
+def _one_of(name: str, allowed: Iterable[str]) -> AfterValidator:
+    """The check of a field that is one of these names, or None."""
 
+    def check(value: str | None) -> str | None:
+        if value is not None and value not in allowed:
+            raise InputError(unknown(name, value, allowed))
+        return value
 
-def _norm(value: str | None) -> str | None:
-    if value is not None and value not in NORMS:
-        raise InputError(unknown("norm", value, NORMS))
-    return value
-
-
-def _kind(value: str) -> str:
-    if value not in ROPES:
-        raise InputError(unknown("kind", value, ROPES))
-    return value
-
-
-def _level(value: str) -> str:
-    if value not in get_args(Level):
-        raise InputError(unknown("level", value, get_args(Level)))
-    return value
+    return AfterValidator(check)
 
 
 class StudySpec(Input):
-    """What spec files of all kinds say.
+    """The fields that all kinds of spec files share.
 
     Arguments:
         problem: `rope`, another problem of the library, or FILE.py:NAME.
         kind: of the rope: `rope` or `inextensible-rope`.
-        frames: how many frames are solved; where nothing is given, 20 for the rope.
-        steppers: names with options; where none are given, those of `DEFAULT_STEPPERS` that
+        frames: how many frames are solved; by default 20 for the rope.
+        steppers: names with options; by default those of `DEFAULT_STEPPERS` that
             can run on the problem.
         steps_per_frame: whole numbers.
         norm: one of `ropeode.norms.NORMS`.
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
         level: as for `ropeode.reference`, like what follows.
-        digits: of an extended reference; 18 where nothing is given.
-        time_limit: of an extended reference, in seconds; 60 where nothing is given.
+        digits: of an extended reference; by default 18.
+        time_limit: of an extended reference, in seconds; by default 60.
 
     Raises:
         InputError: one line for each that cannot be used.
     """
 
     problem: str = field("rope", allowed="a problem's name, or FILE.py:NAME", example='"rope"')
-    kind: Annotated[str, AfterValidator(_kind)] = field(
+    kind: Annotated[str, _one_of("kind", ROPES)] = field(
         "rope", allowed="the kind of a rope", example='"inextensible-rope"'
     )
     frames: WholePositive | None = field(None, allowed="a whole number >= 1", example="20")
@@ -102,12 +86,12 @@ class StudySpec(Input):
         allowed="different whole numbers >= 1",
         example="[16, 32, 64]",
     )
-    norm: Annotated[str | None, AfterValidator(_norm)] = field(
+    norm: Annotated[str | None, _one_of("norm", NORMS)] = field(
         None, allowed="the name of a norm", example='"position-max"'
     )
     accuracy: Positive | None = field(None, allowed="a finite number > 0", example="1e-6")
     rtol: Positive | None = field(None, allowed="a finite number > 0", example="1e-12")
-    level: Annotated[str, AfterValidator(_level)] = field(
+    level: Annotated[str, _one_of("level", get_args(Level))] = field(
         "consensus", allowed="the level of a reference", example='"extended"'
     )
     digits: WholePositive | None = field(
@@ -119,16 +103,15 @@ class StudySpec(Input):
 
     @property
     def asked(self) -> dict[str, Any]:
-        """What is asked of the reference, as `ropeode.reference` takes it."""
+        """The options of the reference that the spec sets, as `ropeode.reference` names them."""
         names = ("accuracy", "rtol", "level", "digits", "time_limit")
-        given = {name: getattr(self, name) for name in names}
-        return {name: value for name, value in given.items() if value is not None}
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def check_level(self) -> None:
-        """See that nothing is given that only another level has.
+        """Refuse options of the level `extended` at another level.
 
         Raises:
-            InputError: something is.
+            InputError: one line for each of them.
         """
         if self.level == "extended":
             return
@@ -145,7 +128,7 @@ class TableSpec(StudySpec):
     """Everything in a table's spec file except the rope's own table.
 
     Arguments:
-        steppers: themselves, from whatever `ropeode.as_stepper` takes.
+        steppers: themselves; `TableJob` makes them of whatever `ropeode.as_stepper` takes.
         reference: a file with a reference, or a name of the stored library; either says the
             problem as well.
         dense: whether a reference that is written is to have states between the samples.
@@ -154,7 +137,7 @@ class TableSpec(StudySpec):
         InputError: one line for each that cannot be used.
     """
 
-    steppers: Annotated[Any, BeforeValidator(_themselves)] = field(
+    steppers: Any = field(
         None, allowed="names of steppers", example='["rk4", "steps.py:verlet", "diffrax:Heun"]'
     )
     reference: str | None = field(
@@ -172,8 +155,8 @@ def read_spec(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(read_text("spec", path))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            complaint("spec", str(path), f"a TOML file ({error})", "see `ropeode spec` for one")
+        raise bad_value(
+            "spec", str(path), f"a TOML file ({error})", "see `ropeode spec` for one"
         ) from error
 
 
@@ -181,14 +164,14 @@ def kind_apart(values: Mapping[str, Any]) -> dict[str, Any]:
     """A spec's values where the name of a rope, which says its kind as well, is its kind.
 
     Raises:
-        InputError: another kind is given beside it.
+        InputError: the spec names another kind as well.
     """
     rest = dict(values)
     if rest.get("problem") in ROPES:
         kind = rest.pop("problem")
         if kind != "rope" and rest.setdefault("kind", kind) != kind:
             allowed = f"no other kind with problem {kind!r}"
-            raise InputError(complaint("kind", rest["kind"], allowed, "leave out one of them"))
+            raise bad_value("kind", rest["kind"], allowed, "leave out one of them")
     return rest
 
 
@@ -199,20 +182,13 @@ def rope_of(kind: str, parameters: Any) -> Rope | InextensibleRope:
         InputError: one line for each parameter that cannot be used.
     """
     if not isinstance(parameters, Mapping):
-        raise InputError(
-            complaint("rope", parameters, "a table of parameters", "write [rope] above them")
-        )
-    made = ROPES.get(kind, Rope)
-    if made is InextensibleRope and "stiffness" in parameters:
-        raise InputError(
-            complaint(
-                "stiffness",
-                parameters["stiffness"],
-                "none with kind 'inextensible-rope', whose links do not stretch",
-                "leave it out, or choose kind 'rope'",
-            )
-        )
-    return made(**parameters)
+        raise bad_value("rope", parameters, "a table of parameters", "write [rope] above them")
+    rope = ROPES.get(kind, Rope)
+    if rope is InextensibleRope and "stiffness" in parameters:
+        allowed = "none with kind 'inextensible-rope', whose links do not stretch"
+        fix = "leave it out, or choose kind 'rope'"
+        raise bad_value("stiffness", parameters["stiffness"], allowed, fix)
+    return rope(**parameters)
 
 
 class TableJob:
@@ -229,69 +205,48 @@ class TableJob:
 
     def __init__(self, values: Mapping[str, Any], folder: Path | None = None):
         rest = kind_apart(values)
-        rope_values = rest.pop("rope", {})
-        found: dict[str, Any] = {}
-
-        def check_names_of_steppers() -> None:
-            if (given := rest.pop("steppers", None)) is not None:
-                found["steppers"] = check_steppers(given, folder)
-
-        def check_spec() -> None:
-            if "steppers" in found:
-                rest["steppers"] = found["steppers"]
-            found["spec"] = TableSpec(**rest)
-
-        def check_rope() -> None:
-            found["rope"] = rope_of(str(rest.get("kind")), rope_values)
-
-        run_checks(check_names_of_steppers, check_spec, check_rope)
-        self.spec: TableSpec = found["spec"]
-        self.spec.check_level()
+        rope_values, steppers = rest.pop("rope", {}), rest.pop("steppers", None)
+        chosen, spec, self._rope = run_checks(
+            lambda: None if steppers is None else tuple(check_steppers(steppers, folder)),
+            lambda: TableSpec(**rest),
+            lambda: rope_of(str(rest.get("kind")), rope_values),
+        )
+        spec.check_level()
+        self.spec: TableSpec = spec.model_copy(update={"steppers": chosen})
         self.folder = folder
+        self._rope_given = bool(rope_values)
         self.given: Problem | Reference
         if self.spec.reference is None:
-            self.given = self._problem(found["rope"], bool(rope_values), folder, self.spec.frames)
+            self.given = self._problem(self.spec.frames)
         else:
-            self.given = self._stored(found["rope"], bool(rope_values), {*rest}, folder)
+            self.given = self._stored({*rest})
 
-    def _problem(
-        self,
-        rope: Rope | InextensibleRope,
-        rope_given: bool,
-        folder: Path | None,
-        frames: int | None,
-    ) -> Problem:
+    def _problem(self, frames: int | None) -> Problem:
         spec = self.spec
         if spec.problem == "rope":
-            return rope.problem(**({} if frames is None else {"frames": frames}))
-        if rope_given or spec.kind != "rope":
-            raise InputError(
-                complaint(
-                    "rope" if rope_given else "kind",
-                    f"what describes a rope, with problem {spec.problem!r}",
-                    "what describes a rope with problem 'rope' only",
-                    "leave out one of the two",
-                )
-            )
-        return load_problem(spec.problem, folder=folder, frames=frames)
+            return self._rope.problem(**({} if frames is None else {"frames": frames}))
+        if self._rope_given or spec.kind != "rope":
+            name = "rope" if self._rope_given else "kind"
+            given = f"what describes a rope, with problem {spec.problem!r}"
+            allowed = "what describes a rope with problem 'rope' only"
+            raise bad_value(name, given, allowed, "leave out one of the two")
+        return load_problem(spec.problem, folder=self.folder, frames=frames)
 
-    def _stored(
-        self, rope: Rope | InextensibleRope, rope_given: bool, named: set[str], folder: Path | None
-    ) -> Reference:
+    def _stored(self, named: set[str]) -> Reference:
         """The stored reference; its problem must be the one that is described, if one is."""
         # Not above: HDF5 takes its time to load, and most tables need none of it.
         from ropeode.references.files.library import find
         from ropeode.references.files.store import reference_from, stored_facts
 
         assert self.spec.reference is not None
-        beside = (folder or Path()) / self.spec.reference
+        beside = (self.folder or Path()) / self.spec.reference
         facts = stored_facts(beside if beside.exists() else find(self.spec.reference))
-        if not (rope_given or named & {"problem", "kind", "frames"}):
+        if not (self._rope_given or named & {"problem", "kind", "frames"}):
             return reference_from(facts)
         frames = self.spec.frames
         if frames is None and self.spec.problem in PROBLEMS:
             frames = facts.problem["parameters"].get("frames")
-        return reference_from(facts, self._problem(rope, rope_given, folder, frames))
+        return reference_from(facts, self._problem(frames))
 
     @property
     def problem(self) -> Problem:
@@ -309,68 +264,3 @@ class TableJob:
             progress=progress,
             **spec.asked,
         )
-
-
-COMMENTED_SPEC = """\
-# What `ropeode table THIS-FILE` computes. Every line may be left out: these are the defaults.
-
-# "rope", another problem of the library (pendulum, kepler, lorenz, van-der-pol, ...), or your
-# own: "FILE.py:NAME", where NAME is a Problem or a function that returns one.
-problem = "rope"
-
-# With problem "rope": nodes joined by springs ("rope") or by rigid links ("inextensible-rope",
-# without a stiffness).
-kind = "rope"
-
-# A file with a reference, or a name of the stored library (see `ropeode reference list`); it
-# says the problem as well.
-# reference = "rope.nc"
-
-# How long to simulate. One frame is the rope's time unit and the distance of two samples.
-frames = 20
-
-# `ropeode steppers` lists them with their options, as in "stormer-verlet:start=rest".
-steppers = [
-    "explicit-euler",
-    "semi-implicit-euler",
-    "stormer-verlet:start=rest",
-    "stormer-verlet",
-    "rk4",
-]
-
-# Step sizes: dt = frame / steps_per_frame.
-steps_per_frame = [16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384]
-
-# How an error is measured: position-max, position-rms, velocity-max or velocity-rms; for
-# problems that are not mechanical state-max or state-rms.
-norm = "position-max"
-
-# The largest error bound of the reference that is still trusted; by default 1e-8 of how far
-# the nodes move.
-# accuracy = 1e-6
-
-# Relative tolerance of the reference; by default as tight as gains anything.
-# rtol = 1e-12
-
-# "consensus" of float64 solvers, or "extended" precision, which needs heyoka:
-# pip install '.[extended]'.
-level = "consensus"
-
-# With level "extended": to how many digits two runs are to agree, and how many seconds they have.
-# digits = 18
-# time_limit = 60
-
-# Whether `ropeode reference` is to write states between the samples as well.
-dense = false
-
-[rope]
-start = [0.0, 200.0]       # 2 or 3 coordinates
-end = [-400.0, 200.0]
-num_nodes = 16
-node_mass = 1.0            # one number, or a list with one for each node
-stiffness = 100.0          # one number, or a list with one for each spring; not for links
-pinned = [0]               # indices of the nodes that do not move
-gravity = [0.0, -1.0]
-damping = 0.01             # one number, or a list with one for each node
-initial_velocity = [0.0, 0.0]  # of all free nodes, or a list with one for each node
-"""

@@ -8,12 +8,8 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, TypeVar
 
-import click
-
-from ropeode.files import write_whole
 from ropeode.progress import Progress
 
 T = TypeVar("T")
@@ -50,15 +46,6 @@ def not_interrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def put_out(text: str, path: Path | None) -> None:
-    """Write a result to its file, whole, or print it if there is no file."""
-    if path is None:
-        click.echo(text, nl=False)
-        return
-    with not_interrupted():
-        write_whole(path, text)
-
-
 def set_up_jax() -> None:
     """Switch on 64-bit types, and cache traced and compiled programs in the user's cache folder."""
     from ropeode.references.jax_setup import set_up_jax as set_up
@@ -67,39 +54,20 @@ def set_up_jax() -> None:
 
 
 @contextlib.contextmanager
-def show_progress() -> Iterator[Progress]:
-    """A bar on standard error, if that is a terminal; it disappears at the end."""
-    from rich import progress as rich
-    from rich.console import Console
+def show_progress(*, time_left: bool = False) -> Iterator[Progress]:
+    """A bar on standard error, if that is a terminal; it disappears at the end.
 
-    with rich.Progress(
-        rich.BarColumn(bar_width=20),
-        rich.TaskProgressColumn(),
-        rich.TimeElapsedColumn(),
-        rich.TextColumn("{task.description}"),
-        console=Console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-    ) as bar:
-        task = bar.add_task("starting", total=1.0)
-
-        def update(text: str, fraction: float | None) -> None:
-            # Rich leaves the bar where it is if it is told nothing.
-            bar.update(task, description=text, completed=fraction)
-
-        yield update
-
-
-@contextlib.contextmanager
-def show_cases() -> Iterator[Progress]:
-    """A bar like that of `show_progress`, with the time left in place of the time that passed."""
+    Arguments:
+        time_left: show the estimated time that is left in place of the time that has passed.
+    """
     from rich import progress
     from rich.console import Console
 
     with progress.Progress(
         progress.BarColumn(bar_width=20),
+        progress.TaskProgressColumn(),
+        progress.TimeRemainingColumn() if time_left else progress.TimeElapsedColumn(),
         progress.TextColumn("{task.description}"),
-        progress.TimeRemainingColumn(),
         console=Console(stderr=True),
         transient=True,
         disable=not sys.stderr.isatty(),
@@ -107,9 +75,21 @@ def show_cases() -> Iterator[Progress]:
         task = bar.add_task("starting", total=None)
 
         def update(text: str, fraction: float | None) -> None:
+            # Rich leaves the bar where it is if the fraction is None.
             bar.update(task, description=text, completed=fraction, total=1.0)
 
         yield update
+
+
+def with_progress(work: Callable[[Progress], T], *, time_left: bool = False) -> T:
+    """Do work that reports its progress, in a way that Ctrl-C ends at once.
+
+    Arguments:
+        work: called with what shows progress.
+        time_left: as for `show_progress`.
+    """
+    with show_progress(time_left=time_left) as progress:
+        return interruptible(lambda: work(progress))
 
 
 def interruptible(work: Callable[[], T]) -> T:

@@ -18,11 +18,11 @@ from ropeode.case_studies.report import Report, RoundingEffect, ThresholdEffect
 from ropeode.errors import InputError
 from ropeode.progress import silent
 from ropeode.render.formats import FORMATS as TABLE_FORMATS
+from tests.case_studies.conftest import FRAMES
 
 pytestmark = pytest.mark.slow
 
 FIGURES = (1, 4, 8, 28, 31, 36, 37)
-FRAMES = 700
 ROW = {
     "figure",
     "stepper",

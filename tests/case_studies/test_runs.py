@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -18,6 +21,7 @@ from ropeode.case_studies.runs import (
     run_all,
 )
 from ropeode.simulation import simulate
+from tests.case_studies.conftest import FRAMES as REPORTED
 
 CHEAP = (4, 5, 26, 31)
 
@@ -25,12 +29,23 @@ CHEAP = (4, 5, 26, 31)
 @pytest.fixture(scope="module")
 def wanted():
     figures = [all_figures()[number] for number in CHEAP]
-    return {Run(each.setting(meaning), 12) for each in figures for meaning in each.meanings}
+    return {Run(each.setting(meaning), REPORTED) for each in figures for meaning in each.meanings}
 
 
 @pytest.fixture(scope="module")
-def finished(wanted):
-    return run_all(wanted, None)
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("runs")
+
+
+@pytest.fixture(scope="module")
+def finished(wanted, folder):
+    return run_all(wanted, folder)
+
+
+@pytest.fixture
+def kept(finished, folder, tmp_path):
+    """A copy of the folder with the finished runs."""
+    return Path(shutil.copytree(folder, tmp_path / "kept"))
 
 
 def same(one, other) -> bool:
@@ -77,29 +92,27 @@ def test_progress_grows_to_one(wanted):
     assert seen[-1] == pytest.approx(1.0)
 
 
-def test_runs_are_kept_and_found_again(tmp_path, wanted, finished, monkeypatch):
-    run_all(wanted, tmp_path)
-    assert len(list(tmp_path.iterdir())) == len(wanted)
+def test_runs_are_kept_and_found_again(kept, wanted, finished, monkeypatch):
+    assert len(list(kept.iterdir())) == len(wanted)
 
     def must_not_run(*inputs, **named):
         raise AssertionError("it was to be read")
 
     monkeypatch.setattr(module, "simulate", must_not_run)
-    again = run_all(wanted, tmp_path)
+    again = run_all(wanted, kept)
     assert all(same(again[run], finished[run]) for run in wanted)
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "flipped", "gone"])
-def test_a_damaged_file_is_computed_again(damage, tmp_path, wanted, finished):
-    run_all(wanted, tmp_path)
-    victim = sorted(tmp_path.iterdir())[0]
+def test_a_damaged_file_is_computed_again(damage, kept, wanted, finished):
+    victim = sorted(kept.iterdir())[0]
     whole = bytearray(victim.read_bytes())
     if damage == "gone":
         victim.unlink()
     else:
         whole[len(whole) // 2] ^= 0x10
         victim.write_bytes({"cut": whole[:500], "empty": b"", "flipped": bytes(whole)}[damage])
-    again = run_all(wanted, tmp_path)
+    again = run_all(wanted, kept)
     assert all(same(again[run], finished[run]) for run in wanted)
 
 

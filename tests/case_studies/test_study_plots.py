@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode.case_studies.growth import MeasuredGrowth
-from ropeode.case_studies.rest_time import RestTime
-from ropeode.case_studies.study_plots import plot_growth, plot_rest_times, plot_sweeps
+from docs.studies.growth import MeasuredGrowth
+from docs.studies.plots import plot_growth, plot_rest_times, plot_sweeps
+from docs.studies.rest_time import RestTime
 
 pytestmark = pytest.mark.slow
 

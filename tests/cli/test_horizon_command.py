@@ -11,7 +11,8 @@ from PIL import Image
 
 from tests.cli.interrupted import interrupt
 
-QUICK = ["--problem", "oscillator", "--frames", "4", "--spans", "4,20"]
+# Of the lengths that tests/study/test_horizon.py has, whose programs are then there.
+QUICK = ["--problem", "oscillator", "--frames", "4", "--spans", "4,100"]
 
 
 def test_text_json_and_picture(run, tmp_path):
@@ -62,6 +63,7 @@ def test_without_heyoka_it_is_told_before_anything_is_computed(run, monkeypatch)
     assert line.startswith("ropeode: heyoka: it cannot be imported")
 
 
+@pytest.mark.slow
 def test_ctrl_c(environment, tmp_path):
     arguments = ["horizon", "--num-nodes", "128", "--frames", "400"]
     assert interrupt(arguments, 2.0, tmp_path, environment) == (

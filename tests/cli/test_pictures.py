@@ -11,11 +11,12 @@ import pytest
 from PIL import Image
 
 from ropeode.cli.pictures import TYPES
-from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
 from tests.cli.interrupted import interrupt
 
-QUICK = ["--num-nodes", "3", "--frames", "2", "--steppers", "rk4", "--steps", "4,8,16"]
+# The rope of `small_rope`: what it compiles serves many tests.
+SMALL = ["--num-nodes", "4", "--frames", "3"]
+QUICK = [*SMALL, "--steppers", "rk4", "--steps", "4,8,16"]
 
 
 def test_help_imports_neither_jax_nor_matplotlib(environment):
@@ -45,7 +46,7 @@ def test_plot(name, run, tmp_path):
 
 def test_plot_of_a_spec_file_in_another_format(run, tmp_path):
     (tmp_path / "mine.toml").write_text(
-        'frames = 2\nsteppers = ["rk4"]\nsteps_per_frame = [4, 8, 16]\n[rope]\nnum_nodes = 3\n'
+        'frames = 3\nsteppers = ["rk4"]\nsteps_per_frame = [4, 8, 16]\n[rope]\nnum_nodes = 4\n'
     )
     done = run("plot", "mine.toml", "--damping", "0.25", "--out", "a.svg")
     assert (done.returncode, done.stdout, done.stderr) == (0, "wrote a.svg\n", "")
@@ -56,12 +57,16 @@ def test_a_norm_in_a_spec_does_not_keep_energies_from_being_plotted(run):
     assert run("plot", *QUICK, "--type", "energy", "--norm", "velocity-max").returncode == 0
 
 
-def test_animate(run, tmp_path):
-    """One run of all that is given: the first of the steps, which 4 samples per frame fit."""
+def test_animate(run, tmp_path, monkeypatch):
+    """One run of all that is given: the first of the steps, which 4 samples per frame fit.
+
+    A GIF needs no extra for films.
+    """
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     done = run("animate", *QUICK)
     assert (done.returncode, done.stdout, done.stderr) == (0, "wrote rope.gif\n", "")
     with Image.open(tmp_path / "rope.gif") as image:
-        assert image.n_frames == 2 * 4 + 1
+        assert image.n_frames == 3 * 4 + 1
         assert image.info["duration"] == 50
     assert os.listdir(tmp_path) == ["rope.gif"]
 
@@ -70,21 +75,20 @@ def test_animate_by_default(run, tmp_path):
     """At 64 steps per frame, which 8 samples fit; to MP4 just as well."""
     import imageio_ffmpeg
 
-    done = run("animate", "--num-nodes", "2", "--frames", "1", "--fps", "4", "--out", "a.mp4")
+    done = run("animate", *SMALL, "--fps", "10", "--out", "a.mp4")
     assert (done.returncode, done.stdout, done.stderr) == (0, "wrote a.mp4\n", "")
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(tmp_path / "a.mp4")
-    assert frames == 9
-    assert seconds == pytest.approx(9 / 4, abs=0.1)
+    assert frames == 3 * 8 + 1
+    assert seconds == pytest.approx(2.5, abs=0.05)
 
 
 @pytest.fixture(scope="module")
-def trajectories(tmp_path_factory):
+def trajectories(tmp_path_factory, small_rope):
     """Files of three step sizes and the spec of their problem."""
     folder = tmp_path_factory.mktemp("trajectories")
-    (folder / "spec.toml").write_text("frames = 2\n[rope]\nnum_nodes = 3\n")
-    problem = Rope(num_nodes=3).problem(2)
+    (folder / "spec.toml").write_text("frames = 3\n[rope]\nnum_nodes = 4\n")
     for steps in (16, 32, 64):
-        run = simulate(problem, "velocity-verlet", steps)
+        run = simulate(small_rope, "velocity-verlet", steps)
         np.savez(
             folder / f"{steps}.npz",
             t=run.times,
@@ -105,11 +109,11 @@ def test_plot_of_trajectories(trajectories, run, tmp_path):
 
 def test_film_of_trajectories(trajectories, run, tmp_path):
     files = [str(trajectories / "64.npz")]
-    rope = ["--problem", "rope", "--num-nodes", "3", "--frames", "2", "--dt", "0.015625"]
+    rope = ["--problem", "rope", *SMALL, "--dt", "0.015625"]
     done = run("animate", *files, *rope, "--trajectories")
     assert (done.returncode, done.stdout, done.stderr) == (0, "wrote rope.gif\n", "")
     with Image.open(tmp_path / "rope.gif") as image:
-        assert image.n_frames == 3
+        assert image.n_frames == 4
 
 
 @pytest.mark.parametrize(
@@ -151,8 +155,7 @@ def test_bad_input_is_a_line_and_exit_code_2(arguments, words, run, tmp_path):
     ("arguments", "package", "extra"),
     [
         (["plot"], "matplotlib", "plots"),
-        (["animate"], "matplotlib", "plots"),
-        (["animate", "--out", "a.mp4"], "imageio_ffmpeg", "video"),
+        pytest.param(["animate"], "matplotlib", "plots", marks=pytest.mark.slow),
     ],
     ids=str,
 )
@@ -167,12 +170,17 @@ def test_missing_packages_are_a_line(arguments, package, extra, run_process, tmp
     assert os.listdir(tmp_path) == []
 
 
-def test_gif_needs_no_video_extra(run, tmp_path, monkeypatch):
+def test_films_in_mp4_need_a_package(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    assert run("animate", *QUICK).returncode == 0
-    assert os.listdir(tmp_path) == ["rope.gif"]
+    done = run("animate", "--out", "a.mp4", "--frames", "1000000")
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("ropeode: imageio_ffmpeg: it cannot be imported")
+    assert line.endswith("pip install '.[video]'")
+    assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [["plot"], ["animate", "--out", "a.gif"]], ids=str)
 def test_ctrl_c_leaves_nothing(command, environment, tmp_path):
     arguments = [*command, "--num-nodes", "256", "--frames", "100"]

@@ -16,9 +16,10 @@ STEPS = Path(__file__).parents[2] / "docs/examples/steps.py"
 def test_four_kinds_in_a_table(run):
     done = run(
         "table",
-        "--frames=5",
-        "--num-nodes=8",
+        "--frames=3",
+        "--num-nodes=4",
         "--damping=0.1",
+        "--stiffness=10",
         f"--steppers={STEPS}:velocity_verlet,diffrax:Heun,scipy:RK23,rk4",
         "--steps=16,32,64,128",
         "--format=json",
@@ -31,7 +32,9 @@ def test_four_kinds_in_a_table(run):
 def test_names_of_files_start_from_the_folder_of_the_spec(run, tmp_path):
     (tmp_path / "steps.py").write_text(STEPS.read_text())
     spec = tmp_path / "spec.toml"
-    spec.write_text('frames = 1\nsteppers = ["steps.py"]\nsteps_per_frame = [8]\n')
+    spec.write_text(
+        'frames = 3\nsteppers = ["steps.py"]\nsteps_per_frame = [8]\n[rope]\nnum_nodes = 4\n'
+    )
     done = run("table", str(spec))
     assert done.returncode == 0, done.stderr
     assert "steps.py:velocity_verlet" in done.stdout

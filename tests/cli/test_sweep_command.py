@@ -26,7 +26,7 @@ SHORTER = {
     "steps_per_frame = [16, 32, 64]": "steps_per_frame = [16, 32]",
     "order_factors = [1, 2, 4, 8]": "order_factors = [1, 2, 4]",
     "num_nodes = [8, 16]": "num_nodes = [8]",
-    "frames = [20]": "frames = [2]",
+    "frames = [20]": "frames = [3]",
 }
 
 
@@ -96,7 +96,7 @@ def test_plot_of_a_folder(swept, monkeypatch):
         (["plot", "out", "--where", "rk4"], "where: 'rk4' given; allowed: INPUT="),
         (["plot", "out", "--where", "stepper=rk"], "where stepper: 'rk' .*: rk4, semi-implicit-e"),
         (["plot", "out", "--where", "num_nodes=7"], "where num_nodes: '7' given; allowed: 8. Fix"),
-        (["plot", "out", "--where", "frames=3"], "where frames: '3' given; allowed: 2. Fix"),
+        (["plot", "out", "--where", "frames=2"], "where frames: '2' given; allowed: 3. Fix"),
         (["plot", "out", "--where", "seed=0"], "where seed: '0' given; allowed: nothing, since"),
         (
             ["plot", "out", "--x", "frames"],

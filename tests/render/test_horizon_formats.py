@@ -20,13 +20,12 @@ from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.horizon import horizon
-from ropeode.terminal.formats import FORMATS as NAMES
+from ropeode.terminal.output import FORMATS as NAMES
+from tests.quartic import HOSTILE
 
 pytestmark = pytest.mark.slow
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
-
-HOSTILE = "<b>a|b</b> 100% & $x_1$ \\ {#}"
 
 
 def away(t, y, args):
@@ -50,6 +49,8 @@ def test_every_format_has_the_needs(study, form):
     if form == "csv":
         rows = list(csv.DictReader(io.StringIO(text)))
         assert [float(row["time"]) for row in rows] == study.times.tolist()
+        # The time, the bound, each run and the digits lost.
+        assert len(rows[0]) == 3 + len(study.runs)
     elif form == "json":
         found = json.loads(text)
         assert found["needs"][1]["bits"] == study.needs[1].bits

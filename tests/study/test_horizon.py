@@ -86,7 +86,7 @@ def test_a_prediction_holds(chaotic):
 
 
 def test_nothing_is_lost():
-    study = horizon(oscillator(frames=20), [100], time_limit=NEVER)
+    study = horizon(oscillator(frames=4), [100], time_limit=NEVER)
     # One unit of rounding in a state of size 1 is 2.2e-16, and there are not a hundred of them.
     assert all(each.digits >= 14 for each in study.digits_left if each.reference is not None)
     assert study.float64_growth is None
@@ -97,18 +97,18 @@ def test_nothing_is_lost():
 
 
 def test_what_time_was_left_for(monkeypatch):
-    """As if the time had run out after nine frames of twenty."""
+    """As if the time had run out after two frames of four."""
 
     def cut(problem, **more):
-        return dataclasses.replace(solution(problem, **more), agreed=10, failure="time ran out")
+        return dataclasses.replace(solution(problem, **more), agreed=3, failure="time ran out")
 
     solution = module.extended_solution
     monkeypatch.setattr(module, "extended_solution", cut)
-    study = horizon(oscillator(frames=20), [9, 10], time_limit=NEVER)
-    assert study.times[-1] == 9.0
+    study = horizon(oscillator(frames=4), [2, 100], time_limit=NEVER)
+    assert study.times[-1] == 2.0
     assert [need.measured for need in study.needs] == [True, False]
     assert len(study.bound) == len(study.lost) == len(study.runs[0].errors) == len(study.times)
-    assert "up to t = 9 only (time ran out)" in " ".join(format_horizon(study).split())
+    assert "up to t = 2 only (time ran out)" in " ".join(format_horizon(study).split())
 
 
 def test_a_truth_that_float64_contradicts_is_refused(monkeypatch):
@@ -120,7 +120,7 @@ def test_a_truth_that_float64_contradicts_is_refused(monkeypatch):
     solution = module.extended_solution
     monkeypatch.setattr(module, "extended_solution", wrong)
     with pytest.raises(ReferenceRefused, match="from t = 2 on the runs in extended precision"):
-        horizon(oscillator(frames=20), [10], time_limit=NEVER)
+        horizon(oscillator(frames=4), [100], time_limit=NEVER)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.simulation import simulate
 from ropeode.study.node_paths import node_paths, parts_of
+from tests.quartic import QUARTIC
 
 ROUNDING = 1e-12
 
@@ -24,7 +25,9 @@ def test_frames_are_divided_into_whole_steps(frames, steps, parts):
     assert parts_of(frames, steps) == parts
 
 
-@pytest.mark.parametrize(("steps", "parts"), [(16, 8), (9, 3), (11, 1)])
+@pytest.mark.parametrize(
+    ("steps", "parts"), [(16, 8), pytest.param(9, 3, marks=pytest.mark.slow), (11, 1)]
+)
 def test_more_samples_change_no_step(steps, parts, small_rope):
     """The steps are the same; only the times at which they begin are rounded differently."""
     steppers = ["semi-implicit-euler", "stormer-verlet"]
@@ -40,17 +43,23 @@ def test_more_samples_change_no_step(steps, parts, small_rope):
         assert path.diverged_at is None
 
 
-def test_frames_of_any_length():
-    uneven = Problem.second_order(
-        lambda t, x, v, args: -x, [[1.0, 0.0]], [[0.0, 1.0]], [0.0, 0.3, 1.0]
-    )
-    found = node_paths(uneven, ["rk4"], 8)
-    assert np.array_equal(found.times[::8], uneven.ts)
+@pytest.fixture(scope="module")
+def uneven(small_rope):
+    return small_rope.changed(ts=np.array([0.0, 0.3, 1.0, 2.5]))
+
+
+@pytest.fixture(scope="module")
+def found(uneven):
+    """In frames of different lengths, and in a norm of its own."""
+    return node_paths(uneven, ["rk4"], 4, norm="velocity-rms")
+
+
+def test_frames_of_any_length(found, uneven):
+    assert np.array_equal(found.times[::4], uneven.ts)
     assert np.all(np.diff(found.times) > 0)
 
 
-def test_errors_are_in_the_norm_asked_for(small_rope):
-    found = node_paths(small_rope, ["rk4"], 4, norm="velocity-rms")
+def test_errors_are_in_the_norm_asked_for(found):
     finer = found.reference.problem
     run = simulate(finer, "rk4", 1)
     apart = distance(finer, NORMS["velocity-rms"], run.states, found.reference.states)
@@ -58,15 +67,9 @@ def test_errors_are_in_the_norm_asked_for(small_rope):
     assert np.array_equal(found.resolution, 10 * found.reference.bound(NORMS["velocity-rms"]))
 
 
-def quartic(t, x, v, args):
-    return -100 * x**3
-
-
 def test_diverged_at_is_a_frame_of_the_problem():
-    steps = 3
-    problem = Problem.second_order(quartic, [[1.0, 0.5]], [[0.0, 0.0]], np.arange(7.0))
-    run = simulate(problem, "explicit-euler", steps)
-    (path,) = node_paths(problem, ["explicit-euler"], steps).paths
+    run = simulate(QUARTIC, "explicit-euler", 2)
+    (path,) = node_paths(QUARTIC, ["explicit-euler"], 2).paths
     assert path.diverged_at == run.diverged_at is not None
     assert np.all(np.isfinite(path.positions))
 

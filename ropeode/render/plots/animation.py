@@ -9,14 +9,13 @@ from typing import Any
 import matplotlib
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
-from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.progress import Progress, silent
 from ropeode.render.plots.files import check_picture
 from ropeode.render.plots.film import DPI, film
 from ropeode.render.plots.style import STYLE
 from ropeode.study.node_paths import NodePaths
-from ropeode.validation import complaint, finite_number, require
+from ropeode.validation import bad_value, finite_number, require
 
 FILMS = (".gif", ".mp4")
 DEFAULT_FPS = 20.0
@@ -74,14 +73,9 @@ def check_fps(rate: Any) -> float:
             raise ValueError("it is out of range")
         return fps
     except ValueError as error:
-        raise InputError(
-            complaint(
-                "fps",
-                rate,
-                f"a number above 0 and up to {_MOST_FPS:g} ({error})",
-                f"for example {DEFAULT_FPS:g}",
-            )
-        ) from None
+        allowed = f"a number above 0 and up to {_MOST_FPS:g} ({error})"
+        fix = f"for example {DEFAULT_FPS:g}"
+        raise bad_value("fps", rate, allowed, fix) from None
 
 
 @matplotlib.rc_context(STYLE)

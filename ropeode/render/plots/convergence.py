@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ropeode.render import table_words
-from ropeode.render.plots.labels import problem_words, with_unit
+from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.point_markers import MARKS, Point, in_legend, limits, points
 from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE, new_figure, stepper_style
 from ropeode.render.plots.triangles import FittedLine, draw_triangles
@@ -39,7 +39,7 @@ def plot_convergence(table: AccuracyTable) -> Figure:
     drawn = {each.stepper: points(table, each.stepper) for each in table.orders}
     shown = [mark for mark in MARKS if any(p.mark == mark for each in drawn.values() for p in each)]
     figure = new_figure(
-        f"Error against step size: {problem_words(table)}",
+        f"Error against step size: {table_words.problem_words(table.problem)}",
         table_words.error_words(table).rstrip("."),
         _AXES_HEIGHT + _LEGEND_LINE * max(len(drawn), len(shown) + 1),
     )

@@ -6,8 +6,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from ropeode.render.plots.labels import problem_words, with_unit
-from ropeode.render.plots.panels import draw_legend, new_panels, panels_of
+from ropeode.render.plots.labels import with_unit
+from ropeode.render.plots.panels import draw_legend, new_panels
 from ropeode.render.plots.style import STYLE
 from ropeode.render.plots.time_axes import draw_ends, draw_horizon
 from ropeode.study.curves import EnergyCurves
@@ -30,18 +30,11 @@ def plot_energies(curves: EnergyCurves) -> Figure:
         where there is one number of steps per frame; time and energy in the problem's
         units. docs/plots.md says what each mark means.
     """
-    panels = panels_of(curves.curves)
-    figure, every = new_panels(
-        f"Energy against time: {problem_words(curves)}",
-        "",
-        panels,
-        with_unit("time", curves.problem, "time"),
-        with_unit("energy", curves.problem, "energy"),
-    )
-    ts = curves.problem.ts
+    label = with_unit("energy", curves.problem, "energy")
+    figure, panels = new_panels(curves, "Energy", "", label)
     low, high = _limits(curves)
-    for axes, panel in zip(every, panels, strict=True):
-        axes.set(xlim=(ts[0], ts[-1]), ylim=(low, high))
+    for panel, axes in panels:
+        axes.set_ylim(low, high)
         axes.plot(
             curves.times, curves.values, color="0.75", linewidth=4, zorder=1.8, label="reference"
         )
@@ -51,7 +44,7 @@ def plot_energies(curves: EnergyCurves) -> Figure:
             values = np.clip(line.curve.values, 2.0 * low - high, 2.0 * high - low)
             axes.plot(line.curve.times, values, color=line.colour, label=line.label)
             draw_ends(axes, line, values)
-    draw_legend(figure, every, panels)
+    draw_legend(figure, panels)
     return figure
 
 

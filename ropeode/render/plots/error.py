@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ropeode.render.plots.labels import problem_words, with_unit
-from ropeode.render.plots.panels import Line, draw_legend, new_panels, panels_of
+from ropeode.render.plots.labels import with_unit
+from ropeode.render.plots.panels import Line, draw_legend, new_panels
 from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE
 from ropeode.render.plots.time_axes import draw_ends, draw_horizon
 from ropeode.study.curves import ErrorCurves
@@ -29,21 +29,14 @@ def plot_errors(curves: ErrorCurves) -> Figure:
         where there is one number of steps per frame; time in the problem's unit, errors
         (logarithmic) in that of the norm. docs/plots.md says what each mark means.
     """
-    panels = panels_of(curves.curves)
-    figure, every = new_panels(
-        f"Error against time: {problem_words(curves)}",
-        f"Error: {curves.norm.words}",
-        panels,
-        with_unit("time", curves.problem, "time"),
-        with_unit("error", curves.problem, curves.norm.quantity),
-    )
-    ts = curves.problem.ts
-    for axes, panel in zip(every, panels, strict=True):
-        axes.set(yscale="log", xlim=(ts[0], ts[-1]), ylim=_limits(curves))
+    label = with_unit("error", curves.problem, curves.norm.quantity)
+    figure, panels = new_panels(curves, "Error", f"Error: {curves.norm.words}", label)
+    for panel, axes in panels:
+        axes.set(yscale="log", ylim=_limits(curves))
         _draw_reference(axes, curves)
         for line in panel.lines:
             _draw_line(axes, line, curves.resolution)
-    draw_legend(figure, every, panels)
+    draw_legend(figure, panels)
     return figure
 
 

@@ -9,10 +9,9 @@ from pathlib import Path
 import matplotlib
 from matplotlib.figure import Figure
 
-from ropeode.errors import InputError
 from ropeode.files import check_writable
 from ropeode.render.plots.style import STYLE
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 # Suffix: the time of writing in its metadata, left out so that a figure makes the same file.
 FIGURES: dict[str, dict[str, None]] = {
@@ -35,14 +34,9 @@ def check_picture(path: str | Path, suffixes: Iterable[str], name: str = "out") 
     """
     allowed = list(suffixes)
     if Path(path).suffix.lower() not in allowed:
-        raise InputError(
-            complaint(
-                name,
-                str(path),
-                f"a file name that ends in {', '.join(allowed)}",
-                f"for example {Path(path).stem or 'picture'}{allowed[0]}",
-            )
-        )
+        ends = f"a file name that ends in {', '.join(allowed)}"
+        fix = f"for example {Path(path).stem or 'picture'}{allowed[0]}"
+        raise bad_value(name, str(path), ends, fix)
     return check_writable(name, path)
 
 

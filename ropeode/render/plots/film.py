@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ropeode.render.plots.labels import problem_words, with_unit
-from ropeode.render.plots.style import STYLE, stepper_style, wrapped
+from ropeode.render.plots.labels import with_unit
+from ropeode.render.plots.style import STYLE, new_grid, stepper_style, wrapped
+from ropeode.render.table_words import problem_words
 from ropeode.study.node_paths import NodePath, NodePaths
 
 DPI = 120
@@ -47,27 +48,21 @@ def film(paths: NodePaths) -> tuple[Figure, ShowSample]:
     height = head_height + rows * (_TITLE_HEIGHT + panel_height) + _FOOT_HEIGHT
     figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
     title = figure.suptitle("", x=0.02, ha="left", parse_math=False)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    for axes in grid[count:]:
-        axes.remove()
-    for axes in grid[:count]:
+    x, y = (with_unit(name, paths.problem, "position") for name in "xy")
+    grid = new_grid(figure, rows, columns, count, (x, y))
+    for axes in grid:
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-    for axes in grid[max(0, count - columns) : count]:
-        axes.tick_params(labelbottom=True)
-        axes.set_xlabel(with_unit("x", paths.problem, "position"))
-    for axes in grid[:count:columns]:
-        axes.set_ylabel(with_unit("y", paths.problem, "position"))
 
     trusted = paths.reference.positions[: paths.reference.trusted]
     draw = _Nodes(paths, low, high)
     reference = draw(grid[0], trusted, _REFERENCE_COLOUR)
     runs = [
         draw(axes, path.positions, stepper_style(index)[0])
-        for index, (axes, path) in enumerate(zip(grid[1:], paths.paths, strict=False))
+        for index, (axes, path) in enumerate(zip(grid[1:], paths.paths, strict=True))
     ]
 
     # Kept, because a title that is set anew takes on the user's settings.
-    over_reference, *over_runs = [axes.set_title("", loc="left") for axes in grid[:count]]
+    over_reference, *over_runs = [axes.set_title("", loc="left") for axes in grid]
 
     def show(sample: int) -> None:
         title.set_text(_head(paths, sample, width))
@@ -150,7 +145,7 @@ def _head(paths: NodePaths, sample: int, width: float) -> str:
     now = f"frame {sample / parts:.{0 if parts == 1 else 2}f} of {problem.frames}"
     flat = ", x and y of 3 components" if paths.reference.positions.shape[2] == 3 else ""
     steps = "" if paths.steps_per_frame is None else f"{paths.steps_per_frame} steps/frame"
-    return f"{wrapped(problem_words(paths) + flat, steps, width=width)}, {now}"
+    return f"{wrapped(problem_words(problem) + flat, steps, width=width)}, {now}"
 
 
 def _reference_words(paths: NodePaths, sample: int) -> str:

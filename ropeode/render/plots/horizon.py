@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator, NullLocator
 
-from ropeode.render.plots.labels import horizon_words, problem_words, with_unit
+from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.style import BAND, BAND_EDGE, COLOURS, STYLE, new_figure
+from ropeode.render.plots.time_axes import draw_horizon
+from ropeode.render.table_words import problem_words
 from ropeode.study.horizon import Horizon
 
 _HEIGHT = 4.6
@@ -38,7 +42,7 @@ def plot_horizon(study: Horizon) -> Figure:
     """
     truth = study.truth
     figure = new_figure(
-        f"Float64 against extended precision: {problem_words(study)}",
+        f"Float64 against extended precision: {problem_words(study.problem)}",
         f"truth: {truth.coarse.precision} and {truth.fine.precision} bits, known to t = "
         f"{study.times[-1]:g}",
         _HEIGHT,
@@ -56,32 +60,29 @@ def plot_horizon(study: Horizon) -> Figure:
     axes.fill_between(times, low, np.minimum(shown, high), color=BAND, linewidth=0)
     axes.plot(times, shown, color=BAND_EDGE, linestyle="--", label="certificate's bound")
     labelled: set[str] = set()
-    for role, look in _LOOKS.items():
-        for run in study.runs:
-            if run.role != role:
-                continue
-            each = run.role == "looser"
-            label = "looser runs" if each else f"{run.role}: {run.solver} {run.tolerance:.0e}"
-            # A distance of zero is one below rounding.
-            errors = np.where(np.isfinite(run.errors), np.maximum(run.errors, low), np.nan)
-            axes.plot(times, errors[1:], label="_" if label in labelled else label, **look)
-            labelled.add(label)
+    for run in sorted(study.runs, key=lambda run: [*_LOOKS].index(run.role)):
+        label = f"{run.role}: {run.solver} {run.tolerance:.0e}"
+        if run.role == "looser":
+            label = "looser runs"
+        # A distance of zero is one below rounding.
+        errors = np.where(np.isfinite(run.errors), np.maximum(run.errors, low), np.nan)
+        axes.plot(times, errors[1:], label="_" if label in labelled else label, **_LOOKS[run.role])
+        labelled.add(label)
     _draw_growth(axes, study)
-    if study.reference.horizon is not None:
-        axes.axvline(
-            study.reference.horizon,
-            color="0.3",
-            linewidth=1.0,
-            linestyle="-.",
-            label=horizon_words(study.reference),
-        )
-    digits = axes.secondary_yaxis("right", functions=(_relative(study), _absolute(study)))
+    draw_horizon(axes, study.reference)
+
+    def digits_of(errors: Any) -> np.ndarray:
+        return -np.log10(np.maximum(errors, 1e-300) / study.size)
+
+    def errors_of(digits: Any) -> np.ndarray:
+        return study.size * 10.0 ** -np.asarray(digits)
+
+    digits = axes.secondary_yaxis("right", functions=(digits_of, errors_of))
     digits.set_ylabel("digits left")
     digits.yaxis.set_major_locator(MultipleLocator(2))
     digits.yaxis.set_major_formatter("{x:.0f}")
     digits.yaxis.set_minor_locator(NullLocator())
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=7.5)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=7.5)
     return figure
 
 
@@ -117,17 +118,3 @@ def _draw_growth(axes: Axes, study: Horizon) -> None:
         linestyle=(0, (6, 2)),
         label=f"{growth.law} growth, {words} {growth.rate:.2g}",
     )
-
-
-def _relative(study: Horizon):
-    def digits(errors):
-        return -np.log10(np.maximum(errors, 1e-300) / study.size)
-
-    return digits
-
-
-def _absolute(study: Horizon):
-    def errors(digits):
-        return study.size * 10.0 ** -np.asarray(digits)
-
-    return errors

@@ -13,8 +13,10 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ropeode.render.plots.style import WIDTH, new_figure, stepper_style, wrapped
-from ropeode.study.curves import Curve
+from ropeode.render.plots.labels import with_unit
+from ropeode.render.plots.style import WIDTH, new_figure, new_grid, stepper_style, wrapped
+from ropeode.render.table_words import problem_words
+from ropeode.study.curves import Curve, EnergyCurves, ErrorCurves
 
 _TWO_COLUMNS_UP_TO = 6
 _ROW_HEIGHT = 1.75
@@ -70,44 +72,40 @@ def panels_of(curves: Sequence[Curve]) -> list[Panel]:
 
 
 def new_panels(
-    title: str, more: str, panels: Sequence[Panel], x: str, y: str
-) -> tuple[Figure, list[Axes]]:
-    """A figure with axes for each panel, all of the same limits.
+    curves: ErrorCurves | EnergyCurves, title: str, more: str, y: str
+) -> tuple[Figure, list[tuple[Panel, Axes]]]:
+    """A figure with axes for each panel, all of the same limits, over the time of the problem.
 
     Arguments:
-        title: of the figure.
+        curves: to be drawn.
+        title: of the figure, before the words for the problem.
         more: below the title.
-        panels: to be drawn.
-        x: label of the axes of time.
-        y: label of the other axes.
+        y: label of the upright axes.
     """
+    problem, panels = curves.problem, panels_of(curves.curves)
     many = len(panels)
     columns = 1 if many == 1 else 2 if many <= _TWO_COLUMNS_UP_TO else 3
     rows = math.ceil(many / columns)
     height = _ALONE_HEIGHT if many == 1 else _ROW_HEIGHT * max(rows, 1.5)
+    title = f"{title} against time: {problem_words(problem)}"
     figure = new_figure(title, more, height + _LEGEND_HEIGHT)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    for axes, panel in zip(grid, panels, strict=False):
+    labels = with_unit("time", problem, "time"), y if many == 1 else y.replace(" [", "\n[")
+    grid = new_grid(figure, rows, columns, many, labels)
+    for axes, panel in zip(grid, panels, strict=True):
         axes.set_title(wrapped(panel.title, width=WIDTH / columns - _LABEL_WIDTH), loc="left")
-    for axes in grid[many:]:
-        axes.remove()
-    for axes in grid[max(0, many - columns) : many]:
-        axes.tick_params(labelbottom=True)
-    for axes in grid[columns * (rows - 1) : many]:
-        axes.set_xlabel(x)
-    for axes in grid[:many:columns]:
-        axes.set_ylabel(y if many == 1 else y.replace(" [", "\n["))
+    grid[0].set_xlim(problem.ts[0], problem.ts[-1])
     grid[0].xaxis.set_major_locator(MaxNLocator(_TICKS, steps=[1, 2, 5, 10]))
-    return figure, list(grid[:many])
+    return figure, list(zip(panels, grid, strict=True))
 
 
-def draw_legend(figure: Figure, every: Sequence[Axes], panels: Sequence[Panel]) -> None:
+def draw_legend(figure: Figure, panels: Sequence[tuple[Panel, Axes]]) -> None:
     """One legend for all panels, below them; each label once, the runs first."""
     labelled = {}
-    for axes in every:
+    for _, axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             labelled.setdefault(label, handle)
-    lines = sorted((line for panel in panels for line in panel.lines), key=lambda x: -x.curve.dt)
+    lines = [line for panel, _ in panels for line in panel.lines]
+    lines.sort(key=lambda line: -line.curve.dt)
     labels = [line.label for line in lines if line.label in labelled]
     handles = {label: labelled[label] for label in [*labels, *labelled]}
     longest = max(len(line) for label in handles for line in label.splitlines())

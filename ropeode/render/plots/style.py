@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 # Matplotlib types its keys, in new versions only.
@@ -61,6 +62,29 @@ def new_figure(title: str, more: str, height: float) -> Figure:
     # A dollar sign in a problem's name begins no formula.
     figure.suptitle(wrapped(title, more, width=WIDTH), parse_math=False)
     return figure
+
+
+def new_grid(
+    figure: Figure, rows: int, columns: int, count: int, labels: tuple[str, str]
+) -> list[Axes]:
+    """So many axes of the same limits, row by row.
+
+    Arguments:
+        figure: gets the axes.
+        rows: of axes.
+        columns: of axes.
+        count: of axes; those at the end of the last row may be missing.
+        labels: of the horizontal axes at the bottom, and of the upright ones at the left.
+    """
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.remove()
+    for axes in grid[max(0, count - columns) : count]:
+        axes.tick_params(labelbottom=True)
+        axes.set_xlabel(labels[0])
+    for axes in grid[:count:columns]:
+        axes.set_ylabel(labels[1])
+    return list(grid[:count])
 
 
 def wrapped(*paragraphs: str, width: float) -> str:

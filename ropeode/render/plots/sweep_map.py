@@ -17,10 +17,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from ropeode.errors import InputError
-from ropeode.render.plots.style import STYLE, WIDTH, new_figure, wrapped
+from ropeode.render.plots.style import STYLE, WIDTH, new_figure, new_grid, wrapped
 from ropeode.sweep.design.columns import COLUMNS, INPUTS
 from ropeode.sweep.storage.load import load_sweep
-from ropeode.validation import complaint, unknown
+from ropeode.validation import bad_value, unknown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,18 +51,36 @@ class Axis(NamedTuple):
     """The values of an input along an axis.
 
     Fields:
+        name: of the input.
         values: sorted.
         scale: `log` or `linear`, or `words` for equal steps from value to value.
         edges: of the cells, one more than there are values.
     """
 
+    name: str
     values: list[Any]
     scale: str
     edges: np.ndarray
 
-    def place(self, value: Any) -> int:
-        """The index of a value."""
-        return self.values.index(value)
+    def places(self, panel: Panel) -> list[int]:
+        """The index of each row's value."""
+        return [self.values.index(value) for value in panel.rows[self.name]]
+
+
+class Panel(NamedTuple):
+    """The rows of one stepper, or all of them.
+
+    Fields:
+        title: names the stepper; empty where there is one panel.
+        rows: a DataFrame.
+        numbers: of the rows, ``(rows,)``; NaN where there is none.
+        reasons: why there is none; empty where there is one.
+    """
+
+    title: str
+    rows: Frame
+    numbers: np.ndarray
+    reasons: list[str]
 
 
 @matplotlib.rc_context(STYLE)
@@ -94,55 +112,40 @@ def plot_sweep(
     """
     frame: Frame = load_sweep(sweep) if isinstance(sweep, (str, Path)) else sweep
     frame = _chosen(frame, x, y, value, dict(where or {}))
-    steppers = ["stepper"] if "stepper" not in (x, y) else []
-    names = sorted(set(frame["stepper"])) if steppers else [""]
-    panels = [frame[frame["stepper"] == name] if name else frame for name in names]
-    axes = {name: _axis(frame[name]) for name in (x, y)}
-    filled = max(len(panel) for panel in panels) / math.prod(len(a.values) for a in axes.values())
-    cells = filled >= _LEAST_FILLED
+    by_stepper = "stepper" not in (x, y)
+    panels = [_panel(frame, value, "")]
+    if by_stepper:
+        panels = [_panel(rows, value, name) for name, rows in frame.groupby("stepper")]
+    across, up = _axis(frame, x), _axis(frame, y)
+    size = len(across.values) * len(up.values)
+    most = max(len(panel.rows) for panel in panels)
+    cells = most >= _LEAST_FILLED * size
     if cells:
-        _check_single(frame, [x, y, *steppers])
-    reasons = {name: _reasons(panel, value) for name, panel in zip(names, panels, strict=True)}
-    holes = cells and any(
-        len(panel) < len(axes[x].values) * len(axes[y].values) for panel in panels
-    )
-    kinds = sorted({r for each in reasons.values() for r in each if r})
-    kinds += [NOT_COMPUTED] if holes else []
-    norm = _norm([number for panel in panels for number in _numbers(panel, value)])
+        _check_single(frame, [x, y, *(["stepper"] if by_stepper else [])])
+    kinds = sorted({reason for panel in panels for reason in panel.reasons if reason})
+    if cells and any(len(panel.rows) < size for panel in panels):
+        kinds.append(NOT_COMPUTED)
+    norm = _norm(np.concatenate([panel.numbers for panel in panels]))
 
     columns = 1 if len(panels) == 1 else 2 if len(panels) <= 4 else 3
     rows = math.ceil(len(panels) / columns)
     height = _ALONE_HEIGHT if rows == 1 else _PANEL_HEIGHT * rows
     figure = new_figure(_title(frame, value), _words(where), height + _LEGEND_HEIGHT)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for at, (name, panel) in enumerate(zip(names, panels, strict=True)):
-        own = grid.flat[at]
+    grid = new_grid(figure, rows, columns, len(panels), (_name(x), _name(y)))
+    for axes, panel in zip(grid, panels, strict=True):
         draw = _draw_cells if cells else _draw_points
-        draw(own, panel, axes[x], axes[y], (x, y, value), reasons[name], kinds, norm)
-        own.grid(False)
-        own.set_title(wrapped(name, width=0.85 * WIDTH / columns), parse_math=False)
-        scales = {name: axes[name].scale for name in (x, y)}
-        own.set_xscale("linear" if scales[x] == "words" else scales[x])
-        own.set_yscale("linear" if scales[y] == "words" else scales[y])
-        _ticks(own.xaxis, axes[x], cells)
-        _ticks(own.yaxis, axes[y], cells)
-    for own in grid.flat[len(panels) :]:
-        own.set_visible(False)
-    for own in grid.flat[max(0, len(panels) - columns) : len(panels)]:
-        own.set_xlabel(_name(x))
-        own.tick_params(labelbottom=True)
-    for own in grid[:, 0]:
-        own.set_ylabel(_name(y))
+        draw(axes, panel, across, up, kinds, norm)
+        axes.grid(False)
+        axes.set_title(wrapped(panel.title, width=0.85 * WIDTH / columns), parse_math=False)
+        axes.set_xscale("linear" if across.scale == "words" else across.scale)
+        axes.set_yscale("linear" if up.scale == "words" else up.scale)
+        _ticks(axes.xaxis, across, cells)
+        _ticks(axes.yaxis, up, cells)
     if norm is not None:
         mapped = ScalarMappable(norm, matplotlib.colormaps[_COLOURS])
         figure.colorbar(mapped, ax=grid, label=_name(value), fraction=0.05)
     if kinds:
-        handles = [
-            Patch(facecolor="0.88", edgecolor="0.45", hatch=_HATCHES[i % len(_HATCHES)], lw=0.4)
-            if cells
-            else _marker(i)
-            for i in range(len(kinds))
-        ]
+        handles = [_patch(i) if cells else _marker(i) for i in range(len(kinds))]
         figure.legend(handles, kinds, loc="outside lower center", ncols=3, title="no number")
     return figure
 
@@ -158,17 +161,17 @@ def _chosen(frame: Frame, x: str, y: str, value: str, where: dict[str, Any]) -> 
     if value not in numbers:
         raise InputError(unknown("value", value, numbers))
     if x == y:
-        raise InputError(complaint("y", y, "an input other than x", "choose another"))
+        raise bad_value("y", y, "an input other than x", "choose another")
     if frame.empty:
         allowed = "a sweep with at least one finished case"
-        raise InputError(complaint("sweep", "no finished case", allowed, "run the sweep first"))
+        raise bad_value("sweep", "no finished case", allowed, "run the sweep first")
     for name, wanted in where.items():
         values = list(frame[name].dropna().unique())
         equal = [each for each in values if str(each) == str(wanted) or _equal(each, wanted)]
         if not equal:
             allowed = _listed(values) or "nothing, since no row has a value"
             fix = "choose one of these" if values else "leave it out"
-            raise InputError(complaint(f"where {name}", wanted, allowed, fix))
+            raise bad_value(f"where {name}", wanted, allowed, fix)
         frame = frame[frame[name] == equal[0]]
     return frame
 
@@ -215,8 +218,8 @@ def _check_single(frame: Frame, cell: list[str]) -> None:
     )
 
 
-def _axis(column: Frame) -> Axis:
-    values = sorted(column.dropna().unique())
+def _axis(frame: Frame, name: str) -> Axis:
+    values = sorted(frame[name].dropna().unique())
     scale = _scale(values)
     places = np.arange(len(values), dtype=float) if scale == "words" else np.array(values, float)
     if scale == "log":
@@ -224,7 +227,7 @@ def _axis(column: Frame) -> Axis:
     middles = (places[1:] + places[:-1]) / 2
     first, last = (middles[0], middles[-1]) if len(middles) else (places[0] - 0.5, places[0] + 0.5)
     edges = np.array([2 * places[0] - first, *middles, 2 * places[-1] - last])
-    return Axis(values, scale, np.exp(edges) if scale == "log" else edges)
+    return Axis(name, values, scale, np.exp(edges) if scale == "log" else edges)
 
 
 def _scale(values: Sequence[Any]) -> str:
@@ -245,11 +248,12 @@ def _scale(values: Sequence[Any]) -> str:
     return "log" if geometric < linear or (geometric == linear and far) else "linear"
 
 
-def _reasons(panel: Frame, value: str) -> list[str]:
-    """For each row the reason why it has no number; empty where it has one."""
+def _panel(rows: Frame, value: str, title: str) -> Panel:
+    """Rows with their numbers and the reasons for those that are missing."""
+    numbers = rows[value].to_numpy(float, na_value=np.nan)
 
-    def reason(row: Any) -> str:
-        if row[value] is not None and not math.isnan(row[value]):
+    def reason(number: float, row: Any) -> str:
+        if not math.isnan(number):
             return ""
         if row["status"] != "ok":
             return str(row["status"])
@@ -259,86 +263,62 @@ def _reasons(panel: Frame, value: str) -> list[str]:
             return f"order {row['order_verdict'] or 'not requested'}"
         return "no value"
 
-    names = [value, "status", "resolved", "order_verdict"]
-    plain = panel[names].astype(object)
-    plain = plain.where(plain.notna(), None)
-    return [reason(row) for row in plain.to_dict("records")]
+    plain = rows[["status", "resolved", "order_verdict"]].astype(object)
+    records = plain.where(plain.notna(), None).to_dict("records")
+    return Panel(title, rows, numbers, list(map(reason, numbers, records)))
 
 
-def _numbers(panel: Frame, value: str) -> list[float]:
-    return [float(number) for number in panel[value].dropna()]
-
-
-def _norm(numbers: Sequence[float]) -> Normalize | None:
+def _norm(numbers: np.ndarray) -> Normalize | None:
     """The scale of colours; None where there are no numbers."""
-    if not numbers:
+    numbers = numbers[~np.isnan(numbers)]
+    if not len(numbers):
         return None
-    low, high = min(numbers), max(numbers)
+    low, high = float(min(numbers)), float(max(numbers))
     if low > 0 and high / low > _LOG_FROM:
         return LogNorm(low, high)
     return Normalize(low, high) if low < high else Normalize(low - 0.5, high + 0.5)
 
 
 def _draw_cells(
-    axes: Axes,
-    panel: Frame,
-    across: Axis,
-    up: Axis,
-    names: tuple[str, str, str],
-    reasons: list[str],
-    kinds: list[str],
-    norm: Normalize | None,
+    axes: Axes, panel: Panel, across: Axis, up: Axis, kinds: list[str], norm: Normalize | None
 ) -> None:
-    x, y, value = names
     numbers = np.full((len(up.values), len(across.values)), np.nan)
-    left: dict[tuple[int, int], str] = {
-        (row, column): NOT_COMPUTED
-        for row in range(len(up.values))
-        for column in range(len(across.values))
-    }
-    for at_x, at_y, number, reason in zip(panel[x], panel[y], panel[value], reasons, strict=True):
-        cell = up.place(at_y), across.place(at_x)
-        left[cell] = reason
-        if not reason:
-            numbers[cell] = float(number)
+    reasons = np.full(numbers.shape, NOT_COMPUTED, dtype=object)
+    at = up.places(panel), across.places(panel)
+    numbers[at], reasons[at] = panel.numbers, panel.reasons
     if norm is not None:
         axes.pcolormesh(across.edges, up.edges, numbers, norm=norm, cmap=_COLOURS)
-    for (row, column), reason in left.items():
+    for (row, column), reason in np.ndenumerate(reasons):
         if reason:
-            corner = across.edges[column], up.edges[row]
-            size = np.diff(across.edges)[column], np.diff(up.edges)[row]
-            hatch = _HATCHES[kinds.index(reason) % len(_HATCHES)]
-            look = {"facecolor": "0.88", "edgecolor": "0.45", "hatch": hatch, "lw": 0.0}
-            axes.add_patch(Rectangle(corner, *size, **look))
+            (left, right), (low, high) = across.edges[column : column + 2], up.edges[row : row + 2]
+            look = _hatched(kinds.index(reason))
+            axes.add_patch(Rectangle((left, low), right - left, high - low, lw=0.0, **look))
 
 
 def _draw_points(
-    axes: Axes,
-    panel: Frame,
-    across: Axis,
-    up: Axis,
-    names: tuple[str, str, str],
-    reasons: list[str],
-    kinds: list[str],
-    norm: Normalize | None,
+    axes: Axes, panel: Panel, across: Axis, up: Axis, kinds: list[str], norm: Normalize | None
 ) -> None:
-    x, y, value = names
-
-    def places(axis: Axis, column: Frame) -> np.ndarray:
-        if axis.scale == "words":
-            return np.array([axis.place(each) for each in column], float)
-        return column.to_numpy(float)
-
-    at_x, at_y = places(across, panel[x]), places(up, panel[y])
-    why = np.array(reasons)
-    numbers = why == ""
-    if numbers.any():
-        colour = panel[value].to_numpy(float, na_value=np.nan)[numbers]
-        axes.scatter(at_x[numbers], at_y[numbers], 12, colour, norm=norm, cmap=_COLOURS)
+    at_x, at_y = (
+        np.array(axis.places(panel) if axis.scale == "words" else panel.rows[axis.name], float)
+        for axis in (across, up)
+    )
+    why = np.array(panel.reasons)
+    some = why == ""
+    if some.any():
+        axes.scatter(at_x[some], at_y[some], 12, panel.numbers[some], norm=norm, cmap=_COLOURS)
     for i, kind in enumerate(kinds):
         chosen = why == kind
         marker = _MARKERS[i % len(_MARKERS)]
         axes.scatter(at_x[chosen], at_y[chosen], 16, "0.45", marker=marker, lw=0.8)
+
+
+def _hatched(index: int) -> dict[str, Any]:
+    hatch = _HATCHES[index % len(_HATCHES)]
+    return {"facecolor": "0.88", "edgecolor": "0.45", "hatch": hatch}
+
+
+def _patch(index: int) -> Patch:
+    return Patch(**_hatched(index), lw=0.4)
 
 
 def _marker(index: int) -> Line2D:

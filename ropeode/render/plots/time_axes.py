@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ropeode.references.reference import Reference
-from ropeode.render.plots.labels import horizon_words
 from ropeode.render.plots.panels import Line
 
 _MARK = {"linestyle": "none", "markersize": 6}
@@ -20,7 +19,8 @@ def draw_horizon(axes: Axes, reference: Reference) -> None:
             color="0.3",
             linewidth=1.0,
             linestyle="-.",
-            label=horizon_words(reference),
+            label=f"trusted before t = {reference.horizon:g}:\n"
+            f"{reference.certificate.horizon_reason}",
         )
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+import ropeode
 from ropeode.cli.pictures import TYPES
 from ropeode.errors import InputError
 from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
@@ -24,7 +26,14 @@ def test_types_are_listed_on_the_command_line():
     assert tuple(PLOTS) == TYPES
 
 
-@pytest.mark.parametrize("case", ALL_CASES)
+# Those that differ from all others in their layout.
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=() if case in ("rope", "long names") else pytest.mark.slow)
+        for case in ALL_CASES
+    ],
+)
 @pytest.mark.parametrize("kind", PLOTS)
 def test_nothing_overlaps_or_is_cut_off(kind, case, study):
     data = study(kind, case)
@@ -87,6 +96,12 @@ def test_file_names_are_checked(tmp_path):
         check_picture(tmp_path / "missing" / "a.png", FIGURES)
 
 
+def test_no_file_asks_for_a_window():
+    for path in Path(ropeode.__file__).parent.rglob("*.py"):
+        assert "pyplot" not in path.read_text(), path
+
+
+@pytest.mark.slow
 def test_no_window_and_no_global_figure():
     code = (
         "import sys\n"

@@ -9,10 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ropeode.case_studies.growth import MeasuredGrowth
-from ropeode.case_studies.projection_sweeps import SweepStudy
-from ropeode.case_studies.rest_time import RestTime
 from ropeode.render.plots.style import STYLE, new_figure, stepper_style
+
+from .growth import MeasuredGrowth
+from .projection_sweeps import SweepStudy
+from .rest_time import RestTime
 
 _HEIGHT = 3.4
 
