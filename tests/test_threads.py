@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 
+import jax
 import pytest
 
 from ropeode.sweep.execution import engines
@@ -33,6 +34,8 @@ def test_a_limit_holds_until_it_is_taken_back():
 def test_a_worker_uses_one(worker):
     try:
         assert worker(told, 4) == [{"cores": 1, "task": 4}]
+        # Nobody else sets JAX up in a process of this machine.
+        assert jax.config.jax_enable_x64 == (worker is engines._work)
     finally:
         use_cores(None)
 

@@ -19,7 +19,7 @@ from ropeode.sweep.execution.dask_cluster import DaskCluster
 from ropeode.sweep.execution.engines import LocalProcesses
 from ropeode.sweep.storage.row_files import Store
 from ropeode.sweep.task_queue import work_through
-from ropeode.threads import use_cores
+from ropeode.threads import cores, use_cores
 from tests.sweep.stand_in import Rows, Sweep, expected, stored
 
 ROOT = Path(__file__).parents[2]
@@ -146,6 +146,7 @@ def test_a_cluster_with_a_case_that_raises(tmp_path):
         ) as running:
             engine = DaskCluster(Rows(raising=ALWAYS), running.scheduler_address)
             rows = run(engine, tmp_path)
+            assert cores() == 1
     finally:
         use_cores(None)
     assert rows[:3] + rows[4:] == expected(SWEEP)[:3] + expected(SWEEP)[4:]

@@ -21,7 +21,10 @@ from ropeode.errors import RopeodeError
 from ropeode.sweep.design.columns import COLUMNS
 from ropeode.sweep.execution.engines import InProcess
 from ropeode.sweep.storage import row_files
+from ropeode.sweep.storage.extend import take_over
+from ropeode.sweep.storage.folder import Index
 from ropeode.sweep.storage.row_files import Store
+from ropeode.sweep.storage.summary import summarize
 from ropeode.sweep.task_queue import work_through
 from tests.sweep.stand_in import Rows, Sweep, expected, stored
 
@@ -170,3 +173,26 @@ def test_a_damaged_file_is_named(tmp_path):
     path.unlink()
     work_through(Sweep(count=8), Store(tmp_path, COLUMNS), InProcess(Rows()))
     assert stored(tmp_path) == expected(Sweep(count=8))
+
+
+def test_rows_of_many_files_are_taken_over(tmp_path):
+    work_through(Sweep(count=47), Store(tmp_path / "old", COLUMNS), InProcess(Rows()))
+    assert take_over(tmp_path / "old", tmp_path / "new", Sweep(count=60)) == 0
+    assert stored(tmp_path / "new") == expected(Sweep(count=60))[:47]
+    # A smaller sweep does not have them all.
+    assert take_over(tmp_path / "old", tmp_path / "small", Sweep(count=30)) == 17
+
+
+def test_a_summary_adds_all_files_up(tmp_path):
+    rows = Rows(raising=frozenset({2, 46}))
+    work_through(Sweep(count=47), Store(tmp_path / "rows-1", COLUMNS), InProcess(rows))
+    Index({}, {}, 50, COLUMNS).write(tmp_path)
+    summary = summarize(tmp_path)
+    assert (summary.done, summary.total) == (47, 50)
+    assert dict(summary.statuses) == {"ok": 45, "failed": 2}
+    own = summary.steppers["rk4"]
+    assert own.ranges == {"error_max": (1 / 48, 1 / 3)}
+    assert dict(own.counts["resolved"]) == {False: 16, True: 29}
+    assert summary.reasons == {
+        ("failed", f"ArithmeticError: number {number}"): 1 for number in (2, 46)
+    }
