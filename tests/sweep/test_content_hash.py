@@ -146,6 +146,24 @@ def test_a_name_of_a_file_starts_from_the_folder_of_the_spec(tmp_path):
     assert stepper_digest("steps.py", tmp_path) not in (digest, None)
 
 
+def test_a_users_stepper_file_runs_once_for_all_tasks_until_it_changes(tmp_path):
+    runs, file = tmp_path / "runs", tmp_path / "steps.py"
+    text = (
+        f"from pathlib import Path\nwith Path({str(runs)!r}).open('a') as runs:\n"
+        "    runs.write('.')\n"
+        "def euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
+    )
+    file.write_text(text)
+    [source] = stepper_sources("steps.py", tmp_path).values()
+    before = len(runs.read_text())
+    first, second = (stepper_from(source, tmp_path) for _ in range(2))
+    assert first is second
+    assert len(runs.read_text()) == before + 1
+    file.write_text(text + "# changed")
+    [source] = stepper_sources("steps.py", tmp_path).values()
+    assert stepper_from(source, tmp_path) is not first
+
+
 def imported(path: Path) -> set[Path]:
     """The files of the package that a file imports, lazily or not."""
     root = Path(ropeode.__file__).parents[1]
