@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ropeode.cli.job import job_from
-from ropeode.terminal.lists import CommaSeparated
+from ropeode.cli.options import dt_option
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
 from ropeode.validation import bad_value
@@ -22,12 +22,7 @@ from ropeode.validation import bad_value
     help="File of the problem, like that of `ropeode spec`.",
 )
 @click.option("--reference", metavar="FILE", help="A stored reference of the problem.")
-@click.option(
-    "--dt",
-    metavar="A[,B...]",
-    type=CommaSeparated(),
-    help="Step size of each file. [as the files say]",
-)
+@dt_option
 @click.option("--order", metavar="N", help="The order that the program should have.")
 @click.option("--init", metavar="DIR", help="Write a spec and a program to start from.")
 @format_option

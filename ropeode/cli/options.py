@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from ropeode.terminal.lists import split_at_commas
+from ropeode.terminal.lists import CommaSeparated, split_at_commas
 
 
 def _one_or_list(value: str) -> Any:
@@ -85,6 +85,15 @@ TABLE = {
 
 # Fields whose option has a shorter name.
 _SHORT = {"steps_per_frame": "steps"}
+
+
+# Of commands that read trajectories.
+dt_option = click.option(
+    "--dt",
+    metavar="A[,B...]",
+    type=CommaSeparated(),
+    help="Step size of each file. [as the files say]",
+)
 
 
 def table_options(function: Callable) -> Callable:

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ropeode.cli.job import job_from
-from ropeode.cli.options import table_options
+from ropeode.cli.options import dt_option, table_options
 from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.progress import Progress
-from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
 from ropeode.validation import bad_value, complaint
 
@@ -30,12 +29,7 @@ _OF_SWEEP = {"x": "damping", "y": "steps_per_frame", "value": "observed_order"}
 def _picture_options(function: Callable) -> Callable:
     """Add what plots and films show: a spec with options, or trajectories in files."""
     for option in (
-        click.option(
-            "--dt",
-            metavar="A[,B...]",
-            type=CommaSeparated(),
-            help="Step size of each file. [as the files say]",
-        ),
+        dt_option,
         click.option("--trajectories", is_flag=True, help="Draw trajectories from each FILE."),
         table_options,
         click.argument(

@@ -11,7 +11,7 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.simulation import simulate
 from ropeode.study.node_paths import node_paths, parts_of
-from tests.quartic import QUARTIC
+from tests.quartic import quartic
 
 ROUNDING = 1e-12
 
@@ -68,8 +68,8 @@ def test_errors_are_in_the_norm_asked_for(found):
 
 
 def test_diverged_at_is_a_frame_of_the_problem():
-    run = simulate(QUARTIC, "explicit-euler", 2)
-    (path,) = node_paths(QUARTIC, ["explicit-euler"], 2).paths
+    run = simulate(quartic(), "explicit-euler", 2)
+    (path,) = node_paths(quartic(), ["explicit-euler"], 2).paths
     assert path.diverged_at == run.diverged_at is not None
     assert np.all(np.isfinite(path.positions))
 
