@@ -96,6 +96,18 @@ def test_divergence_stops_the_run_at_its_frame():
     assert run.rhs_evaluations == frame
 
 
+def test_more_frames_than_a_program_runs_in_one_go():
+    """300 frames of a step are 100 of three, which one call of the program computes."""
+    many, few = (
+        Problem.second_order(lambda t, x, v, args: -x, [1.0], [0.5], np.arange(n + 1.0) * 30 / n)
+        for n in (300, 100)
+    )
+    short, long = simulate(many, "rk4", 1).states, simulate(few, "rk4", 3).states
+    np.testing.assert_allclose(short[::3], long, rtol=0, atol=1e-12)
+    exact = np.cos(many.ts) + 0.5 * np.sin(many.ts)
+    np.testing.assert_allclose(short[:, 0, 0], exact, rtol=0, atol=1e-4)
+
+
 def test_unequal_frames():
     problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 0.1, 1.0, 1.05])
     run = simulate(problem, "explicit-euler", 10)

@@ -240,8 +240,15 @@ def test_evaluations_are_counted(what, per_step):
     assert simulate(PROBLEM, what, 10).rhs_evaluations == 10 * PROBLEM.frames * per_step
 
 
-def test_evaluations_in_a_loop_of_jax_are_not_guessed():
-    assert simulate(PROBLEM, "diffrax:ImplicitEuler", 4).rhs_evaluations is None
+def test_an_implicit_equation_that_has_no_solution_is_no_number():
+    """``y = 1 + dt y^2`` has one up to dt = 1/4."""
+    problem = Problem(lambda t, y, args: y**2, [1.0], [0.0, 0.5])
+    run = simulate(problem, "diffrax:ImplicitEuler", 1)
+    assert (run.status, run.diverged_at) == ("diverged", 1)
+    run = simulate(problem, "diffrax:ImplicitEuler", 16)
+    assert run.states[-1, 0] == pytest.approx(2.0, rel=0.1)
+    # A loop of JAX makes the evaluations, and nobody knows how many.
+    assert run.rhs_evaluations is None
 
 
 def test_files(tmp_path):
