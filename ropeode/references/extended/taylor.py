@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.extended.library import heyoka
+from ropeode.references.extended import heyoka
 from ropeode.references.extended.translate import Translation, translate
 from ropeode.validation import check_positive, check_whole
 
