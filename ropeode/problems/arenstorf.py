@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,16 +11,11 @@ from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
 from ropeode.validation import Positive, WholePositive
 
+# The share of the whole mass that the moon has.
 MOON = 0.012277471
 START = 0.994
 SPEED = -2.00158510637908252240537862224
 PERIOD = 17.0652165601579625588917206249
-
-
-class ArenstorfArgs(NamedTuple):
-    """The share of the whole mass that the moon has."""
-
-    moon: Any
 
 
 @library_problem()
@@ -45,29 +40,29 @@ def arenstorf(frames: WholePositive = 20, periods: Positive = 1.0) -> Problem:
         [[START, 0.0]],
         [[0.0, SPEED]],
         np.linspace(0.0, periods * PERIOD, frames + 1),
-        ArenstorfArgs(MOON),
+        MOON,
         name="Arenstorf orbit",
         energy=energy,
     )
 
 
-def acceleration(t: Any, x: Any, v: Any, args: ArenstorfArgs) -> Any:
+def acceleration(t: Any, x: Any, v: Any, moon: Any) -> Any:
     """Gravity of earth and moon, centrifugal and Coriolis forces; `t` is not used."""
     del t
-    earth = 1.0 - args.moon
-    from_earth, from_moon = x + jnp.array([args.moon, 0.0]), x - jnp.array([earth, 0.0])
+    earth = 1.0 - moon
+    from_earth, from_moon = x + jnp.array([moon, 0.0]), x - jnp.array([earth, 0.0])
     coriolis = 2.0 * jnp.stack([v[:, 1], -v[:, 0]], axis=1)
-    return x + coriolis - earth * _pull(from_earth) - args.moon * _pull(from_moon)
+    return x + coriolis - earth * _pull(from_earth) - moon * _pull(from_moon)
 
 
-def energy(t: Any, y: Any, args: ArenstorfArgs) -> Any:
+def energy(t: Any, y: Any, moon: Any) -> Any:
     """Jacobi's integral, which is constant; `t` is not used."""
     del t
     x, v = y
-    earth = 1.0 - args.moon
-    to_earth = jnp.sqrt(jnp.sum((x + jnp.array([args.moon, 0.0])) ** 2))
+    earth = 1.0 - moon
+    to_earth = jnp.sqrt(jnp.sum((x + jnp.array([moon, 0.0])) ** 2))
     to_moon = jnp.sqrt(jnp.sum((x - jnp.array([earth, 0.0])) ** 2))
-    return 0.5 * jnp.sum(v * v - x * x) - earth / to_earth - args.moon / to_moon
+    return 0.5 * jnp.sum(v * v - x * x) - earth / to_earth - moon / to_moon
 
 
 def _pull(apart: Any) -> Any:

@@ -79,11 +79,7 @@ def file_and_name(
 
 
 def names_in_file(path: Path, what: str) -> dict[str, Any]:
-    """All names of a Python file, which is run.
-
-    Arguments:
-        path: of the file.
-        what: it holds, for messages.
+    """All names of a Python file, which is run; messages say `what` it holds.
 
     Raises:
         InputError: there is no such file, or it is no Python file.

@@ -4,26 +4,17 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import jax.numpy as jnp
 import numpy as np
 from pydantic import ValidationInfo, field_validator
 
 from ropeode.problems import oscillator
-from ropeode.problems.links import LinearDamping
+from ropeode.problems.oscillator import OscillatorArgs
 from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
 from ropeode.validation import FiniteTuple, NonNegative, Positive, WholePositive
-
-
-class ChainArgs(NamedTuple):
-    """The numbers in the chain's equations, the same for all masses and springs."""
-
-    mass: Any
-    stiffness: Any
-    damping: Any
-
 
 Numbers = Annotated[FiniteTuple, "finite numbers, at most num_masses of them"]
 
@@ -67,21 +58,21 @@ def linear_chain(
     Source: LeVeque, Finite Difference Methods for Ordinary and Partial Differential
     Equations, section 2.10, equations (2.23) and (2.24): the modes and their frequencies.
     """
-    args = ChainArgs(mass, stiffness, damping)
+    args = OscillatorArgs(mass, stiffness, damping)
     return Problem.second_order(
         acceleration,
         displacement,
         velocity,
         np.arange(frames + 1.0),
         args,
-        damping=linear_damping,
+        damping=oscillator.linear_damping,
         name="linear chain",
         energy=energy,
         exact=functools.partial(_exact, args, displacement, velocity),
     )
 
 
-def acceleration(t: Any, x: Any, v: Any, args: ChainArgs) -> Any:
+def acceleration(t: Any, x: Any, v: Any, args: OscillatorArgs) -> Any:
     """The forces of springs and dampers over the mass; `t` is not used."""
     del t
     pull = args.stiffness * _stretches(x)
@@ -93,12 +84,7 @@ def _stretches(x: Any) -> Any:
     return jnp.diff(jnp.pad(x, 1))
 
 
-def linear_damping(args: ChainArgs) -> LinearDamping:
-    """The damping force as an acceleration."""
-    return LinearDamping(args.damping / args.mass, args.damping)
-
-
-def energy(t: Any, y: Any, args: ChainArgs) -> Any:
+def energy(t: Any, y: Any, args: OscillatorArgs) -> Any:
     """Kinetic energy and the springs'; constant without damping. `t` is not used."""
     del t
     x, v = y
@@ -139,5 +125,7 @@ def _sine(numerator: np.ndarray, denominator: int) -> np.ndarray:
     return np.sin(pi * numerator / denominator)
 
 
-def _exact(args: ChainArgs, x0: Sequence[float], v0: Sequence[float], ts: np.ndarray) -> np.ndarray:
+def _exact(
+    args: OscillatorArgs, x0: Sequence[float], v0: Sequence[float], ts: np.ndarray
+) -> np.ndarray:
     return np.stack(solution(ts, *args, x0, v0), axis=1).astype(np.float64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,12 +13,6 @@ from ropeode.validation import Positive, WholePositive
 
 POSITIONS = ((3, 3), (3, -3), (-1, 2), (-3, 0), (2, 0), (-2, -4), (2, 4))
 VELOCITIES = ((0, 0), (0, 0), (0, 0), (0, -1.25), (0, 1), (1.75, 0), (-1.5, 0))
-
-
-class PleiadesArgs(NamedTuple):
-    """Masses of the stars, ``(7,)``."""
-
-    masses: Any
 
 
 @library_problem()
@@ -42,27 +36,27 @@ def pleiades(frames: WholePositive = 20, duration: Positive = 3.0) -> Problem:
         POSITIONS,
         VELOCITIES,
         np.linspace(0.0, duration, frames + 1),
-        PleiadesArgs(np.arange(1.0, 8.0)),
+        np.arange(1.0, 8.0),
         name="Pleiades",
         energy=energy,
     )
 
 
-def acceleration(t: Any, x: Any, v: Any, args: PleiadesArgs) -> Any:
+def acceleration(t: Any, x: Any, v: Any, masses: Any) -> Any:
     """Gravity with a constant of 1; only `x` is used."""
     del t, v
     apart = x[None, :, :] - x[:, None, :]
     pull = apart / _squares(apart)[:, :, None] ** 1.5
-    return jnp.sum(args.masses[None, :, None] * pull, axis=1)
+    return jnp.sum(masses[None, :, None] * pull, axis=1)
 
 
-def energy(t: Any, y: Any, args: PleiadesArgs) -> Any:
+def energy(t: Any, y: Any, masses: Any) -> Any:
     """Kinetic and potential energy, which is constant; `t` is not used."""
     del t
     x, v = y
     squares = _squares(x[None, :, :] - x[:, None, :])
-    pairs = jnp.triu(args.masses[None, :] * args.masses[:, None] / jnp.sqrt(squares), 1)
-    return 0.5 * jnp.sum(args.masses[:, None] * v * v) - jnp.sum(pairs)
+    pairs = jnp.triu(masses[None, :] * masses[:, None] / jnp.sqrt(squares), 1)
+    return 0.5 * jnp.sum(masses[:, None] * v * v) - jnp.sum(pairs)
 
 
 def _squares(apart: Any) -> Any:

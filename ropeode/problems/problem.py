@@ -190,10 +190,11 @@ class Problem:
         checks.acceleration(acceleration, ts[0], x0, v0, args)
         if links is not None:
             checks.links(links, x0, node_axis, args)
+        still, moving = _trials(acceleration, ts, x0, v0, args)
         if damping is None:
-            if not _depends_on_velocity(acceleration, ts, x0, v0, args):
+            if all(np.array_equal(still, a, equal_nan=True) for _, a in moving):
                 damping = no_damping
-        elif not _is_the_damping(damping, acceleration, ts, x0, v0, args):
+        elif not _is_the_damping(damping, args, still, moving):
             raise InputError(
                 "damping: the acceleration does not change with the velocity by -rate * v, where "
                 "rate is that of damping(args); allowed: the rate in the acceleration. Fix: let "
@@ -339,23 +340,12 @@ def no_damping(args: Any) -> LinearDamping:
 
 
 @in_float64
-def _depends_on_velocity(
-    acceleration: Acceleration, ts: np.ndarray, x0: np.ndarray, v0: np.ndarray, args: Any
-) -> bool:
-    still, moving = _trials(acceleration, ts, x0, v0, args)
-    return any(not np.array_equal(still, a, equal_nan=True) for _, a in moving)
-
-
-@in_float64
 def _is_the_damping(
     damping: Callable[[Any], LinearDamping],
-    acceleration: Acceleration,
-    ts: np.ndarray,
-    x0: np.ndarray,
-    v0: np.ndarray,
     args: Any,
+    still: np.ndarray,
+    trials: list[tuple[np.ndarray, np.ndarray]],
 ) -> bool:
-    still, trials = _trials(acceleration, ts, x0, v0, args)
     rate = np.asarray(damping(args).rate)
     for v, moving in trials:
         size = np.max(np.abs(still)) + np.max(np.abs(moving))
@@ -366,6 +356,7 @@ def _is_the_damping(
     return True
 
 
+@in_float64
 def _trials(
     acceleration: Acceleration, ts: np.ndarray, x0: np.ndarray, v0: np.ndarray, args: Any
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:

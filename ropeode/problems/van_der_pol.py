@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
 from ropeode.problems.problem import Problem
 from ropeode.validation import Finite, Positive, WholePositive
-
-
-class VanDerPolArgs(NamedTuple):
-    """The number in the equation."""
-
-    epsilon: Any
 
 
 @library_problem()
@@ -48,12 +42,12 @@ def van_der_pol(
         [[x0]],
         [[v0]],
         np.linspace(0.0, duration, frames + 1),
-        VanDerPolArgs(epsilon),
+        epsilon,
         name="Van der Pol",
     )
 
 
-def acceleration(t: Any, x: Any, v: Any, args: VanDerPolArgs) -> Any:
+def acceleration(t: Any, x: Any, v: Any, epsilon: Any) -> Any:
     """Damping that drives small swings, and a spring; `t` is not used."""
     del t
-    return ((1.0 - x * x) * v - x) / args.epsilon
+    return ((1.0 - x * x) * v - x) / epsilon

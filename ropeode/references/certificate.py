@@ -180,12 +180,6 @@ def bounds(
     return result
 
 
-def from_tightest(problem: Problem, run: Solution, tightest: Solution) -> np.ndarray:
-    """The largest distance of the first quantity up to each sample, ``(times,)``."""
-    apart = distances(problem, run.states, tightest.states)[problem.quantities[0]]
-    return np.maximum.accumulate(padded(apart, problem))
-
-
 def trusted_samples(
     problem: Problem,
     rungs: Sequence[Solution],

@@ -15,7 +15,8 @@ from ropeode.references.certificate import (
     Witness,
     bounds,
     default_accuracy,
-    from_tightest,
+    distances,
+    padded,
     trusted_samples,
     versions,
     witness,
@@ -49,7 +50,7 @@ class Primary:
         run: the run that becomes the reference.
         next_tighter: the rung of the ladder after it, without its states.
         rungs: all rungs of the tolerance ladder, without their states.
-        from_tightest: the distance of each rung from the tightest one.
+        from_tightest: how far each rung is from the tightest one, at most, up to each sample.
         witnesses: the other runs, compared with `run`.
         others: the witnesses that are not rungs, without their states.
     """
@@ -92,10 +93,11 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
             "earlier, or ask for a looser rtol."
         )
     primary, tightest = recall(problem, method, rungs[primary_index], progress), rungs[-1]
-    witnesses, distances = [], []
+    witnesses, from_tightest = [], []
     for index, rung in enumerate(rungs):
         run = primary if index == primary_index else recall(problem, method, rung, progress)
-        distances.append(from_tightest(problem, run, tightest))
+        apart = distances(problem, run.states, tightest.states)[problem.quantities[0]]
+        from_tightest.append(np.maximum.accumulate(padded(apart, problem)))
         if index != primary_index:
             role = "looser" if index < primary_index else "tighter"
             witnesses.append(witness(problem, primary, run, role))
@@ -113,7 +115,7 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
         run=primary,
         next_tighter=bare_rungs[primary_index + 1],
         rungs=bare_rungs,
-        from_tightest=tuple(distances),
+        from_tightest=tuple(from_tightest),
         witnesses=tuple(witnesses),
         others=tuple(others),
     )

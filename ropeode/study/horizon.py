@@ -18,7 +18,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import Role, largest_norms, padded
 from ropeode.references.compute import reference_for
-from ropeode.references.extended.library import heyoka
+from ropeode.references.extended import heyoka
 from ropeode.references.extended.solution import ExtendedSolution, extended_solution
 from ropeode.references.options import DIGITS, TIME_LIMIT, ReferenceOptions
 from ropeode.references.reference import Reference

@@ -99,7 +99,6 @@ def test_an_implicit_solver_sees_the_derivative():
     assert key_of(two, solver=KVAERNO5) != key_of(three, solver=KVAERNO5)
 
 
-@pytest.mark.slow
 def test_what_cannot_be_kept_is_solved_all_the_same(kept):
     def rhs(t, y, args):
         jax.debug.callback(lambda: None)

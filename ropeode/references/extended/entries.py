@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.references.extended.library import heyoka
+from ropeode.references.extended import heyoka
 
 
 def _is_constant(entry: Any) -> bool:

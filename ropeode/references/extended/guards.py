@@ -30,12 +30,7 @@ _AFTER = 1e-3
 
 
 def chooses(equation: Any, inputs: Sequence[Value]) -> bool:
-    """Whether a primitive makes a choice by looking at floating-point numbers that move.
-
-    Arguments:
-        equation: of a jaxpr.
-        inputs: of any kind.
-    """
+    """Whether a primitive makes a choice by looking at floating-point numbers that move."""
     looks = any(
         value.moves and is_float(variable)
         for value, variable in zip(inputs, equation.invars, strict=True)
@@ -47,13 +42,7 @@ def chooses(equation: Any, inputs: Sequence[Value]) -> bool:
 
 
 def chosen(equation: Any, contents: Sequence[Any], results: Sequence[Any]) -> Any:
-    """The choice of a primitive that makes one.
-
-    Arguments:
-        equation: of a jaxpr.
-        contents: its inputs, as numbers.
-        results: its results, as numbers.
-    """
+    """The choice of a primitive that makes one."""
     name = equation.primitive.name
     if name in ("abs", "cbrt"):
         return contents[0] >= 0

@@ -47,12 +47,9 @@ class Domain(Protocol):
 
 
 def walk(traced: Any, inputs: Iterable[Value], domain: Domain) -> list[Value]:
-    """The results of a traced function; calls are entered and loops of known length unrolled.
+    """The results of a jaxpr, closed or without constants, on one input for each argument.
 
-    Arguments:
-        traced: a jaxpr, closed or without constants.
-        inputs: one for each of its arguments.
-        domain: of the inputs.
+    Calls are entered, and loops of known length are unrolled.
     """
     jaxpr = getattr(traced, "jaxpr", traced)
     constants = [Value(domain.constant(c), False) for c in getattr(traced, "consts", ())]

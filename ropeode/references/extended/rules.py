@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ropeode.references.extended import heyoka
 from ropeode.references.extended.entries import (
     CHOICES,
     OF_ONE,
@@ -23,7 +24,6 @@ from ropeode.references.extended.entries import (
     total,
 )
 from ropeode.references.extended.jaxprs import bind
-from ropeode.references.extended.library import heyoka
 
 Params = Mapping[str, Any]
 

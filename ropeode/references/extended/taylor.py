@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.extended.library import heyoka
+from ropeode.references.extended import heyoka
 from ropeode.references.extended.translate import Translation, translate
 from ropeode.validation import check_positive, check_whole
 
@@ -89,6 +89,7 @@ def solve(
         tolerance = 2.0 ** (1 - precision)
     tolerance = check_positive("tolerance", tolerance, example="1e-33")
     progress(f"reference: heyoka Taylor with {precision} bits", None)
+    stops = problem.ts if stops is None else np.append(stops, problem.ts[-1])
     run = _Run(problem, precision, tolerance, time.perf_counter() + time_limit, stops)
     run.to_the_end()
     states = np.stack(run.samples).reshape(-1, *problem.y0.shape)
@@ -104,27 +105,23 @@ def solve(
     )
 
 
+@dataclasses.dataclass
 class _Run:
     """The state of a run that is under way."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        precision: int,
-        tolerance: float,
-        deadline: float,
-        stops: np.ndarray | None,
-    ):
-        self.problem = problem
-        self.stops = problem.ts if stops is None else np.append(stops, problem.ts[-1])
-        self.precision = precision
-        self.tolerance = tolerance
-        self.deadline = deadline
-        self.samples = [self._exactly(problem.y0.reshape(-1))]
-        self.steps = 0
-        self.seconds = self.compile_seconds = 0.0
-        self.choices: set[str] = set()
-        self.failure: str | None = None
+    problem: Problem
+    precision: int
+    tolerance: float
+    deadline: float
+    stops: np.ndarray
+    steps: int = 0
+    seconds: float = 0.0
+    compile_seconds: float = 0.0
+    choices: set[str] = dataclasses.field(default_factory=set)
+    failure: str | None = None
+
+    def __post_init__(self) -> None:
+        self.samples = [self._exactly(self.problem.y0.reshape(-1))]
 
     def to_the_end(self) -> None:
         """From one jump time to the next, until the end or a failure."""

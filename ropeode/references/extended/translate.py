@@ -12,11 +12,10 @@ import numpy as np
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.extended import rules
+from ropeode.references.extended import heyoka, rules
 from ropeode.references.extended.entries import CHOICES
 from ropeode.references.extended.guards import Guards, chooses, chosen
 from ropeode.references.extended.jaxprs import Value, bind, is_float, walk
-from ropeode.references.extended.library import heyoka
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

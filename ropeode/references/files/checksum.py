@@ -18,11 +18,7 @@ _CHUNK_BYTES = 2**20
 
 
 def append_checksum(path: Path) -> str:
-    """Append its checksum to a file, and return it.
-
-    Arguments:
-        path: of a file without one.
-    """
+    """Append its checksum to a file, and return it."""
     digest = _digest(path, path.stat().st_size)
     with path.open("ab") as file:
         file.write(_MARK + digest.encode() + b"\n")
@@ -33,9 +29,6 @@ def append_checksum(path: Path) -> str:
 
 def verify_checksum(path: Path) -> str:
     """Verify that a file is as it was written, and return its checksum.
-
-    Arguments:
-        path: of a file that ends with its checksum.
 
     Raises:
         InputError: it cannot be read, has no checksum, or has another one.

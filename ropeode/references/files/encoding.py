@@ -121,13 +121,7 @@ def texts_of(reference: Reference) -> dict[str, str]:
 def certificate_from(
     description: Mapping[str, Any], claims: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
 ) -> Certificate:
-    """The certificate that a file holds.
-
-    Arguments:
-        description: the parsed text `problem`.
-        claims: the parsed text `certificate`.
-        arrays: by name.
-    """
+    """The certificate in a file, from its parsed texts `problem` and `certificate`."""
     quantities, samples = description["quantities"], description["samples"]
     differences = {q: arrays[_name("witness_difference", q)] for q in quantities}
     witnesses = [

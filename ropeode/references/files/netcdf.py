@@ -21,12 +21,9 @@ _HASH = "sha256"
 
 
 def write(path: Path, arrays: Mapping[str, Array], texts: Mapping[str, str]) -> None:
-    """Write a file, without the checksum at its end.
+    """Write a file of variables and global attributes, without the checksum at its end.
 
-    Arguments:
-        path: of the file, which is overwritten.
-        arrays: variables by name.
-        texts: global attributes by name; a sha256 of them and the variables is added.
+    A sha256 of the variables and the attributes is one more attribute.
     """
     with h5netcdf.File(path, "w") as file:
         for array in arrays.values():

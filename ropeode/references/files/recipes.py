@@ -75,11 +75,7 @@ class Recipe(ReferenceOptions):
         return ReferenceOptions(**{name: getattr(self, name) for name in names})
 
     def published_error(self, reference: Reference) -> float | None:
-        """The distance of the last sample from the published values; None if there are none.
-
-        Arguments:
-            reference: the recipe's.
-        """
+        """The distance of the last sample from the published values; None if there are none."""
         if self.published is None:
             return None
         problem, last = reference.problem, reference.states[-1:]
@@ -95,9 +91,6 @@ class Recipe(ReferenceOptions):
 
 def read_recipe(path: Path) -> tuple[Recipe, str]:
     """A recipe, and the sha256 of its file.
-
-    Arguments:
-        path: of a TOML file.
 
     Raises:
         InputError: it cannot be read or is no recipe.

@@ -103,9 +103,6 @@ class Facts(NamedTuple):
 def stored_facts(path: str | Path) -> Facts:
     """Read a file, and check its checksum and its structure.
 
-    Arguments:
-        path: of the file.
-
     Raises:
         InputError: the file is not as it was written, or holds no reference.
     """

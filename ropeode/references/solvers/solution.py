@@ -40,12 +40,7 @@ class Solution:
 
 
 def absolute_tolerance(problem: Problem, rtol: float) -> float:
-    """The absolute tolerance of a run, in the units of the state.
-
-    Arguments:
-        problem: to be solved; its scale says how large its state is.
-        rtol: the relative tolerance.
-    """
+    """The absolute tolerance of a run: the relative one, times the size of the initial state."""
     return rtol * problem.scale
 
 
