@@ -21,7 +21,6 @@ from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
 from ropeode.norms import NORMS, Norm, motion
 from ropeode.references.reference import Reference
-from ropeode.simulation.trajectory import step_size
 
 # An observed order may be lower than the expected one by this.
 TOLERANCE = 0.25
@@ -38,11 +37,7 @@ _CLOSE = 1.2
 
 
 def ladder(observe: Callable[[Sequence[int]], Convergence]) -> Convergence:
-    """Make runs with finer and finer steps until all orders are certain, or nothing helps.
-
-    Arguments:
-        observe: makes runs with these numbers of steps per frame, and measures their convergence.
-    """
+    """Make runs with finer and finer steps until all orders are certain, or nothing helps."""
     levels = [_even(_COARSEST * _RATIO**k) for k in range(_LEVELS)]
     while True:
         convergence = observe(levels)
@@ -191,11 +186,6 @@ def _limits(
     return limits
 
 
-def steps_to_dts(reference: Reference, steps: Sequence[int]) -> list[float]:
-    """Step sizes of numbers of steps per frame."""
-    return [step_size(reference.problem, each) for each in steps]
-
-
 def _is_wide(interval: tuple[float, float]) -> bool:
     return interval[1] - interval[0] > _WIDE
 
@@ -230,12 +220,7 @@ def _slope(convergence: Convergence, quantity: str) -> float:
 
 
 def convergence_finding(check: str, convergence: Convergence) -> Finding:
-    """The verdict on the convergence of runs.
-
-    Arguments:
-        check: name of the check.
-        convergence: measured by `converging`.
-    """
+    """The verdict on the convergence of runs."""
     expected, limits = convergence.expected, convergence.limits
     wrong, words, determined = False, [], True
     for quantity, order in convergence.orders.items():

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding
+from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
 from ropeode.checking.trajectories.conservation import energy_finding, pins_finding
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import check_initial_states
@@ -22,7 +22,7 @@ from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
-from ropeode.validation import check_whole, complaint
+from ropeode.validation import check_whole
 
 
 def grade(
@@ -63,17 +63,14 @@ def grade(
     started = time.perf_counter()
     if expected_order is not None:
         expected_order = check_whole("expected_order", expected_order, at_least=1, example="2")
-    if isinstance(files, (str, Path)):
-        raise InputError(complaint("files", str(files), "a list of files", "put it into a list"))
     own = problem_of(problem)
     runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * (share or 0.0)))
     off = check_initial_states(runs, own)
     options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked)
     reference = reference_for(problem, options, lambda text, _: progress(text, 0.9))
     order, notes = _order(reference, runs, expected_order)
-    exactly = "exactly" if off == 0.0 else f"to rounding ({off:.1e})"
     findings = (
-        Finding("initial-state", "pass", f"the first sample is the initial state {exactly}"),
+        Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
         pins_finding(reference, runs),
         energy_finding(reference, runs),

@@ -11,11 +11,9 @@ import optimistix
 import pytest
 from scipy import integrate
 
-from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems, undamped
 from ropeode.checking.checks.symmetry import rotation, time_shift, translation
-from ropeode.checking.report import Claims
 from ropeode.errors import InputError, UserCodeError
 from ropeode.simulation import simulate
 from ropeode.steppers import ProblemClass, as_stepper, diffrax_solvers, scipy_solvers
@@ -64,7 +62,7 @@ SCIPY_ORDERS = {"RK23": 3, "RK45": 5, "DOP853": 8, "Radau": 5}
 
 @functools.cache
 def examination_of(given):
-    return Examination(Candidate.of(given), Claims())
+    return Examination(given)
 
 
 def holds(convergence, order) -> bool:
@@ -126,8 +124,8 @@ ALSO_IMPLICIT = {
 def test_diffrax_has_its_documented_order(name):
     examination = examination_of(f"diffrax:{name}")
     order = DIFFRAX_ORDERS[name]
-    assert examination.candidate.stepper.order(ProblemClass()) == order
-    implicit = isinstance(examination.candidate.stepper.solver, diffrax.AbstractImplicitSolver)
+    assert examination.stepper.order(ProblemClass()) == order
+    implicit = isinstance(examination.stepper.solver, diffrax.AbstractImplicitSolver)
     # Each step of these solves equations, which takes its time.
     for problem in ("textbook", "driven", "uneven") if implicit else convergence_problems():
         found = examination.convergence(problem)
@@ -139,7 +137,7 @@ def test_diffrax_has_its_documented_order(name):
 def test_scipy_has_its_documented_order(name):
     examination = examination_of(f"scipy:{name}")
     order = SCIPY_ORDERS[name]
-    assert examination.candidate.stepper.order(ProblemClass()) == order
+    assert examination.stepper.order(ProblemClass()) == order
     # What runs in Python takes its time: damped, driven and with frames of unequal length.
     found = examination.convergence("uneven")
     assert holds(found, order), found.orders
@@ -166,8 +164,8 @@ def test_a_solver_object_keeps_its_own_root_finder():
     finder = optimistix.Chord(rtol=1e-3, atol=1e-3)
     stepper = as_stepper(diffrax.ImplicitEuler(root_finder=finder))
     assert stepper.solver.root_finder is finder
-    exact = examination_of(diffrax.ImplicitEuler).candidate
-    loose = examination_of(diffrax.ImplicitEuler(root_finder=finder)).candidate
+    exact = examination_of(diffrax.ImplicitEuler)
+    loose = examination_of(diffrax.ImplicitEuler(root_finder=finder))
     problem = convergence_problems()["unequal"]
     apart = np.max(np.abs(exact.run(problem, 8) - loose.run(problem, 8)))
     assert 1e-9 < apart < 1e-2
@@ -175,9 +173,9 @@ def test_a_solver_object_keeps_its_own_root_finder():
 
 @jax.enable_x64(True)
 def test_a_wrapped_solver_takes_two_half_steps():
-    half = examination_of(diffrax.HalfSolver(diffrax.Euler())).candidate
+    half = examination_of(diffrax.HalfSolver(diffrax.Euler()))
     problem = convergence_problems()["uneven"]
-    twice = examination_of(diffrax.Euler).candidate.run(problem, 20)
+    twice = examination_of(diffrax.Euler).run(problem, 20)
     np.testing.assert_allclose(half.run(problem, 10), twice, atol=1e-13)
     assert half.stepper.label == "diffrax:HalfSolver"
 
@@ -194,15 +192,15 @@ def test_a_wrapped_solver_takes_two_half_steps():
 def test_both_libraries_make_the_same_of_the_same_method(solver, other, same):
     """Dormand and Prince's method of order 5, and Bogacki and Shampine's, are in both."""
     problem = convergence_problems()["uneven"]
-    first, second = (examination_of(each).candidate.run(problem, 6) for each in (solver, other))
+    first, second = (examination_of(each).run(problem, 6) for each in (solver, other))
     assert (np.max(np.abs(first - second)) < 1e-13) == same
 
 
 @jax.enable_x64(True)
 def test_a_semi_implicit_solver_is_not_told_of_damping():
     examination = examination_of("diffrax:SemiImplicitEuler")
-    assert not np.any(examination.problem("damped").args.damping)
-    assert np.any(examination.problem("driven").args.drive)
+    assert not np.any(examination.problems["damped"].args.damping)
+    assert np.any(examination.problems["driven"].args.drive)
 
 
 @jax.enable_x64(True)
@@ -211,7 +209,7 @@ def test_a_step_that_scipy_would_shorten_is_no_step():
     problem = convergence_problems()["textbook"]
     y0 = problem.y0.copy()
     y0[0, 3] = y0[0, 2]
-    states = examination_of("scipy:Radau").candidate.run(problem.changed(y0=y0), 4)
+    states = examination_of("scipy:Radau").run(problem.changed(y0=y0), 4)
     assert np.all(np.isnan(states[1:]))
 
 

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.stepper import diagnose_stepper
 from ropeode.checking.report import Claims
@@ -24,7 +23,7 @@ slow = pytest.mark.slow
 
 @functools.cache
 def diagnosed(step, order):
-    return diagnose_stepper(Examination(Candidate.of(step), Claims(order)))
+    return diagnose_stepper(Examination(step, Claims(order)))
 
 
 def causes(step, order):

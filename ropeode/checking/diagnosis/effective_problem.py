@@ -55,12 +55,6 @@ def confirmed_problem(
 ) -> EffectiveProblem | None:
     """The rope of a fit, if its certified reference confirms that the runs converge to it.
 
-    Arguments:
-        limit: what the runs tend to.
-        fit: to that limit.
-        runs: step size and states of each.
-        certify: computes references.
-
     Returns:
         None if the runs do not tend to the reference, or it is refused.
     """
@@ -108,12 +102,7 @@ def _order(reference: Reference, runs: Runs, name: str, limit: ObservedLimit) ->
 def parameters_diagnosis(
     solved: Sequence[EffectiveProblem], mistakes: Sequence[tuple[str, ...]]
 ) -> Diagnosis:
-    """The diagnosis that a stepper solves a rope with other parameters.
-
-    Arguments:
-        solved: ropes between which the runs cannot decide, at least one.
-        mistakes: for each rope the mistakes that may explain it.
-    """
+    """The diagnosis that a stepper solves a rope with other parameters."""
     line = f"your stepper solves, to {_orders_in_words(solved[0])}, the rope with "
     if len(solved) == 1:
         line += ": ".join(filter(None, (_words(solved[0]), "; ".join(mistakes[0]))))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.checking.energy_drift import at_rest, measure_drift
-from ropeode.checking.report import Finding
+from ropeode.checking.report import Finding, exactly
 from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.written_precision import epsilon
@@ -23,12 +23,7 @@ _FEWEST = 64
 
 
 def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
-    """Whether pinned nodes stay in place.
-
-    Arguments:
-        reference: of the problem.
-        runs: of the problem.
-    """
+    """Whether pinned nodes stay in place."""
     problem, dim = reference.problem, Layout.of(reference.problem).dim
     free = getattr(problem.args, "free", None)
     if free is None or np.all(free):
@@ -48,17 +43,11 @@ def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
         worst = max(worst, largest)
     if line:
         return Finding("pins", "fail", line, {"moved": worst})
-    exactly = "exactly" if worst == 0.0 else f"to rounding ({worst:.1e})"
-    return Finding("pins", "pass", f"pinned nodes stay in place {exactly}", {"moved": worst})
+    return Finding("pins", "pass", f"pinned nodes stay in place {exactly(worst)}", {"moved": worst})
 
 
 def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
-    """How the energy behaves at the largest and smallest steps, if the problem conserves it.
-
-    Arguments:
-        reference: of the problem.
-        runs: of the problem, from coarse to fine.
-    """
+    """How the energy behaves at the largest and smallest steps, if the problem conserves it."""
     problem = reference.problem
     if problem.energy is None or problem.mechanics is None:
         return Finding("energy", "skip", "the problem has no energy")

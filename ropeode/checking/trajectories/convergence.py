@@ -35,11 +35,6 @@ def order_finding(
     round-off of the runs themselves is unknown. Only if the runs seem wrong, the step sizes are
     left out at which the largest possible round-off could be the reason.
 
-    Arguments:
-        reference: of the problem.
-        runs: from coarse to fine.
-        expected: the order that is claimed.
-
     Raises:
         InputError: the runs show neither that the program is right nor that it is wrong; the
             message says what is needed.

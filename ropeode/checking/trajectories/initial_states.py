@@ -23,10 +23,6 @@ _ABOUT = 1.5
 def check_initial_states(runs: Sequence[Run], problem: Problem) -> float:
     """Check that the first sample of each run is the initial state.
 
-    Arguments:
-        runs: of the problem.
-        problem: with the right initial state.
-
     Returns:
         The largest error of any number.
 

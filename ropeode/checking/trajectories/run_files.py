@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from ropeode.checking.trajectories.sampling import Sampling
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.validation import complaint, positive_number
+from ropeode.validation import bad_input, complaint, positive_number
 
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
@@ -111,7 +112,7 @@ def read_runs(
         without = [str(file.path) for file in opened if not file.velocities]
         allowed = "velocities in all files, or in none"
         fix = "write them to all files"
-        raise InputError(complaint("velocities", f"none in {without}", allowed, fix))
+        raise bad_input("velocities", f"none in {without}", allowed, fix)
     return tuple(sorted(runs, key=lambda run: -run.dt))
 
 
@@ -121,20 +122,21 @@ def open_files(files: Sequence[str | Path], layout: Layout, fewest: int = FEWEST
     Raises:
         InputError: one line for each that cannot be used, or there are too few.
     """
+    if isinstance(files, (str, Path)):
+        raise bad_input("files", str(files), "a list of files", "put it into a list")
     paths = [Path(file) for file in files]
     faults, opened = [], []
     if len(paths) < fewest:
         allowed = f"at least {fewest}, with different step sizes" + (
             ", because fewer show no order" if fewest > 1 else ""
         )
-        raise InputError(complaint("files", len(paths), allowed, "run with more step sizes"))
+        raise bad_input("files", len(paths), allowed, "run with more step sizes")
     for path in paths:
         try:
             if path.suffix.lower() not in FORMATS:
                 allowed = f"a file whose name ends in {', '.join(FORMATS)}"
-                raise InputError(
-                    complaint("file", str(path), allowed, "rename it according to its format")
-                )
+                fix = "rename it according to its format"
+                raise bad_input("file", str(path), allowed, fix)
             opened.append(FORMATS[path.suffix.lower()](path, layout))
         except InputError as error:
             faults += error.problems
@@ -151,38 +153,27 @@ def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None) -> list[float]
     """
     if dts is not None and len(dts) != len(files):
         allowed = f"one for each of the {len(files)} files, in the same order"
-        raise InputError(complaint("dt", len(dts), allowed, "give one for each file"))
+        raise bad_input("dt", len(dts), allowed, "give one for each file")
     faults, steps = [], []
     for i, file in enumerate(files):
         values = [_positive(file, file.dt, faults)] if file.dt is not None else []
         if dts is not None:
             values.append(_positive(file, dts[i], faults))
         if not values:
-            fix = "store a number dt as well"
-            if isinstance(file, CsvFile):
-                fix = "write '# dt = 0.01' above the header"
-            faults.append(
-                complaint(
-                    f"{file.path}, dt",
-                    "none",
-                    "the step size, in the file or as --dt with one for each file",
-                    fix,
-                )
-            )
+            allowed = "the step size, in the file or as --dt with one for each file"
+            in_csv = isinstance(file, CsvFile)
+            fix = "write '# dt = 0.01' above the header" if in_csv else "store a number dt as well"
+            faults.append(complaint(f"{file.path}, dt", "none", allowed, fix))
         elif len(values) == 2 and abs(values[0] - values[1]) > _SAME * abs(values[0]):
             allowed, fix = f"{values[0]:g}, the dt in the file", "leave out one of them"
             faults.append(complaint(f"{file.path}, dt", values[1], allowed, fix))
         steps += values[:1]
     if faults:
         raise InputError(faults)
-    for i, dt in enumerate(steps):
-        for j in range(i):
-            if abs(dt - steps[j]) <= _SAME * dt:
-                allowed = f"a different step size for each file; {files[j].path} has this one too"
-                faults.append(
-                    complaint(f"{files[i].path}, dt", dt, allowed, "leave out one of the files")
-                )
-                break
+    for (one, first), (other, dt) in itertools.combinations(zip(files, steps, strict=True), 2):
+        if abs(dt - first) <= _SAME * dt:
+            allowed = f"a different step size for each file; {one.path} has this one too"
+            faults.append(complaint(f"{other.path}, dt", dt, allowed, "leave out one of the files"))
     if faults:
         raise InputError(faults)
     return steps
@@ -208,5 +199,5 @@ def _read(file: File, dt: float, problem: Problem, report: Callable[[float], Non
     if dt > interval * (1.0 + _SAME):
         allowed = f"at most {interval:g}, the time between two samples of the file"
         fix = "check whether this dt belongs to another file"
-        raise InputError(complaint(f"{file.path}, dt", dt, allowed, fix))
+        raise bad_input(f"{file.path}, dt", dt, allowed, fix)
     return Run(file.path, dt, values, interval)

@@ -15,7 +15,6 @@ from ropeode.checking.trajectories.convergence import shown, worst_rounding
 from ropeode.checking.trajectories.initial_states import check_initial_states, rounding_of
 from ropeode.checking.trajectories.layout import Layout, samples_of, states_of
 from ropeode.checking.trajectories.run_files import Run, names_of, quantities_of, read_runs
-from ropeode.errors import InputError
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -38,7 +37,7 @@ from ropeode.study.node_paths import (
     parts_of,
     sampled_finer,
 )
-from ropeode.validation import complaint
+from ropeode.validation import bad_input
 
 # How far from a whole number the samples in a frame may be, by rounding of the times.
 _WHOLE = 0.01
@@ -224,8 +223,6 @@ def _runs(
     progress: Progress,
 ) -> tuple[tuple[Run, ...], Norm]:
     """The files, read and checked, and the norm."""
-    if isinstance(files, (str, Path)):
-        raise InputError(complaint("files", str(files), "a list of files", "put it into a list"))
     own = problem_of(problem)
     measure = norm_for(own, norm)
     runs = read_runs(files, own, dts, progress, fewest=1)
@@ -239,7 +236,7 @@ def _check_quantities(runs: Sequence[Run], problem: Problem, needed: Sequence[st
         given = f"none in {[str(run.path) for run in runs]}"
         allowed = "velocities in all files for what is to be drawn"
         fix = "write them, or choose a plot and a norm of positions"
-        raise InputError(complaint("velocities", given, allowed, fix))
+        raise bad_input("velocities", given, allowed, fix)
 
 
 def _reference(
@@ -297,10 +294,8 @@ def _curve(runs: Sequence[Run], run: Run, times: np.ndarray, values: np.ndarray)
 
 def _parts(problem: Problem, runs: Sequence[Run]) -> int:
     """Into how many parts a frame can be divided so that all files have samples there."""
-    frames = np.diff(problem.ts)
-    counts = [float(frames[0]) / run.interval for run in runs]
+    counts = [float(problem.ts[1] - problem.ts[0]) / run.interval for run in runs]
     whole = [round(count) for count in counts]
-    equal = np.ptp(frames) <= 1e-9 * frames[0]
-    if not equal or np.max(np.abs(np.subtract(counts, whole))) > _WHOLE:
+    if not problem.equal_frames or np.max(np.abs(np.subtract(counts, whole))) > _WHOLE:
         return 1
     return parts_of(problem.frames, int(np.gcd.reduce(whole)))

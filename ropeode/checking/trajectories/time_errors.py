@@ -80,12 +80,7 @@ _DELAYS: tuple[tuple[str, str, Delay], ...] = (
 
 
 def timing_diagnosis(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
-    """A wrong number of steps that explains the errors, if there is one.
-
-    Arguments:
-        reference: of the problem.
-        runs: from coarse to fine.
-    """
+    """A wrong number of steps that explains the errors, if there is one."""
     problem, trusted = reference.problem, slice(0, reference.trusted)
     rates, changes = _derivatives(problem, reference.states[trusted])
     elapsed, frame = problem.ts[trusted] - problem.ts[0], np.arange(reference.trusted)
