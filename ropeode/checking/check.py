@@ -129,7 +129,7 @@ def _notes(trial: Trial, printed: str) -> Iterator[str]:
 
 
 def _diagnosed(examination: Examination) -> tuple[Diagnosis, ...]:
-    # Not above: it imports diffrax and optimistix, and most steppers need none of it.
+    # Not above: it imports diffrax, and most steppers need none of it.
     from ropeode.checking.diagnosis.stepper import diagnose_stepper
 
     return diagnose_stepper(examination)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from concurrent.futures import Future
 from typing import Any
 
@@ -18,7 +18,7 @@ from ropeode.checking.check_ropes import (
     in_other_units,
     undamped,
 )
-from ropeode.checking.convergence import converging, ladder
+from ropeode.checking.convergence import RunAndDouble, converging, ladder
 from ropeode.checking.report import Claims, Convergence
 from ropeode.errors import RopeodeError
 from ropeode.problems.problem import Problem
@@ -58,8 +58,11 @@ class Examination:
         self.method = method_of(step, undamped())
         self.stepper = self.method.stepper
         self.claims = own_claims(self.stepper) if claims is None else claims
-        own = self.claims.method == self.stepper.label
-        self._declared = self.stepper if own else _named(self.claims.method)
+        method = self.claims.method
+        # That of the same name is the stepper itself, which may be a user's class.
+        self._declared = self.stepper if method == self.stepper.label else None
+        if method is not None and self._declared is None:
+            self._declared = as_stepper(method)
         self._convergences: dict[str, Convergence] = {}
 
     @property
@@ -80,6 +83,15 @@ class Examination:
             UserCodeError: the user's code raised, or returned something that is no state.
         """
         return padded_states(problem, self.method, steps_per_frame)
+
+    def one_step(self, problem: Problem, dt: float) -> np.ndarray:
+        """The state after one step of a given length, ``state``.
+
+        The frames after it are not looked at; with as many as all check ropes have, no other
+        program is compiled.
+        """
+        ts = problem.ts[0] + dt * np.arange(len(problem.ts))
+        return self.run(problem.changed(ts=ts), 1)[1]
 
     def refusal(self, problem: Problem) -> str | None:
         """Why the stepper cannot be run on a problem; None if it can."""
@@ -148,19 +160,14 @@ class Examination:
         other = in_other_units(problem) if self.keeps_units else None
 
         @functools.cache
-        def runs(steps: int) -> tuple[np.ndarray, np.ndarray | None]:
+        def run(steps: int) -> RunAndDouble:
             double = None if other is None else self.run(other, steps) / UNITS
-            return self.run(problem, steps), double
+            return step_size(problem, steps), self.run(problem, steps), double
 
-        def observe(steps: Sequence[int]) -> Convergence:
-            return converging(
-                certified,
-                [(step_size(problem, each), runs(each)[0]) for each in steps],
-                expected=self.expected(problem),
-                doubles=[runs(each)[1] for each in steps],
-            )
-
-        return ladder(observe)
+        expected = self.expected(problem)
+        return ladder(
+            lambda steps: converging(certified, [run(each) for each in steps], expected=expected)
+        )
 
 
 def own_claims(stepper: Stepper) -> Claims:
@@ -168,10 +175,6 @@ def own_claims(stepper: Stepper) -> Claims:
     if isinstance(stepper, StepFunction) or stepper.label.startswith(_LIBRARIES):
         return Claims(order=stepper.order(ProblemClass()))
     return Claims(method=stepper.label)
-
-
-def _named(method: str | None) -> Stepper | None:
-    return None if method is None else as_stepper(method)
 
 
 def padded_states(problem: Problem, method: Method, steps_per_frame: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from ropeode.references.compute import reference
 
 FRAMES = 3
 STEPS = (64, 128, 256, 512)
-CLAIMED = {"num_nodes": 6, "end": (90.0, 0.0), "gravity": (0.0, -0.7), "damping": 0.01}
+CLAIMED = {"num_nodes": 4, "end": (90.0, 0.0), "gravity": (0.0, -0.7), "damping": 0.01}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -101,7 +101,7 @@ def test_right_runs_have_no_wrong_numbers(known, stepper):
 
 @pytest.mark.slow
 def test_another_mass_at_each_node_is_no_number(known):
-    diagnosis = found(known, runs("stormer-verlet", node_mass=[1.0, 2.0, 0.5, 1.0, 3.0, 0.7]))
+    diagnosis = found(known, runs("stormer-verlet", node_mass=[1.0, 2.0, 0.5, 3.0]))
     assert diagnosis.cause == "unknown"
 
 

@@ -75,7 +75,7 @@ def of_order(expected):
         for name, problem in convergence_problems().items():
             known = reference_of(problem)
             dts = [step_size(problem, steps) for steps in STEPS]
-            runs = list(zip(dts, found[name], strict=True))
+            runs = [(dt, states, None) for dt, states in zip(dts, found[name], strict=True)]
             finding = convergence_finding(name, converging(known, runs, expected=expected))
             lines.append(f"{name}: {finding.line}")
             faults += [name] if finding.status == "fail" else []

@@ -9,7 +9,6 @@ import numpy as np
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import undamped
 from ropeode.checking.report import Finding, as_claimed
-from ropeode.problems.problem import Problem
 
 _DT = 0.2
 # What the errors of finite differences, and of rounding, leave of zero.
@@ -30,7 +29,7 @@ def symplectic(examination: Examination) -> Finding:
     def step(z: np.ndarray) -> np.ndarray:
         y = problem.y0.copy()
         y[:, free] = z.reshape(2, -1, 3)
-        return _stepped(examination, problem.changed(y0=y))[:, free].ravel()
+        return examination.one_step(problem.changed(y0=y), _DT)[:, free].ravel()
 
     derivative = _jacobian(step, problem.y0[:, free].ravel())
     n = len(masses)
@@ -54,8 +53,8 @@ def reversible(examination: Examination) -> Finding:
     """
     problem = undamped()
     turn = np.array([1.0, -1.0])[:, None, None]
-    there = _stepped(examination, problem)
-    back = turn * _stepped(examination, problem.changed(y0=turn * there))
+    there = examination.one_step(problem, _DT)
+    back = turn * examination.one_step(problem.changed(y0=turn * there), _DT)
     off = float(np.max(np.abs(back - problem.y0))) / problem.scale
     holds = off <= _REVERSIBLE
     line = (
@@ -65,11 +64,6 @@ def reversible(examination: Examination) -> Finding:
     )
     claimed, claim = examination.claims.reversible, "be reversible"
     return as_claimed(claimed, holds, "reversible", claim, line, residual=off, dt=_DT)
-
-
-def _stepped(examination: Examination, problem: Problem) -> np.ndarray:
-    one = problem.changed(ts=problem.ts[0] + np.array([0.0, _DT]))
-    return examination.run(one, 1)[1]
 
 
 def _jacobian(function: Callable[[np.ndarray], np.ndarray], y: np.ndarray) -> np.ndarray:

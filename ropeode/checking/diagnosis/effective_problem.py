@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -102,38 +101,35 @@ def _order(reference: Reference, runs: Runs, name: str, limit: ObservedLimit) ->
 def parameters_diagnosis(
     solved: Sequence[EffectiveProblem], mistakes: Sequence[tuple[str, ...]]
 ) -> Diagnosis:
-    """The diagnosis that a stepper solves a rope with other parameters."""
-    line = f"your stepper solves, to {_orders_in_words(solved[0])}, the rope with "
-    if len(solved) == 1:
-        line += ": ".join(filter(None, (_words(solved[0]), "; ".join(mistakes[0]))))
+    """The diagnosis that a stepper solves a rope with other parameters.
+
+    Arguments:
+        solved: ropes between which the runs cannot decide, at least one.
+        mistakes: for each rope the mistakes that may explain it.
+    """
+    first, *others = solved
+    words = [" and ".join(number.words for number in each.numbers) for each in solved]
+    line = f"your stepper solves, to {_orders_in_words(first)}, the rope with "
+    if not others:
+        line += ": ".join(filter(None, (words[0], "; ".join(mistakes[0]))))
     else:
         line += "; or, which moves exactly the same, with ".join(
-            f"{_words(each)} ({'; '.join(texts)})" if texts else _words(each)
-            for each, texts in zip(solved, mistakes, strict=True)
+            f"{each} ({'; '.join(texts)})" if texts else each
+            for each, texts in zip(words, mistakes, strict=True)
         )
-    hints = list(dict.fromkeys(text for texts in mistakes for text in texts))
-    return Diagnosis("parameters", line, _evidence(solved, hints))
-
-
-def _words(solved: EffectiveProblem) -> str:
-    return " and ".join(number.words for number in solved.numbers)
-
-
-def _evidence(solved: Sequence[EffectiveProblem], hints: Sequence[str]) -> dict[str, Any]:
-    first = solved[0]
-    return {
-        "parameters": {number.name: number.as_json() for number in first.numbers},
-        "alternatives": [
-            {number.name: number.as_json() for number in each.numbers} for each in solved[1:]
-        ],
+    numbers = [{number.name: number.as_json() for number in each.numbers} for each in solved]
+    evidence = {
+        "parameters": numbers[0],
+        "alternatives": numbers[1:],
         "orders": {
             name: {"observed": order.observed, "ci95": order.ci95, "verdict": order.verdict}
             for name, order in first.orders.items()
         },
         "reference_bound": first.bound,
         "misfit": first.misfit,
-        "hints": list(hints),
+        "hints": list(dict.fromkeys(text for texts in mistakes for text in texts)),
     }
+    return Diagnosis("parameters", line, evidence)
 
 
 def _orders_in_words(solved: EffectiveProblem) -> str:

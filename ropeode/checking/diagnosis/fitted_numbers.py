@@ -72,7 +72,7 @@ class Number:
 
 def _plain(values: np.ndarray) -> Any:
     """One number, or a list of them."""
-    return float(values[0]) if len(values) == 1 else [float(value) for value in values]
+    return values.item() if len(values) == 1 else values.tolist()
 
 
 def _shown(values: np.ndarray) -> str:

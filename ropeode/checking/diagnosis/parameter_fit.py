@@ -29,7 +29,7 @@ _PRECISION = 1e-2
 # A change of so many times its spread is no accident.
 _CERTAIN = 10.0
 # Of the solver of the least-squares problem: its steps, and how large the first may be.
-_MOST_STEPS, _FIRST_CHANGE = 40, 0.1
+_MOST_STEPS, _FIRST_CHANGE = 100, 0.03
 # Without it a Jacobian of zeros would be divided by.
 _EPS = float(np.finfo(np.float64).eps)
 # Replaces a difference that is not finite: so large that the solver rejects the step.

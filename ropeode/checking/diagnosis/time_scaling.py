@@ -81,7 +81,7 @@ def _fit_factor(limit: ObservedLimit) -> tuple[float, float]:
         return ((limit.states - states) / limit.uncertainty)[1:].ravel()
 
     fit = optimize.least_squares(
-        error, 1.0, bounds=(_SLOWEST, _FASTEST), xtol=_TOLERANCE, ftol=None
+        error, 1.0, bounds=(_SLOWEST, _FASTEST), xtol=_TOLERANCE, ftol=_TOLERANCE
     )
     slope = fit.jac[:, 0]
     return float(fit.x[0]), float(np.sum(np.abs(slope)) / (slope @ slope))

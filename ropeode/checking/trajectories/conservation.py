@@ -8,7 +8,6 @@ import numpy as np
 
 from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import Finding, exactly
-from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.written_precision import epsilon
 from ropeode.references.reference import Reference
@@ -24,7 +23,7 @@ _FEWEST = 64
 
 def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     """Whether pinned nodes stay in place."""
-    problem, dim = reference.problem, Layout.of(reference.problem).dim
+    problem, dim = reference.problem, runs[0].layout.dim
     free = getattr(problem.args, "free", None)
     if free is None or np.all(free):
         return Finding("pins", "skip", "no node is pinned")
@@ -51,7 +50,7 @@ def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     problem = reference.problem
     if problem.energy is None or problem.mechanics is None:
         return Finding("energy", "skip", "the problem has no energy")
-    if runs[0].values.shape[2] == Layout.of(problem).dim:
+    if runs[0].quantities != problem.quantities:
         return Finding("energy", "skip", "the files have no velocities")
     states = reference.states[: reference.trusted]
     energies = problem.energies(states)
@@ -65,7 +64,7 @@ def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     lines, evidence = [], {}
     with np.errstate(all="ignore"):
         for run in (runs[0], runs[-1]):
-            drift = measure_drift(problem, states_of(problem, run.values))
+            drift = measure_drift(problem, run.states)
             lines.append(f"dt {run.dt:g}: {drift.line}")
             evidence[f"{run.dt:g}"] = {"verdict": drift.verdict, **drift.evidence}
     return Finding("energy", "note", "; ".join(lines), evidence)

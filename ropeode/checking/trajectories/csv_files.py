@@ -84,8 +84,8 @@ class CsvFile:
         Raises:
             InputError: a line is wrong; the message names the line and the column.
         """
-        line, rest = self._header_lines + 1, b""
-        pending: list[np.ndarray] = []
+        line, rest, nodes = self._header_lines + 1, b"", self.layout.nodes
+        left = np.empty((0, len(self.columns)))
         with self.path.open("rb") as file:
             file.seek(self._begin)
             while piece := file.read(_BLOCK):
@@ -97,28 +97,21 @@ class CsvFile:
                     self._complain(number, "a line that does not end", "lines of numbers")
                 if not text:
                     continue
-                rows = self._rows(text, line)
-                first, line = line - sum(map(len, pending)), line + len(rows)
-                pending.append(rows)
-                if sum(map(len, pending)) >= self.layout.nodes:
-                    rows = np.concatenate(pending) if len(pending) > 1 else rows
-                    whole = len(rows) // self.layout.nodes * self.layout.nodes
-                    pending = [rows[whole:]]
+                rows = np.concatenate([left, self._rows(text, line)])
+                first = line - len(left)
+                line = first + len(rows)
+                whole = len(rows) // nodes * nodes
+                if whole:
                     yield self._block(rows[:whole], first)
-                    self._check_nodes(rows[whole:], first + whole)
+                left = rows[whole:]
+                self._check_nodes(left, first + whole)
         if rest:
             fix = "let the program finish, and end the last line with a newline too"
             self._complain(line, rest.decode(errors="replace"), "a complete line", fix)
-        left = sum(map(len, pending))
-        if left:
-            rows = np.concatenate(pending)
-            self._check_nodes(rows, line - left)
-            self._complain(
-                line - 1,
-                f"node {left - 1} at the end of the file",
-                f"all {self.layout.nodes} nodes at t = {rows[0, 0]:.9g}",
-                "let the program finish",
-            )
+        if len(left):
+            given = f"node {len(left) - 1} at the end of the file"
+            allowed = f"all {nodes} nodes at t = {left[0, 0]:.9g}"
+            self._complain(line - 1, given, allowed, "let the program finish")
 
     def _rows(self, text: bytes, line: int) -> np.ndarray:
         """Whole lines as numbers, ``(lines, columns)``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.checking.trajectories.csv_files import CsvFile
-from ropeode.checking.trajectories.layout import Layout
+from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.checking.trajectories.netcdf_files import NetcdfFile
 from ropeode.checking.trajectories.npz_files import NpzFile
 from ropeode.checking.trajectories.sampling import Sampling
@@ -33,16 +34,33 @@ class Run:
     """The samples of one file at the sample times of the problem.
 
     Arguments:
+        problem: that the program should solve.
         path: of the file.
         dt: step size.
         values: ``(times, nodes, columns)``: positions and, if the file has them, velocities.
         interval: between the samples in the file.
     """
 
+    problem: Problem
     path: Path
     dt: float
     values: np.ndarray
     interval: float
+
+    @functools.cached_property
+    def layout(self) -> Layout:
+        """The layout of the problem's samples."""
+        return Layout.of(self.problem)
+
+    @functools.cached_property
+    def states(self) -> np.ndarray:
+        """The states, ``(times, *state)``; velocities that the file lacks are zero."""
+        return states_of(self.problem, self.values)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The quantities of the problem that the file has: velocities may be missing."""
+        return self.problem.quantities[: self.values.shape[2] // self.layout.dim]
 
     @property
     def label(self) -> str:
@@ -54,11 +72,6 @@ class Run:
         """Whether the interval between samples is not a multiple of dt."""
         steps = self.interval / self.dt
         return abs(steps - np.rint(steps)) > _SAME * steps
-
-
-def quantities_of(problem: Problem, runs: Sequence[Run]) -> tuple[str, ...]:
-    """The quantities of a problem that its runs have: velocities may be missing."""
-    return problem.quantities[: runs[0].values.shape[2] // Layout.of(problem).dim]
 
 
 def names_of(runs: Sequence[Run]) -> str:
@@ -200,4 +213,4 @@ def _read(file: File, dt: float, problem: Problem, report: Callable[[float], Non
         allowed = f"at most {interval:g}, the time between two samples of the file"
         fix = "check whether this dt belongs to another file"
         raise bad_input(f"{file.path}, dt", dt, allowed, fix)
-    return Run(file.path, dt, values, interval)
+    return Run(problem, file.path, dt, values, interval)

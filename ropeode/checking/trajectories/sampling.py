@@ -39,7 +39,6 @@ class Sampling:
         self._last: tuple[float, str] | None = None
         self._into_frame = 0
         self.interval: float | None = None
-        self.read = 0
 
     def take(self, block: Block) -> None:
         """Check a block and keep its wanted samples.
@@ -64,7 +63,6 @@ class Sampling:
         if missing is not None:
             self._complain_of_missing(block, missing)
         self._last = float(block.times[-1]), self._at(block, len(block.times) - 1)
-        self.read += len(block.times)
 
     def finish(self) -> np.ndarray:
         """The values at all wanted times, ``(times, nodes, columns)``.
