@@ -111,11 +111,6 @@ def complaint(name: str, given: Any, allowed: str, fix: str) -> str:
     return f"{name}: {shown(given)} given; allowed: {allowed}. Fix: {fix}."
 
 
-def bad_input(name: str, given: Any, allowed: str, fix: str) -> InputError:
-    """The error for one bad value; arguments are those of `complaint`."""
-    return InputError(complaint(name, given, allowed, fix))
-
-
 def shown(value: Any) -> str:
     """A value in an error message, cut if it is long."""
     text = " ".join(repr(value).split())

@@ -19,7 +19,7 @@ from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.templates import template
-from ropeode.validation import bad_input, check_positive, check_whole, unknown
+from ropeode.validation import bad_value, check_positive, check_whole, unknown
 
 TIME_LIMIT = 60.0
 # The checks whose failure a diagnosis may explain.
@@ -147,7 +147,7 @@ def checked_claims(claims: Claims) -> Claims:
         order = check_whole("expected_order", order, at_least=1, example="2")
     if order is not None and method is not None:
         allowed = "none beside a method, which has its own"
-        raise bad_input("expected_order", order, allowed, "drop one")
+        raise bad_value("expected_order", order, allowed, "drop one")
     method = None if method is None else as_stepper(method).label
     return dataclasses.replace(claims, order=order, method=method)
 
@@ -167,5 +167,5 @@ def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) 
     left_out = {*skip, *(SLOW if quick and only is None else ())}
     names = [name for name in CHECKS if name not in left_out and (only is None or name in only)]
     if not names:
-        raise bad_input("only", only, "at least one check", "skip fewer")
+        raise bad_value("only", only, "at least one check", "skip fewer")
     return names

@@ -17,7 +17,7 @@ from ropeode.problems.files import file_and_name
 from ropeode.problems.library import ROPES
 from ropeode.problems.problem import Problem
 from ropeode.study.spec import TableJob
-from ropeode.validation import bad_input
+from ropeode.validation import bad_value
 
 # The coarsest step times omega of the stiffest spring between the lightest nodes, and the number of
 # step sizes.
@@ -39,7 +39,7 @@ def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
     """
     path = Path(folder)
     if path.exists():
-        raise bad_input("init", str(path), "a new folder", "choose another name")
+        raise bad_value("init", str(path), "a new folder", "choose another name")
     check_writable("init", path)
     texts = _texts(job or TableJob({}))
     try:
@@ -51,7 +51,7 @@ def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
             new.rename(path)
     except OSError as error:
         allowed = f"a folder that can be created ({error.strerror or error})"
-        raise bad_input("init", str(path), allowed, "choose another") from error
+        raise bad_value("init", str(path), allowed, "choose another") from error
     return [str(path / name) for name in texts]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ropeode.checking.trajectories.layout import Block, Layout
 from ropeode.errors import InputError
-from ropeode.validation import bad_input, in_one_line
+from ropeode.validation import bad_value, in_one_line
 
 _BLOCK = 2**22
 TIMES, POSITIONS, VELOCITIES, STEP = "t", "positions", "velocities", "dt"
@@ -73,7 +73,7 @@ class ArrayFile(abc.ABC):
             self.path.open("rb").close()
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
-            raise bad_input("file", str(self.path), allowed, "check the path") from error
+            raise bad_value("file", str(self.path), allowed, "check the path") from error
         try:
             with self.arrays() as arrays:
                 yield arrays
@@ -82,7 +82,7 @@ class ArrayFile(abc.ABC):
         except Exception as error:
             # Readers raise errors of many kinds on other files.
             allowed = f"{self.format} ({in_one_line(error)})"
-            raise bad_input("file", str(self.path), allowed, "write it again") from error
+            raise bad_value("file", str(self.path), allowed, "write it again") from error
 
     def _step(self, stored: Stored) -> str:
         if stored.shape not in ((), (1,)) or stored.dtype.kind not in "fiu":
@@ -96,7 +96,7 @@ class ArrayFile(abc.ABC):
         Raises:
             InputError: always.
         """
-        raise bad_input(f"{self.path}, {name}", given, allowed, fix)
+        raise bad_value(f"{self.path}, {name}", given, allowed, fix)
 
 
 def _check_arrays(path: Path, layout: Layout, arrays: Mapping[str, Stored]) -> bool:
@@ -106,7 +106,7 @@ def _check_arrays(path: Path, layout: Layout, arrays: Mapping[str, Stored]) -> b
             allowed = f"arrays named {TIMES!r}, {POSITIONS!r}" + (
                 f" and optionally {VELOCITIES!r}" if layout.mechanical else ""
             )
-            raise bad_input(str(path), sorted(arrays), allowed, f"add the array {name!r}")
+            raise bad_value(str(path), sorted(arrays), allowed, f"add the array {name!r}")
     count = arrays[TIMES].shape[0] if arrays[TIMES].shape else 0
     whole = (count, layout.nodes, layout.dim)
     wanted = {TIMES: (count,), POSITIONS: whole}
@@ -118,10 +118,10 @@ def _check_arrays(path: Path, layout: Layout, arrays: Mapping[str, Stored]) -> b
             words = "(times, nodes, dim)" if len(shape) > 1 else "(times,)"
             allowed = f"the shape {shape}, that is {words} of this problem"
             fix = "reorder the axes, or grade the file with its own spec"
-            raise bad_input(f"{path}, {name}", stored.shape, allowed, fix)
+            raise bad_value(f"{path}, {name}", stored.shape, allowed, fix)
         if stored.dtype.kind not in "fiu":
             allowed, fix = "real numbers", "store float64"
-            raise bad_input(f"{path}, {name}", str(stored.dtype), allowed, fix)
+            raise bad_value(f"{path}, {name}", str(stored.dtype), allowed, fix)
     return VELOCITIES in wanted
 
 

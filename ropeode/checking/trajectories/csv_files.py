@@ -10,7 +10,7 @@ from typing import BinaryIO
 import numpy as np
 
 from ropeode.checking.trajectories.layout import Block, Layout
-from ropeode.validation import bad_input
+from ropeode.validation import bad_value
 
 _BLOCK = 2**22
 _LONGEST_LINE = 2**12
@@ -43,7 +43,7 @@ class CsvFile:
                 self._read_head(file)
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
-            raise bad_input("file", str(path), allowed, "check the path") from error
+            raise bad_value("file", str(path), allowed, "check the path") from error
 
     def _read_head(self, file: BinaryIO) -> None:
         number = 0
@@ -56,7 +56,7 @@ class CsvFile:
             if match := _STEP.fullmatch(text):
                 self.dt = match[1]
         if not line:
-            raise bad_input(
+            raise bad_value(
                 f"{self.path}, line {number}",
                 "nothing",
                 f"a header, {self._allowed_headers}, and the samples",
@@ -64,7 +64,7 @@ class CsvFile:
             )
         names = ",".join(part.strip() for part in text.split(","))
         if names not in self.layout.headers:
-            raise bad_input(
+            raise bad_value(
                 f"{self.path}, line {number}",
                 text,
                 f"the header {self._allowed_headers}",
@@ -149,10 +149,10 @@ class CsvFile:
                 _NUMBER.fullmatch(value) and abs(float(value)) == np.inf
             ):
                 fix = "leave out runs that diverged, or use smaller steps"
-                raise bad_input(where, value.strip(), "a finite number", fix)
+                raise bad_value(where, value.strip(), "a finite number", fix)
             if not _NUMBER.fullmatch(value):
                 fix = "write numbers as 1.25 or 1.25e-3"
-                raise bad_input(where, value.strip(), "a number", fix)
+                raise bad_value(where, value.strip(), "a number", fix)
         return [float(value) for value in fields]
 
     def _block(self, rows: np.ndarray, first: int) -> Block:
@@ -188,7 +188,7 @@ class CsvFile:
             fix = f"the problem has nodes 0 to {nodes - 1} only; grade the file with its own spec"
         elif given == 0 and i < nodes:
             fix = f"the problem has {nodes} nodes, the file {i}; grade the file with its own spec"
-        raise bad_input(
+        raise bad_value(
             f"{self.path}, line {first + i}, column 2 (node)",
             _as_written(given),
             f"node {node} (t = {time:.9g})",
@@ -201,7 +201,7 @@ class CsvFile:
         usual = float(np.median(times[sample]))
         node = int(np.argmax(times[sample] != usual))
         fix = "write all nodes of one time before those of the next, with the same t"
-        raise bad_input(
+        raise bad_value(
             f"{self.path}, line {first + sample * self.layout.nodes + node}, column 1 (t)",
             float(times[sample, node]),
             f"{usual!r}, like the other nodes of this sample",
@@ -211,7 +211,7 @@ class CsvFile:
     def _complain(
         self, line: int, given: str, allowed: str, fix: str = "correct the program"
     ) -> None:
-        raise bad_input(f"{self.path}, line {line}", given, allowed, fix)
+        raise bad_value(f"{self.path}, line {line}", given, allowed, fix)
 
 
 def _as_written(number: float) -> int | float:

@@ -19,7 +19,7 @@ from ropeode.checking.trajectories.sampling import Sampling
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.validation import bad_input, complaint, positive_number
+from ropeode.validation import bad_value, complaint, positive_number
 
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
@@ -125,7 +125,7 @@ def read_runs(
         without = [str(file.path) for file in opened if not file.velocities]
         allowed = "velocities in all files, or in none"
         fix = "write them to all files"
-        raise bad_input("velocities", f"none in {without}", allowed, fix)
+        raise bad_value("velocities", f"none in {without}", allowed, fix)
     return tuple(sorted(runs, key=lambda run: -run.dt))
 
 
@@ -136,20 +136,20 @@ def open_files(files: Sequence[str | Path], layout: Layout, fewest: int = FEWEST
         InputError: one line for each that cannot be used, or there are too few.
     """
     if isinstance(files, (str, Path)):
-        raise bad_input("files", str(files), "a list of files", "put it into a list")
+        raise bad_value("files", str(files), "a list of files", "put it into a list")
     paths = [Path(file) for file in files]
     faults, opened = [], []
     if len(paths) < fewest:
         allowed = f"at least {fewest}, with different step sizes" + (
             ", because fewer show no order" if fewest > 1 else ""
         )
-        raise bad_input("files", len(paths), allowed, "run with more step sizes")
+        raise bad_value("files", len(paths), allowed, "run with more step sizes")
     for path in paths:
         try:
             if path.suffix.lower() not in FORMATS:
                 allowed = f"a file whose name ends in {', '.join(FORMATS)}"
                 fix = "rename it according to its format"
-                raise bad_input("file", str(path), allowed, fix)
+                raise bad_value("file", str(path), allowed, fix)
             opened.append(FORMATS[path.suffix.lower()](path, layout))
         except InputError as error:
             faults += error.problems
@@ -166,7 +166,7 @@ def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None) -> list[float]
     """
     if dts is not None and len(dts) != len(files):
         allowed = f"one for each of the {len(files)} files, in the same order"
-        raise bad_input("dt", len(dts), allowed, "give one for each file")
+        raise bad_value("dt", len(dts), allowed, "give one for each file")
     faults, steps = [], []
     for i, file in enumerate(files):
         values = [_positive(file, file.dt, faults)] if file.dt is not None else []
@@ -212,5 +212,5 @@ def _read(file: File, dt: float, problem: Problem, report: Callable[[float], Non
     if dt > interval * (1.0 + _SAME):
         allowed = f"at most {interval:g}, the time between two samples of the file"
         fix = "check whether this dt belongs to another file"
-        raise bad_input(f"{file.path}, dt", dt, allowed, fix)
+        raise bad_value(f"{file.path}, dt", dt, allowed, fix)
     return Run(problem, file.path, dt, values, interval)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ropeode.checking.trajectories.layout import Block
 from ropeode.checking.written_precision import epsilon, last_digit
-from ropeode.validation import bad_input
+from ropeode.validation import bad_value
 
 # Relative rounding errors of times: in float64, added up step by step; and if written with few
 # digits.
@@ -52,7 +52,7 @@ class Sampling:
         self._check_order(block)
         if self._last is None and not self._same(float(block.times[0]), 0):
             first = float(block.times[0])
-            raise bad_input(
+            raise bad_value(
                 self._at(block, 0),
                 first,
                 f"the start of the problem, t = {self.wanted[0]:g}, as the first time",
@@ -72,12 +72,12 @@ class Sampling:
         """
         missing = len(self._kept)
         if self._last is None:
-            raise bad_input(
+            raise bad_value(
                 str(self.path), "no samples", "a sample at each sample time", "write them"
             )
         if missing < len(self.wanted):
             last, where = self._last
-            raise bad_input(
+            raise bad_value(
                 where,
                 f"t = {last:.9g} as the last time",
                 f"samples up to t = {self.wanted[-1]:g}; the one at t = "
@@ -100,7 +100,7 @@ class Sampling:
         else:
             node, column = (int(i[0]) for i in np.nonzero(~finite[sample]))
             given = block.values[sample, node, column]
-        raise bad_input(
+        raise bad_value(
             f"{self.path}, {block.where(sample, node, column)}",
             float(given),
             "finite numbers",
@@ -115,7 +115,7 @@ class Sampling:
         if not back.any():
             return
         sample = int(np.argmax(back))
-        raise bad_input(
+        raise bad_value(
             self._at(block, sample),
             f"t = {block.times[sample]:.9g} after t = {before[sample]:.9g}",
             "times in increasing order, each once",
@@ -152,7 +152,7 @@ class Sampling:
     def _complain_of_missing(self, block: Block, sample: int) -> None:
         after = float(block.times[sample])
         before = float(block.times[sample - 1]) if sample else (self._last or (np.nan, ""))[0]
-        raise bad_input(
+        raise bad_value(
             self._at(block, sample),
             f"t = {after:.9g} after t = {before:.9g}",
             f"a sample at t = {self.wanted[len(self._kept)]:g}, which is missing",
@@ -186,7 +186,7 @@ class Sampling:
         if not wrong().any():
             return
         i = int(np.argmax(wrong()))
-        raise bad_input(
+        raise bad_value(
             self._at(block, start + i),
             f"a time {gaps[i]:.6g} after the previous one",
             f"equal intervals, here {usual[i]:.6g}; only one that ends at a sample time may "

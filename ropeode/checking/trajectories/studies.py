@@ -37,7 +37,7 @@ from ropeode.study.node_paths import (
     parts_of,
     sampled_finer,
 )
-from ropeode.validation import bad_input
+from ropeode.validation import bad_value
 
 # How far from a whole number the samples in a frame may be, by rounding of the times.
 _WHOLE = 0.01
@@ -229,7 +229,7 @@ def _check_quantities(runs: Sequence[Run], needed: Sequence[str]) -> None:
         given = f"none in {[str(run.path) for run in runs]}"
         allowed = "velocities in all files for what is to be drawn"
         fix = "write them, or choose a plot and a norm of positions"
-        raise bad_input("velocities", given, allowed, fix)
+        raise bad_value("velocities", given, allowed, fix)
 
 
 def _reference(
