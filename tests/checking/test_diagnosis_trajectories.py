@@ -81,6 +81,19 @@ def test_six_printed_digits_and_more_frames():
     assert 1e-7 < damping["spread"] < 0.005
 
 
+def test_large_changes_of_several_parameters(known):
+    """Too large for steps of a fit that trust its slopes."""
+    given = runs("stormer-verlet", stiffness=200.0, gravity=(0.3, -1.5), damping=0.1)
+    diagnosis = found(known, given)
+    assert diagnosis.cause == "parameters"
+    numbers = diagnosis.evidence["parameters"]
+    assert {name: number["found"] for name, number in numbers.items()} == {
+        "gravity": pytest.approx([0.3, -1.5]),
+        "damping": pytest.approx(0.1),
+        "stiffness": pytest.approx(200.0),
+    }
+
+
 def test_wrong_initial_velocities(known):
     diagnosis = found(known, runs("stormer-verlet", initial_velocity=(1.0, 0.5)))
     assert diagnosis.evidence["parameters"]["velocity"]["found"] == pytest.approx([1.0, 0.5])

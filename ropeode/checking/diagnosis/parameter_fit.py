@@ -28,8 +28,9 @@ _WITHOUT_MASS = tuple(name for name in PARAMETERS if name != "mass")
 _PRECISION = 1e-2
 # A change of so many times its spread is no accident.
 _CERTAIN = 10.0
-# Of the solver of the least-squares problem: its steps, and how large the first may be.
-_MOST_STEPS, _FIRST_CHANGE = 100, 0.03
+# Of the solver of the least-squares problem: its steps, and how large the first may be. Neither
+# of the two finds every change that the other finds.
+_MOST_STEPS, _FIRST_CHANGES = 100, (0.03, 1.0)
 # Without it a Jacobian of zeros would be divided by.
 _EPS = float(np.finfo(np.float64).eps)
 # Replaces a difference that is not finite: so large that the solver rejects the step.
@@ -68,6 +69,7 @@ def fit_parameters(
     start: np.ndarray | None = None,
     *,
     near: bool = False,
+    first: float = _FIRST_CHANGES[0],
 ) -> Fit:
     """Change some parameters so that the rope moves like an observed limit.
 
@@ -80,6 +82,7 @@ def fit_parameters(
             it is claimed to be.
         start: changes to begin with; by default zero.
         near: whether these are close to the result.
+        first: how large the first change of a fit from zero may be.
     """
     problem = limit.problem
     count = 2 * dimension(problem) + 4
@@ -110,7 +113,7 @@ def fit_parameters(
             lambda x: differences(tuple(x))[0][:samples].ravel() / tightness,
             start,
             lambda x: differences(tuple(x))[1][:samples].reshape(-1, len(x)) / tightness,  # pyright: ignore
-            x_scale=_FIRST_CHANGE,
+            x_scale=first,
             xtol=tolerance,
             ftol=tolerance,
             gtol=_EPS,
@@ -161,14 +164,16 @@ def smallest_fits(limit: ObservedLimit) -> tuple[Fit, ...]:
 
 
 def _fit_all(limit: ObservedLimit) -> Fit:
-    """Fit all parameters, starting from springs that pull; if that fails, that push."""
-    fit = fit_parameters(limit, _WITHOUT_MASS)
-    if fit.explains:
-        return fit
-    start = np.zeros(len(fit.changes))
-    start[places(dimension(limit.problem))["stiffness"]] = -2.0
-    other = fit_parameters(limit, _WITHOUT_MASS, start)
-    return min(fit, other, key=lambda each: each.misfit)
+    """Fit all parameters, from springs that pull or push, with a small or a large first change."""
+    pull = np.zeros(2 * dimension(limit.problem) + 4)
+    push = pull.copy()
+    push[places(dimension(limit.problem))["stiffness"]] = -2.0
+    fits = []
+    for first, start in itertools.product(_FIRST_CHANGES, (pull, push)):
+        fits.append(fit_parameters(limit, _WITHOUT_MASS, start, first=first))
+        if fits[-1].explains:
+            break
+    return min(fits, key=lambda each: each.misfit)
 
 
 def _certainly_changed(problem: Problem, whole: Fit) -> set[str]:
