@@ -81,6 +81,7 @@ def test_six_printed_digits_and_more_frames():
     assert 1e-7 < damping["spread"] < 0.005
 
 
+@pytest.mark.slow
 def test_large_changes_of_several_parameters(known):
     """Too large for steps of a fit that trust its slopes."""
     given = runs("stormer-verlet", stiffness=200.0, gravity=(0.3, -1.5), damping=0.1)

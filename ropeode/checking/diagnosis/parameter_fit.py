@@ -30,7 +30,7 @@ _PRECISION = 1e-2
 _CERTAIN = 10.0
 # Of the solver of the least-squares problem: its steps, and how large the first may be. Neither
 # of the two finds every change that the other finds.
-_MOST_STEPS, _FIRST_CHANGES = 100, (0.03, 1.0)
+_MOST_STEPS, _FIRST_CHANGES = 40, (0.03, 1.0)
 # Without it a Jacobian of zeros would be divided by.
 _EPS = float(np.finfo(np.float64).eps)
 # Replaces a difference that is not finite: so large that the solver rejects the step.
