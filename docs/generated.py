@@ -34,9 +34,7 @@ from ropeode import horizon as horizon_of
 from ropeode.case_studies.formats import blocks
 from ropeode.case_studies.pictures import plot_contact_sheets
 from ropeode.case_studies.report import Report, rope_report
-from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
-from ropeode.checking.report import Claims
 from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.precision import in_float64
@@ -183,15 +181,15 @@ def solver_orders(*libraries: str) -> str:
         f"{library}:{name}" for library in libraries for name in library_named(library).names()
     ]:
         try:
-            candidate = Candidate.of(given)
+            examination = Examination(given)
         except InputError:
             continue
-        found = Examination(candidate, Claims()).convergence("uneven")
+        found = examination.convergence("uneven")
         shown = [
             f"{order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}]"
             for order in found.orders.values()
         ]
-        rows.append([f"`{given}`", str(candidate.stepper.order(ProblemClass())), *shown])
+        rows.append([f"`{given}`", str(examination.stepper.order(ProblemClass())), *shown])
     return table(["solver", "documented", "positions", "velocities"], rows, words=1)
 
 

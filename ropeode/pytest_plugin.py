@@ -71,8 +71,8 @@ def ropeode(request: pytest.FixtureRequest) -> Guard:
 class Guard:
     """What a test says of a stepper; the test fails, with the report, where it is not so.
 
-    A step is whatever `ropeode.check_stepper` takes. Observed orders become properties of the
-    test, which pytest writes into its JUnit file.
+    A step, its expected order and claims are whatever `ropeode.check_stepper` takes. Observed
+    orders become properties of the test, which pytest writes into its JUnit file.
 
     Arguments:
         settings: for `check_stepper`, from the marker and the command line.
@@ -84,44 +84,22 @@ class Guard:
         self._settings, self._record, self._form = settings, record, form
 
     def check(self, step: Any, expected_order: int | None = None, **claims: Any) -> CheckReport:
-        """Every check that applies passes.
-
-        Arguments:
-            step: the stepper.
-            expected_order: that it is to have.
-            claims: as for `ropeode.check_stepper`.
-        """
+        """Every check that applies passes."""
         __tracebackhide__ = True
         return self._checked(step, {"expected_order": expected_order, **claims})
 
     def assert_order(self, step: Any, order: int, **claims: Any) -> CheckReport:
-        """It converges to the right solutions, with this order or a higher one.
-
-        Arguments:
-            step: the stepper.
-            order: the least that it may have, of positions and of velocities.
-            claims: as for `ropeode.check_stepper`.
-        """
+        """Positions and velocities converge to the right solutions, with at least this order."""
         __tracebackhide__ = True
         return self._checked(step, {"expected_order": order, **claims}, "order-")
 
     def assert_converges(self, step: Any, **claims: Any) -> CheckReport:
-        """It converges to the right solutions, with any order.
-
-        Arguments:
-            step: the stepper.
-            claims: as for `ropeode.check_stepper`.
-        """
+        """Positions and velocities converge to the right solutions, with any order."""
         __tracebackhide__ = True
         return self._checked(step, {"expected_order": 1, **claims}, "order-")
 
     def assert_conserves_energy(self, step: Any, **claims: Any) -> CheckReport:
-        """Without damping its energy stays bounded in the long run, without drift.
-
-        Arguments:
-            step: the stepper.
-            claims: as for `ropeode.check_stepper`.
-        """
+        """Without damping its energy stays bounded in the long run, without drift."""
         __tracebackhide__ = True
         return self._checked(step, {"conserves_energy": True, **claims}, "energy")
 
@@ -140,11 +118,11 @@ class Guard:
         try:
             report = check_stepper(step, **settings)
         except InputError as error:
-            refused = error
+            above = [] if error.__cause__ is None else [users_traceback(error.__cause__)]
+            refused = "\n".join([*above, *error.problems])
+        # Not inside: pytest would print the chain of exceptions.
         if refused is not None:
-            cause = refused.__cause__
-            above = [] if cause is None else [users_traceback(cause)]
-            pytest.fail("\n".join([*above, *refused.problems]), pytrace=False)
+            pytest.fail(refused, pytrace=False)
         self._note(report)
         if not report.passed:
             pytest.fail(format_check(report, self._form), pytrace=False)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from ropeode.checking.candidate import Candidate
-from ropeode.checking.check_context import Examination, references_ahead
+from ropeode.checking.check_context import Examination, own_claims, references_ahead
 from ropeode.checking.check_ropes import convergence_problems, undamped
 from ropeode.checking.checks import CHECKS, SLOW
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding
@@ -17,14 +17,11 @@ from ropeode.precision import in_float64
 from ropeode.progress import Progress, silent
 from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import as_stepper
-from ropeode.steppers.base import ProblemClass, Stepper
-from ropeode.steppers.functions import StepFunction
-from ropeode.steppers.stepper_loading import LIBRARIES
+from ropeode.steppers.base import Stepper
 from ropeode.steppers.templates import template
-from ropeode.validation import check_positive, check_whole, complaint, unknown
+from ropeode.validation import bad_value, check_positive, check_whole, unknown
 
 TIME_LIMIT = 60.0
-_LIBRARIES = tuple(f"{library}:" for library in LIBRARIES)
 # The checks whose failure a diagnosis may explain.
 EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {"node-order", "float32"}
 
@@ -70,29 +67,32 @@ def check_stepper(
         UserCodeError: the step raises, hangs, or returns what is no state; its own exception is
             the cause.
     """
-    claims = checked_claims(expected_order, method, symplectic, reversible, conserves_energy)
+    claims = checked_claims(
+        Claims(expected_order, method, symplectic, reversible, conserves_energy)
+    )
     names = chosen_checks(only, skip, quick)
     limit = check_positive("time_limit", time_limit, example="60")
     started = time.perf_counter()
     with kept_output() as printed:
         stepper = as_stepper(step)
-        # Without damping: some steppers cannot be told of it, and are checked without.
         stepper.require(undamped())
-        claims = claims if claims != Claims() else _own_claims(stepper)
+        claims = claims if claims != Claims() else own_claims(stepper)
         needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
         references_ahead(needed)
         trial = within(limit, lambda: trial_of(stepper, convergence_problems()["driven"]))
         findings: list[Finding] = []
         diagnosis: tuple[Diagnosis, ...] = ()
         if not trial.repeatable:
+            findings.append(Finding("determinism", "fail", HIDDEN_STATE))
             rest = [name for name in names if name != "determinism"]
-            findings = [Finding("determinism", "fail", HIDDEN_STATE)]
-            findings += [Finding(each, "skip", "not deterministic") for each in rest]
+            findings += [Finding(name, "skip", "not deterministic") for name in rest]
         else:
             examination = _examination(stepper, trial, claims)
             for done, name in enumerate(names):
                 progress(name, done / len(names))
-                findings.append(_made(examination, name, limit))
+                # Enters float64 again, which is a thread's own.
+                check = in_float64(CHECKS[name])
+                findings.append(within(limit, lambda check=check: check(examination)))
             failed = {finding.check for finding in findings if finding.status == "fail"}
             if diagnose and not quick and failed & EXPLAINED:
                 progress("diagnosis", 1.0)
@@ -108,20 +108,13 @@ def check_stepper(
     )
 
 
-def _own_claims(stepper: Stepper) -> Claims:
-    """What a stepper declares of itself: a class all its facts, others their order."""
-    if isinstance(stepper, StepFunction) or stepper.label.startswith(_LIBRARIES):
-        return Claims(order=stepper.order(ProblemClass()))
-    return Claims(method=stepper.label)
-
-
 def _examination(stepper: Stepper, trial: Trial, claims: Claims) -> Examination:
     if not trial.finite:
         raise UserCodeError(
             "step: its first step from a regular state is not finite; allowed: finite positions "
             "and velocities. Fix: look for a division by zero or an overflow."
         )
-    return Examination(Candidate.of(stepper), claims, _declared(claims, stepper))
+    return Examination(stepper, claims)
 
 
 def _notes(trial: Trial, printed: str) -> Iterator[str]:
@@ -136,48 +129,27 @@ def _notes(trial: Trial, printed: str) -> Iterator[str]:
 
 
 def _diagnosed(examination: Examination) -> tuple[Diagnosis, ...]:
-    # Not above: it imports diffrax and optimistix, and most steppers need none of it.
+    # Not above: it imports diffrax, and most steppers need none of it.
     from ropeode.checking.diagnosis.stepper import diagnose_stepper
 
     return diagnose_stepper(examination)
 
 
-def _made(examination: Examination, name: str, limit: float) -> Finding:
-    """One check; enters float64 again, which is a thread's own."""
-    return within(limit, lambda: in_float64(CHECKS[name])(examination))
-
-
-def _declared(claims: Claims, stepper: Stepper) -> Stepper | None:
-    """The stepper whose declared facts are claimed: a method by name, or what is checked."""
-    if claims.method is None:
-        return None
-    return stepper if claims.method == stepper.label else as_stepper(claims.method)
-
-
-def checked_claims(
-    order: int | None = None,
-    method: str | None = None,
-    symplectic: bool | None = None,
-    reversible: bool | None = None,
-    conserves_energy: bool | None = None,
-) -> Claims:
-    """What is claimed, where it can be.
+def checked_claims(claims: Claims) -> Claims:
+    """The same claims, with the method's full name.
 
     Raises:
         InputError: the order is no whole number from 1 on, there is no such method, or both
             are given.
     """
+    order, method = claims.order, claims.method
     if order is not None:
         order = check_whole("expected_order", order, at_least=1, example="2")
-    if method is not None:
-        if order is not None:
-            raise InputError(
-                complaint(
-                    "expected_order", order, "none beside a method, which has its own", "drop one"
-                )
-            )
-        method = as_stepper(method).label
-    return Claims(order, method, symplectic, reversible, conserves_energy)
+    if order is not None and method is not None:
+        allowed = "none beside a method, which has its own"
+        raise bad_value("expected_order", order, allowed, "drop one")
+    method = None if method is None else as_stepper(method).label
+    return dataclasses.replace(claims, order=order, method=method)
 
 
 def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) -> list[str]:
@@ -188,13 +160,12 @@ def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) 
     """
     skip = [skip] if isinstance(skip, str) else list(skip)
     only = [only] if isinstance(only, str) else None if only is None else list(only)
-    faults = [
-        unknown("check", name, CHECKS) for name in (*(only or ()), *skip) if name not in CHECKS
-    ]
+    asked = (*(only or ()), *skip)
+    faults = [unknown("check", name, CHECKS) for name in asked if name not in CHECKS]
     if faults:
         raise InputError(faults)
     left_out = {*skip, *(SLOW if quick and only is None else ())}
     names = [name for name in CHECKS if name not in left_out and (only is None or name in only)]
     if not names:
-        raise InputError(complaint("only", only, "at least one check", "skip fewer"))
+        raise bad_value("only", only, "at least one check", "skip fewer")
     return names

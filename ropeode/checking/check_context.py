@@ -1,80 +1,125 @@
-"""All that the checks of one stepper share: its runs, and the references they are held against."""
+"""What the checks of one stepper share: its runs, and the references of the check ropes."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from concurrent.futures import Future
+from typing import Any
 
 import numpy as np
 
-from ropeode.checking.candidate import Candidate
-from ropeode.checking.check_ropes import UNITS, convergence_problems, generic, in_other_units
-from ropeode.checking.convergence import converging, ladder, steps_to_dts
+from ropeode.checking.check_ropes import (
+    UNITS,
+    convergence_problems,
+    generic,
+    in_other_units,
+    undamped,
+)
+from ropeode.checking.convergence import RunAndDouble, converging, ladder
 from ropeode.checking.report import Claims, Convergence
 from ropeode.errors import RopeodeError
 from ropeode.problems.problem import Problem
 from ropeode.references.compute import reference
 from ropeode.references.reference import Reference
-from ropeode.steppers.base import Stepper
+from ropeode.simulation import simulate, step_size
+from ropeode.simulation.method import Method, method_of
+from ropeode.steppers import as_stepper
+from ropeode.steppers.base import ProblemClass, Stepper
+from ropeode.steppers.functions import StepFunction
+from ropeode.steppers.stepper_loading import LIBRARIES
 from ropeode.study.accuracy_table import problem_class
 from ropeode.threads import cores
 
 # Of the size of the rope, what rounding alone makes of a few steps.
 _ROUNDING = 1e-10
+_LIBRARIES = tuple(f"{library}:" for library in LIBRARIES)
 _REFERENCES: dict[tuple, Future[Reference]] = {}
 _MOST_KEPT = 256
 _LOCK = threading.Lock()
 
 
 class Examination:
-    """A candidate under examination.
+    """A stepper under examination, with its runs on check ropes.
 
     Arguments:
-        candidate: what is judged.
-        claims: what is said of it.
-        declared: the stepper whose declared facts are claimed of it; None where none is.
+        step: whatever `ropeode.as_stepper` takes, or a `Method` for check ropes.
+        claims: of its author; None for what the stepper declares of itself.
+
+    Raises:
+        InputError: there is no such stepper, or it cannot run on check ropes.
+        UserCodeError: a user's step raised, or keeps hidden state.
     """
 
-    def __init__(
-        self,
-        candidate: Candidate,
-        claims: Claims,
-        declared: Stepper | None = None,
-    ):
-        self.candidate, self.claims = candidate, claims
-        self._declared = declared
-        self._found: dict[str, Convergence] = {}
-        self._simpler: dict[str, Problem] = {}
+    def __init__(self, step: Any, claims: Claims | None = None):
+        # Without damping: some steppers cannot be told of it, and are checked without.
+        self.method = method_of(step, undamped())
+        self.stepper = self.method.stepper
+        self.claims = own_claims(self.stepper) if claims is None else claims
+        method = self.claims.method
+        # That of the same name is the stepper itself, which may be a user's class.
+        self._declared = self.stepper if method == self.stepper.label else None
+        if method is not None and self._declared is None:
+            self._declared = as_stepper(method)
+        self._convergences: dict[str, Convergence] = {}
+
+    @property
+    def own_forces(self) -> bool:
+        """Whether it computes forces of its own from `args`, and knows nothing of the drive."""
+        return not self.method.trial.asks_for_forces
+
+    def run(self, problem: Problem, steps_per_frame: int) -> np.ndarray:
+        """The states at the sample times, ``(times, *state)``.
+
+        From the first sample on whose state is not finite, all are not-a-number.
+
+        Arguments:
+            problem: a check rope.
+            steps_per_frame: equal steps in each interval between sample times.
+
+        Raises:
+            UserCodeError: the user's code raised, or returned something that is no state.
+        """
+        return padded_states(problem, self.method, steps_per_frame)
+
+    def one_step(self, problem: Problem, dt: float) -> np.ndarray:
+        """The state after one step of a given length, ``state``.
+
+        The frames after it are not looked at; with as many as all check ropes have, no other
+        program is compiled.
+        """
+        ts = problem.ts[0] + dt * np.arange(len(problem.ts))
+        return self.run(problem.changed(ts=ts), 1)[1]
 
     def refusal(self, problem: Problem) -> str | None:
-        """Why the candidate cannot be run on a problem; None if it can."""
-        if self.candidate.stepper.equal_frames and not problem.equal_frames:
+        """Why the stepper cannot be run on a problem; None if it can."""
+        if self.stepper.equal_frames and not problem.equal_frames:
             return "a two-step method needs equal frames"
         return None
 
-    def problem(self, name: str) -> Problem:
-        """One of `convergence_problems`, without the forces that it cannot be told of."""
-        problem = convergence_problems()[name]
-        unknown = [force for force in self.cannot_be_told if np.any(getattr(problem.args, force))]
-        if not unknown:
-            return problem
-        if name not in self._simpler:
-            none = {force: np.zeros_like(getattr(problem.args, force)) for force in unknown}
-            self._simpler[name] = problem.changed(args=problem.args._replace(**none))
-        return self._simpler[name]
+    @functools.cached_property
+    def problems(self) -> dict[str, Problem]:
+        """`convergence_problems` without the forces that the stepper cannot be told of."""
+
+        def told(problem: Problem) -> Problem:
+            args = problem.args
+            unknown = [force for force in self.cannot_be_told if np.any(getattr(args, force))]
+            none = {force: np.zeros_like(getattr(args, force)) for force in unknown}
+            return problem.changed(args=args._replace(**none)) if unknown else problem
+
+        return {name: told(problem) for name, problem in convergence_problems().items()}
 
     @property
     def cannot_be_told(self) -> dict[str, str]:
-        """The forces that the candidate cannot be told of, and why."""
-        found = {}
-        if self.candidate.own_forces:
-            found["drive"] = "it computes its own forces"
-        if self.candidate.stepper.needs == "second order, no damping":
-            found["damping"] = "it takes forces that depend on time and positions only"
-        return found
+        """The forces that the stepper cannot be told of, and why."""
+        forces = {}
+        if self.own_forces:
+            forces["drive"] = "it computes its own forces"
+        if self.stepper.needs == "second order, no damping":
+            forces["damping"] = "it takes forces that depend on time and positions only"
+        return forces
 
     def expected(self, problem: Problem) -> int | None:
         """The order that is claimed on a problem; None where nothing is."""
@@ -99,52 +144,53 @@ class Examination:
     @functools.cached_property
     def keeps_units(self) -> bool:
         """Whether a run in other units differs by rounding alone, and so tells how large it is."""
-        own = self.candidate.run(generic(), 1)
-        other = self.candidate.run(in_other_units(generic()), 1) / UNITS
+        own = self.run(generic(), 1)
+        other = self.run(in_other_units(generic()), 1) / UNITS
         return bool(np.max(np.abs(own - other)) <= _ROUNDING * generic().scale)
 
     def convergence(self, name: str) -> Convergence:
-        """What the runs of one of `convergence_problems` show; found once."""
-        if name not in self._found:
-            self._found[name] = self.observed(self.problem(name))
-        return self._found[name]
+        """What the runs of one of `convergence_problems` show; computed once."""
+        if name not in self._convergences:
+            self._convergences[name] = self.observed(self.problems[name])
+        return self._convergences[name]
 
     def observed(self, problem: Problem) -> Convergence:
-        """What the runs of a problem show, at as many step sizes as it takes.
-
-        Arguments:
-            problem: a check rope.
-        """
-        known = reference_of(problem)
+        """What the runs of a check rope show, at as many step sizes as it takes."""
+        certified = reference_of(problem)
         other = in_other_units(problem) if self.keeps_units else None
-        made: dict[int, tuple[np.ndarray, np.ndarray | None]] = {}
 
-        def observe(steps: Sequence[int]) -> Convergence:
-            for each in steps:
-                if each not in made:
-                    states = self.candidate.run(problem, each)
-                    double = None if other is None else self.candidate.run(other, each) / UNITS
-                    made[each] = states, double
-            return converging(
-                known,
-                list(zip(steps_to_dts(known, steps), (made[n][0] for n in steps), strict=True)),
-                expected=self.expected(problem),
-                doubles=[made[n][1] for n in steps],
-            )
+        @functools.cache
+        def run(steps: int) -> RunAndDouble:
+            double = None if other is None else self.run(other, steps) / UNITS
+            return step_size(problem, steps), self.run(problem, steps), double
 
-        return ladder(observe)
+        expected = self.expected(problem)
+        return ladder(
+            lambda steps: converging(certified, [run(each) for each in steps], expected=expected)
+        )
+
+
+def own_claims(stepper: Stepper) -> Claims:
+    """What a stepper declares of itself: a class all its facts, others their order."""
+    if isinstance(stepper, StepFunction) or stepper.label.startswith(_LIBRARIES):
+        return Claims(order=stepper.order(ProblemClass()))
+    return Claims(method=stepper.label)
+
+
+def padded_states(problem: Problem, method: Method, steps_per_frame: int) -> np.ndarray:
+    """The states of a run as `Examination.run` returns them."""
+    states = simulate(problem, method, steps_per_frame).states
+    missing = len(problem.ts) - len(states)
+    return np.pad(states, [(0, missing)] + 3 * [(0, 0)], constant_values=np.nan)
 
 
 def reference_of(problem: Problem) -> Reference:
-    """The certified reference of a check rope; made once in a process.
+    """The certified reference of a check rope; computed once in a process.
 
-    Of several threads that ask for the same one, one makes it.
-
-    Arguments:
-        problem: a check rope.
+    Of several threads that ask for the same reference, one computes it.
 
     Raises:
-        ReferenceRefused: none can be had.
+        ReferenceRefused: the problem has none.
     """
     numbers = (problem.ts, problem.y0, *problem.args)
     key = (problem.name, *(each.tobytes() for each in numbers))
@@ -162,13 +208,9 @@ def reference_of(problem: Problem) -> Reference:
 
 
 def references_ahead(problems: Iterable[Problem]) -> None:
-    """Begin to make references, in threads of their own, so that they are there when needed.
-
-    Arguments:
-        problems: check ropes.
-    """
-    # Those with uneven frames, which take a program of their own, are taken first, and last in
-    # the list: so both programs are compiled side by side.
+    """Compute the references of check ropes in threads of their own, before they are needed."""
+    # From the last to the first: that of uneven frames takes a program of its own, which is
+    # compiled beside that of the others.
     waiting = sorted(problems, key=lambda problem: not problem.equal_frames)
 
     def work() -> None:
@@ -177,6 +219,6 @@ def references_ahead(problems: Iterable[Problem]) -> None:
                 reference_of(waiting.pop())
 
     for _ in range(cores()):
-        # What goes wrong is told to whoever asks for the same reference again. No daemons: a
-        # process that ends while one of these compiles would be aborted.
+        # Errors are raised again where the same reference is needed. No daemons: a process that
+        # ends while one of these compiles would be aborted.
         threading.Thread(target=work).start()

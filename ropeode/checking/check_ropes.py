@@ -43,15 +43,12 @@ class CheckArgs(NamedTuple):
     frequency: Any
 
 
-def acceleration(t: Any, x: Any, v: Any, args: CheckArgs) -> Any:
-    """The rope's acceleration and the drive's, ``(nodes, dim)``.
+# Of the fields of `CheckArgs`.
+_SHAPES = ((NODES,), (NODES - 1,), (NODES - 1,), (NODES,), (DIM,), (NODES,), (DIM,), ())
 
-    Arguments:
-        t: time.
-        x: positions, ``(nodes, dim)``.
-        v: velocities, ``(nodes, dim)``.
-        args: the rope's parameters.
-    """
+
+def acceleration(t: Any, x: Any, v: Any, args: CheckArgs) -> Any:
+    """The rope's acceleration and the drive's; like `x` and `v` ``(nodes, dim)``."""
     drive = args.drive * jnp.cos(args.frequency * t)
     return rope.acceleration(t, x.T, v.T, _as_rope(args)).T + args.free[:, None] * drive
 
@@ -63,13 +60,7 @@ def linear_damping(args: CheckArgs) -> LinearDamping:
 
 
 def energy(t: Any, y: Any, args: CheckArgs) -> Any:
-    """The rope's energy; constant along solutions without damping and drive.
-
-    Arguments:
-        t: time; not used.
-        y: state, ``(2, nodes, dim)``.
-        args: the rope's parameters.
-    """
+    """The rope's energy; constant along solutions without damping and drive."""
     return rope.energy(t, jnp.swapaxes(y, 1, 2), _as_rope(args))
 
 
@@ -99,14 +90,15 @@ def check_rope(
     drive: Any = (0.0, 0.0, 0.0),
     frequency: float = 0.0,
 ) -> Problem:
-    """A rope of the family; a single number applies to all nodes or springs.
+    """A rope of the family.
 
     Arguments:
         name: for reports.
         x0: initial positions, ``(NODES, DIM)``.
         ts: sample times.
         v0: initial velocities, broadcast to the shape of `x0`; those of pinned nodes are ignored.
-        mass: as in `CheckArgs`, like all that follow.
+        mass: as in `CheckArgs`, like all that follow; a single number applies to all nodes or
+            springs.
         stiffness: of the springs.
         rest_length: of the springs.
         pinned: indices of the nodes that do not move.
@@ -117,25 +109,14 @@ def check_rope(
     """
     free = np.ones(NODES)
     free[list(pinned)] = 0.0
-    args = CheckArgs(
-        mass=_each(mass, NODES),
-        stiffness=_each(stiffness, NODES - 1),
-        rest_length=_each(rest_length, NODES - 1),
-        free=free,
-        gravity=np.asarray(gravity, dtype=np.float64),
-        damping=_each(damping, NODES),
-        drive=np.asarray(drive, dtype=np.float64),
-        frequency=np.asarray(frequency, dtype=np.float64),
-    )
-    x0 = np.asarray(x0, dtype=np.float64)
-    v0 = np.broadcast_to(np.asarray(v0, dtype=np.float64), x0.shape) * free[:, None]
-    return _family().changed(
-        y0=np.stack([x0, v0]), ts=np.asarray(ts, dtype=np.float64), args=args, name=name
-    )
+    given = CheckArgs(mass, stiffness, rest_length, free, gravity, damping, drive, frequency)
+    args = CheckArgs(*(_filled(*each) for each in zip(given, _SHAPES, strict=True)))
+    y0 = np.stack([_filled(x0, (NODES, DIM)), _filled(v0, (NODES, DIM)) * free[:, None]])
+    return _family().changed(y0=y0, ts=np.asarray(ts, dtype=np.float64), args=args, name=name)
 
 
-def _each(value: Any, count: int) -> np.ndarray:
-    return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count,)))
+def _filled(value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), shape))
 
 
 @functools.cache
@@ -146,16 +127,7 @@ def _family() -> Problem:
         _row((1.0, 0.0, 0.0)),
         np.zeros((NODES, DIM)),
         np.arange(2.0),
-        CheckArgs(
-            mass=np.ones(NODES),
-            stiffness=np.ones(NODES - 1),
-            rest_length=np.ones(NODES - 1),
-            free=np.ones(NODES),
-            gravity=np.ones(DIM),
-            damping=np.ones(NODES),
-            drive=np.ones(DIM),
-            frequency=np.asarray(1.0),
-        ),
+        CheckArgs(*map(np.ones, _SHAPES)),
         damping=linear_damping,
         energy=energy,
         name="check rope",
@@ -179,7 +151,11 @@ _UNEQUAL: dict[str, Any] = {
     "stiffness": (3.0, 5.5, 4.2, 2.6),
     "rest_length": (0.75, 0.85, 0.6, 1.15),
     "pinned": (1,),
+    "gravity": (0.3, -0.8, 0.2),
+    "v0": MOVING,
 }
+_DAMPED: dict[str, Any] = {"damping": (0.2, 0.1, 0.4, 0.3, 0.25)}
+_DRIVE = (0.9, 0.7, -1.1)
 
 
 @functools.cache
@@ -202,45 +178,32 @@ def convergence_problems() -> dict[str, Problem]:
             damping=0.35,
         ),
         # All parameters different, moving at the start, in three dimensions, a pin inside.
-        check_rope(
-            "unequal",
-            CROOKED,
-            (0.0, 0.5, 1.0, 1.5),
-            v0=MOVING,
-            gravity=(0.3, -0.8, 0.2),
-            damping=(0.2, 0.1, 0.4, 0.3, 0.25),
-            **_UNEQUAL,
-        ),
+        check_rope("unequal", CROOKED, (0.0, 0.5, 1.0, 1.5), **_UNEQUAL, **_DAMPED),
         # A force that depends on time, which does not start at 0.
         check_rope(
-            "driven",
-            CROOKED,
-            (0.4, 0.9, 1.4, 1.9),
-            v0=MOVING,
-            gravity=(0.3, -0.8, 0.2),
-            drive=(0.9, 0.7, -1.1),
-            frequency=3.1,
-            **_UNEQUAL,
+            "driven", CROOKED, (0.4, 0.9, 1.4, 1.9), **_UNEQUAL, drive=_DRIVE, frequency=3.1
         ),
         # The same with damping, and frames that one step size does not divide.
         check_rope(
             "uneven",
             CROOKED,
             (-0.3, 0.4, 0.65, 1.3),
-            v0=MOVING,
-            gravity=(0.3, -0.8, 0.2),
-            damping=(0.2, 0.1, 0.4, 0.3, 0.25),
-            drive=(0.9, 0.7, -1.1),
-            frequency=2.3,
             **_UNEQUAL,
+            **_DAMPED,
+            drive=_DRIVE,
+            frequency=2.3,
         ),
         # Without pins and gravity.
         check_rope(
             "free",
             CROOKED,
             (0.0, 0.6, 1.2, 1.8),
-            v0=np.add(MOVING, (0.1, 0.05, -0.2)),
-            **{**_UNEQUAL, "pinned": ()},
+            **{
+                **_UNEQUAL,
+                "v0": np.add(MOVING, (0.1, 0.05, -0.2)),
+                "pinned": (),
+                "gravity": (0.0, 0.0, 0.0),
+            },
         ),
     )
     return {problem.name: problem for problem in ropes}
@@ -295,7 +258,7 @@ def hanging_rope(
         mass: of each node.
         stiffness: of each spring.
         rest_length: of each spring.
-        gravity: its size; it points down the second axis.
+        gravity: its magnitude; it points down the second axis.
     """
     weight = gravity * np.cumsum(mass[::-1])[::-1]
     x0 = np.zeros((NODES, DIM))
@@ -312,15 +275,11 @@ def hanging_rope(
 
 
 def renumbered(problem: Problem) -> Problem:
-    """The same rope with its nodes numbered from the other end.
-
-    Arguments:
-        problem: of the family; its states are those of the new one with the nodes reversed.
-    """
+    """The same rope with its nodes numbered from the other end."""
     args = problem.args
     names = ("mass", "stiffness", "rest_length", "free", "damping")
-    reversed_args = args._replace(**{name: getattr(args, name)[::-1].copy() for name in names})
-    return problem.changed(y0=problem.y0[:, ::-1].copy(), args=reversed_args)
+    turned = {name: getattr(args, name)[::-1].copy() for name in names}
+    return problem.changed(y0=problem.y0[:, ::-1].copy(), args=args._replace(**turned))
 
 
 # The ratio of two units of length: near 1, and without a pattern in its binary digits.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,7 +21,10 @@ from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
 from ropeode.norms import NORMS, Norm, motion
 from ropeode.references.reference import Reference
-from ropeode.simulation.trajectory import step_size
+
+# The step size of a run and its states ``(times, *state)``, not-a-number from where it diverged;
+# and those of the same run with different rounding, which show the size of the round-off, or None.
+RunAndDouble = tuple[float, np.ndarray, np.ndarray | None]
 
 # An observed order may be lower than the expected one by this.
 TOLERANCE = 0.25
@@ -38,11 +41,7 @@ _CLOSE = 1.2
 
 
 def ladder(observe: Callable[[Sequence[int]], Convergence]) -> Convergence:
-    """Make runs with finer and finer steps until all orders are certain, or nothing helps.
-
-    Arguments:
-        observe: makes runs with these numbers of steps per frame, and measures their convergence.
-    """
+    """Make runs with finer and finer steps until all orders are certain, or nothing helps."""
     levels = [_even(_COARSEST * _RATIO**k) for k in range(_LEVELS)]
     while True:
         convergence = observe(levels)
@@ -96,63 +95,43 @@ def _finer_steps_would_help(order: ObservedOrder) -> bool:
 
 def converging(
     reference: Reference,
-    runs: Sequence[tuple[float, np.ndarray]],
+    runs: Sequence[RunAndDouble],
     *,
     expected: int | None,
-    doubles: Sequence[np.ndarray | None] = (),
     quantities: Sequence[str] | None = None,
 ) -> Convergence:
     """Measure the errors of runs with several step sizes, their orders and their limit.
 
     Arguments:
         reference: of the problem.
-        runs: step size and states ``(times, *state)`` of each, not-a-number from where it
-            diverged.
+        runs: from coarse to fine.
         expected: the order that is claimed.
-        doubles: states of the same runs with different rounding, which show the size of the
-            round-off; None for a run that has none.
         quantities: of the problem, that the runs have; by default all.
     """
-    problem = reference.problem
-    quantities = quantities or problem.quantities
+    problem, dts = reference.problem, tuple(dt for dt, _, _ in runs)
     errors: dict[str, tuple[float | None, ...]] = {}
     orders: dict[str, ObservedOrder] = {}
     resolution: dict[str, float] = {}
-    round_off: dict[str, float] = {}
-    coarse_to_fine = sorted(range(len(runs)), key=lambda i: -runs[i][0])
-    dts = tuple(runs[i][0] for i in coarse_to_fine)
-    for quantity in quantities:
+    limits: dict[str, tuple[float, float]] = {}
+    for quantity in quantities or problem.quantities:
         norm = NORMS[f"{quantity}-max"]
-        largest = [_largest_error(runs[i][1], reference, norm) for i in coarse_to_fine]
-        rounding = [
-            _round_off(runs[i][1], double, reference, norm)
-            if i < len(doubles) and (double := doubles[i]) is not None
-            else 0.0
-            for i in coarse_to_fine
-        ]
-        errors[quantity] = tuple(largest)
-        # Of the finer half: coarse runs may have grown huge.
-        round_off[quantity] = max(rounding[len(rounding) // 2 :])
+        rounding = [_round_off(states, double, reference, norm) for _, states, double in runs]
+        errors[quantity] = tuple(_largest_error(states, reference, norm) for _, states, _ in runs)
         resolution[quantity] = float(resolution_of(reference, norm)[-1])
         orders[quantity] = observed_order(
             dts,
-            largest,
+            errors[quantity],
             resolution=resolution[quantity],
             rounding=rounding,
             motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
             # If an interval is too wide, `_is_lower` takes all errors.
             widest=np.inf,
         )
-    limits = _limits(reference, runs, round_off)
-    return Convergence(
-        problem=problem.name,
-        dts=dts,
-        errors=errors,
-        resolution=resolution,
-        orders=orders,
-        expected=expected,
-        limits=limits,
-    )
+        # The round-off of the finer half: coarse runs may have grown huge.
+        limit = _distance_of_limit(reference, runs, norm, max(rounding[len(rounding) // 2 :]))
+        if limit is not None:
+            limits[quantity] = limit
+    return Convergence(problem.name, dts, errors, resolution, orders, expected, limits)
 
 
 def _largest_error(states: np.ndarray, reference: Reference, norm: Norm) -> float | None:
@@ -162,38 +141,33 @@ def _largest_error(states: np.ndarray, reference: Reference, norm: Norm) -> floa
     return float(np.max(distances(states, reference, norm)[1:]))
 
 
-def _round_off(a: np.ndarray, b: np.ndarray, reference: Reference, norm: Norm) -> float:
-    """The largest difference between two runs; 0 if one of them diverged."""
+def _round_off(a: np.ndarray, b: np.ndarray | None, reference: Reference, norm: Norm) -> float:
+    """The largest difference between two runs; 0 if one of them diverged, or there is no second."""
+    if b is None:
+        return 0.0
     a, b = a[: reference.trusted], b[: reference.trusted]
     if np.isnan(a).any() or np.isnan(b).any():
         return 0.0
     return largest_distance(reference.problem, norm, a, b)
 
 
-def _limits(
-    reference: Reference, runs: Sequence[tuple[float, np.ndarray]], round_off: Mapping[str, float]
-) -> dict[str, tuple[float, float]]:
+def _distance_of_limit(
+    reference: Reference, runs: Sequence[RunAndDouble], norm: Norm, round_off: float
+) -> tuple[float, float] | None:
     """The distance of the limit of the runs from the reference, and the largest one allowed."""
-    problem, trusted = reference.problem, slice(0, reference.trusted)
-    dts = [dt for dt, _ in runs]
-    limits = {}
-    for quantity, rounding in round_off.items():
-        norm = NORMS[f"{quantity}-max"]
-        limit = limit_of(dts, [problem.quantity(quantity, states[trusted]) for _, states in runs])
-        if limit is None:
-            continue
-        off = quantity_distances(limit.values, reference, norm)
-        # The uncertainty is that of a component, of which a node has several.
-        per_node = np.sqrt(limit.values.shape[2]) * limit.uncertainty
-        allowed = per_node + _BOUND * reference.bound(norm) + _ROUNDING * rounding
-        worst = int(np.argmax(off - allowed))
-        limits[quantity] = float(off[worst]), float(allowed[worst])
-    return limits
-
-
-def steps_to_dts(reference: Reference, steps: Sequence[int]) -> list[float]:
-    """Step sizes of numbers of steps per frame."""
-    return [step_size(reference.problem, each) for each in steps]
+    values = [
+        reference.problem.quantity(norm.quantity, states[: reference.trusted])
+        for _, states, _ in runs
+    ]
+    limit = limit_of([dt for dt, _, _ in runs], values)
+    if limit is None:
+        return None
+    off = quantity_distances(limit.values, reference, norm)
+    # The uncertainty is that of a component, of which a node has several.
+    per_node = np.sqrt(limit.values.shape[2]) * limit.uncertainty
+    allowed = per_node + _BOUND * reference.bound(norm) + _ROUNDING * round_off
+    worst = int(np.argmax(off - allowed))
+    return float(off[worst]), float(allowed[worst])
 
 
 def _is_wide(interval: tuple[float, float]) -> bool:
@@ -230,12 +204,7 @@ def _slope(convergence: Convergence, quantity: str) -> float:
 
 
 def convergence_finding(check: str, convergence: Convergence) -> Finding:
-    """The verdict on the convergence of runs.
-
-    Arguments:
-        check: name of the check.
-        convergence: measured by `converging`.
-    """
+    """The verdict on the convergence of runs."""
     expected, limits = convergence.expected, convergence.limits
     wrong, words, determined = False, [], True
     for quantity, order in convergence.orders.items():

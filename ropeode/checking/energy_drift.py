@@ -89,11 +89,7 @@ def measure_drift(problem: Problem, states: np.ndarray) -> Drift:
 
 
 def at_rest(states: np.ndarray) -> np.ndarray:
-    """The same states with velocities set to zero.
-
-    Arguments:
-        states: of a mechanical problem, ``(times, 2, ...)``.
-    """
+    """The same states with velocities set to zero."""
     still = states.copy()
     still[:, 1] = 0.0
     return still

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding
+from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
 from ropeode.checking.trajectories.conservation import energy_finding, pins_finding
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import check_initial_states
-from ropeode.checking.trajectories.layout import Layout, states_of
-from ropeode.checking.trajectories.run_files import Run, names_of, quantities_of, read_runs
+from ropeode.checking.trajectories.run_files import Run, names_of, read_runs
 from ropeode.checking.trajectories.time_errors import timing_diagnosis
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
@@ -22,7 +21,7 @@ from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
-from ropeode.validation import check_whole, complaint
+from ropeode.validation import check_whole
 
 
 def grade(
@@ -63,17 +62,14 @@ def grade(
     started = time.perf_counter()
     if expected_order is not None:
         expected_order = check_whole("expected_order", expected_order, at_least=1, example="2")
-    if isinstance(files, (str, Path)):
-        raise InputError(complaint("files", str(files), "a list of files", "put it into a list"))
     own = problem_of(problem)
     runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * (share or 0.0)))
-    off = check_initial_states(runs, own)
+    off = check_initial_states(runs)
     options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked)
     reference = reference_for(problem, options, lambda text, _: progress(text, 0.9))
     order, notes = _order(reference, runs, expected_order)
-    exactly = "exactly" if off == 0.0 else f"to rounding ({off:.1e})"
     findings = (
-        Finding("initial-state", "pass", f"the first sample is the initial state {exactly}"),
+        Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
         pins_finding(reference, runs),
         energy_finding(reference, runs),
@@ -114,12 +110,11 @@ def _order(
 
 def _diagnosed(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
     """What the runs solve instead of the problem."""
-    # Not above: it imports diffrax and optimistix, which right programs do not need.
+    # Not above: it imports diffrax, which right programs do not need.
     from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
 
-    problem = reference.problem
-    states = [(run.dt, states_of(problem, run.values)) for run in runs]
-    quantities = quantities_of(problem, runs)
+    problem, quantities = reference.problem, runs[0].quantities
+    states = [(run.dt, run.states.copy()) for run in runs]
     if len(quantities) < len(problem.quantities):
         for _, each in states:
             each[:, 1] = np.nan
@@ -138,7 +133,6 @@ def _notes(runs: Sequence[Run], reference: Reference) -> list[str]:
         notes.append(
             f"only samples before t = {reference.horizon:g} count, where the reference is trusted"
         )
-    layout = Layout.of(reference.problem)
-    if layout.mechanical and runs[0].values.shape[2] == layout.dim:
+    if runs[0].quantities != reference.problem.quantities:
         notes.append("the files have no velocities: only positions are graded")
     return notes

@@ -78,6 +78,45 @@ class Finding:
     convergence: Convergence | None = None
 
 
+def passed_if(passed: bool, check: str, good: str, bad: str, **evidence: Any) -> Finding:
+    """The finding of a check that every right stepper passes.
+
+    Arguments:
+        passed: whether it does.
+        check: its name.
+        good: the result in one line, if it passes.
+        bad: likewise, if it fails.
+        evidence: the numbers behind it.
+    """
+    return Finding(check, "pass" if passed else "fail", good if passed else bad, evidence)
+
+
+def as_claimed(
+    claimed: bool | None, holds: bool, check: str, claim: str, line: str, **evidence: Any
+) -> Finding:
+    """The finding on a property that a right stepper may have or lack.
+
+    Arguments:
+        claimed: whether the stepper is claimed to have it; None if nothing is claimed.
+        holds: whether it has it.
+        check: name of the check.
+        claim: the property, as it ends the words "claimed to ...".
+        line: the result with its evidence.
+        evidence: the numbers behind it.
+    """
+    if claimed is None:
+        return Finding(check, "note", line, evidence)
+    if claimed == holds:
+        return Finding(check, "pass", line, evidence)
+    words = "claimed to" if claimed else "claimed not to"
+    return Finding(check, "fail", f"{line}; {words} {claim}", evidence)
+
+
+def exactly(difference: float) -> str:
+    """How well two numbers agree that differ by rounding at most."""
+    return "exactly" if difference == 0.0 else f"to rounding ({difference:.1e})"
+
+
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
     """What is wrong, as far as the evidence goes.

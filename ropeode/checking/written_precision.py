@@ -17,9 +17,6 @@ def digits_of(values: np.ndarray) -> tuple[int, int]:
     """The largest numbers of digits and of decimals among some numbers.
 
     Counted in the shortest text that stands for each number, whatever the file contained.
-
-    Arguments:
-        values: finite numbers, of any shape.
     """
     digits = decimals = 0
     for value in _some(values):
@@ -36,9 +33,6 @@ def last_digit(values: np.ndarray) -> float:
 
     A fixed number of decimals gives an error of one size, a fixed number of digits one relative
     to each number; the larger of the two bounds either.
-
-    Arguments:
-        values: finite numbers, of any shape.
     """
     digits, decimals = digits_of(values)
     largest = float(np.max(np.abs(values), initial=0.0))
@@ -48,11 +42,7 @@ def last_digit(values: np.ndarray) -> float:
 
 
 def single_precision(values: np.ndarray) -> bool:
-    """Whether float32 can hold all the numbers, and they have enough digits to decide it.
-
-    Arguments:
-        values: finite numbers, of any shape.
-    """
+    """Whether float32 can hold all the numbers, and they have enough digits to decide it."""
     some = _some(values)
     with np.errstate(over="ignore"):
         near = np.array(some, dtype=np.float64).astype(np.float32).astype(np.float64)
@@ -71,9 +61,6 @@ def epsilon(values: np.ndarray) -> float:
 
 def rounding_of(values: np.ndarray) -> float:
     """The largest error of rounding the numbers to float32, or to the digits that they have.
-
-    Arguments:
-        values: finite numbers, of any shape.
 
     Returns:
         0 for numbers with all digits of float64.

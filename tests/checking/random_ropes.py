@@ -11,7 +11,6 @@ from unittest import mock
 import numpy as np
 
 from ropeode.checking import check_context, check_ropes
-from ropeode.checking.candidate import Candidate
 from ropeode.checking.check import checked_claims
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import DIM, NODES, check_rope
@@ -29,9 +28,7 @@ from ropeode.checking.report import Claims, Finding
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.functions import StepFunction
+from ropeode.simulation.method import Method, method_of
 from tests.checking.right_steppers import RIGHT
 
 # Modules in which the ropes are replaced.
@@ -176,23 +173,19 @@ def in_place(drawn: dict[str, Any]) -> Iterator[None]:
 
 
 @functools.cache
-def tried_once(name: str) -> tuple[Candidate, Claims, Stepper | None]:
+def tried_once(name: str) -> tuple[Method, Claims | None]:
     """What `check_stepper` makes of a right stepper; compiled once for all ropes."""
     given, said = RIGHT[name]
-    candidate = Candidate.of(given)
-    claims = checked_claims(
-        said.get("expected_order"), **{k: v for k, v in said.items() if k != "expected_order"}
-    )
-    declared = as_stepper(claims.method) if claims.method else candidate.stepper
-    return candidate, claims, None if isinstance(declared, StepFunction) else declared
+    names = {"order" if name == "expected_order" else name: it for name, it in said.items()}
+    claims = checked_claims(Claims(**names))
+    return method_of(given, check_ropes.undamped()), claims if said else None
 
 
 def findings(name: str, drawn: dict[str, Any]) -> dict[str, Finding]:
     """Those of every check, by its name, of a right stepper on drawn ropes."""
-    candidate, claims, declared = tried_once(name)
-    this = Examination(candidate, claims, declared)
+    this = Examination(*tried_once(name))
     checks = {**CHECKS}
-    if claims.method is None:
+    if this.claims.method is None:
         # Without a claimed method it cannot fail, and it takes long.
         del checks["stability"]
     with in_place(drawn):

@@ -12,7 +12,8 @@ def velocity_verlet(acceleration, t, x, v, dt, args):
     """Right, of order 2; for damping it takes the new velocity from an explicit step."""
     a = acceleration(t, x, v, args)
     x_new = x + dt * v + dt**2 / 2 * a
-    a_new = acceleration(t + dt, x_new, v + dt * a, args)
+    v_guess = v + dt * a
+    a_new = acceleration(t + dt, x_new, v_guess, args)
     return x_new, v + dt / 2 * (a + a_new)
 
 

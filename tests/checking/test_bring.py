@@ -6,11 +6,13 @@ import os
 import subprocess
 import sys
 import textwrap
+import threading
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode.checking import check_context
 from ropeode.checking.check import check_stepper
 from ropeode.checking.check_ropes import convergence_problems
 from ropeode.errors import InputError, UserCodeError
@@ -131,10 +133,26 @@ def hangs_later(acceleration, t, x, v, dt, args):
 
 @pytest.mark.parametrize("step", [hangs, hangs_later])
 def test_a_step_that_never_returns_is_given_up(step):
-    with pytest.raises(UserCodeError, match="did not finish within 1 s"):
-        check_stepper(step, 1, time_limit=1.0)
+    with pytest.raises(UserCodeError, match=r"did not finish within 0\.3 s"):
+        check_stepper(step, 1, time_limit=0.3)
 
 
+def test_threads_that_make_references_ahead_are_no_daemons(monkeypatch):
+    """A process that ends while a daemon compiles is aborted."""
+    daemons = []
+    monkeypatch.setattr(
+        check_context,
+        "reference_of",
+        lambda problem: daemons.append(threading.current_thread().daemon),
+    )
+    before = set(threading.enumerate())
+    check_context.references_ahead(convergence_problems().values())
+    for thread in set(threading.enumerate()) - before:
+        thread.join()
+    assert daemons == [False] * len(convergence_problems())
+
+
+@pytest.mark.slow
 def test_a_process_may_end_while_references_are_made_ahead():
     """It was aborted, where a thread was compiling one."""
     code = (

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.stepper import diagnose_stepper
 from ropeode.checking.report import Claims
@@ -24,7 +23,7 @@ slow = pytest.mark.slow
 
 @functools.cache
 def diagnosed(step, order):
-    return diagnose_stepper(Examination(Candidate.of(step), Claims(order)))
+    return diagnose_stepper(Examination(step, Claims(order)))
 
 
 def causes(step, order):
@@ -105,14 +104,17 @@ def damping_on_each_step(acceleration, t, x, v, dt, args):
 
 
 def node_by_node(acceleration, t, x, v, dt, args):
-    """Midpoint positions are overwritten while neighbours' forces still need the old ones."""
+    """Midpoint positions are overwritten while neighbours' forces still need the old ones.
+
+    Of the first three nodes, for the others: what is compiled is smaller than with each in turn.
+    """
+    first = jnp.arange(len(x))[:, None] < 3
     middle = v + dt / 2 * acceleration(t, x, v, args)
     half = x + dt / 2 * v
-    v_new = []
-    for i in range(len(x)):
-        v_new.append(v[i] + dt * acceleration(t + dt / 2, half, middle, args)[i])
-        half = jnp.where(jnp.arange(len(x))[:, None] == i, x + dt * middle, half)
-    return x + dt * middle, jnp.stack(v_new)
+    a = acceleration(t + dt / 2, half, middle, args)
+    half = jnp.where(first, x + dt * middle, half)
+    a = jnp.where(first, a, acceleration(t + dt / 2, half, middle, args))
+    return x + dt * middle, v + dt * a
 
 
 def in_single(acceleration, t, x, v, dt, args):
@@ -156,7 +158,7 @@ def test_each_cause_is_named(step, order, expected):
     ("step", "order"),
     [
         (wrong_drift, 1),
-        (wrong_stage, 4),
+        pytest.param(wrong_stage, 4, marks=slow),
         pytest.param(one_ended, 1, marks=slow),
         pytest.param(in_decimals, 1, marks=slow),
     ],

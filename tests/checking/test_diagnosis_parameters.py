@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from ropeode.checking.candidate import Candidate
+from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.diagnostic_ropes import uniform_rope
 from ropeode.checking.diagnosis.fitted_numbers import numbers_of
 from ropeode.checking.diagnosis.heterogeneous_parameters import diagnose_heterogeneity
@@ -19,20 +19,16 @@ def _float64():
         yield
 
 
-class WithOther(Candidate):
+class WithOther(Examination):
     """A right stepper that is handed other numbers: it solves the rope that these make."""
 
     def __init__(self, stepper, change):
-        self.inner = STEPPERS.setdefault(stepper, Candidate.of(stepper))
-        super().__init__(self.inner.method)
+        super().__init__(stepper)
         self.change = change
 
     def run(self, problem, steps_per_frame):
         y0, args = self.change(problem.y0, problem.args)
-        return self.inner.run(problem.changed(y0=y0, args=args), steps_per_frame)
-
-
-STEPPERS: dict[str, Candidate] = {}
+        return super().run(problem.changed(y0=y0, args=args), steps_per_frame)
 
 
 def args(**change):
@@ -239,6 +235,6 @@ def test_one_rope_is_not_enough():
         def run(self, problem, steps_per_frame):
             if np.array_equal(problem.y0, uniform_rope().y0):
                 return super().run(problem, steps_per_frame)
-            return self.inner.run(problem, steps_per_frame)
+            return Examination.run(self, problem, steps_per_frame)
 
     assert diagnose_parameters(Elsewhere("rk4", change)) is False

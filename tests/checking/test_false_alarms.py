@@ -8,7 +8,8 @@ from tests.checking.random_ropes import findings, ropes
 
 # Of each kind one, with other ropes than benchmarks/false_alarms.py draws by default.
 STEPPERS = (
-    "yoshida4",
+    "velocity_verlet",
+    pytest.param("yoshida4", marks=pytest.mark.slow),
     pytest.param("dormand-prince5", marks=pytest.mark.slow),
     pytest.param("ropeode stormer-verlet:damping=lagged", marks=pytest.mark.slow),
 )

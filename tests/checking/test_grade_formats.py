@@ -14,16 +14,10 @@ from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
 from ropeode.checking.grade import grade
 from ropeode.checking.trajectories import array_files
 from ropeode.errors import InputError
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 STEPS = (16, 24, 32)
 WRITERS = {".csv": write_csv, ".npz": write_npz, ".nc": write_netcdf}
-
-
-@pytest.fixture(scope="module")
-def known(small_rope):
-    return reference(small_rope)
 
 
 @pytest.fixture(scope="module")

@@ -24,15 +24,9 @@ from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 STEPS = (16, 24, 32, 48)
-
-
-@pytest.fixture(scope="module")
-def known(small_rope):
-    return reference(small_rope)
 
 
 def verlet(x, v, dt, steps, number=np.float64, c=0.01):
@@ -253,10 +247,14 @@ def test_wrong_runs_are_diagnosed(tmp_path, small_rope, known, monkeypatch, colu
     assert given == []
 
 
-ORDER_ONE = ("explicit-euler", "semi-implicit-euler", "stormer-verlet:start=rest")
-
-
-@pytest.mark.parametrize("stepper", ORDER_ONE)
+@pytest.mark.parametrize(
+    "stepper",
+    [
+        pytest.param("explicit-euler", marks=pytest.mark.slow),
+        "semi-implicit-euler",
+        "stormer-verlet:start=rest",
+    ],
+)
 def test_other_errors_are_not_put_down_to_the_clock(tmp_path, small_rope, known, stepper):
     made = files(
         tmp_path,

@@ -26,7 +26,7 @@ RECORD = {
 # Every so many-th mutant is checked again, by the cheapest of the checks that reject it: a few
 # steps or the runs of one problem, rather than long runs and derivatives. Of those, and of the
 # programs, every so many-th is checked at each change; the others are slow tests.
-EVERY, EVERY_FAST = 9, 5
+EVERY, EVERY_FAST = 9, 13
 LAST = ("symplectic", *AT_LAST)
 CHEAP_FIRST = (
     *(name for name in CHECKS if not name.startswith("order-") and name not in LAST),

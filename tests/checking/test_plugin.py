@@ -126,6 +126,7 @@ def test_format(ropeode):
     result.stdout.fnmatch_lines(["# Check of euler*", "| WRONG*"])
 
 
+@pytest.mark.slow
 def test_it_costs_nothing_where_it_is_not_used(pytester):
     pytester.makepyfile(
         """
@@ -139,5 +140,5 @@ def test_it_costs_nothing_where_it_is_not_used(pytester):
     result = pytester.runpytest_subprocess()
     result.assert_outcomes(passed=1)
     assert "jax" in sys.modules  # here it is, so that the test above can fail
-    result = pytester.runpytest_subprocess("--markers")
+    result = pytester.runpytest("--markers")
     result.stdout.fnmatch_lines(["@pytest.mark.ropeode(*"])

@@ -15,7 +15,6 @@ from ropeode.checking.trajectories.studies import (
 )
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
 from ropeode.render.plots.film import film
 from ropeode.render.plots.registry import PLOTS
 from ropeode.simulation import simulate
@@ -25,11 +24,6 @@ from ropeode.study.node_paths import node_paths, sampled_finer
 
 STEPPER, STEPS = "velocity-verlet", (16, 32, 64)
 FRAMES = 3
-
-
-@pytest.fixture(scope="module")
-def known():
-    return reference(Rope(num_nodes=4).problem(FRAMES))
 
 
 @pytest.fixture(scope="module")
@@ -88,21 +82,22 @@ def test_one_file_has_curves_and_no_order(known, files):
     assert each.order.verdict == "undetermined"
 
 
-def test_a_film_shows_the_samples_between_frames(known, tmp_path):
-    """Of 16 and of 20 steps in each frame, 4 end at the same times."""
-    problem = known.problem
+def test_a_film_shows_the_samples_between_frames(tmp_path):
+    """Of 15 and of 21 steps in each frame, 3 end at the same times."""
+    problem = Rope(num_nodes=4).problem(1)
     paths = []
-    for steps in (16, 20):
+    for steps in (15, 21):
         run = simulate(sampled_finer(problem, steps), STEPPER, 1)
         values = node_values(problem, run.states)
         paths.append(write_csv(tmp_path / f"{steps}.csv", run.times, values, 1 / steps))
     nodes = trajectory_paths(paths, problem)
-    assert nodes.samples_per_frame == 4
-    direct = node_paths(problem, [STEPPER], 16)
-    assert np.array_equal(nodes.times, direct.times[::2])
-    assert nodes.paths[0].positions == pytest.approx(direct.paths[0].positions[::2], rel=1e-12)
-    # The reference has other samples too, so that it is another run, as good.
-    errors = direct.paths[0].errors[::2]
+    assert nodes.samples_per_frame == 3
+    assert nodes.times == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0], abs=1e-15)
+    # With the samples of that reference, so that it is made once.
+    direct = node_paths(nodes.reference, [STEPPER], 5)
+    assert np.array_equal(nodes.times, direct.times)
+    assert nodes.paths[0].positions == pytest.approx(direct.paths[0].positions, rel=1e-12)
+    errors = direct.paths[0].errors
     assert nodes.paths[0].errors == pytest.approx(errors, abs=float(nodes.resolution[-1]))
     assert np.max(errors) > 100 * nodes.resolution[-1]
 

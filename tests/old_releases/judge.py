@@ -21,9 +21,10 @@ import numpy as np
 
 from ropeode.checking.check_context import reference_of
 from ropeode.checking.check_ropes import convergence_problems, generic
-from ropeode.checking.convergence import convergence_finding, converging, steps_to_dts
+from ropeode.checking.convergence import convergence_finding, converging
 from ropeode.norms import NORMS, distance
 from ropeode.references.compute import reference
+from ropeode.simulation import step_size
 
 HERE = Path(__file__).parent
 STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50)
@@ -73,7 +74,8 @@ def of_order(expected):
         faults, lines = [], []
         for name, problem in convergence_problems().items():
             known = reference_of(problem)
-            runs = list(zip(steps_to_dts(known, STEPS), found[name], strict=True))
+            dts = [step_size(problem, steps) for steps in STEPS]
+            runs = [(dt, states, None) for dt, states in zip(dts, found[name], strict=True)]
             finding = convergence_finding(name, converging(known, runs, expected=expected))
             lines.append(f"{name}: {finding.line}")
             faults += [name] if finding.status == "fail" else []

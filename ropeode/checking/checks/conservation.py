@@ -7,7 +7,7 @@ import numpy as np
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems, swing
 from ropeode.checking.energy_drift import measure_drift
-from ropeode.checking.report import Finding
+from ropeode.checking.report import Finding, as_claimed, exactly, passed_if
 
 _STEPS = 16
 # Pinned nodes move by rounding at most, as a part of the rope's size.
@@ -32,55 +32,56 @@ def free_flight(examination: Examination) -> Finding:
     x0, v0 = problem.y0
     worst, at = 0.0, 0.0
     for dt in _FLIGHTS:
-        flying = problem.changed(args=without_springs, ts=problem.ts[0] + np.array([0.0, dt]))
-        x, v = examination.candidate.run(flying, 1)[1]
+        x, v = examination.one_step(problem.changed(args=without_springs), dt)
         off = max(np.max(np.abs(x - x0 - dt * v0)) / (1.0 + dt), np.max(np.abs(v - v0)))
         if not off <= worst:
             worst, at = float(off), dt
-    evidence = {"off": worst, "dt": at}
-    if not worst <= _FLIGHT_TOLERANCE * problem.scale:
-        line = f"a node without forces does not move by dt v: off by {worst:.1e} at dt = {at:g}"
-        return Finding("free-flight", "fail", line, evidence)
-    line = f"a node without forces moves by dt v, to within {worst:.1e}, for dt from 0.001 to 10"
-    return Finding("free-flight", "pass", line, evidence)
+    return passed_if(
+        worst <= _FLIGHT_TOLERANCE * problem.scale,
+        "free-flight",
+        f"a node without forces moves by dt v, to within {worst:.1e}, for dt from 0.001 to 10",
+        f"a node without forces does not move by dt v: off by {worst:.1e} at dt = {at:g}",
+        off=worst,
+        dt=at,
+    )
 
 
 def pins(examination: Examination) -> Finding:
     """Pinned nodes do not move."""
     problem = convergence_problems()["unequal"]
-    states = examination.candidate.run(problem, _STEPS)
+    states = examination.run(problem, _STEPS)
     pinned = problem.args.free == 0.0
     moved = float(np.max(np.abs(states - problem.y0)[:, :, pinned])) / problem.scale
-    if not moved <= _PIN_TOLERANCE:
-        line = f"a pinned node moves by {moved:.1e} of the rope's size"
-        return Finding("pins", "fail", line, {"moved": moved})
-    exactly = "exactly" if moved == 0.0 else f"to rounding ({moved:.1e})"
-    return Finding("pins", "pass", f"pinned nodes stay in place {exactly}", {"moved": moved})
+    return passed_if(
+        moved <= _PIN_TOLERANCE,
+        "pins",
+        f"pinned nodes stay in place {exactly(moved)}",
+        f"a pinned node moves by {moved:.1e} of the rope's size",
+        moved=moved,
+    )
 
 
 def momentum(examination: Examination) -> Finding:
     """The momentum of a rope without pins and gravity is constant."""
     problem = convergence_problems()["free"]
-    states = examination.candidate.run(problem, _STEPS)
+    states = examination.run(problem, _STEPS)
     each = problem.args.mass[:, None] * states[:, 1]
     total = np.sum(each, axis=1)
     size = float(np.max(np.sum(np.abs(each), axis=1)))
     changed = float(np.max(np.abs(total - total[0]))) / size
-    if not changed <= _MOMENTUM_TOLERANCE:
-        line = f"the momentum of a free rope changes by {changed:.1e} of the nodes' momenta"
-        return Finding("momentum", "fail", line, {"changed": changed})
-    line = f"the momentum of a free rope is constant to {changed:.1e}"
-    return Finding("momentum", "pass", line, {"changed": changed})
+    return passed_if(
+        changed <= _MOMENTUM_TOLERANCE,
+        "momentum",
+        f"the momentum of a free rope is constant to {changed:.1e}",
+        f"the momentum of a free rope changes by {changed:.1e} of the nodes' momenta",
+        changed=changed,
+    )
 
 
 def energy(examination: Examination) -> Finding:
     """Whether the energy of an undamped rope is bounded, drifts or grows in a long run."""
     problem = swing()
-    drift = measure_drift(problem, examination.candidate.run(problem, _ENERGY_STEPS))
+    drift = measure_drift(problem, examination.run(problem, _ENERGY_STEPS))
+    bounded = drift.verdict == "bounded"
     claimed = examination.conserves_energy
-    if claimed is None:
-        return Finding("energy", "note", drift.line, drift.evidence)
-    if claimed == (drift.verdict == "bounded"):
-        return Finding("energy", "pass", drift.line, drift.evidence)
-    claim = "claimed to stay bounded" if claimed else "claimed not to stay bounded"
-    return Finding("energy", "fail", f"{drift.line}; {claim}", drift.evidence)
+    return as_claimed(claimed, bounded, "energy", "stay bounded", drift.line, **drift.evidence)

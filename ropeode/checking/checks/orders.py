@@ -13,17 +13,12 @@ from ropeode.checking.report import Finding
 
 
 def order(examination: Examination, problem: str) -> Finding:
-    """The observed order on one of `convergence_problems`, against its certified reference.
-
-    Arguments:
-        examination: of the stepper.
-        problem: the problem's name.
-    """
+    """The observed order on one of `convergence_problems`, against its certified reference."""
     check = f"order-{problem}"
     if refusal := examination.refusal(convergence_problems()[problem]):
         return Finding(check, "skip", refusal)
     finding = convergence_finding(check, examination.convergence(problem))
-    whole, solved = convergence_problems()[problem], examination.problem(problem)
+    whole, solved = convergence_problems()[problem], examination.problems[problem]
     left_out = [
         f"no {force}: {why}"
         for force, why in examination.cannot_be_told.items()

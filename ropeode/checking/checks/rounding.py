@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.checking.candidate import Candidate
-from ropeode.checking.check_context import Examination
+from ropeode.checking.check_context import Examination, padded_states
 from ropeode.checking.check_ropes import check_rope, convergence_problems, generic
 from ropeode.checking.report import Finding
 from ropeode.problems.problem import Problem
@@ -28,7 +27,7 @@ _NONLINEARITY = 3e-2
 
 def float32(examination: Examination) -> Finding:
     """Whether the step computes in float64, and what it would cost to store states in float32."""
-    problem, run = generic(), examination.candidate.run
+    problem, run = generic(), examination.run
     direction = np.random.default_rng(11).normal(size=problem.y0.shape)
     direction *= problem.args.free[None, :, None]
 
@@ -55,11 +54,10 @@ def float32(examination: Examination) -> Finding:
 
 def _cost_of_storing(examination: Examination, problem: Problem) -> float:
     """The error, as a part of the rope's size, of rounding all that is stored after each step."""
-    own = examination.candidate
-    method = own.method
-    stored = Candidate(Method(("float32", method.key), _StoredIn32(own.stepper), method.trial))
-    error = stored.run(problem, _STEPS) - own.run(problem, _STEPS)
-    return float(np.max(np.abs(error))) / problem.scale
+    own = examination.method
+    stored = Method(("float32", own.key), _StoredIn32(own.stepper), own.trial)
+    states = padded_states(problem, stored, _STEPS)
+    return float(np.max(np.abs(states - examination.run(problem, _STEPS)))) / problem.scale
 
 
 class _StoredIn32(Stepper):
@@ -87,10 +85,10 @@ def zero_length(examination: Examination) -> Finding:
     x0 = textbook.y0[0].copy()
     x0[3] = x0[2]
     problem = check_rope("zero length", x0, textbook.ts, gravity=(0.0, -1.0, 0.0))
-    states = examination.candidate.run(problem, _STEPS)
+    states = examination.run(problem, _STEPS)
     if np.all(np.isfinite(states)):
         return Finding("zero-length", "pass", "the result is finite if two nodes coincide")
-    if not examination.candidate.own_forces:
+    if not examination.own_forces:
         return Finding(
             "zero-length",
             "note",

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from ropeode.analysis.equilibrium import frequencies
-from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import hanging
 from ropeode.checking.report import Finding
@@ -36,7 +35,7 @@ _AGREE = 0.01
 
 def stability(examination: Examination) -> Finding:
     """The largest ``dt omega`` at which small undamped oscillations do not grow."""
-    limit = stability_limit(examination.candidate)
+    limit = _stability_limit(examination)
     evidence = {"limit": limit}
     line = _words(limit)
     method = (examination.claims.method or "").partition(":")[0]
@@ -57,35 +56,26 @@ def _words(limit: float) -> str:
     return f"without damping, stable up to dt = {limit:.3f}/omega"
 
 
-def stability_limit(candidate: Candidate) -> float:
+def _stability_limit(examination: Examination) -> float:
     """The largest ``dt omega`` up to which no mode of a hanging rope grows.
 
     The eigenvalues of the derivative of one step about the rope at rest are the factors by
-    which modes grow (von Neumann's criterion); omega is the rope's largest frequency.
-
-    Arguments:
-        candidate: the stepper.
-
-    Returns:
-        0 if it is unstable at the smallest step tried, and 8 if it is stable at the largest.
+    which modes grow (von Neumann's criterion); omega is the rope's largest frequency. The limit
+    is 0 if the stepper is unstable at the smallest step tried, and 8 if it is stable at the
+    largest.
     """
     problem = hanging()
-    one_step = StepMap(problem, candidate.method)
+    one_step = StepMap(problem, examination.method)
     omega = float(frequencies(problem, problem.y0)[-1])
 
     def stable(z: float) -> bool:
         return _largest_factor(one_step, problem, z / omega) <= 1.0 + _GROWTH
 
-    if not stable(_SMALLEST):
-        return 0.0
-    low = _SMALLEST
-    for z in np.geomspace(_SMALLEST, _LARGEST, _GRID)[1:]:
-        if not stable(float(z)):
-            high = float(z)
-            break
-        low = float(z)
-    else:
-        return _LARGEST
+    grid = np.geomspace(_SMALLEST, _LARGEST, _GRID).tolist()
+    unstable = next((i for i, z in enumerate(grid) if not stable(z)), None)
+    if not unstable:
+        return _LARGEST if unstable is None else 0.0
+    low, high = grid[unstable - 1 : unstable + 1]
     while high - low > _PRECISION * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stable(middle) else (low, middle)

@@ -14,7 +14,7 @@ from ropeode.checking.check_ropes import (
     in_other_units,
     renumbered,
 )
-from ropeode.checking.report import Finding
+from ropeode.checking.report import Finding, passed_if
 from ropeode.problems.problem import Problem
 
 _STEPS = 10
@@ -136,11 +136,13 @@ def _compared(
     problem: Problem | None = None,
 ) -> Finding:
     """Compare a run of a problem (by default the generic one) with one of a transformed problem."""
-    run, problem = examination.candidate.run, problem or generic()
+    run, problem = examination.run, problem or generic()
     own, others = run(problem, _STEPS), back(run(other, _STEPS))
     difference = float(np.max(np.abs(own - others))) / problem.scale
-    if not difference <= _TOLERANCE:
-        line = f"a rope {words} moves differently, by {difference:.1e} of its size{hint}"
-        return Finding(check, "fail", line, {"difference": difference})
-    line = f"a rope {words} moves in the same way, to {difference:.1e} of its size"
-    return Finding(check, "pass", line, {"difference": difference})
+    return passed_if(
+        difference <= _TOLERANCE,
+        check,
+        f"a rope {words} moves in the same way, to {difference:.1e} of its size",
+        f"a rope {words} moves differently, by {difference:.1e} of its size{hint}",
+        difference=difference,
+    )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from ropeode.checking.candidate import Candidate
+from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.diagnostic_ropes import weakly_damped
 from ropeode.checking.diagnosis.fitted_numbers import numbers_of
 from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, runs_of
@@ -26,15 +26,10 @@ _LEAST_HALF_WIDTH = 0.02
 _VISIBLE = 0.5
 
 
-def diagnose_damping_per_step(candidate: Candidate) -> Diagnosis | None:
-    """Test whether the damping rate of a stepper grows as 1/dt.
-
-    Arguments:
-        candidate: the stepper; it runs on a rope whose damping is so weak that the motion goes
-            on even if it acts at each step.
-    """
+def diagnose_damping_per_step(examination: Examination) -> Diagnosis | None:
+    """Test whether the damping rate of a stepper grows as 1/dt, on a rope that it hardly slows."""
     problem = weakly_damped()
-    runs = runs_of(candidate, problem, _STEPS)
+    runs = runs_of(examination, problem, _STEPS)
     return damping_rate_diagnosis(problem, runs, problem.quantities)
 
 
@@ -42,11 +37,6 @@ def damping_rate_diagnosis(
     problem: Problem, runs: Runs, quantities: Sequence[str]
 ) -> Diagnosis | None:
     """Fit the damping to each run of a problem, and see how its rate depends on dt.
-
-    Arguments:
-        problem: the problem that the runs should solve.
-        runs: step size and states of each.
-        quantities: that the runs have.
 
     Returns:
         None if the rates do not grow as 1/dt, or a rope with these rates is not near the runs.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -54,12 +53,6 @@ def confirmed_problem(
     limit: ObservedLimit, fit: Fit, runs: Runs, certify: Callable[[Problem], Reference]
 ) -> EffectiveProblem | None:
     """The rope of a fit, if its certified reference confirms that the runs converge to it.
-
-    Arguments:
-        limit: what the runs tend to.
-        fit: to that limit.
-        runs: step size and states of each.
-        certify: computes references.
 
     Returns:
         None if the runs do not tend to the reference, or it is refused.
@@ -114,37 +107,29 @@ def parameters_diagnosis(
         solved: ropes between which the runs cannot decide, at least one.
         mistakes: for each rope the mistakes that may explain it.
     """
-    line = f"your stepper solves, to {_orders_in_words(solved[0])}, the rope with "
-    if len(solved) == 1:
-        line += ": ".join(filter(None, (_words(solved[0]), "; ".join(mistakes[0]))))
+    first, *others = solved
+    words = [" and ".join(number.words for number in each.numbers) for each in solved]
+    line = f"your stepper solves, to {_orders_in_words(first)}, the rope with "
+    if not others:
+        line += ": ".join(filter(None, (words[0], "; ".join(mistakes[0]))))
     else:
         line += "; or, which moves exactly the same, with ".join(
-            f"{_words(each)} ({'; '.join(texts)})" if texts else _words(each)
-            for each, texts in zip(solved, mistakes, strict=True)
+            f"{each} ({'; '.join(texts)})" if texts else each
+            for each, texts in zip(words, mistakes, strict=True)
         )
-    hints = list(dict.fromkeys(text for texts in mistakes for text in texts))
-    return Diagnosis("parameters", line, _evidence(solved, hints))
-
-
-def _words(solved: EffectiveProblem) -> str:
-    return " and ".join(number.words for number in solved.numbers)
-
-
-def _evidence(solved: Sequence[EffectiveProblem], hints: Sequence[str]) -> dict[str, Any]:
-    first = solved[0]
-    return {
-        "parameters": {number.name: number.as_json() for number in first.numbers},
-        "alternatives": [
-            {number.name: number.as_json() for number in each.numbers} for each in solved[1:]
-        ],
+    numbers = [{number.name: number.as_json() for number in each.numbers} for each in solved]
+    evidence = {
+        "parameters": numbers[0],
+        "alternatives": numbers[1:],
         "orders": {
             name: {"observed": order.observed, "ci95": order.ci95, "verdict": order.verdict}
             for name, order in first.orders.items()
         },
         "reference_bound": first.bound,
         "misfit": first.misfit,
-        "hints": list(hints),
+        "hints": list(dict.fromkeys(text for texts in mistakes for text in texts)),
     }
+    return Diagnosis("parameters", line, evidence)
 
 
 def _orders_in_words(solved: EffectiveProblem) -> str:

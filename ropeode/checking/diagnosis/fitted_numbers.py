@@ -72,7 +72,7 @@ class Number:
 
 def _plain(values: np.ndarray) -> Any:
     """One number, or a list of them."""
-    return float(values[0]) if len(values) == 1 else [float(value) for value in values]
+    return values.item() if len(values) == 1 else values.tolist()
 
 
 def _shown(values: np.ndarray) -> str:
@@ -82,12 +82,7 @@ def _shown(values: np.ndarray) -> str:
 
 
 def numbers_of(problem: Problem, fit: Fit) -> tuple[Number, ...]:
-    """The parameters that a fit changed.
-
-    Arguments:
-        problem: as it is claimed to be.
-        fit: of it.
-    """
+    """The parameters that a fit changed."""
     return tuple(_number(problem, fit, name) for name in fit.names)
 
 
@@ -119,12 +114,7 @@ def _number(problem: Problem, fit: Fit, name: str) -> Number:
 
 
 def simplified(problem: Problem, number: Number) -> Number:
-    """With the exact value that a known mistake gives, or else the shortest decimal.
-
-    Arguments:
-        problem: as it is claimed to be.
-        number: of it.
-    """
+    """With the exact value that a known mistake gives, or else the shortest decimal."""
     mistakes = matching_mistakes(problem, number)
     if mistakes:
         exact = mistakes[0].value(number.claimed, _uniform(problem))
@@ -133,23 +123,13 @@ def simplified(problem: Problem, number: Number) -> Number:
 
 
 def rounded(number: Number, part: float = 1.0) -> Number:
-    """As the shortest decimal number that its spread allows.
-
-    Arguments:
-        number: any.
-        part: of the spread, by which it may change.
-    """
+    """As the shortest decimal number that its spread allows."""
     pairs = zip(number.fitted, part * number.spread, strict=True)
     return dataclasses.replace(number, fitted=np.array([shortest(*pair) for pair in pairs]))
 
 
 def shortest(value: float, spread: float) -> float:
-    """The decimal number with the fewest digits that is no further away than the spread.
-
-    Arguments:
-        value: any.
-        spread: how far it may be off.
-    """
+    """The decimal number with the fewest digits that is no further away than the spread."""
     if abs(value) <= spread:
         return 0.0
     texts = (f"{value:.{digits}e}" for digits in range(_MOST_DIGITS))
@@ -157,12 +137,7 @@ def shortest(value: float, spread: float) -> float:
 
 
 def matching_mistakes(problem: Problem, number: Number) -> tuple[Mistake, ...]:
-    """The known mistakes that turn the claimed number into the fitted one, to its spread.
-
-    Arguments:
-        problem: as it is claimed to be.
-        number: of it.
-    """
+    """The known mistakes that turn the claimed number into the fitted one, to its spread."""
     claimed, fitted, spread = number.claimed, number.fitted, number.spread
     if not number.is_precise or np.all(np.abs(claimed - fitted) <= spread):
         return ()
@@ -182,12 +157,7 @@ def _uniform(problem: Problem) -> Uniform:
 
 
 def with_fitted(problem: Problem, numbers: Sequence[Number]) -> Problem:
-    """A rope with the fitted numbers.
-
-    Arguments:
-        problem: as it is claimed to be.
-        numbers: of it, or of another rope with the same parameters.
-    """
+    """A rope with the fitted numbers."""
     y0, args = problem.y0, {}
     for number in numbers:
         if number.name == "velocity":

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ropeode.checking.candidate import Candidate
-from ropeode.checking.check_context import reference_of
+from ropeode.checking.check_context import Examination, reference_of
 from ropeode.checking.diagnosis.diagnostic_ropes import uniform_rope
-from ropeode.checking.diagnosis.limits import observe_limit, runs_of
+from ropeode.checking.diagnosis.limits import stepper_limit
 from ropeode.checking.report import Diagnosis
 from ropeode.problems.problem import Problem
 
 # Factors for the parameters of nodes and of springs.
 _NODES = np.array([1.2, 0.8, 0.6, 1.5, 0.9])
 _SPRINGS = np.array([0.8, 1.4, 1.1, 0.7])
+_DRIVE = np.array([0.9, 0.7, -1.1])
 _ARRAYS = {
     "mass": ("masses", _NODES),
     "damping": ("damping coefficients", _NODES),
@@ -24,18 +22,20 @@ _ARRAYS = {
 }
 
 
-def diagnose_heterogeneity(candidate: Candidate) -> Diagnosis | None:
-    """Find the parameters that make a stepper wrong where they differ, or whether time does.
-
-    Arguments:
-        candidate: a stepper that is right on a rope whose nodes and springs are all the same and
-            whose forces do not depend on time.
+def diagnose_heterogeneity(examination: Examination) -> Diagnosis | None:
+    """Why a stepper is wrong that is right on a uniform rope without forces that depend on time.
 
     Returns:
-        None if it is right whichever parameters differ and with a force that depends on time,
-        or if its runs have no limit.
+        None if it is right whichever parameters differ and with such a force, or if its runs have
+        no limit.
     """
-    results = {name: _is_right(candidate, _heterogeneous(name)) for name in _ARRAYS}
+    args = uniform_rope().args
+    results = {
+        name: _is_right(
+            examination, _changed(f"different {words}", **{name: getattr(args, name) * factors})
+        )
+        for name, (words, factors) in _ARRAYS.items()
+    }
     names = [name for name, right in results.items() if right is False]
     if names:
         words = " or ".join(_ARRAYS[name][0] for name in names)
@@ -45,7 +45,8 @@ def diagnose_heterogeneity(candidate: Candidate) -> Diagnosis | None:
             "differ: it uses one value for all, or reads the wrong entries of the array",
             {"right": results},
         )
-    if candidate.own_forces or _is_right(candidate, _driven()) is not False:
+    driven = _changed("uniform, driven", drive=_DRIVE, frequency=np.asarray(2.7))
+    if examination.own_forces or _is_right(examination, driven) is not False:
         return None
     return Diagnosis(
         "time",
@@ -55,19 +56,12 @@ def diagnose_heterogeneity(candidate: Candidate) -> Diagnosis | None:
     )
 
 
-def _heterogeneous(name: str) -> Problem:
-    rope, (words, factors) = uniform_rope(), _ARRAYS[name]
-    changed: dict[str, Any] = {name: getattr(rope.args, name) * factors}
-    return rope.changed(args=rope.args._replace(**changed), name=f"different {words}")
-
-
-def _driven() -> Problem:
+def _changed(name: str, **args: np.ndarray) -> Problem:
     rope = uniform_rope()
-    drive = {"drive": np.array([0.9, 0.7, -1.1]), "frequency": np.asarray(2.7)}
-    return rope.changed(args=rope.args._replace(**drive), name="uniform, driven")
+    return rope.changed(args=rope.args._replace(**args), name=name)
 
 
-def _is_right(candidate: Candidate, problem: Problem) -> bool | None:
+def _is_right(examination: Examination, problem: Problem) -> bool | None:
     """Whether the runs tend to the solution; None if they have no limit."""
-    limit = observe_limit(problem, runs_of(candidate, problem), problem.quantities)
+    limit = stepper_limit(examination, problem)
     return None if limit is None else limit.misfit(reference_of(problem)) <= 1.0

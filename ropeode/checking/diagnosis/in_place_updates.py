@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import renumbered, undamped
 from ropeode.checking.diagnosis.diagnostic_ropes import alternate_nodes_pinned
@@ -25,15 +24,12 @@ def diagnose_in_place_updates(
 ) -> Diagnosis | None:
     """Test whether numbering the nodes from the other end changes runs, but not their limit.
 
-    On a rope in which no two moving nodes are neighbours it must change nothing.
-
-    Arguments:
-        examination: of the stepper.
-        tests: of its order, if that is too low; on that rope it must then not be.
+    On a rope in which no two moving nodes are neighbours it must change nothing; and the order,
+    where `tests` have shown it to be too low, must be kept there.
     """
-    candidate = examination.candidate
-    coarse, fine = (_difference(candidate, undamped(), steps) for steps in _STEPS)
-    alone = max(_difference(candidate, alternate_nodes_pinned(), steps) for steps in _STEPS)
+    apart = alternate_nodes_pinned()
+    coarse, fine = (_difference(examination, undamped(), steps) for steps in _STEPS)
+    alone = max(_difference(examination, apart, steps) for steps in _STEPS)
     if not (fine > _ROUNDING and coarse > _SHRINKS * fine and alone <= _ROUNDING):
         return None
     evidence = {
@@ -43,7 +39,7 @@ def diagnose_in_place_updates(
     }
     order = ""
     if tests is not None:
-        if tests.on(alternate_nodes_pinned()) != "kept":
+        if tests.on(apart) != "kept":
             return None
         evidence["orders"] = dict(tests.orders)
         order = f"; without such neighbours the order is {tests.expected}"
@@ -56,9 +52,9 @@ def diagnose_in_place_updates(
     )
 
 
-def _difference(candidate: Candidate, problem: Problem, steps: int) -> float:
+def _difference(examination: Examination, problem: Problem, steps: int) -> float:
     """How much renumbering changes a run, as a part of the rope's size."""
-    own = candidate.run(problem, steps)
-    other = candidate.run(renumbered(problem), steps)[:, :, ::-1]
+    own = examination.run(problem, steps)
+    other = examination.run(renumbered(problem), steps)[:, :, ::-1]
     difference = float(np.max(np.abs(own - other))) / problem.scale
     return difference if np.isfinite(difference) else np.inf

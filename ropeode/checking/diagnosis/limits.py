@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ropeode.analysis.errors import differences
-from ropeode.checking.candidate import Candidate
+from ropeode.checking.check_context import Examination
 from ropeode.checking.richardson import Limit, limit_of
 from ropeode.norms import NORMS
 from ropeode.problems.problem import Problem
@@ -28,15 +28,9 @@ _LARGEST_UNCERTAINTY = 3e-3
 _STANDSTILL = 1e-2
 
 
-def runs_of(candidate: Candidate, problem: Problem, steps: Sequence[int] = STEPS) -> Runs:
-    """Run a candidate with several step sizes.
-
-    Arguments:
-        candidate: the stepper.
-        problem: what it solves.
-        steps: steps per frame of each run.
-    """
-    return [(step_size(problem, n), candidate.run(problem, n)) for n in steps]
+def runs_of(examination: Examination, problem: Problem, steps: Sequence[int] = STEPS) -> Runs:
+    """Runs of a check rope with several numbers of steps per frame."""
+    return [(step_size(problem, n), examination.run(problem, n)) for n in steps]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,11 +61,7 @@ class ObservedLimit:
         }
 
     def stands_still(self, reference: Reference) -> bool:
-        """Whether positions hardly move, compared with how far they should.
-
-        Arguments:
-            reference: of the problem.
-        """
+        """Whether positions hardly move, compared with how far they should."""
         right = np.abs(reference.states - reference.states[:1])
         return any(
             size < _STANDSTILL * float(np.max(self.problem.quantity(name, right)))
@@ -136,6 +126,11 @@ def observe_limit(
         uncertainty[:, half] = each.reshape(-1, *(1,) * (limit.values.ndim - 1))
         orders[name] = limit.order
     return ObservedLimit(problem, states, uncertainty, orders)
+
+
+def stepper_limit(examination: Examination, problem: Problem) -> ObservedLimit | None:
+    """What the runs of a check rope tend to, as `observe_limit` has it."""
+    return observe_limit(problem, runs_of(examination, problem), problem.quantities)
 
 
 def _motion(limit: Limit) -> float:

@@ -17,13 +17,9 @@ def diagnose_low_order(examination: Examination, expected: int) -> tuple[Diagnos
 
     A cause is named if the order is kept on a rope where it cannot act, and lost on a rope that
     differs in nothing else.
-
-    Arguments:
-        examination: of a stepper whose order is too low on some rope.
-        expected: the order that it should have.
     """
     tests = OrderTests(examination, expected)
-    can_be_driven = not examination.candidate.own_forces
+    can_be_driven = not examination.own_forces
     if tests.on(undamped()) == "kept":
         causes = [_lagged(tests, "kept", tests.on("unequal"))]
         if can_be_driven and tests.on("driven") == "low":

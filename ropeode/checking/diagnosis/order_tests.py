@@ -17,10 +17,6 @@ def outcome(convergence: Convergence, expected: int) -> Outcome:
     """Whether an order is `kept`, too `low`, `wrong` (a wrong limit) or `unknown`.
 
     It is kept only if positions and velocities both have it.
-
-    Arguments:
-        convergence: on one rope.
-        expected: the order.
     """
     orders = convergence.orders.values()
     if any(order.verdict == "does not converge" for order in orders):
@@ -34,12 +30,7 @@ def outcome(convergence: Convergence, expected: int) -> Outcome:
 
 
 class OrderTests:
-    """Tests of a stepper's order on ropes that differ in one respect.
-
-    Arguments:
-        examination: of the stepper.
-        expected: the order that it should have.
-    """
+    """Tests of a stepper's order on ropes that differ in one respect."""
 
     def __init__(self, examination: Examination, expected: int):
         self.examination, self.expected = examination, expected

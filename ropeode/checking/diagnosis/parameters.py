@@ -83,25 +83,18 @@ def units(problem: Problem) -> Units:
 
 
 def can_change(problem: Problem, name: str) -> np.ndarray:
-    """1 for each entry of the vector of all changes that belongs to a parameter, 0 elsewhere."""
+    """Which entries of the vector of all changes belong to a parameter, as truth values."""
     dim = dimension(problem)
-    free = np.zeros(2 * dim + 4)
-    free[places(dim)[name]] = 1.0
+    mask = np.zeros(2 * dim + 4, dtype=bool)
+    place = places(dim)[name]
+    mask[place] = True
     if name == "velocity":
-        unit = units(problem).velocity
-        free[places(dim)[name]] = np.any(unit.reshape(dim, -1), axis=1)
-    return free
+        mask[place] = np.any(units(problem).velocity.reshape(dim, -1), axis=1)
+    return mask
 
 
 def changed(y0: Any, args: Any, units: Units, changes: Any) -> tuple[Any, Any]:
-    """Initial state and arguments with changed parameters; in JAX.
-
-    Arguments:
-        y0: initial state.
-        args: of the problem.
-        units: of the changes.
-        changes: of all parameters, ordered as `places` says.
-    """
+    """Initial state and arguments with changed parameters; in JAX."""
     dim = units.velocity.shape[0]
     part = {name: changes[place] for name, place in places(dim).items()}
     velocity = y0[1] + jnp.tensordot(part["velocity"], units.velocity, 1)

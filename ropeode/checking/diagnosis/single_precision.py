@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.checking.candidate import Candidate
+from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import generic, in_other_units
 from ropeode.checking.report import Diagnosis
 from ropeode.problems.problem import Problem
@@ -22,21 +22,18 @@ _SMOOTH = 0.05
 _UNITS = 1024.0
 
 
-def diagnose_single_precision(candidate: Candidate) -> Diagnosis | None:
+def diagnose_single_precision(examination: Examination) -> Diagnosis | None:
     """Test whether a stepper responds to tiny changes in jumps of the size of float32's rounding.
 
     It must respond to larger changes smoothly, and give the same result to the last bit if
     lengths are measured in a unit 1024 times smaller. Binary rounding does; rounding to
     decimals, or a step that is not smooth, does not.
-
-    Arguments:
-        candidate: the stepper.
     """
     problem = generic()
-    own = candidate.run(problem, _STEPS)
-    jumps = _jumps(candidate, problem, _SMALL)
-    unsmooth = _jumps(candidate, problem, _LARGE) / _LARGE
-    scaled = candidate.run(in_other_units(problem, _UNITS), _STEPS)
+    own = examination.run(problem, _STEPS)
+    jumps = _jumps(examination, problem, _SMALL)
+    unsmooth = _jumps(examination, problem, _LARGE) / _LARGE
+    scaled = examination.run(in_other_units(problem, _UNITS), _STEPS)
     binary = np.array_equal(scaled, _UNITS * own)
     if not (_LEAST <= jumps <= _MOST and unsmooth <= _SMOOTH and binary):
         return None
@@ -51,14 +48,14 @@ def diagnose_single_precision(candidate: Candidate) -> Diagnosis | None:
     )
 
 
-def _jumps(candidate: Candidate, problem: Problem, size: float) -> float:
+def _jumps(examination: Examination, problem: Problem, size: float) -> float:
     """How far the response to changes in one direction is off a straight line."""
     direction = np.random.default_rng(5).normal(size=problem.y0.shape)
     direction *= problem.args.free[None, :, None]
     factors = np.arange(_NUDGES) / (_NUDGES - 1.0)
     runs = np.stack(
         [
-            candidate.run(problem.changed(y0=problem.y0 + k * size * direction), _STEPS)
+            examination.run(problem.changed(y0=problem.y0 + k * size * direction), _STEPS)
             for k in factors
         ]
     )

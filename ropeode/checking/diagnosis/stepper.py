@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ropeode.checking.candidate import Candidate
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.diagnosis.damping_per_step import diagnose_damping_per_step
@@ -21,9 +20,6 @@ from ropeode.precision import in_float64
 def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
     """Find by experiment what is wrong with a stepper that failed a check.
 
-    Arguments:
-        examination: of the stepper.
-
     Returns:
         One diagnosis for each cause that the evidence singles out. If there is none, one of the
         cause `unknown`, with what the evidence does say.
@@ -31,7 +27,6 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
     Raises:
         UserCodeError: the step raised.
     """
-    candidate = examination.candidate
     convergences = {
         name: examination.convergence(name)
         for name, problem in convergence_problems().items()
@@ -48,13 +43,13 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
         for convergence in convergences.values()
         if convergence.expected and outcome(convergence, convergence.expected) == "low"
     ]
-    single = diagnose_single_precision(candidate)
+    single = diagnose_single_precision(examination)
     if single is not None:
         # Rounding to float32 looks like other mistakes; it has to be mended first.
         return (single,)
     causes: list[Diagnosis | None] = []
     if wrong:
-        causes.append(_diagnose_wrong_limit(candidate))
+        causes.append(_diagnose_wrong_limit(examination))
     if too_low:
         causes += diagnose_low_order(examination, max(too_low))
     elif not wrong:
@@ -63,17 +58,17 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
     return named or (_unknown(convergences, wrong),)
 
 
-def _diagnose_wrong_limit(candidate: Candidate) -> Diagnosis | None:
-    per_step = diagnose_damping_per_step(candidate)
+def _diagnose_wrong_limit(examination: Examination) -> Diagnosis | None:
+    per_step = diagnose_damping_per_step(examination)
     if per_step is not None:
         return per_step
-    parameters = diagnose_parameters(candidate)
+    parameters = diagnose_parameters(examination)
     if isinstance(parameters, Diagnosis):
         return parameters
     is_right_on_uniform_rope = parameters
     if is_right_on_uniform_rope:
-        return diagnose_heterogeneity(candidate)
-    return diagnose_time_scaling(candidate)
+        return diagnose_heterogeneity(examination)
+    return diagnose_time_scaling(examination)
 
 
 def _unknown(convergences: dict[str, Convergence], wrong: list[str]) -> Diagnosis:

@@ -3,43 +3,37 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import integrate, optimize
 
-from ropeode.analysis.errors import differences
-from ropeode.checking.candidate import Candidate
-from ropeode.checking.check_context import reference_of
+from ropeode.checking.check_context import Examination, reference_of
 from ropeode.checking.diagnosis.diagnostic_ropes import (
     uniform_rope,
     uniform_rope_with_other_start,
 )
 from ropeode.checking.diagnosis.fitted_numbers import shortest
-from ropeode.checking.diagnosis.limits import ObservedLimit, observe_limit, runs_of
+from ropeode.checking.diagnosis.limits import ObservedLimit, stepper_limit
 from ropeode.checking.report import Diagnosis
 from ropeode.errors import ReferenceRefused
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 from ropeode.simulation.system import system
 
-# Gauss-Newton: iterations, and the range of factors.
-_MOST_ITERATIONS = 8
+# The range of factors, and the tolerance of the solution that they are fitted to.
 _SLOWEST, _FASTEST = 0.2, 5.0
-# Iterations end when the factor changes by less than this part of its spread.
-_SETTLED = 1e-2
+_TOLERANCE = 1e-12
 
 
-def diagnose_time_scaling(candidate: Candidate) -> Diagnosis | None:
+def diagnose_time_scaling(examination: Examination) -> Diagnosis | None:
     """Test whether runs tend to the solution with time multiplied by a factor.
 
     Without a force that depends on time, ``y' = s f(y)`` has the solution ``y(s t)``. A step
     that changes positions and velocities by s times the right amount solves this equation.
 
-    Arguments:
-        candidate: the stepper.
-
     Returns:
         None if no factor explains the limits of its runs on two ropes.
     """
     first, second = (
-        observe_limit(problem, runs_of(candidate, problem), problem.quantities)
+        stepper_limit(examination, problem)
         for problem in (uniform_rope(), uniform_rope_with_other_start())
     )
     if first is None or second is None or first.stands_still(reference_of(uniform_rope())):
@@ -69,25 +63,25 @@ def _accelerated(problem: Problem, factor: float) -> Reference:
 
 def _fit_factor(limit: ObservedLimit) -> tuple[float, float]:
     """The factor that comes closest to a limit, and how far it may be off."""
-    problem, factor, spread = limit.problem, 1.0, np.inf
+    problem, shape = limit.problem, limit.problem.y0.shape
     own = system(problem.rhs, problem.mechanics, problem.args, in_numpy=True)
-    rhs = own.equations.rhs
-    elapsed = problem.ts - problem.ts[0]
-    for _ in range(_MOST_ITERATIONS):
-        reference = _accelerated(problem, factor)
-        if reference.trusted < len(limit.states):
-            break
-        slopes = np.stack(
-            [
-                time * rhs(problem.ts[0], y, problem.args)
-                for time, y in zip(elapsed, reference.states, strict=True)
-            ]
-        )
-        slope = (slopes / limit.uncertainty)[1:].ravel()
-        error = (differences(limit.states, reference) / limit.uncertainty)[1:].ravel()
-        spread = float(np.sum(np.abs(slope)) / (slope @ slope))
-        change = float(slope @ error / (slope @ slope))
-        factor = float(np.clip(factor + change, _SLOWEST, _FASTEST))
-        if abs(change) <= _SETTLED * spread:
-            break
-    return factor, spread
+    elapsed, rhs = problem.ts - problem.ts[0], own.equations.rhs
+    solution = integrate.solve_ivp(
+        lambda t, y: np.ravel(rhs(problem.ts[0], y.reshape(shape), problem.args)),
+        (0.0, _FASTEST * elapsed[-1]),
+        problem.y0.ravel(),
+        method="DOP853",
+        dense_output=True,
+        rtol=_TOLERANCE,
+        atol=_TOLERANCE * problem.scale,
+    ).sol
+
+    def error(factor: np.ndarray) -> np.ndarray:
+        states = solution(factor[0] * elapsed).T.reshape(limit.states.shape)
+        return ((limit.states - states) / limit.uncertainty)[1:].ravel()
+
+    fit = optimize.least_squares(
+        error, 1.0, bounds=(_SLOWEST, _FASTEST), xtol=_TOLERANCE, ftol=_TOLERANCE
+    )
+    slope = fit.jac[:, 0]
+    return float(fit.x[0]), float(np.sum(np.abs(slope)) / (slope @ slope))

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.checking.candidate import Candidate
-from ropeode.checking.check_context import reference_of
+from ropeode.checking.check_context import Examination, reference_of
 from ropeode.checking.diagnosis.diagnostic_ropes import (
     uniform_rope,
     uniform_rope_with_other_parameters,
@@ -20,7 +19,7 @@ from ropeode.checking.diagnosis.fitted_numbers import (
     numbers_of,
     with_fitted,
 )
-from ropeode.checking.diagnosis.limits import ObservedLimit, observe_limit, runs_of
+from ropeode.checking.diagnosis.limits import ObservedLimit, observe_limit, runs_of, stepper_limit
 from ropeode.checking.diagnosis.parameter_fit import Fit, fit_parameters, smallest_fits
 from ropeode.checking.report import Diagnosis
 from ropeode.errors import ReferenceRefused
@@ -30,22 +29,19 @@ from ropeode.problems.problem import Problem
 _CARRIED_OVER = 10.0
 
 
-def diagnose_parameters(candidate: Candidate) -> Diagnosis | bool:
+def diagnose_parameters(examination: Examination) -> Diagnosis | bool:
     """Find which rope a stepper solves, if it is not the one that it should solve.
 
     Parameters are fitted to the limit of its runs on one rope. They must explain the limit
     within its uncertainty, agree with a certified reference of the rope that they define, and
     predict the limit on a second rope with another initial state.
 
-    Arguments:
-        candidate: the stepper.
-
     Returns:
         True if it solves the right rope, on which all nodes and all springs are the same; False
         if no change of parameters passes all these tests.
     """
     problem = uniform_rope()
-    runs = runs_of(candidate, problem)
+    runs = runs_of(examination, problem)
     limit = observe_limit(problem, runs, problem.quantities)
     if limit is None or limit.stands_still(reference_of(problem)):
         return False
@@ -53,7 +49,7 @@ def diagnose_parameters(candidate: Candidate) -> Diagnosis | bool:
     if not fits or not fits[0].names:
         return bool(fits)
     other = uniform_rope_with_other_start()
-    second = observe_limit(other, runs_of(candidate, other), problem.quantities)
+    second = stepper_limit(examination, other)
     if second is None:
         return False
     confirmed = [
@@ -64,7 +60,7 @@ def diagnose_parameters(candidate: Candidate) -> Diagnosis | bool:
     ]
     if not confirmed:
         return False
-    mistakes = _mistakes(candidate, [(fit, solved.numbers) for fit, solved in confirmed])
+    mistakes = _mistakes(examination, [(fit, solved.numbers) for fit, solved in confirmed])
     return parameters_diagnosis([solved for _, solved in confirmed], mistakes)
 
 
@@ -82,11 +78,11 @@ def _predicts(numbers: Sequence[Number], limit: ObservedLimit, second: ObservedL
 
 
 def _mistakes(
-    candidate: Candidate, fits: Sequence[tuple[Fit, Sequence[Number]]]
+    examination: Examination, fits: Sequence[tuple[Fit, Sequence[Number]]]
 ) -> list[tuple[str, ...]]:
     """For each fit the mistakes that explain it on a rope with other parameters too."""
     problem, other = uniform_rope(), uniform_rope_with_other_parameters()
-    limit = observe_limit(other, runs_of(candidate, other), other.quantities)
+    limit = stepper_limit(examination, other)
     if limit is None:
         return [() for _ in fits]
     mistakes = []

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import shutil
 import tempfile
 from importlib import resources
 from pathlib import Path
@@ -14,13 +12,12 @@ from typing import Any
 import numpy as np
 
 from ropeode.checking.trajectories.layout import Layout, samples_of
-from ropeode.errors import InputError
 from ropeode.files import check_writable
 from ropeode.problems.files import file_and_name
 from ropeode.problems.library import ROPES
 from ropeode.problems.problem import Problem
 from ropeode.study.spec import TableJob
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 # The coarsest step times omega of the stiffest spring between the lightest nodes, and the number of
 # step sizes.
@@ -42,24 +39,19 @@ def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
     """
     path = Path(folder)
     if path.exists():
-        raise InputError(complaint("init", str(path), "a new folder", "choose another name"))
+        raise bad_value("init", str(path), "a new folder", "choose another name")
     check_writable("init", path)
     texts = _texts(job or TableJob({}))
-    part = None
     try:
-        part = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
-        for name, text in texts.items():
-            (part / name).write_text(text, encoding="utf-8")
-        mask = os.umask(0)
-        os.umask(mask)
-        part.chmod(0o777 & ~mask)
-        part.rename(path)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as part:
+            new = Path(part) / path.name
+            new.mkdir()
+            for name, text in texts.items():
+                (new / name).write_text(text, encoding="utf-8")
+            new.rename(path)
     except OSError as error:
         allowed = f"a folder that can be created ({error.strerror or error})"
-        raise InputError(complaint("init", str(path), allowed, "choose another")) from error
-    finally:
-        if part is not None:
-            shutil.rmtree(part, ignore_errors=True)
+        raise bad_value("init", str(path), allowed, "choose another") from error
     return [str(path / name) for name in texts]
 
 
@@ -67,7 +59,7 @@ def _texts(job: TableJob) -> dict[str, str]:
     problem = job.problem
     texts = {
         "spec.toml": _spec(job),
-        "initial.csv": _initial(problem),
+        "initial.csv": "\n".join([Layout.of(problem).headers[-1], *_initial_rows(problem), ""]),
         "README.md": _page(problem),
     }
     if problem.parameters.get("kind") == "rope":
@@ -82,36 +74,37 @@ def _template(name: str) -> str:
 
 def _spec(job: TableJob) -> str:
     """A spec that does not depend on its folder."""
-    lines = [
-        "# The problem that the program should solve. `ropeode spec` lists all settings.",
-        "",
-    ]
+    lines = ["# The problem that the program should solve. `ropeode spec` lists all settings.", ""]
+
+    def setting(name: str, value: Any, comment: str | None = None) -> None:
+        if comment is not None:
+            lines.append(f"# {comment}")
+        # These values are written in JSON as they are in TOML.
+        lines.append(f"{name} = {json.dumps(value)}")
+
     spec, parameters = job.spec, dict(job.problem.parameters)
     rope = ROPES.get(parameters.get("kind", ""))
-    if spec.reference is not None:
-        lines += [
-            "# A stored reference, which includes the problem.",
-            _setting("reference", _stored(job)),
-        ]
+    stored = spec.reference is not None
+    if stored:
+        setting("reference", _stored(job), "A stored reference, which includes the problem.")
     elif rope is not None:
-        lines += [
-            '# "rope" has springs, "inextensible-rope" has rigid links.',
-            _setting("kind", parameters["kind"]),
-        ]
+        words = '"rope" has springs, "inextensible-rope" has rigid links.'
+        setting("kind", parameters["kind"], words)
     else:
-        lines += ["# A problem of the library, or FILE.py:NAME.", _setting("problem", _named(job))]
-    if spec.reference is None and (frames := parameters.get("frames", spec.frames)) is not None:
-        lines += ["", "# Number of frames: a sample is taken at the end of each."]
-        lines += [_setting("frames", frames)]
+        setting("problem", _named(job), "A problem of the library, or FILE.py:NAME.")
+    if not stored and (frames := parameters.get("frames", spec.frames)) is not None:
+        lines.append("")
+        setting("frames", frames, "Number of frames: a sample is taken at the end of each.")
     asked = {name: value for name, value in spec.asked.items() if value != "consensus"}
     if asked:
         lines += ["", "# Settings of the reference."]
-        lines += [_setting(name, value) for name, value in asked.items()]
-    if rope is not None and spec.reference is None:
+        for name, value in asked.items():
+            setting(name, value)
+    if rope is not None and not stored:
         lines += ["", "[rope]"]
         for name, field in rope.model_fields.items():
             extra: Any = field.json_schema_extra
-            lines += [f"# {extra['allowed']}", _setting(name, parameters[name])]
+            setting(name, parameters[name], extra["allowed"])
     return "\n".join([*lines, ""])
 
 
@@ -130,51 +123,33 @@ def _named(job: TableJob) -> str:
     return f"{path.resolve()}:{name}"
 
 
-def _setting(name: str, value: Any) -> str:
-    # These values are written in JSON as they are in TOML.
-    return f"{name} = {json.dumps(value)}"
-
-
-def _initial(problem: Problem) -> str:
-    """The initial state as CSV."""
-    header = Layout.of(problem).headers[-1]
-    values = samples_of(problem, problem.y0[None])[0]
-    return "\n".join([header, *_rows(float(problem.ts[0]), values), ""])
-
-
-def _rows(time: float, values: np.ndarray) -> list[str]:
+def _initial_rows(problem: Problem) -> list[str]:
+    """The initial state as the lines of a CSV file."""
+    nodes = samples_of(problem, problem.y0[None])[0].tolist()
     return [
-        ",".join([f"{time:g}", str(node), *map(_number, row)])
-        for node, row in enumerate(values.tolist())
+        ",".join([f"{problem.ts[0]:g}", str(node), *(repr(x).removesuffix(".0") for x in row)])
+        for node, row in enumerate(nodes)
     ]
-
-
-def _number(value: float) -> str:
-    return repr(value).removesuffix(".0")
 
 
 def _page(problem: Problem) -> str:
     layout, ts = Layout.of(problem), problem.ts
-    steps, name = ["1", "2", "3"], "run"
-    program = ""
-    if problem.parameters.get("kind") == "rope":
-        name, steps = "rope", _steps(problem)
-        program = _template("program.md")
-    grade = (
-        f"ropeode grade {' '.join(f'{name}-{n}.csv' for n in steps)} --problem spec.toml --order 2"
-    )
-    words = f"The {problem.name} of `spec.toml`: {layout.nodes} nodes with {layout.dim} coordinates"
+    own_program = problem.parameters.get("kind") == "rope"
+    name, steps = ("rope", _steps(problem)) if own_program else ("run", ["1", "2", "3"])
+    files = " ".join(f"{name}-{n}.csv" for n in steps)
     times = ", ".join(f"{t:g}" for t in ts)
     if len(ts) > 4 and problem.equal_frames:
         times = f"{ts[0]:g}, {ts[1]:g}, {ts[2]:g}, ..., {ts[-1]:g}"
     both = "- Velocities are optional; without them only positions are graded.\n"
+    # The program's page comes first: it has places to fill in itself.
     values = {
-        "PROGRAM": program,
-        "GRADE": grade,
+        "PROGRAM": _template("program.md") if own_program else "",
+        "GRADE": f"ropeode grade {files} --problem spec.toml --order 2",
         "RUNS": "\n".join(f"./rope {n} > rope-{n}.csv" for n in steps),
-        "PROBLEM": f"{words}, from t = {ts[0]:g} to t = {ts[-1]:g}.",
+        "PROBLEM": f"The {problem.name} of `spec.toml`: {layout.nodes} nodes with {layout.dim} "
+        f"coordinates, from t = {ts[0]:g} to t = {ts[-1]:g}.",
         "HEADER": layout.headers[-1],
-        "ROWS": "\n".join(_rows(float(ts[0]), samples_of(problem, problem.y0[None])[0])[:3]),
+        "ROWS": "\n".join(_initial_rows(problem)[:3]),
         "TIMES": times,
         "VELOCITIES": both if layout.mechanical else "",
         "ARRAYS": " and `velocities`" if layout.mechanical else "",

@@ -1,16 +1,18 @@
-"""Trajectories stored as arrays: names, shapes, and reading in slices."""
+"""Trajectories stored as named arrays, whatever the format: checked, and read in blocks."""
 
 from __future__ import annotations
 
+import abc
+import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from ropeode.checking.trajectories.layout import Block, Layout
 from ropeode.errors import InputError
-from ropeode.validation import complaint
+from ropeode.validation import bad_value, in_one_line
 
 _BLOCK = 2**22
 TIMES, POSITIONS, VELOCITIES, STEP = "t", "positions", "velocities", "dt"
@@ -31,20 +33,80 @@ class Stored(NamedTuple):
     read: Callable[[int], np.ndarray]
 
 
-def check_arrays(path: Path, layout: Layout, arrays: Mapping[str, Stored]) -> bool:
-    """Check names, shapes and types; returns whether there are velocities.
+class ArrayFile(abc.ABC):
+    """A file of the arrays `t`, `positions`, `velocities` and `dt`; the last two are optional.
+
+    Arguments:
+        path: of the file.
+        layout: of its samples.
 
     Raises:
-        InputError: an array is missing, or has a wrong shape or type.
+        InputError: it cannot be read, or has other contents.
     """
+
+    format: ClassVar[str]
+
+    def __init__(self, path: Path, layout: Layout):
+        self.path, self.layout = path, layout
+        with self._opened() as arrays:
+            self.size = path.stat().st_size
+            self.dt = self._step(arrays[STEP]) if STEP in arrays else None
+            self.velocities = _check_arrays(path, layout, arrays)
+
+    @abc.abstractmethod
+    def arrays(self) -> contextlib.AbstractContextManager[dict[str, Stored]]:
+        """Open the file; those of the four arrays that it has."""
+
+    def blocks(self) -> Iterator[Block]:
+        """All samples, in blocks of a few megabytes.
+
+        Raises:
+            InputError: the file is damaged.
+        """
+        with self._opened() as arrays:
+            yield from _blocks_of(self.layout, arrays, self.velocities)
+
+    @contextlib.contextmanager
+    def _opened(self) -> Iterator[dict[str, Stored]]:
+        try:
+            # Some readers report a file that is not there like one of another format.
+            self.path.open("rb").close()
+        except OSError as error:
+            allowed = f"a file that can be read ({error.strerror})"
+            raise bad_value("file", str(self.path), allowed, "check the path") from error
+        try:
+            with self.arrays() as arrays:
+                yield arrays
+        except InputError:
+            raise
+        except Exception as error:
+            # Readers raise errors of many kinds on other files.
+            allowed = f"{self.format} ({in_one_line(error)})"
+            raise bad_value("file", str(self.path), allowed, "write it again") from error
+
+    def _step(self, stored: Stored) -> str:
+        if stored.shape not in ((), (1,)) or stored.dtype.kind not in "fiu":
+            given = f"{stored.dtype} of the shape {stored.shape}"
+            self.refuse(STEP, given, "one real number", "store dt as a number")
+        return repr(float(stored.read(1).reshape(-1)[0]))
+
+    def refuse(self, name: str, given: object, allowed: str, fix: str) -> None:
+        """Complain of one array.
+
+        Raises:
+            InputError: always.
+        """
+        raise bad_value(f"{self.path}, {name}", given, allowed, fix)
+
+
+def _check_arrays(path: Path, layout: Layout, arrays: Mapping[str, Stored]) -> bool:
+    """Check names, shapes and types; returns whether there are velocities."""
     for name in (TIMES, POSITIONS):
         if name not in arrays:
             allowed = f"arrays named {TIMES!r}, {POSITIONS!r}" + (
                 f" and optionally {VELOCITIES!r}" if layout.mechanical else ""
             )
-            raise InputError(
-                complaint(str(path), sorted(arrays), allowed, f"add the array {name!r}")
-            )
+            raise bad_value(str(path), sorted(arrays), allowed, f"add the array {name!r}")
     count = arrays[TIMES].shape[0] if arrays[TIMES].shape else 0
     whole = (count, layout.nodes, layout.dim)
     wanted = {TIMES: (count,), POSITIONS: whole}
@@ -56,15 +118,14 @@ def check_arrays(path: Path, layout: Layout, arrays: Mapping[str, Stored]) -> bo
             words = "(times, nodes, dim)" if len(shape) > 1 else "(times,)"
             allowed = f"the shape {shape}, that is {words} of this problem"
             fix = "reorder the axes, or grade the file with its own spec"
-            raise InputError(complaint(f"{path}, {name}", stored.shape, allowed, fix))
+            raise bad_value(f"{path}, {name}", stored.shape, allowed, fix)
         if stored.dtype.kind not in "fiu":
             allowed, fix = "real numbers", "store float64"
-            raise InputError(complaint(f"{path}, {name}", str(stored.dtype), allowed, fix))
+            raise bad_value(f"{path}, {name}", str(stored.dtype), allowed, fix)
     return VELOCITIES in wanted
 
 
-def blocks_of(layout: Layout, arrays: Mapping[str, Stored], velocities: bool) -> Iterator[Block]:
-    """All samples, in blocks of a few megabytes."""
+def _blocks_of(layout: Layout, arrays: Mapping[str, Stored], velocities: bool) -> Iterator[Block]:
     names = (POSITIONS, VELOCITIES) if velocities else (POSITIONS,)
     columns = layout.columns(velocities)
     count, each = arrays[TIMES].shape[0], 8 * layout.nodes * len(columns)

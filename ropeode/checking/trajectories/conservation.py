@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.checking.energy_drift import at_rest, measure_drift
-from ropeode.checking.report import Finding
-from ropeode.checking.trajectories.layout import Layout, states_of
+from ropeode.checking.report import Finding, exactly
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.written_precision import epsilon
 from ropeode.references.reference import Reference
@@ -23,13 +22,8 @@ _FEWEST = 64
 
 
 def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
-    """Whether pinned nodes stay in place.
-
-    Arguments:
-        reference: of the problem.
-        runs: of the problem.
-    """
-    problem, dim = reference.problem, Layout.of(reference.problem).dim
+    """Whether pinned nodes stay in place."""
+    problem, dim = reference.problem, runs[0].layout.dim
     free = getattr(problem.args, "free", None)
     if free is None or np.all(free):
         return Finding("pins", "skip", "no node is pinned")
@@ -48,21 +42,15 @@ def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
         worst = max(worst, largest)
     if line:
         return Finding("pins", "fail", line, {"moved": worst})
-    exactly = "exactly" if worst == 0.0 else f"to rounding ({worst:.1e})"
-    return Finding("pins", "pass", f"pinned nodes stay in place {exactly}", {"moved": worst})
+    return Finding("pins", "pass", f"pinned nodes stay in place {exactly(worst)}", {"moved": worst})
 
 
 def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
-    """How the energy behaves at the largest and smallest steps, if the problem conserves it.
-
-    Arguments:
-        reference: of the problem.
-        runs: of the problem, from coarse to fine.
-    """
+    """How the energy behaves at the largest and smallest steps, if the problem conserves it."""
     problem = reference.problem
     if problem.energy is None or problem.mechanics is None:
         return Finding("energy", "skip", "the problem has no energy")
-    if runs[0].values.shape[2] == Layout.of(problem).dim:
+    if runs[0].quantities != problem.quantities:
         return Finding("energy", "skip", "the files have no velocities")
     states = reference.states[: reference.trusted]
     energies = problem.energies(states)
@@ -76,7 +64,7 @@ def energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     lines, evidence = [], {}
     with np.errstate(all="ignore"):
         for run in (runs[0], runs[-1]):
-            drift = measure_drift(problem, states_of(problem, run.values))
+            drift = measure_drift(problem, run.states)
             lines.append(f"dt {run.dt:g}: {drift.line}")
             evidence[f"{run.dt:g}"] = {"verdict": drift.verdict, **drift.evidence}
     return Finding("energy", "note", "; ".join(lines), evidence)

@@ -11,8 +11,8 @@ from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, LeftOut, Obs
 from ropeode.checking.convergence import convergence_finding, converging
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.trajectories.initial_states import rounding_of
-from ropeode.checking.trajectories.layout import Layout, states_of
-from ropeode.checking.trajectories.run_files import Run, quantities_of
+from ropeode.checking.trajectories.layout import states_of
+from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.written_precision import digits_of, epsilon, single_precision
 from ropeode.errors import InputError
 from ropeode.references.reference import Reference
@@ -35,30 +35,27 @@ def order_finding(
     round-off of the runs themselves is unknown. Only if the runs seem wrong, the step sizes are
     left out at which the largest possible round-off could be the reason.
 
-    Arguments:
-        reference: of the problem.
-        runs: from coarse to fine.
-        expected: the order that is claimed.
-
     Raises:
         InputError: the runs show neither that the program is right nor that it is wrong; the
             message says what is needed.
     """
-    problem, layout = reference.problem, Layout.of(reference.problem)
-    quantities = quantities_of(problem, runs)
-    pairs = [(run.dt, states_of(problem, run.values)) for run in runs]
 
     def with_rounding(rounding: Callable[[Run], np.ndarray]) -> Convergence:
-        doubles = [states_of(problem, run.values + rounding(run)) for run in runs]
         return converging(
-            reference, pairs, expected=expected, doubles=doubles, quantities=quantities
+            reference,
+            [
+                (run.dt, run.states, states_of(run.problem, run.values + rounding(run)))
+                for run in runs
+            ],
+            expected=expected,
+            quantities=runs[0].quantities,
         )
 
-    as_written = with_rounding(lambda run: rounding_of(run, layout))
+    as_written = with_rounding(rounding_of)
     finding, notes = convergence_finding("order", as_written), ()
     if finding.status == "pass" and all(map(shown, as_written.orders.values())):
         return finding, notes
-    careful = with_rounding(lambda run: worst_rounding(run, reference, layout))
+    careful = with_rounding(lambda run: worst_rounding(run, reference))
     finding = convergence_finding("order", careful)
     if finding.status == "pass" and all(map(shown, careful.orders.values())):
         notes = (
@@ -72,16 +69,16 @@ def order_finding(
     return finding, notes
 
 
-def worst_rounding(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
+def worst_rounding(run: Run, reference: Reference) -> np.ndarray:
     """The largest possible rounding in each column, ``(columns,)``.
 
     That of the written digits, and a part of the round-off of the run: errors many times larger
     than the rounding are left out of an order.
     """
-    return rounding_of(run, layout) + _SHARE * _round_off(run, reference, layout)
+    return rounding_of(run) + _SHARE * _round_off(run, reference)
 
 
-def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
+def _round_off(run: Run, reference: Reference) -> np.ndarray:
     """The largest round-off of a right program in each column, ``(columns,)``.
 
     It is that of the position form of Störmer and Verlet: each step rounds positions, and so
@@ -93,7 +90,7 @@ def _round_off(run: Run, reference: Reference, layout: Layout) -> np.ndarray:
     span = float(problem.ts[-1] - problem.ts[0])
     of_rate = unit * np.sqrt(span / run.dt) / run.dt
     columns = np.full(run.values.shape[2], of_rate)
-    columns[: layout.dim] *= span
+    columns[: run.layout.dim] *= span
     return columns
 
 

@@ -10,8 +10,7 @@ from typing import BinaryIO
 import numpy as np
 
 from ropeode.checking.trajectories.layout import Block, Layout
-from ropeode.errors import InputError
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 _BLOCK = 2**22
 _LONGEST_LINE = 2**12
@@ -44,7 +43,7 @@ class CsvFile:
                 self._read_head(file)
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
-            raise InputError(complaint("file", str(path), allowed, "check the path")) from error
+            raise bad_value("file", str(path), allowed, "check the path") from error
 
     def _read_head(self, file: BinaryIO) -> None:
         number = 0
@@ -57,23 +56,19 @@ class CsvFile:
             if match := _STEP.fullmatch(text):
                 self.dt = match[1]
         if not line:
-            raise InputError(
-                complaint(
-                    f"{self.path}, line {number}",
-                    "nothing",
-                    f"a header, {self._allowed_headers}, and the samples",
-                    "check whether the program wrote its output",
-                )
+            raise bad_value(
+                f"{self.path}, line {number}",
+                "nothing",
+                f"a header, {self._allowed_headers}, and the samples",
+                "check whether the program wrote its output",
             )
         names = ",".join(part.strip() for part in text.split(","))
         if names not in self.layout.headers:
-            raise InputError(
-                complaint(
-                    f"{self.path}, line {number}",
-                    text,
-                    f"the header {self._allowed_headers}",
-                    "write the header above the numbers, and one line for each node",
-                )
+            raise bad_value(
+                f"{self.path}, line {number}",
+                text,
+                f"the header {self._allowed_headers}",
+                "write the header above the numbers, and one line for each node",
             )
         self.columns = tuple(names.split(","))
         self.velocities = names == self.layout.headers[-1] and self.layout.mechanical
@@ -89,8 +84,8 @@ class CsvFile:
         Raises:
             InputError: a line is wrong; the message names the line and the column.
         """
-        line, rest = self._header_lines + 1, b""
-        pending: list[np.ndarray] = []
+        line, rest, nodes = self._header_lines + 1, b"", self.layout.nodes
+        left = np.empty((0, len(self.columns)))
         with self.path.open("rb") as file:
             file.seek(self._begin)
             while piece := file.read(_BLOCK):
@@ -102,28 +97,21 @@ class CsvFile:
                     self._complain(number, "a line that does not end", "lines of numbers")
                 if not text:
                     continue
-                rows = self._rows(text, line)
-                first, line = line - sum(map(len, pending)), line + len(rows)
-                pending.append(rows)
-                if sum(map(len, pending)) >= self.layout.nodes:
-                    rows = np.concatenate(pending) if len(pending) > 1 else rows
-                    whole = len(rows) // self.layout.nodes * self.layout.nodes
-                    pending = [rows[whole:]]
+                rows = np.concatenate([left, self._rows(text, line)])
+                first = line - len(left)
+                line = first + len(rows)
+                whole = len(rows) // nodes * nodes
+                if whole:
                     yield self._block(rows[:whole], first)
-                    self._check_nodes(rows[whole:], first + whole)
+                left = rows[whole:]
+                self._check_nodes(left, first + whole)
         if rest:
             fix = "let the program finish, and end the last line with a newline too"
             self._complain(line, rest.decode(errors="replace"), "a complete line", fix)
-        left = sum(map(len, pending))
-        if left:
-            rows = np.concatenate(pending)
-            self._check_nodes(rows, line - left)
-            self._complain(
-                line - 1,
-                f"node {left - 1} at the end of the file",
-                f"all {self.layout.nodes} nodes at t = {rows[0, 0]:.9g}",
-                "let the program finish",
-            )
+        if len(left):
+            given = f"node {len(left) - 1} at the end of the file"
+            allowed = f"all {nodes} nodes at t = {left[0, 0]:.9g}"
+            self._complain(line - 1, given, allowed, "let the program finish")
 
     def _rows(self, text: bytes, line: int) -> np.ndarray:
         """Whole lines as numbers, ``(lines, columns)``."""
@@ -161,10 +149,10 @@ class CsvFile:
                 _NUMBER.fullmatch(value) and abs(float(value)) == np.inf
             ):
                 fix = "leave out runs that diverged, or use smaller steps"
-                raise InputError(complaint(where, value.strip(), "a finite number", fix))
+                raise bad_value(where, value.strip(), "a finite number", fix)
             if not _NUMBER.fullmatch(value):
                 fix = "write numbers as 1.25 or 1.25e-3"
-                raise InputError(complaint(where, value.strip(), "a number", fix))
+                raise bad_value(where, value.strip(), "a number", fix)
         return [float(value) for value in fields]
 
     def _block(self, rows: np.ndarray, first: int) -> Block:
@@ -200,13 +188,11 @@ class CsvFile:
             fix = f"the problem has nodes 0 to {nodes - 1} only; grade the file with its own spec"
         elif given == 0 and i < nodes:
             fix = f"the problem has {nodes} nodes, the file {i}; grade the file with its own spec"
-        raise InputError(
-            complaint(
-                f"{self.path}, line {first + i}, column 2 (node)",
-                _as_written(given),
-                f"node {node} (t = {time:.9g})",
-                fix,
-            )
+        raise bad_value(
+            f"{self.path}, line {first + i}, column 2 (node)",
+            _as_written(given),
+            f"node {node} (t = {time:.9g})",
+            fix,
         )
 
     def _complain_of_times(self, times: np.ndarray, first: int) -> None:
@@ -215,19 +201,17 @@ class CsvFile:
         usual = float(np.median(times[sample]))
         node = int(np.argmax(times[sample] != usual))
         fix = "write all nodes of one time before those of the next, with the same t"
-        raise InputError(
-            complaint(
-                f"{self.path}, line {first + sample * self.layout.nodes + node}, column 1 (t)",
-                float(times[sample, node]),
-                f"{usual!r}, like the other nodes of this sample",
-                fix,
-            )
+        raise bad_value(
+            f"{self.path}, line {first + sample * self.layout.nodes + node}, column 1 (t)",
+            float(times[sample, node]),
+            f"{usual!r}, like the other nodes of this sample",
+            fix,
         )
 
     def _complain(
         self, line: int, given: str, allowed: str, fix: str = "correct the program"
     ) -> None:
-        raise InputError(complaint(f"{self.path}, line {line}", given, allowed, fix))
+        raise bad_value(f"{self.path}, line {line}", given, allowed, fix)
 
 
 def _as_written(number: float) -> int | float:

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.checking.trajectories.layout import Layout, samples_of
+from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
 from ropeode.validation import complaint
 
 # Units of rounding by which a first sample may be off: programs often compute positions.
@@ -20,12 +19,8 @@ _ROUNDINGS = 4.0
 _ABOUT = 1.5
 
 
-def check_initial_states(runs: Sequence[Run], problem: Problem) -> float:
+def check_initial_states(runs: Sequence[Run]) -> float:
     """Check that the first sample of each run is the initial state.
-
-    Arguments:
-        runs: of the problem.
-        problem: with the right initial state.
 
     Returns:
         The largest error of any number.
@@ -33,56 +28,55 @@ def check_initial_states(runs: Sequence[Run], problem: Problem) -> float:
     Raises:
         InputError: one line for each run that begins with another state.
     """
-    layout, wanted = Layout.of(problem), samples_of(problem, problem.y0[None])[0]
     faults, largest = [], 0.0
     for run in runs:
-        first = run.values[0]
-        error = np.abs(first - wanted[:, : first.shape[1]])
-        off = error > _allowed(run, layout, problem)
+        error = np.abs(run.values[0] - _wanted(run))
         largest = max(largest, float(np.max(error)))
-        if off.any():
-            faults.append(_complaint(run, problem, layout, wanted, off))
+        if np.any(off := error > _allowed(run)):
+            faults.append(_complaint(run, off))
     if faults:
         raise InputError(faults)
     return largest
 
 
-def rounding_of(run: Run, layout: Layout) -> np.ndarray:
+def rounding_of(run: Run) -> np.ndarray:
     """The largest rounding error of the written numbers of each column, ``(columns,)``."""
-    parts = np.split(run.values, range(layout.dim, run.values.shape[2], layout.dim), axis=2)
-    return np.repeat([last_digit(part) for part in parts], layout.dim)
+    dim = run.layout.dim
+    parts = np.split(run.values, range(dim, run.values.shape[2], dim), axis=2)
+    return np.repeat([last_digit(part) for part in parts], dim)
 
 
-def _allowed(run: Run, layout: Layout, problem: Problem) -> np.ndarray:
-    size = np.max(np.abs(run.values[0]), initial=problem.scale)
+def _wanted(run: Run) -> np.ndarray:
+    """The initial state as the first sample of a file, ``(nodes, columns)``."""
+    problem = run.problem
+    return samples_of(problem, problem.y0[None])[0][:, : run.values.shape[2]]
+
+
+def _allowed(run: Run) -> np.ndarray:
+    size = np.max(np.abs(run.values[0]), initial=run.problem.scale)
     rounding = _ROUNDINGS * epsilon(run.values) * size
     # Velocities may be differences of positions.
     columns = np.full(run.values.shape[2], rounding)
-    columns[layout.dim :] = rounding / run.dt
-    return columns + 2.0 * rounding_of(run, layout)
+    columns[run.layout.dim :] = rounding / run.dt
+    return columns + 2.0 * rounding_of(run)
 
 
-def _complaint(
-    run: Run, problem: Problem, layout: Layout, wanted: np.ndarray, off: np.ndarray
-) -> str:
+def _complaint(run: Run, off: np.ndarray) -> str:
     node, column = (int(i[0]) for i in np.nonzero(off))
-    name = layout.columns(run.values.shape[2] > layout.dim)[column]
-    cause, fix = _cause(run, problem, layout, wanted, off)
+    name = run.layout.columns(run.values.shape[2] > run.layout.dim)[column]
+    cause, fix = _cause(run, off)
     return complaint(
         f"{run.path}, initial state, node {node} ({name})",
         float(run.values[0, node, column]),
-        f"{wanted[node, column]:.9g}, the initial state of the problem{cause}",
+        f"{_wanted(run)[node, column]:.9g}, the initial state of the problem{cause}",
         fix,
     )
 
 
-def _cause(
-    run: Run, problem: Problem, layout: Layout, wanted: np.ndarray, off: np.ndarray
-) -> tuple[str, str]:
+def _cause(run: Run, off: np.ndarray) -> tuple[str, str]:
     """A likely cause of a wrong initial state, and how to mend it."""
-    first, dim = run.values[0], layout.dim
-    wanted = wanted[:, : first.shape[1]]
-    allowed = _allowed(run, layout, problem)
+    first, wanted, dim = run.values[0], _wanted(run), run.layout.dim
+    allowed = _allowed(run)
 
     def same(other: np.ndarray) -> bool:
         return bool((np.abs(first - other) <= allowed).all())
@@ -97,7 +91,7 @@ def _cause(
     shift = first[:, :dim] - wanted[:, :dim]
     if not off[:, dim:].any() and np.ptp(shift, axis=0).max() <= 2.0 * allowed[:dim].max():
         return "; the whole state is shifted", "use the coordinates of the spec"
-    if problem.mechanics is not None and _after_a_step(run, problem, layout):
+    if run.layout.mechanical and _after_a_step(run):
         if not off[:, :dim].any():
             fix = "write velocities at the time of the positions, or leave them out"
             return "; the velocities belong to another time, as in leapfrog", fix
@@ -106,13 +100,14 @@ def _cause(
 
 
 @in_float64
-def _after_a_step(run: Run, problem: Problem, layout: Layout) -> bool:
+def _after_a_step(run: Run) -> bool:
     """Whether the first sample is close enough to the initial state to be one step after it."""
+    problem = run.problem
     mechanics = problem.require_mechanics("initial state")
     x0, v0 = problem.y0
     rate = float(np.max(np.abs(mechanics.acceleration(problem.ts[0], x0, v0, problem.args))))
     columns = np.full(run.values.shape[2], _ABOUT * run.dt * rate)
     speed = float(np.max(np.abs(v0), initial=0.0))
-    columns[: layout.dim] = _ABOUT * run.dt * (speed + run.dt * rate)
-    error = np.abs(run.values[0] - samples_of(problem, problem.y0[None])[0][:, : len(columns)])
-    return bool((error <= columns + _allowed(run, layout, problem)).all())
+    columns[: run.layout.dim] = _ABOUT * run.dt * (speed + run.dt * rate)
+    error = np.abs(run.values[0] - _wanted(run))
+    return bool((error <= columns + _allowed(run)).all())

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from ropeode.checking.trajectories.csv_files import CsvFile
-from ropeode.checking.trajectories.layout import Layout
+from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.checking.trajectories.netcdf_files import NetcdfFile
 from ropeode.checking.trajectories.npz_files import NpzFile
 from ropeode.checking.trajectories.sampling import Sampling
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.validation import complaint, positive_number
+from ropeode.validation import bad_value, complaint, positive_number
 
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
@@ -32,16 +34,33 @@ class Run:
     """The samples of one file at the sample times of the problem.
 
     Arguments:
+        problem: that the program should solve.
         path: of the file.
         dt: step size.
         values: ``(times, nodes, columns)``: positions and, if the file has them, velocities.
         interval: between the samples in the file.
     """
 
+    problem: Problem
     path: Path
     dt: float
     values: np.ndarray
     interval: float
+
+    @functools.cached_property
+    def layout(self) -> Layout:
+        """The layout of the problem's samples."""
+        return Layout.of(self.problem)
+
+    @functools.cached_property
+    def states(self) -> np.ndarray:
+        """The states, ``(times, *state)``; velocities that the file lacks are zero."""
+        return states_of(self.problem, self.values)
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The quantities of the problem that the file has: velocities may be missing."""
+        return self.problem.quantities[: self.values.shape[2] // self.layout.dim]
 
     @property
     def label(self) -> str:
@@ -53,11 +72,6 @@ class Run:
         """Whether the interval between samples is not a multiple of dt."""
         steps = self.interval / self.dt
         return abs(steps - np.rint(steps)) > _SAME * steps
-
-
-def quantities_of(problem: Problem, runs: Sequence[Run]) -> tuple[str, ...]:
-    """The quantities of a problem that its runs have: velocities may be missing."""
-    return problem.quantities[: runs[0].values.shape[2] // Layout.of(problem).dim]
 
 
 def names_of(runs: Sequence[Run]) -> str:
@@ -111,7 +125,7 @@ def read_runs(
         without = [str(file.path) for file in opened if not file.velocities]
         allowed = "velocities in all files, or in none"
         fix = "write them to all files"
-        raise InputError(complaint("velocities", f"none in {without}", allowed, fix))
+        raise bad_value("velocities", f"none in {without}", allowed, fix)
     return tuple(sorted(runs, key=lambda run: -run.dt))
 
 
@@ -121,20 +135,21 @@ def open_files(files: Sequence[str | Path], layout: Layout, fewest: int = FEWEST
     Raises:
         InputError: one line for each that cannot be used, or there are too few.
     """
+    if isinstance(files, (str, Path)):
+        raise bad_value("files", str(files), "a list of files", "put it into a list")
     paths = [Path(file) for file in files]
     faults, opened = [], []
     if len(paths) < fewest:
         allowed = f"at least {fewest}, with different step sizes" + (
             ", because fewer show no order" if fewest > 1 else ""
         )
-        raise InputError(complaint("files", len(paths), allowed, "run with more step sizes"))
+        raise bad_value("files", len(paths), allowed, "run with more step sizes")
     for path in paths:
         try:
             if path.suffix.lower() not in FORMATS:
                 allowed = f"a file whose name ends in {', '.join(FORMATS)}"
-                raise InputError(
-                    complaint("file", str(path), allowed, "rename it according to its format")
-                )
+                fix = "rename it according to its format"
+                raise bad_value("file", str(path), allowed, fix)
             opened.append(FORMATS[path.suffix.lower()](path, layout))
         except InputError as error:
             faults += error.problems
@@ -151,38 +166,27 @@ def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None) -> list[float]
     """
     if dts is not None and len(dts) != len(files):
         allowed = f"one for each of the {len(files)} files, in the same order"
-        raise InputError(complaint("dt", len(dts), allowed, "give one for each file"))
+        raise bad_value("dt", len(dts), allowed, "give one for each file")
     faults, steps = [], []
     for i, file in enumerate(files):
         values = [_positive(file, file.dt, faults)] if file.dt is not None else []
         if dts is not None:
             values.append(_positive(file, dts[i], faults))
         if not values:
-            fix = "store a number dt as well"
-            if isinstance(file, CsvFile):
-                fix = "write '# dt = 0.01' above the header"
-            faults.append(
-                complaint(
-                    f"{file.path}, dt",
-                    "none",
-                    "the step size, in the file or as --dt with one for each file",
-                    fix,
-                )
-            )
+            allowed = "the step size, in the file or as --dt with one for each file"
+            in_csv = isinstance(file, CsvFile)
+            fix = "write '# dt = 0.01' above the header" if in_csv else "store a number dt as well"
+            faults.append(complaint(f"{file.path}, dt", "none", allowed, fix))
         elif len(values) == 2 and abs(values[0] - values[1]) > _SAME * abs(values[0]):
             allowed, fix = f"{values[0]:g}, the dt in the file", "leave out one of them"
             faults.append(complaint(f"{file.path}, dt", values[1], allowed, fix))
         steps += values[:1]
     if faults:
         raise InputError(faults)
-    for i, dt in enumerate(steps):
-        for j in range(i):
-            if abs(dt - steps[j]) <= _SAME * dt:
-                allowed = f"a different step size for each file; {files[j].path} has this one too"
-                faults.append(
-                    complaint(f"{files[i].path}, dt", dt, allowed, "leave out one of the files")
-                )
-                break
+    for (one, first), (other, dt) in itertools.combinations(zip(files, steps, strict=True), 2):
+        if abs(dt - first) <= _SAME * dt:
+            allowed = f"a different step size for each file; {one.path} has this one too"
+            faults.append(complaint(f"{other.path}, dt", dt, allowed, "leave out one of the files"))
     if faults:
         raise InputError(faults)
     return steps
@@ -208,5 +212,5 @@ def _read(file: File, dt: float, problem: Problem, report: Callable[[float], Non
     if dt > interval * (1.0 + _SAME):
         allowed = f"at most {interval:g}, the time between two samples of the file"
         fix = "check whether this dt belongs to another file"
-        raise InputError(complaint(f"{file.path}, dt", dt, allowed, fix))
-    return Run(file.path, dt, values, interval)
+        raise bad_value(f"{file.path}, dt", dt, allowed, fix)
+    return Run(problem, file.path, dt, values, interval)

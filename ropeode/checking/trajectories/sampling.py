@@ -8,8 +8,7 @@ import numpy as np
 
 from ropeode.checking.trajectories.layout import Block
 from ropeode.checking.written_precision import epsilon, last_digit
-from ropeode.errors import InputError
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 # Relative rounding errors of times: in float64, added up step by step; and if written with few
 # digits.
@@ -40,7 +39,6 @@ class Sampling:
         self._last: tuple[float, str] | None = None
         self._into_frame = 0
         self.interval: float | None = None
-        self.read = 0
 
     def take(self, block: Block) -> None:
         """Check a block and keep its wanted samples.
@@ -54,20 +52,17 @@ class Sampling:
         self._check_order(block)
         if self._last is None and not self._same(float(block.times[0]), 0):
             first = float(block.times[0])
-            raise InputError(
-                complaint(
-                    self._at(block, 0),
-                    first,
-                    f"the start of the problem, t = {self.wanted[0]:g}, as the first time",
-                    "write the initial state before the first step",
-                )
+            raise bad_value(
+                self._at(block, 0),
+                first,
+                f"the start of the problem, t = {self.wanted[0]:g}, as the first time",
+                "write the initial state before the first step",
             )
         hits, missing = self._pick(block)
         self._check_spacing(block, hits, len(hits) if missing is None else missing)
         if missing is not None:
             self._complain_of_missing(block, missing)
         self._last = float(block.times[-1]), self._at(block, len(block.times) - 1)
-        self.read += len(block.times)
 
     def finish(self) -> np.ndarray:
         """The values at all wanted times, ``(times, nodes, columns)``.
@@ -77,22 +72,17 @@ class Sampling:
         """
         missing = len(self._kept)
         if self._last is None:
-            raise InputError(
-                complaint(
-                    str(self.path), "no samples", "a sample at each sample time", "write them"
-                )
+            raise bad_value(
+                str(self.path), "no samples", "a sample at each sample time", "write them"
             )
         if missing < len(self.wanted):
             last, where = self._last
-            raise InputError(
-                complaint(
-                    where,
-                    f"t = {last:.9g} as the last time",
-                    f"samples up to t = {self.wanted[-1]:g}; the one at t = "
-                    f"{self.wanted[missing]:g} is missing",
-                    "make the remaining steps; if dt does not divide the time, the last one is "
-                    "shorter",
-                )
+            raise bad_value(
+                where,
+                f"t = {last:.9g} as the last time",
+                f"samples up to t = {self.wanted[-1]:g}; the one at t = "
+                f"{self.wanted[missing]:g} is missing",
+                "make the remaining steps; if dt does not divide the time, the last one is shorter",
             )
         return np.stack(self._kept)
 
@@ -110,13 +100,11 @@ class Sampling:
         else:
             node, column = (int(i[0]) for i in np.nonzero(~finite[sample]))
             given = block.values[sample, node, column]
-        raise InputError(
-            complaint(
-                f"{self.path}, {block.where(sample, node, column)}",
-                float(given),
-                "finite numbers",
-                "leave out runs that diverged, or use smaller steps",
-            )
+        raise bad_value(
+            f"{self.path}, {block.where(sample, node, column)}",
+            float(given),
+            "finite numbers",
+            "leave out runs that diverged, or use smaller steps",
         )
 
     def _check_order(self, block: Block) -> None:
@@ -127,13 +115,11 @@ class Sampling:
         if not back.any():
             return
         sample = int(np.argmax(back))
-        raise InputError(
-            complaint(
-                self._at(block, sample),
-                f"t = {block.times[sample]:.9g} after t = {before[sample]:.9g}",
-                "times in increasing order, each once",
-                "sort the samples, write each once, and write t with all digits",
-            )
+        raise bad_value(
+            self._at(block, sample),
+            f"t = {block.times[sample]:.9g} after t = {before[sample]:.9g}",
+            "times in increasing order, each once",
+            "sort the samples, write each once, and write t with all digits",
         )
 
     def _same(self, time: float, index: int) -> bool:
@@ -166,14 +152,12 @@ class Sampling:
     def _complain_of_missing(self, block: Block, sample: int) -> None:
         after = float(block.times[sample])
         before = float(block.times[sample - 1]) if sample else (self._last or (np.nan, ""))[0]
-        raise InputError(
-            complaint(
-                self._at(block, sample),
-                f"t = {after:.9g} after t = {before:.9g}",
-                f"a sample at t = {self.wanted[len(self._kept)]:g}, which is missing",
-                "check the number of steps before each sample; if dt does not divide the time, the "
-                "last one is shorter",
-            )
+        raise bad_value(
+            self._at(block, sample),
+            f"t = {after:.9g} after t = {before:.9g}",
+            f"a sample at t = {self.wanted[len(self._kept)]:g}, which is missing",
+            "check the number of steps before each sample; if dt does not divide the time, the "
+            "last one is shorter",
         )
 
     def _check_spacing(self, block: Block, hits: np.ndarray, count: int) -> None:
@@ -202,14 +186,12 @@ class Sampling:
         if not wrong().any():
             return
         i = int(np.argmax(wrong()))
-        raise InputError(
-            complaint(
-                self._at(block, start + i),
-                f"a time {gaps[i]:.6g} after the previous one",
-                f"equal intervals, here {usual[i]:.6g}; only one that ends at a sample time may "
-                "be shorter",
-                "use one step size, and write every step or every k-th",
-            )
+        raise bad_value(
+            self._at(block, start + i),
+            f"a time {gaps[i]:.6g} after the previous one",
+            f"equal intervals, here {usual[i]:.6g}; only one that ends at a sample time may "
+            "be shorter",
+            "use one step size, and write every step or every k-th",
         )
 
     def _usual_in_frames(self, gaps: np.ndarray, hit: np.ndarray) -> np.ndarray:

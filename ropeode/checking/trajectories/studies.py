@@ -13,9 +13,8 @@ from ropeode.analysis.errors import distances, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.checking.trajectories.convergence import shown, worst_rounding
 from ropeode.checking.trajectories.initial_states import check_initial_states, rounding_of
-from ropeode.checking.trajectories.layout import Layout, samples_of, states_of
-from ropeode.checking.trajectories.run_files import Run, names_of, quantities_of, read_runs
-from ropeode.errors import InputError
+from ropeode.checking.trajectories.layout import samples_of, states_of
+from ropeode.checking.trajectories.run_files import Run, names_of, read_runs
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -38,7 +37,7 @@ from ropeode.study.node_paths import (
     parts_of,
     sampled_finer,
 )
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 # How far from a whole number the samples in a frame may be, by rounding of the times.
 _WHOLE = 0.01
@@ -98,7 +97,7 @@ def trajectory_errors(
     Arguments:
         files: CSV, NPZ or NetCDF, as `ropeode.grade` reads them, one for each step size.
         problem: that the program solves, or a reference of it.
-        dts: step size of each file; None where the files say it.
+        dts: step size of each file; None where the files contain it.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
         progress: called with what is being done and the fraction that is done.
         asked: `accuracy`, `rtol`, `level`, `digits` and `time_limit` of `ropeode.reference`.
@@ -110,9 +109,7 @@ def trajectory_errors(
     runs, measure = _runs(files, problem, dts, norm, progress)
     reference = _reference(problem, progress, asked)
     smallest = float(resolution(reference, measure)[-1])
-    errors = [
-        _largest(states_of(reference.problem, run.values), reference, measure) for run in runs
-    ]
+    errors = [_largest(run.states, reference, measure) for run in runs]
     name = names_of(runs)
     return TrajectoryErrors(
         problem=reference.problem,
@@ -141,12 +138,9 @@ def trajectory_error_curves(
     """
     runs, measure = _runs(files, problem, dts, norm, progress)
     reference = _reference(problem, progress, asked)
-
-    def errors(run: Run) -> np.ndarray:
-        return distances(states_of(reference.problem, run.values), reference, measure)[1:]
-
     times = reference.times[1 : reference.trusted]
-    return errors_of(reference, measure, [_curve(runs, run, times, errors(run)) for run in runs])
+    errors = [distances(run.states, reference, measure)[1:] for run in runs]
+    return errors_of(reference, measure, _curves(runs, times, errors))
 
 
 def trajectory_energy_curves(
@@ -164,11 +158,10 @@ def trajectory_energy_curves(
     own = problem_of(problem)
     check_energy(own)
     runs, _ = _runs(files, problem, dts, None, progress)
-    _check_quantities(runs, own, own.quantities)
+    _check_quantities(runs, own.quantities)
     reference = _reference(problem, progress, asked)
     return energies_of(
-        reference,
-        [_curve(runs, run, own.ts, own.energies(states_of(own, run.values))) for run in runs],
+        reference, _curves(runs, own.ts, [own.energies(each.states) for each in runs])
     )
 
 
@@ -206,12 +199,11 @@ def trajectory_paths(
         paths=tuple(
             NodePath(
                 stepper=run.label,
-                positions=own.positions(states),
-                errors=distances(states, reference, measure),
+                positions=own.positions(run.states),
+                errors=distances(run.states, reference, measure),
                 diverged_at=None,
             )
             for run in runs
-            for states in [states_of(own, run.values)]
         ),
     )
 
@@ -224,22 +216,20 @@ def _runs(
     progress: Progress,
 ) -> tuple[tuple[Run, ...], Norm]:
     """The files, read and checked, and the norm."""
-    if isinstance(files, (str, Path)):
-        raise InputError(complaint("files", str(files), "a list of files", "put it into a list"))
     own = problem_of(problem)
     measure = norm_for(own, norm)
     runs = read_runs(files, own, dts, progress, fewest=1)
-    _check_quantities(runs, own, [measure.quantity])
-    check_initial_states(runs, own)
+    _check_quantities(runs, [measure.quantity])
+    check_initial_states(runs)
     return runs, measure
 
 
-def _check_quantities(runs: Sequence[Run], problem: Problem, needed: Sequence[str]) -> None:
-    if set(needed) - set(quantities_of(problem, runs)):
+def _check_quantities(runs: Sequence[Run], needed: Sequence[str]) -> None:
+    if set(needed) - set(runs[0].quantities):
         given = f"none in {[str(run.path) for run in runs]}"
         allowed = "velocities in all files for what is to be drawn"
         fix = "write them, or choose a plot and a norm of positions"
-        raise InputError(complaint("velocities", given, allowed, fix))
+        raise bad_value("velocities", given, allowed, fix)
 
 
 def _reference(
@@ -260,7 +250,6 @@ def _order(
     As `ropeode grade` has it: the rounding of the written digits counts as round-off; where that
     shows no convergence, so does the worst round-off that a sound program has.
     """
-    layout = Layout.of(reference.problem)
 
     def with_rounding(rounding: Callable[[Run], np.ndarray]) -> ObservedOrder:
         return observed_order(
@@ -271,10 +260,10 @@ def _order(
             motion=float(motion(reference.problem, reference.states, norm)[reference.trusted - 1]),
         )
 
-    as_written = with_rounding(lambda run: rounding_of(run, layout))
+    as_written = with_rounding(rounding_of)
     if as_written.verdict == "converges" and shown(as_written):
         return as_written
-    return with_rounding(lambda run: worst_rounding(run, reference, layout))
+    return with_rounding(lambda run: worst_rounding(run, reference))
 
 
 def _size(rounding: np.ndarray, reference: Reference, norm: Norm) -> float:
@@ -284,23 +273,23 @@ def _size(rounding: np.ndarray, reference: Reference, norm: Norm) -> float:
     return _largest(states_of(problem, values + rounding), reference, norm)
 
 
-def _curve(runs: Sequence[Run], run: Run, times: np.ndarray, values: np.ndarray) -> Curve:
-    one = len(runs) == 1
-    return Curve(
-        stepper=names_of(runs),
-        label=f"dt = {run.dt:g}" if one else run.label,
-        dt=run.dt,
-        times=times[: len(values)],
-        values=values[: len(times)],
-    )
+def _curves(runs: Sequence[Run], times: np.ndarray, values: Sequence[np.ndarray]) -> list[Curve]:
+    return [
+        Curve(
+            stepper=names_of(runs),
+            label=f"dt = {run.dt:g}" if len(runs) == 1 else run.label,
+            dt=run.dt,
+            times=times[: len(each)],
+            values=each[: len(times)],
+        )
+        for run, each in zip(runs, values, strict=True)
+    ]
 
 
 def _parts(problem: Problem, runs: Sequence[Run]) -> int:
     """Into how many parts a frame can be divided so that all files have samples there."""
-    frames = np.diff(problem.ts)
-    counts = [float(frames[0]) / run.interval for run in runs]
+    counts = [float(problem.ts[1] - problem.ts[0]) / run.interval for run in runs]
     whole = [round(count) for count in counts]
-    equal = np.ptp(frames) <= 1e-9 * frames[0]
-    if not equal or np.max(np.abs(np.subtract(counts, whole))) > _WHOLE:
+    if not problem.equal_frames or np.max(np.abs(np.subtract(counts, whole))) > _WHOLE:
         return 1
     return parts_of(problem.frames, int(np.gcd.reduce(whole)))

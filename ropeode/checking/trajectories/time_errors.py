@@ -9,8 +9,7 @@ import numpy as np
 
 from ropeode.analysis.errors import differences
 from ropeode.checking.report import Diagnosis
-from ropeode.checking.trajectories.layout import states_of
-from ropeode.checking.trajectories.run_files import Run, quantities_of
+from ropeode.checking.trajectories.run_files import Run
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
@@ -80,17 +79,11 @@ _DELAYS: tuple[tuple[str, str, Delay], ...] = (
 
 
 def timing_diagnosis(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
-    """A wrong number of steps that explains the errors, if there is one.
-
-    Arguments:
-        reference: of the problem.
-        runs: from coarse to fine.
-    """
+    """A wrong number of steps that explains the errors, if there is one."""
     problem, trusted = reference.problem, slice(0, reference.trusted)
     rates, changes = _derivatives(problem, reference.states[trusted])
     elapsed, frame = problem.ts[trusted] - problem.ts[0], np.arange(reference.trusted)
-    quantities = quantities_of(problem, runs)
-    errors = {run.path: differences(states_of(problem, run.values), reference) for run in runs}
+    errors = {run.path: differences(run.states, reference) for run in runs}
     best: tuple[float, Diagnosis] | None = None
     for cause, words, delay in _DELAYS:
         remainders: list[float] = []
@@ -101,7 +94,7 @@ def timing_diagnosis(reference: Reference, runs: Sequence[Run]) -> Diagnosis | N
             if np.any(late) and len(remainders) < len(_REMAINDERS):
                 late = late.reshape(-1, *[1] * (rates.ndim - 1))
                 explained = late * rates + 0.5 * late**2 * changes
-                remainders.append(_remainder(problem, errors[run.path], explained, quantities))
+                remainders.append(_remainder(problem, errors[run.path], explained, run.quantities))
                 shifted.append(run.dt)
         if len(remainders) == len(_REMAINDERS) and all(
             one <= most for one, most in zip(remainders, _REMAINDERS, strict=True)
