@@ -92,6 +92,7 @@ def commands_of(page):
 
 
 @needs_compiler
+@pytest.mark.usefixtures("command_surroundings")
 def test_the_program_is_right_and_a_wrong_one_is_not(tmp_path, monkeypatch):
     job = TableJob(ROPES["small"])
     write_start(tmp_path / "new", job)
