@@ -12,10 +12,9 @@ import numpy as np
 from scipy.integrate import BDF
 from scipy.linalg import null_space
 
-from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Acceleration, Problem
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 _EPS = float(np.finfo(np.float64).eps)
 # Rounding of a sum of a few forces, in units of (stiffness times position times epsilon).
@@ -67,13 +66,11 @@ def _equilibrium(problem: Problem) -> np.ndarray:
         for t in (problem.ts[0], np.mean(problem.ts), problem.ts[-1])
     )
     if any(not np.array_equal(first, other, equal_nan=True) for other in others):
-        raise InputError(
-            complaint(
-                "problem",
-                problem.name,
-                "one whose acceleration does not depend on time",
-                "leave its driving force out",
-            )
+        raise bad_value(
+            "problem",
+            problem.name,
+            "one whose acceleration does not depend on time",
+            "leave its driving force out",
         )
     at = _Still(problem)
     disturbance = _DISTURBANCE * problem.scale * np.random.default_rng(3).normal(size=len(at.start))
@@ -82,13 +79,11 @@ def _equilibrium(problem: Problem) -> np.ndarray:
         if free is not None and _is_stable(at, free):
             x = at.positions(free)
             return np.stack([x, np.zeros_like(x)])
-    raise InputError(
-        complaint(
-            "problem",
-            problem.name,
-            "one with a stable equilibrium that its initial positions sink to",
-            "start it nearer to the state in which it hangs still",
-        )
+    raise bad_value(
+        "problem",
+        problem.name,
+        "one with a stable equilibrium that its initial positions sink to",
+        "start it nearer to the state in which it hangs still",
     )
 
 
@@ -114,13 +109,11 @@ def frequencies(problem: Problem, y: np.ndarray) -> np.ndarray:
     at = _Still(problem)
     free = np.asarray(y)[0][at.free]
     if not _is_stable(at, free):
-        raise InputError(
-            complaint(
-                "y",
-                y,
-                "a stable equilibrium (this one has a mode that moves away from it)",
-                "take it from hanging_equilibrium(problem)",
-            )
+        raise bad_value(
+            "y",
+            y,
+            "a stable equilibrium (this one has a mode that moves away from it)",
+            "take it from hanging_equilibrium(problem)",
         )
     return np.sqrt(np.maximum(np.sort(at.modes(free)), 0.0))
 
@@ -152,7 +145,7 @@ class _Still:
         self.start = self._x0[self.free]
         if not self.free.any():
             allowed = "one in which something can move"
-            raise InputError(complaint("problem", problem.name, allowed, "leave a node free"))
+            raise bad_value("problem", problem.name, allowed, "leave a node free")
 
     def positions(self, free: np.ndarray) -> np.ndarray:
         x = self._x0.copy()

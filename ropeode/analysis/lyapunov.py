@@ -14,14 +14,13 @@ from jax.flatten_util import ravel_pytree
 from scipy import special
 
 from ropeode.analysis.equilibrium import free_coordinates
-from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.ladder import EXPLICIT, IMPLICIT, step_budget
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solver import Solver
-from ropeode.validation import check_positive, check_whole, complaint
+from ropeode.validation import bad_value, check_positive, check_whole
 
 # Frames are divided until there are so many samples, to have something to average.
 _SAMPLES = 100
@@ -147,13 +146,11 @@ def lyapunov_exponent(
     solution = max(solutions, key=lambda each: len(each.states))
     times = together.ts[: len(solution.states)]
     if len(times) <= len(together.ts) // 10:
-        raise InputError(
-            complaint(
-                "problem",
-                f"{problem.name}, with which {solution.solver} {solution.failure}",
-                "a problem that the solver can follow to the end, with its tangents",
-                "end it earlier",
-            )
+        raise bad_value(
+            "problem",
+            f"{problem.name}, with which {solution.solver} {solution.failure}",
+            "a problem that the solver can follow to the end, with its tangents",
+            "end it earlier",
         )
     log_growth = solution.states[:, -tangents:].T
     value, interval, resolution = _mean_rate(times, log_growth)

@@ -14,7 +14,7 @@ from ropeode.errors import InputError
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
 from ropeode.simulation import Trajectory
-from ropeode.validation import check_positive, complaint
+from ropeode.validation import bad_value, check_positive
 
 Verdict = Literal["diverges", "settles", "settles_without_swinging", "never_settles"]
 
@@ -195,13 +195,11 @@ def _words(measures: RopeMeasures, thresholds: Thresholds) -> Words:
     diverged_at = int(broken[0]) if len(broken) else measures.lost_at
     kept = len(whole) if diverged_at is None else diverged_at
     if kept == 0:
-        raise InputError(
-            complaint(
-                "trajectory",
-                "a first sample that has diverged",
-                "a run that starts finite, with springs not longer than the threshold `stretch`",
-                "start it in another state, or raise stretch",
-            )
+        raise bad_value(
+            "trajectory",
+            "a first sample that has diverged",
+            "a run that starts finite, with springs not longer than the threshold `stretch`",
+            "start it in another state, or raise stretch",
         )
     at_rest = measures.speed[:kept] < thresholds.speed
     settled_at, end = _last_rest(measures.times[:kept], at_rest, thresholds.rest)

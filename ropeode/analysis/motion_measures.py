@@ -9,7 +9,7 @@ import numpy as np
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.simulation import Trajectory, step_size
-from ropeode.validation import complaint
+from ropeode.validation import bad_value, complaint
 
 # A rope whose centre of mass is this close to the vertical, in its lengths, is on no side.
 _UPRIGHT = 1e-6
@@ -71,13 +71,11 @@ def _rope_args(problem: Problem) -> Any:
     problem.require_mechanics("trajectory")
     args = problem.args
     if not all(hasattr(args, name) for name in ("rest_length", "gravity", "free")):
-        raise InputError(
-            complaint(
-                "trajectory",
-                problem.name,
-                "a run of a rope (args with rest_length, gravity and free)",
-                "build the problem with Rope(...).problem(frames)",
-            )
+        raise bad_value(
+            "trajectory",
+            problem.name,
+            "a run of a rope (args with rest_length, gravity and free)",
+            "build the problem with Rope(...).problem(frames)",
         )
     free, gravity = np.asarray(args.free) > 0, np.asarray(args.gravity)
     pins = np.flatnonzero(~free).tolist()

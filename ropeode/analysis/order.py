@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from ropeode.errors import InputError
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 Verdict = Literal["converges", "does not converge", "undetermined"]
 
@@ -108,15 +107,13 @@ def observed_order(
     dt = np.asarray(dts, dtype=np.float64)
     error = np.array([np.nan if e is None else e for e in errors], dtype=np.float64)
     if dt.shape != error.shape or dt.ndim != 1:
-        raise InputError(
-            complaint("errors", len(error), f"one for each of the {len(dt)} step sizes", "add them")
+        raise bad_value(
+            "errors", len(error), f"one for each of the {len(dt)} step sizes", "add them"
         )
     if not np.all(np.isfinite(dt) & (dt > 0)) or len(np.unique(dt)) != len(dt):
-        raise InputError(
-            complaint("dts", dt.tolist(), "different step sizes > 0", "drop repeated ones")
-        )
+        raise bad_value("dts", dt.tolist(), "different step sizes > 0", "drop repeated ones")
     if np.any(error < 0):
-        raise InputError(complaint("errors", error.tolist(), "errors >= 0", "give distances"))
+        raise bad_value("errors", error.tolist(), "errors >= 0", "give distances")
 
     reasons = np.full(len(dt), "", dtype=object)
     with np.errstate(invalid="ignore", over="ignore"):

@@ -11,13 +11,12 @@ from jax.flatten_util import ravel_pytree
 from scipy import linalg
 
 from ropeode.analysis.equilibrium import free_coordinates, hanging_equilibrium
-from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.simulation import step_size
 from ropeode.simulation.method import method_of
 from ropeode.simulation.step_map import StepMap
-from ropeode.validation import check_whole, complaint
+from ropeode.validation import bad_value, check_whole
 
 # No more steps per frame than this are tried.
 MOST_STEPS = 2**24
@@ -198,11 +197,9 @@ class _Linearised:
                 return matrix
             flat = flat.copy()
             flat[free] -= np.linalg.lstsq(matrix - np.eye(len(matrix)), moved, rcond=None)[0]
-        raise InputError(
-            complaint(
-                "stepper",
-                self._name,
-                f"one that stands still near the equilibrium of {self._problem.name!r}",
-                "choose another one, or give the state to linearise at as y",
-            )
+        raise bad_value(
+            "stepper",
+            self._name,
+            f"one that stands still near the equilibrium of {self._problem.name!r}",
+            "choose another one, or give the state to linearise at as y",
         )

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, overload
 import jax
 import numpy as np
 
-from ropeode.errors import InputError, call_user_code
+from ropeode.errors import call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems.ensemble import Ensemble, Numbers
 from ropeode.problems.problem import Problem
@@ -26,7 +26,7 @@ from ropeode.simulation.python_driver import run_in_python
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
 from ropeode.steppers.base import BuiltIn
 from ropeode.threads import cores, threads
-from ropeode.validation import check_whole, complaint
+from ropeode.validation import bad_value, check_whole
 
 # States that one call of a program writes, and that a chunk of an ensemble holds, in bytes.
 _SEGMENT = 2**23
@@ -124,13 +124,11 @@ def _check_memory(ensemble: Ensemble) -> None:
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     # Twice: in chunks, and joined.
     if 2 * needed > there:
-        raise InputError(
-            complaint(
-                "ensemble",
-                f"{len(ensemble)} members, whose states take {needed / 2**30:.1f} GiB",
-                f"half of this machine's memory, {there / 2**31:.1f} GiB",
-                "take them in turn with simulate_chunks, or sample fewer frames",
-            )
+        raise bad_value(
+            "ensemble",
+            f"{len(ensemble)} members, whose states take {needed / 2**30:.1f} GiB",
+            f"half of this machine's memory, {there / 2**31:.1f} GiB",
+            "take them in turn with simulate_chunks, or sample fewer frames",
         )
 
 

@@ -11,12 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from ropeode.errors import InputError
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Mechanics
 from ropeode.steppers.base import Equations, Stepper, System
 from ropeode.steppers.phase import Phase
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 
 class InUnits(NamedTuple):
@@ -128,13 +127,11 @@ def on_stored_states(
 
 
 def _no_acceleration(*_: Any) -> NoReturn:
-    raise InputError(
-        complaint(
-            "stepper",
-            "one that asks for an acceleration",
-            "steppers for any ODE, on a first-order problem",
-            'write needs = "second order" into its class, or use system.rhs',
-        )
+    raise bad_value(
+        "stepper",
+        "one that asks for an acceleration",
+        "steppers for any ODE, on a first-order problem",
+        'write needs = "second order" into its class, or use system.rhs',
     )
 
 

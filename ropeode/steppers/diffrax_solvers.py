@@ -15,7 +15,7 @@ import optimistix
 from ropeode.errors import InputError
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 # The root finder of implicit solvers that were given none with a tolerance: their own takes it
 # from an adaptive controller, which there is none of here, and VeryChord of diffrax 0.7.2 gives
@@ -173,14 +173,12 @@ def _stepper_class(solver: diffrax.AbstractSolver) -> type[DiffraxStepper]:
     if structure == (diffrax.AbstractTerm, diffrax.AbstractTerm):
         return PositionVelocityStepper
     name = type(solver).__name__
-    raise InputError(
-        complaint(
-            "solver of diffrax",
-            name,
-            "solvers of ordinary differential equations; this one wants a noise term, or others "
-            "that a rope has not",
-            "take another, such as diffrax:Heun",
-        )
+    raise bad_value(
+        "solver of diffrax",
+        name,
+        "solvers of ordinary differential equations; this one wants a noise term, or others "
+        "that a rope has not",
+        "take another, such as diffrax:Heun",
     )
 
 

@@ -11,7 +11,7 @@ from ropeode.steppers.constraint import ConstraintVerlet, Rattle
 from ropeode.steppers.euler import ExplicitEuler, SemiImplicitEuler
 from ropeode.steppers.runge_kutta import RungeKutta4
 from ropeode.steppers.verlet import StormerVerlet, VelocityVerlet
-from ropeode.validation import check_whole, complaint, unknown
+from ropeode.validation import bad_value, check_whole, unknown
 
 STEPPERS: dict[str, type[BuiltIn]] = {
     stepper.name: stepper
@@ -74,11 +74,9 @@ def registered(text: str) -> BuiltIn:
         key, _, value = (word.strip() for word in part.partition("="))
         if key not in choices:
             if not choices:
-                raise InputError(
-                    complaint(name, part, "no options", f"write {name} without options")
-                )
+                raise bad_value(name, part, "no options", f"write {name} without options")
             raise InputError(unknown(f"option of {name}", key, choices))
         if key in chosen:
-            raise InputError(complaint(f"{name}:{key}", part, "each option once", "drop one"))
+            raise bad_value(f"{name}:{key}", part, "each option once", "drop one")
         chosen[key] = option_value(cls, key, value)
     return cls(**chosen)

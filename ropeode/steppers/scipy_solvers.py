@@ -12,10 +12,9 @@ import jax
 import numpy as np
 from scipy import integrate
 
-from ropeode.errors import InputError
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
-from ropeode.validation import complaint
+from ropeode.validation import bad_value
 
 # Why a solver cannot be graded.
 REFUSED = {
@@ -135,24 +134,20 @@ def by_object(given: Any) -> ScipyStepper | None:
     """
     if isinstance(given, integrate.OdeSolver):
         name = type(given).__name__
-        raise InputError(
-            complaint(
-                "solver of scipy",
-                f"{name} object",
-                "classes; an object has its problem already",
-                f"give the class, scipy.integrate.{name}",
-            )
+        raise bad_value(
+            "solver of scipy",
+            f"{name} object",
+            "classes; an object has its problem already",
+            f"give the class, scipy.integrate.{name}",
         )
     if not (inspect.isclass(given) and issubclass(given, integrate.OdeSolver)):
         return None
     for refused, why in REFUSED.items():
         if issubclass(given, refused):
-            raise InputError(
-                complaint(
-                    "solver of scipy",
-                    given.__name__,
-                    f"one-step methods of one order; {why}",
-                    "take another, such as scipy:RK45",
-                )
+            raise bad_value(
+                "solver of scipy",
+                given.__name__,
+                f"one-step methods of one order; {why}",
+                "take another, such as scipy:RK45",
             )
     return (RadauStepper if issubclass(given, integrate.Radau) else ScipyStepper)(given)

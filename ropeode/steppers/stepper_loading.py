@@ -19,7 +19,7 @@ from ropeode.steppers.functions import (
     step_function,
 )
 from ropeode.steppers.registry import STEPPERS, registered
-from ropeode.validation import check_whole, complaint, unknown
+from ropeode.validation import bad_value, check_whole, unknown
 
 # Imported when they are asked for: diffrax takes a second.
 LIBRARIES = {
@@ -63,7 +63,7 @@ def as_stepper(
         given, value = ("label", label) if order is None else ("order", order)
         allowed = f"none with {stepper.label!r}, which declares its own"
         fix = "leave it out, or give a step function"
-        raise InputError(complaint(given, value, allowed, fix))
+        raise bad_value(given, value, allowed, fix)
     order = order or stepper.declared_order
     return dataclasses.replace(stepper, name=label or stepper.name, declared_order=order)
 
@@ -102,14 +102,12 @@ def _only_one_in(text: str, path: Path) -> tuple[str, Any]:
     }
     if len(steppers) != 1:
         listed = ", ".join(f"{text}:{name}" for name in steppers)
-        raise InputError(
-            complaint(
-                "stepper",
-                text,
-                "FILE.py:NAME, or a file with one stepper in it"
-                + (f"; this one has {listed}" if steppers else "; this one has none"),
-                "add the name" if steppers else _HOW_TO_WRITE_ONE,
-            )
+        raise bad_value(
+            "stepper",
+            text,
+            "FILE.py:NAME, or a file with one stepper in it"
+            + (f"; this one has {listed}" if steppers else "; this one has none"),
+            "add the name" if steppers else _HOW_TO_WRITE_ONE,
         )
     ((name, value),) = steppers.items()
     return f"{text}:{name}", value
@@ -132,13 +130,11 @@ def _from_object(what: Any, label: str | None = None) -> Stepper:
         if name in sys.modules and (stepper := _library(name).by_object(what)) is not None:
             return stepper
     if not callable(what) or inspect.isclass(what):
-        raise InputError(
-            complaint(
-                "stepper",
-                what,
-                "a step function, a Stepper, or the name of one",
-                f"{_HOW_TO_WRITE_ONE}, or give a name: {', '.join(STEPPERS)}",
-            )
+        raise bad_value(
+            "stepper",
+            what,
+            "a step function, a Stepper, or the name of one",
+            f"{_HOW_TO_WRITE_ONE}, or give a name: {', '.join(STEPPERS)}",
         )
     name = getattr(what, "__name__", type(what).__name__)
     return step_function(what, label or name)

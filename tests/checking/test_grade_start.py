@@ -131,6 +131,7 @@ def test_the_program_is_right_and_a_wrong_one_is_not(tmp_path, monkeypatch):
     assert (tmp_path / "a.md").read_text().startswith("#")
 
 
+@pytest.mark.usefixtures("command_surroundings")
 @pytest.mark.parametrize(
     ("given", "words"),
     [
