@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import signal
@@ -50,6 +51,12 @@ def pytest_configure(config):
     if config.getoption("markexpr") == "not slow":
         compile_quickly()
     share_compiled_programs(config)
+
+
+def pytest_collection_finish():
+    """What is there now stays: the garbage collector need not look through it again and again."""
+    gc.freeze()
+    gc.set_threshold(100_000)
 
 
 def compile_quickly():

@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax
@@ -58,19 +59,27 @@ def is_for_types(node: ast.AST) -> bool:
     )
 
 
-def imports_in(node: ast.AST) -> set[str]:
+def statements_in(node: ast.AST) -> Iterator[ast.stmt]:
+    """Those that run, of functions too."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
+            if isinstance(child, ast.stmt):
+                yield child
+            if not is_for_types(child):
+                yield from statements_in(child)
+
+
+def imports_in(tree: ast.AST) -> set[str]:
     """The modules of ropeode that code imports, inside functions too."""
     modules = set()
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.Import):
-            modules |= {alias.name for alias in child.names}
-        elif isinstance(child, ast.ImportFrom):
-            assert child.level == 0, "a relative import"
-            inner = {f"{child.module}.{alias.name}" for alias in child.names}
-            modules |= (inner & set(TREES)) or {child.module or ""}
-        elif not is_for_types(child):
-            modules |= imports_in(child)
-    return modules & set(TREES)
+    for statement in statements_in(tree):
+        if isinstance(statement, ast.Import):
+            modules |= {alias.name for alias in statement.names}
+        elif isinstance(statement, ast.ImportFrom):
+            assert statement.level == 0, "a relative import"
+            inner = {f"{statement.module}.{alias.name}" for alias in statement.names}
+            modules |= inner & TREES.keys() or {statement.module or ""}
+    return modules & TREES.keys()
 
 
 # What `ropeode check --template` prints imports the package as a user does.
