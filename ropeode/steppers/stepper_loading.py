@@ -80,7 +80,7 @@ def _named(text: str, folder: Path) -> Stepper:
     if text.endswith(".py"):
         text, found = _only_one_in(text, folder / text)
     elif ".py:" in text:
-        found = named_in_file(text, folder, what="step")
+        found = named_in_file(text, folder, what="stepper")
     else:
         raise InputError(unknown("stepper", text, [*STEPPERS, *OTHER_NAMES]))
     return _from_object(found, text)
@@ -92,7 +92,7 @@ def _only_one_in(text: str, path: Path) -> tuple[str, Any]:
     Raises:
         InputError: there is none, or more than one.
     """
-    names = names_in_file(path, "step")
+    names = names_in_file(path, "stepper")
     steppers = {
         name: value
         for name, value in names.items()
