@@ -73,6 +73,19 @@ def test_one_program_for_up_to_eight_samples(longest):
         assert run.compile_seconds == 0.0
 
 
+@pytest.mark.parametrize("jumps", [(), (1.0,), (1.0, 1.1)])
+def test_each_frame_has_its_own_longest_step(jumps):
+    """In a short frame after a long one too, and after a jump between them."""
+    problem = scalar("decay", 1.0, TS, jump_times=jumps)
+    steps = np.array([20, 20, 90, 20, 20])
+    run = diffrax_solver.solve(
+        problem, DOPRI8, 1e-6, 1e-6, max_steps=1000, longest_steps=np.diff(TS) / steps
+    )
+    assert run.failure is None
+    # Steps grow by no more than a factor of ten at a time, at the start and after short ones.
+    assert np.sum(steps) <= run.steps <= np.sum(steps) + 20
+
+
 @pytest.mark.slow
 def test_dense_output_would_be_worse():
     import diffrax

@@ -90,18 +90,18 @@ class _LongestSteps(_Wrapper):
     longest: Any
 
     def init(self, *inputs: Any) -> tuple:
-        """Shorten the first step."""
+        """Shorten the first step, and count the frames from there."""
         t1, inner = self.controller.init(*inputs)
-        return self._shortened(inputs[1], t1), inner
+        return jnp.minimum(t1, inputs[1] + self.longest[0]), (jnp.asarray(0), inner)
 
     def adapt_step_size(self, *inputs: Any) -> tuple:
         """Let the inner controller choose, and shorten the step."""
-        keep, t0, t1, *more = self.controller.adapt_step_size(*inputs)
-        return keep, t0, self._shortened(t0, t1), *more
-
-    def _shortened(self, t0: Any, t1: Any) -> Any:
-        frame = jnp.searchsorted(self.ts, t0, side="right", method="compare_all") - 1
-        return jnp.minimum(t1, t0 + self.longest[jnp.clip(frame, 0, len(self.longest) - 1)])
+        *inputs, (frame, inner) = inputs
+        keep, t0, t1, made_jump, inner, result = self.controller.adapt_step_size(*inputs, inner)
+        # No step passes a sample time. One that ends at a jump there ends just before it.
+        frame = frame + (self.ts[frame + 1] <= jnp.nextafter(t0, jnp.inf))
+        t1 = jnp.minimum(t1, t0 + self.longest[frame])
+        return keep, t0, t1, made_jump, (frame, inner), result
 
 
 def solution_of(family: Family) -> Callable:
