@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
 import tomllib
@@ -157,6 +158,24 @@ def test_public_names_exist_and_type_checkers_see_them():
         assert getattr(ropeode, name).__name__.split(".")[-1] == name
     with pytest.raises(AttributeError, match="nonsense"):
         ropeode.nonsense  # noqa: B018
+
+
+def test_what_stands_beside_the_package_imports_what_exists():
+    root = PACKAGE.parent
+    missing = []
+    for path in (
+        p for each in ("docs", "benchmarks", "reference") for p in (root / each).rglob("*.py")
+    ):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ropeode"):
+                module = importlib.import_module(str(node.module))
+                missing += [
+                    f"{path.relative_to(root)}: {node.module}.{alias.name}"
+                    for alias in node.names
+                    if not hasattr(module, alias.name)
+                    and f"{node.module}.{alias.name}" not in TREES
+                ]
+    assert not missing, "\n".join(missing)
 
 
 def test_version():
