@@ -59,9 +59,10 @@ class Examination:
         self.stepper = self.method.stepper
         self.claims = own_claims(self.stepper) if claims is None else claims
         method = self.claims.method
+        # A class is held to what it declares, too, wherever nothing else is claimed.
+        self._declared = self.stepper if _declares_facts(self.stepper) else None
         # That of the same name is the stepper itself, which may be a user's class.
-        self._declared = self.stepper if method == self.stepper.label else None
-        if method is not None and self._declared is None:
+        if method not in (None, self.stepper.label):
             self._declared = as_stepper(method)
         self._convergences: dict[str, Convergence] = {}
 
@@ -172,9 +173,14 @@ class Examination:
 
 def own_claims(stepper: Stepper) -> Claims:
     """What a stepper declares of itself: a class all its facts, others their order."""
-    if isinstance(stepper, StepFunction) or stepper.label.startswith(_LIBRARIES):
-        return Claims(order=stepper.order(ProblemClass()))
-    return Claims(method=stepper.label)
+    if _declares_facts(stepper):
+        return Claims(method=stepper.label)
+    return Claims(order=stepper.order(ProblemClass()))
+
+
+def _declares_facts(stepper: Stepper) -> bool:
+    """Whether more than an order; only the class of a stepper says whether it is symplectic."""
+    return not isinstance(stepper, StepFunction) and not stepper.label.startswith(_LIBRARIES)
 
 
 def padded_states(problem: Problem, method: Method, steps_per_frame: int) -> np.ndarray:

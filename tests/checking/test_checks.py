@@ -177,6 +177,24 @@ def test_a_stepper_class_in_numpy_must_have_the_properties_that_it_declares():
     assert not wrong.passed
 
 
+class SaysSymplectic(Stepper):
+    """Explicit Euler."""
+
+    symplectic = True
+
+    def step(self, system, t, y, dt):
+        return y + dt * system.rhs(t, y)
+
+    def order(self, problem_class):
+        return 1
+
+
+@pytest.mark.parametrize("order", [None, 1])
+def test_a_class_is_held_to_what_it_declares_beside_what_is_claimed(order):
+    report = check_stepper(SaysSymplectic, order, only=["symplectic"], diagnose=False)
+    assert not report.passed
+
+
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=[] if name == "rk4" else pytest.mark.slow) for name in LIMITS],
