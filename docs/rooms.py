@@ -7,33 +7,78 @@ from __future__ import annotations
 
 import ast
 import graphlib
+from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "ropeode"
 
-# A room and the rooms that it imports.
+# A module or a room, and those that it imports.
 Imports = dict[str, set[str]]
+
+
+def trees() -> dict[str, ast.Module]:
+    """The syntax tree of each module of the package, by its name."""
+    return {_name_of(path): ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+def _name_of(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def module_imports(trees: Mapping[str, ast.Module]) -> Imports:
+    """Of each module, which others it imports, inside functions too."""
+    return {
+        module: _imports_in(tree, trees.keys()) - {module}
+        for module, tree in trees.items()
+        # What `ropeode check --template` prints imports the package as a user does.
+        if not module.startswith("ropeode.steppers.templates.")
+    }
+
+
+def _imports_in(tree: ast.AST, names: Set[str]) -> set[str]:
+    modules = set()
+    for statement in _statements_in(tree):
+        if isinstance(statement, ast.Import):
+            modules |= {alias.name for alias in statement.names}
+        elif isinstance(statement, ast.ImportFrom):
+            assert statement.level == 0, "a relative import"
+            inner = {f"{statement.module}.{alias.name}" for alias in statement.names}
+            modules |= inner & names or {statement.module or ""}
+    return modules & names
+
+
+def _statements_in(node: ast.AST) -> Iterator[ast.stmt]:
+    """Those that run, of functions too."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
+            if isinstance(child, ast.stmt):
+                yield child
+            if not _is_for_types(child):
+                yield from _statements_in(child)
+
+
+def _is_for_types(node: ast.AST) -> bool:
+    """`if TYPE_CHECKING:`, whose imports never run."""
+    return (
+        isinstance(node, ast.If)
+        and isinstance(node.test, ast.Name)
+        and node.test.id == "TYPE_CHECKING"
+    )
+
+
+def room_of(module: str) -> str:
+    """The folder or file of the package that a module is in; `__init__` for the package."""
+    return (*module.split("."), "__init__")[1]
 
 
 def imports() -> Imports:
     """Of each folder and each file of the package, which others it imports anywhere in it."""
     rooms: Imports = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
-        room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-        if room.startswith("__"):
-            continue
-        others = rooms.setdefault(room, set())
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Import):
-                modules = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                modules = [f"{node.module}.{alias.name}" for alias in node.names]
-            else:
-                continue
-            others |= {name.split(".")[1] for name in modules if name.startswith("ropeode.")}
-        others.discard(room)
-    # Public names that users' templates import from the package itself are no rooms.
-    return {room: others & rooms.keys() for room, others in rooms.items()}
+    for module, others in module_imports(trees()).items():
+        rooms.setdefault(room_of(module), set()).update(map(room_of, others))
+    inside = {room for room in rooms if not room.startswith("__")}
+    return {room: (rooms[room] & inside) - {room} for room in inside}
 
 
 def ground_floor(rooms: Imports) -> set[str]:

@@ -7,7 +7,6 @@ import importlib
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import jax
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 
 import ropeode
+from docs.rooms import module_imports, room_of, trees
 
 PACKAGE = Path(ropeode.__file__).parent
 
@@ -39,56 +39,8 @@ ALLOWED["pytest_plugin"] = {"checking", "render"}
 ALLOWED["__main__"] = {"cli"}
 
 
-def name_of(path: Path) -> str:
-    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-TREES = {name_of(path): ast.parse(path.read_text()) for path in PACKAGE.rglob("*.py")}
-
-
-def room_of(module: str) -> str:
-    return (*module.split("."), "__init__")[1]
-
-
-def is_for_types(node: ast.AST) -> bool:
-    """`if TYPE_CHECKING:`, whose imports never run."""
-    return (
-        isinstance(node, ast.If)
-        and isinstance(node.test, ast.Name)
-        and node.test.id == "TYPE_CHECKING"
-    )
-
-
-def statements_in(node: ast.AST) -> Iterator[ast.stmt]:
-    """Those that run, of functions too."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
-            if isinstance(child, ast.stmt):
-                yield child
-            if not is_for_types(child):
-                yield from statements_in(child)
-
-
-def imports_in(tree: ast.AST) -> set[str]:
-    """The modules of ropeode that code imports, inside functions too."""
-    modules = set()
-    for statement in statements_in(tree):
-        if isinstance(statement, ast.Import):
-            modules |= {alias.name for alias in statement.names}
-        elif isinstance(statement, ast.ImportFrom):
-            assert statement.level == 0, "a relative import"
-            inner = {f"{statement.module}.{alias.name}" for alias in statement.names}
-            modules |= inner & TREES.keys() or {statement.module or ""}
-    return modules & TREES.keys()
-
-
-# What `ropeode check --template` prints imports the package as a user does.
-IMPORTS = {
-    module: imports_in(tree) - {module}
-    for module, tree in TREES.items()
-    if not module.startswith("ropeode.steppers.templates.")
-}
+TREES = trees()
+IMPORTS = module_imports(TREES)
 
 
 def circle_through(module: str) -> list[str]:

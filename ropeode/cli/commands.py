@@ -41,9 +41,9 @@ def spec(command: str, out: Path | None) -> None:
 
         put_out(commented_sweep(), out)
     else:
-        from ropeode.study.spec import COMMENTED_SPEC
+        from ropeode.study.spec import commented_table
 
-        put_out(COMMENTED_SPEC, out)
+        put_out(commented_table(), out)
 
 
 @click.command()

@@ -41,16 +41,6 @@ def first_kind(sine: Any, cosine: Any, delta: Any) -> np.longdouble:
     return sine * series / np.sqrt(mean)
 
 
-def quarter_period(complement: Any) -> np.longdouble:
-    """The complete integral of the first kind, K(m).
-
-    Arguments:
-        complement: ``1 - m``, above zero.
-    """
-    means, _ = _means(complement)
-    return 2 * np.arctan(np.longdouble(1)) / means[-1]
-
-
 def amplitude(u: Any, complement: Any) -> np.ndarray:
     """Jacobi's amplitude am(u, m), which grows by pi for each two quarter periods.
 

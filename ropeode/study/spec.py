@@ -32,8 +32,6 @@ from ropeode.study.accuracy_table import (
 )
 from ropeode.validation import Input, Positive, WholePositive, bad_value, complaint, field, unknown
 
-COMMENTED_SPEC = resources.files("ropeode.study").joinpath("commented.toml").read_text("utf-8")
-
 
 def _steppers(value: Any) -> tuple[str, ...] | None:
     if value is None:
@@ -144,6 +142,11 @@ class TableSpec(StudySpec):
         None, allowed="a file with a reference, or a name of the library", example='"rope.nc"'
     )
     dense: bool = field(False, allowed="true or false", example="true")
+
+
+def commented_table() -> str:
+    """A spec file in which comments say what each value means."""
+    return resources.files("ropeode.study").joinpath("commented.toml").read_text("utf-8")
 
 
 def read_spec(path: Path) -> dict[str, Any]:

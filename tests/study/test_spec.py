@@ -10,22 +10,23 @@ from ropeode.errors import InputError, UserCodeError
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.rope import Rope
 from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, default_steppers
-from ropeode.study.spec import COMMENTED_SPEC, TableJob, TableSpec, read_spec
+from ropeode.study.spec import TableJob, TableSpec, commented_table, read_spec
 
 
 def test_the_commented_spec_holds_the_defaults():
-    values = tomllib.loads(COMMENTED_SPEC)
+    text = commented_table()
+    values = tomllib.loads(text)
     assert Rope(**values["rope"]) == Rope()
     assert set(values["rope"]) == set(Rope.model_fields)
     job = TableJob(values)
     labels = [each.label for each in job.spec.steppers]
     assert labels == default_steppers(Rope().problem())
     assert job.spec.kind == TableSpec().kind == values["kind"] == "rope"
-    assert all(kind in COMMENTED_SPEC for kind in ROPES)
+    assert all(kind in text for kind in ROPES)
     assert job.spec.steps_per_frame == DEFAULT_STEPS_PER_FRAME
     assert job.problem.parameters == TableJob({}).problem.parameters
     for name in TableSpec.model_fields:
-        assert f"{name} = " in COMMENTED_SPEC
+        assert f"{name} = " in text
 
 
 def test_all_faults_of_a_file_at_once():
