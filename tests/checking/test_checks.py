@@ -193,6 +193,8 @@ class SaysSymplectic(Stepper):
 def test_a_class_is_held_to_what_it_declares_beside_what_is_claimed(order):
     report = check_stepper(SaysSymplectic, order, only=["symplectic"], diagnose=False)
     assert not report.passed
+    # A property that nobody claims would be a note.
+    assert [finding.check for finding in report.failed] == ["symplectic"]
 
 
 @pytest.mark.parametrize(
