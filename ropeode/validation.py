@@ -138,12 +138,25 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
+def require_float64(value: Any) -> None:
+    """Raises:
+    ValueError: it is a number or an array with fewer digits than float64.
+    """
+    dtype = getattr(value, "dtype", None)
+    if dtype is not None and dtype.kind in "fV" and dtype.itemsize < 8:
+        raise ValueError(
+            f"it is in {dtype}, where 0.1 is not the number that Python has; arrays of JAX are "
+            "float32 outside of its float64 mode"
+        )
+
+
 def finite_number(value: Any) -> float:
     """`value` as a finite float.
 
     Raises:
-        ValueError: it is not a number, or not a finite one.
+        ValueError: it is not a number, not a finite one, or has fewer digits than float64.
     """
+    require_float64(value)
     value = plain(value)
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError(f"{shown(value)} is not a number")
@@ -197,6 +210,7 @@ def finite_numbers(
     Raises:
         ValueError: it is not such a sequence.
     """
+    require_float64(value)
     value = plain(value)
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise ValueError(f"{shown(value)} is not a list of numbers")

@@ -8,6 +8,7 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, node_distances, norm_for
+from ropeode.problems.ensemble import same_problem
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 from ropeode.simulation import Trajectory
@@ -74,10 +75,11 @@ def error_series(
         InputError: the two are of different problems, the run diverged, or the norm does not
             fit.
     """
-    if trajectory.problem is not reference.problem:
+    if not same_problem(trajectory.problem, reference.problem):
         raise InputError(
             "reference: it was computed for another problem than the trajectory; allowed: one "
-            "and the same Problem object. Fix: build the problem once and use it for both."
+            "and the same problem. Fix: build the problem once and use it for both; where its "
+            "right-hand side reads a variable that has changed since, compute both again."
         )
     if trajectory.status != "ok":
         raise InputError(

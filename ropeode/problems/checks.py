@@ -8,9 +8,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from ropeode.errors import InputError, UserCodeError
+from ropeode.errors import InputError, RopeodeError, UserCodeError
 from ropeode.precision import in_float64
-from ropeode.validation import bad_value, finite_numbers
+from ropeode.problems.traced import compiled, traced
+from ropeode.validation import bad_value, finite_numbers, require_float64
 
 
 def run(*each: Callable[[], Any]) -> list[Any]:
@@ -51,6 +52,7 @@ def real_array(name: str, value: Any) -> np.ndarray:
         array = np.asarray(None)
     if array.dtype.kind not in "iuf" or array.size == 0:
         raise bad_value(name, value, allowed, "give numbers, such as [1.0, 0.0]")
+    float64_only(name, array)
     array = np.array(array, dtype=np.float64)
     if not np.all(np.isfinite(array)):
         where = np.argwhere(~np.isfinite(array))[0].tolist()
@@ -109,6 +111,17 @@ def callable_or_none(name: str, value: Any) -> None:
         raise bad_value(name, value, "a function", "give a function or leave it out")
 
 
+def float64_only(name: str, array: np.ndarray) -> None:
+    """Raises:
+    InputError: it is an array of floating-point numbers with fewer digits than float64.
+    """
+    try:
+        require_float64(array)
+    except ValueError as error:
+        fix = "make it in NumPy or Python, as in np.array([0.1])"
+        raise bad_value(name, array, f"numbers in float64 ({error})", fix) from None
+
+
 def numeric_pytree(name: str, value: Any) -> Any:
     """`value` with its leaves as float64 (or integer, or boolean) arrays.
 
@@ -116,40 +129,41 @@ def numeric_pytree(name: str, value: Any) -> Any:
         InputError: a leaf is not numeric.
     """
 
-    def leaf(entry: Any) -> np.ndarray:
+    def leaf(path: Any, entry: Any) -> np.ndarray:
         array = np.asarray(entry)
+        float64_only(name + jax.tree_util.keystr(path), array)
         if array.dtype.kind == "f":
             return array.astype(np.float64)
         if array.dtype.kind in "iub":
-            return array
+            return array.copy()
         raise bad_value(name, entry, "numbers and arrays of numbers", "bind the rest into the rhs")
 
-    return jax.tree.map(leaf, value)
+    return jax.tree_util.tree_map_with_path(leaf, value)
 
 
 @in_float64
-def right_hand_side(rhs: Any, t: np.float64, y: np.ndarray, args: Any) -> None:
-    """Try a right-hand side on the initial state.
+def right_hand_side(rhs: Any, t: np.float64, y: np.ndarray, args: Any) -> Callable:
+    """Trace a right-hand side, and try it on the initial state.
 
     Raises:
         InputError: it is not a function, or its result has the wrong shape or dtype or is
             not finite.
         UserCodeError: it raised.
     """
-    _try("rhs", "rhs(t, y, args)", rhs, y, (t, y, args))
+    return _tried("rhs", "rhs(t, y, args)", rhs, y, (t, y, args))
 
 
 @in_float64
-def acceleration(function: Any, t: np.float64, x: np.ndarray, v: np.ndarray, args: Any) -> None:
-    """Try an acceleration on the initial state; raises as `right_hand_side` does.
+def acceleration(function: Any, t: np.float64, x: np.ndarray, v: np.ndarray, args: Any) -> Callable:
+    """Trace an acceleration, and try it on the initial state; raises as `right_hand_side` does.
 
     `Problem.second_order` calls the same compiled function with other velocities.
     """
-    _try("acceleration", "acceleration(t, x, v, args)", function, x, (t, x, v, args))
+    return _tried("acceleration", "acceleration(t, x, v, args)", function, x, (t, x, v, args))
 
 
-def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tuple) -> None:
-    result = _shape(name, signature, function, inputs)
+def _tried(name: str, signature: str, function: Any, like: np.ndarray, inputs: tuple) -> Callable:
+    function, result = _traced(name, signature, function, inputs)
     if getattr(result, "shape", None) != like.shape:
         what = getattr(result, "shape", type(result).__name__)
         raise bad_value(
@@ -165,7 +179,7 @@ def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tup
             "float64",
             "remove casts and 32-bit constants; compute with the dtype of the arguments",
         )
-    value = np.asarray(jax.jit(function)(*inputs))
+    value = np.asarray(compiled(function)(*inputs))
     if not np.all(np.isfinite(value)):
         raise bad_value(
             f"{name} result",
@@ -173,17 +187,21 @@ def _try(name: str, signature: str, function: Any, like: np.ndarray, inputs: tup
             "finite numbers at the initial state",
             "start where the right-hand side is defined",
         )
+    return function
 
 
 @in_float64
-def constraints(function: Any, t: np.float64, y: np.ndarray, args: Any, quantities: Any) -> None:
-    """Try constraints on the initial state.
+def constraints(
+    function: Any, t: np.float64, y: np.ndarray, args: Any, quantities: Any
+) -> Callable:
+    """Trace constraints at the initial state.
 
     Raises:
         InputError: they are not a function, or do not return residuals by quantity.
         UserCodeError: the function raised.
     """
-    residuals = _shape("constraints", "constraints(t, y, args)", function, (t, y, args))
+    signature = "constraints(t, y, args)"
+    function, residuals = _traced("constraints", signature, function, (t, y, args))
     if not isinstance(residuals, Mapping) or not set(residuals) <= set(quantities):
         raise bad_value(
             "constraints result",
@@ -191,18 +209,30 @@ def constraints(function: Any, t: np.float64, y: np.ndarray, args: Any, quantiti
             f"a dict with keys among {', '.join(quantities)}",
             "name each residual by the quantity that has its units",
         )
+    return function
 
 
 @in_float64
-def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> None:
-    """Try links on the initial positions.
+def damping(function: Any, args: Any) -> Callable:
+    """Trace the damping of an acceleration.
+
+    Raises:
+        InputError: it is not a function.
+        UserCodeError: the function raised.
+    """
+    return _traced("damping", "damping(args)", function, (args,))[0]
+
+
+@in_float64
+def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> Callable:
+    """Trace links, and try them on the initial positions.
 
     Raises:
         InputError: they are not a function, the positions are not ``(dim, nodes)``, or there
             is not one length for each pair of neighbours.
         UserCodeError: the function raised.
     """
-    result = _shape("links", "links(args)", function, (args,))
+    function, result = _traced("links", "links(args)", function, (args,))
     if x.ndim != 2 or node_axis != 1:
         raise bad_value(
             "links",
@@ -217,14 +247,18 @@ def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> None:
             f"Links with {x.shape[1] - 1} lengths",
             "give one length for each pair of neighbours",
         )
+    return function
 
 
-def _shape(name: str, signature: str, function: Any, inputs: tuple) -> Any:
-    """The result of a function in JAX, with shapes and dtypes in place of arrays."""
+def _traced(name: str, signature: str, function: Any, inputs: tuple) -> tuple[Callable, Any]:
+    """A function in JAX, and its result with shapes and dtypes in place of arrays."""
     if not callable(function):
         raise bad_value(name, function, f"a function {signature}", "write one in JAX")
     try:
-        return jax.eval_shape(function, *inputs)
+        function = traced(name, function, inputs)
+        return function, jax.eval_shape(function, *inputs)
+    except RopeodeError:
+        raise
     except Exception as error:
         raise UserCodeError(
             f"{name}: raised {type(error).__name__} when it was tried on the initial state; "

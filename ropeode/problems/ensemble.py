@@ -145,6 +145,20 @@ class Ensemble(Sequence[Problem]):
         """The numbers of the members from `start` up to, and without, `stop`."""
         return self._numbers(start, stop)
 
+    def up_to_date(self) -> Ensemble:
+        """The ensemble with the user's functions as they are now; see `Problem.up_to_date`."""
+        first = self.first.up_to_date()
+        if first is self.first:
+            return self
+        now = first.functions
+        return Ensemble(
+            first,
+            self._size,
+            self._numbers,
+            lambda index: self._member(index).changed(**now),
+            [each.changed(**now) for each in self.built_apart],
+        )
+
     def __len__(self) -> int:
         return self._size
 
@@ -162,6 +176,14 @@ class Ensemble(Sequence[Problem]):
 
     def __iter__(self) -> Iterator[Problem]:
         return map(self._member, range(self._size))
+
+
+def same_problem(problem: Problem, other: Problem) -> bool:
+    """Whether two problems have the same functions and numbers."""
+    if problem is other:
+        return True
+    numbers = [jax.tree.leaves((each.y0, each.args)) for each in (problem, other)]
+    return family(problem) == family(other) and all(map(np.array_equal, *numbers))
 
 
 def family(problem: Problem) -> tuple[Hashable, ...]:
@@ -189,6 +211,7 @@ def _check_arrays(varied: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> 
     lengths = {len(new) if new.ndim else 0 for pairs in varied.values() for new, _ in pairs}
     for name, pairs in varied.items():
         for new, old in pairs:
+            checks.float64_only(name, new)
             shape = np.shape(old)
             if new.ndim != len(shape) + 1 or new.shape[1:] != shape or new.dtype.kind not in "iufb":
                 needed = ", ".join(("members", *map(str, shape)))

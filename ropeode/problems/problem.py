@@ -16,6 +16,7 @@ from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems import checks
 from ropeode.problems.links import LinearDamping, Links
+from ropeode.problems.traced import again, compiled, traced
 from ropeode.validation import bad_value
 
 Rhs = Callable[[Any, Any, Any], Any]
@@ -65,7 +66,9 @@ class Problem:
     """An initial value problem ``y' = rhs(t, y, args)``, ``y(ts[0]) = y0``.
 
     Arguments:
-        rhs: ``rhs(t, y, args)`` in JAX; returns the derivative in the shape of ``y``.
+        rhs: ``rhs(t, y, args)`` in JAX; returns the derivative in the shape of ``y``. It is traced
+            when the problem is built, and again when the problem is solved: each solution is that
+            of the equation which the function then computes.
         y0: the initial state, any shape; real numbers, kept as float64.
         ts: the sample times, increasing; ``ts[0]`` is the start. One interval between
             two of them is a frame.
@@ -109,11 +112,15 @@ class Problem:
         if isinstance(self.rhs, FirstOrderForm) and self.y0.shape[:1] == (2,):
             # Nothing else can fail in it, and this is compiled already.
             x0, v0 = self.y0
-            checks.acceleration(self.rhs.acceleration, start, x0, v0, self.args)
+            own = checks.acceleration(self.rhs.acceleration, start, x0, v0, self.args)
+            self._set("rhs", FirstOrderForm(own))
         else:
-            checks.right_hand_side(self.rhs, start, self.y0, self.args)
+            self._set("rhs", checks.right_hand_side(self.rhs, start, self.y0, self.args))
         if self.constraints is not None:
-            checks.constraints(self.constraints, start, self.y0, self.args, self.quantities)
+            residuals = checks.constraints(
+                self.constraints, start, self.y0, self.args, self.quantities
+            )
+            self._set("constraints", residuals)
 
     def _set(self, name: str, value: Any) -> None:
         if isinstance(value, np.ndarray):
@@ -133,6 +140,27 @@ class Problem:
         for name, value in fields.items():
             other._set(name, value)
         return other
+
+    @property
+    def functions(self) -> dict[str, Any]:
+        """The fields that hold the functions which say how the state moves."""
+        return {"rhs": self.rhs, "mechanics": self.mechanics, "constraints": self.constraints}
+
+    @in_float64
+    def up_to_date(self) -> Problem:
+        """The problem with the user's functions as they are now.
+
+        What a function reads besides its arguments may have changed since it was traced.
+
+        Returns:
+            The problem itself, if its functions still compute the same.
+
+        Raises:
+            UserCodeError: one of them raised.
+        """
+        now = {name: _again(function) for name, function in self.functions.items()}
+        same = all(now[name] is function for name, function in self.functions.items())
+        return self if same else self.changed(**now)
 
     @classmethod
     def second_order(
@@ -187,9 +215,11 @@ class Problem:
             raise bad_value("x0", x0.shape, "a number, (nodes,) or (nodes, dim)", "reshape it")
         ts = checks.sample_times(ts)
         args = checks.numeric_pytree("args", args)
-        checks.acceleration(acceleration, ts[0], x0, v0, args)
+        acceleration = checks.acceleration(acceleration, ts[0], x0, v0, args)
         if links is not None:
-            checks.links(links, x0, node_axis, args)
+            links = checks.links(links, x0, node_axis, args)
+        if damping is not None:
+            damping = checks.damping(damping, args)
         still, moving = _trials(acceleration, ts, x0, v0, args)
         if damping is None:
             if all(np.array_equal(still, a, equal_nan=True) for _, a in moving):
@@ -297,7 +327,9 @@ class Problem:
         """
         if self.energy is None:
             raise bad_value("energy", None, "a function energy(t, y, args)", "pass energy=...")
-        every = _for_each_state(self.energy)
+        # The function as it is now: what it reads besides its arguments may have changed.
+        energy = traced("energy", self.energy, (self.ts[0], self.y0, self.args))
+        every = _for_each_state(energy)
         return np.asarray(every(self.ts[: len(states)], states, self.args))
 
     @property
@@ -325,6 +357,16 @@ class Problem:
         """The size of the initial state's largest component; 1 where all are zero."""
         largest = float(np.max(np.abs(self.y0), initial=0.0))
         return largest if largest > 0 else 1.0
+
+
+def _again(functions: Any) -> Any:
+    """Functions as they are now; the same object if none has changed."""
+    if not isinstance(functions, (FirstOrderForm, Mechanics)):
+        return again(functions)
+    fields = {each.name: getattr(functions, each.name) for each in dataclasses.fields(functions)}
+    now = {name: again(value) for name, value in fields.items()}
+    same = all(now[name] is value for name, value in fields.items())
+    return functions if same else dataclasses.replace(functions, **now)
 
 
 @functools.lru_cache(maxsize=64)
@@ -361,10 +403,9 @@ def _trials(
     acceleration: Acceleration, ts: np.ndarray, x0: np.ndarray, v0: np.ndarray, args: Any
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
     """The acceleration at rest, and a few velocities with the acceleration at each of them."""
-    compiled = jax.jit(acceleration)
 
     def at(v: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(ts[0], x0, v, args))
+        return np.asarray(compiled(acceleration)(ts[0], x0, v, args))
 
     # Not symmetric in any way, and of the problem's size.
     draw = np.random.default_rng(20).normal(size=(3, *v0.shape))

@@ -174,6 +174,7 @@ def reference_for(
 def _each(
     ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
 ) -> Iterator[Outcome]:
+    ensemble = ensemble.up_to_date()
     if options.level == "consensus" and not options.dense:
         return side_by_side(ensemble, options, workers, progress)
     solve = functools.partial(_reference, options=options, progress=progress)
@@ -181,6 +182,7 @@ def _each(
 
 
 def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) -> Reference:
+    problem = problem.up_to_date()
     if options.level == "extended":
         # Not above: heyoka is an extra.
         from ropeode.references.extended.reference import extended_reference

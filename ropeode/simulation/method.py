@@ -11,8 +11,8 @@ import jax
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.problems.traced_digest import digest
 from ropeode.simulation.system import on_stored_states
-from ropeode.simulation.traced_digest import digest
 from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper

@@ -70,7 +70,7 @@ def simulate(
     if isinstance(given, Ensemble):
         _check_memory(given)
         return _joined(list(simulate_chunks(given, stepper, steps_per_frame, progress=progress)))
-    steps = _check_steps(steps_per_frame)
+    steps, given = _check_steps(steps_per_frame), given.up_to_date()
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))
     job = _Job(Ensemble.of([given]), method, steps, Layout(1, None), 1)
@@ -98,7 +98,8 @@ def simulate_chunks(
     Raises:
         InputError: as for `simulate`.
     """
-    first, steps = ensemble.first, _check_steps(steps_per_frame)
+    steps, ensemble = _check_steps(steps_per_frame), ensemble.up_to_date()
+    first = ensemble.first
     method = method_of(stepper, first)
     for each in ensemble.built_apart:
         method.stepper.require(each)

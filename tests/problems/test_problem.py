@@ -62,7 +62,10 @@ def test_the_callers_arrays_are_not_taken():
         ({"rhs": 3}, "rhs: 3 given; allowed: a function rhs"),
         ({"rhs": lambda t, y, args: y[:1]}, r"rhs result: \(1,\) given; .* \(2,\)"),
         ({"rhs": lambda t, y, args: (y, y)}, "rhs result: 'tuple' given"),
-        ({"rhs": lambda t, y, args: y.astype(jnp.float32)}, "rhs result: 'float32' given"),
+        (
+            {"rhs": lambda t, y, args: y.astype(jnp.float32)},
+            "rhs: 'convert_element_type' in float32 in line",
+        ),
         ({"rhs": lambda t, y, args: jnp.log(-y)}, "rhs result: .* finite numbers at the initial"),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",

@@ -30,7 +30,8 @@ EQUATIONS = {
     "root": lambda t, y, rate: rate * jnp.sqrt(jnp.abs(y)),
     "sign": lambda t, y, number: -jnp.sign(y),
     "root of what is left": lambda t, y, number: jnp.sqrt(1.0 - t) + 0.0 * y,
-    "float32": lambda t, y, rate: -rate * y.astype(jnp.float32).astype(jnp.float64),
+    # The state rounded to the 24 bits of a float32, by Veltkamp's splitting.
+    "24 bits": lambda t, y, rate: -rate * ((2.0**29 + 1) * y - ((2.0**29 + 1) * y - y)),
     "pulse": _pulse,
     "saw": _saw,
     "turns": lambda t, y, at: jnp.where(t <= at, y, -y),

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem, Rhs
+from ropeode.problems.problem import Problem
+from ropeode.problems.traced import compiled
 from ropeode.references.certificate import Certificate, Witness, padded
 from ropeode.references.dense.polynomials import Dense
 from ropeode.references.reference import Reference
@@ -218,14 +217,9 @@ def probed(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     states = problem.y0 * (1.0 + 0.1 * draw) + 0.01 * problem.scale * draw
     # Not at the start, where terms that depend on time may well vanish.
     times = problem.ts[0] + (problem.ts[-1] - problem.ts[0]) * np.array([0.237, 0.519, 0.841])
-    rhs = _compiled(problem.rhs)
+    rhs = compiled(problem.rhs)
     rates = [np.asarray(rhs(t, y, problem.args)) for t, y in zip(times, states, strict=True)]
     return states.reshape(PROBES, -1), np.stack(rates).reshape(PROBES, -1)
-
-
-@functools.lru_cache(maxsize=16)
-def _compiled(rhs: Rhs) -> Rhs:
-    return jax.jit(rhs)
 
 
 def _name(series: str, quantity: str) -> str:

@@ -270,7 +270,6 @@ def test_what_constants_make_is_not_rounded_to_float64():
         ("while", lambda t, y, a: jax.lax.while_loop(lambda z: z[0] < 1, lambda z: z * 2, y)),
         ("cond", lambda t, y, a: jax.lax.cond(y[0] > 0, jnp.sin, jnp.cos, y)),
         ("lu", lambda t, y, a: jnp.linalg.solve(jnp.diag(y), y)),
-        ("convert_element_type", lambda t, y, a: y.astype(jnp.float32).astype(float)),
     ],
 )
 def test_other_primitives_are_named(name, rhs):

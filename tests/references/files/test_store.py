@@ -25,9 +25,9 @@ from ropeode.errors import InputError
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.problems.traced import compiled
 from ropeode.references.certificate import Certificate, Witness
 from ropeode.references.compute import reference
-from ropeode.references.files import encoding
 from ropeode.references.files.checksum import append_checksum
 from ropeode.references.files.encoding import arrays_of, texts_of
 from ropeode.references.files.netcdf import content_hash, write
@@ -362,7 +362,7 @@ def test_a_full_disk_leaves_the_old_file(saved, tmp_path, room):
 
 
 def test_loading_compiles_the_right_hand_side_once(saved, caplog):
-    encoding._compiled.cache_clear()
+    compiled.cache_clear()
     load_reference(saved)
     caplog.clear()
     with jax.log_compiles():

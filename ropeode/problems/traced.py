@@ -1,0 +1,242 @@
+"""A user's function as JAX sees it now, so that nothing compiled from it can be out of date."""
+
+from __future__ import annotations
+
+import functools
+import types
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
+
+from ropeode.errors import call_user_code
+from ropeode.problems.traced_digest import digest
+from ropeode.validation import bad_value
+
+# A function with a derivative of its own for reverse mode; it has none for forward mode.
+_OWN_REVERSE = "custom_vjp_call"
+_TOO_COARSE = ("float32", "float16", "bfloat16", "complex64")
+# A float32 has 24 bits. A number with so few as this may well be what was meant.
+_PLAIN_BITS = 16
+
+
+class Traced:
+    """A function in JAX: the operations that it consists of, and the numbers in them.
+
+    It never changes: what the function reads besides its arguments (a closure, a global variable,
+    an attribute) is read once, when it is traced. Two are equal if they compute the same. So
+    compiled programs are kept by it, and cannot be out of date.
+
+    Arguments:
+        name: of the function, for messages.
+        function: in JAX.
+        inputs: for which it is traced; only their shapes and dtypes count.
+
+    Raises:
+        InputError: it computes in float32.
+        Exception: whatever the function raises.
+    """
+
+    def __init__(self, name: str, function: Callable, inputs: tuple):
+        self.name, self.function = name, function
+        # Under which JAX reports what it compiles.
+        self.__name__ = getattr(function, "__name__", name)
+        self.inputs = jax.tree.map(
+            lambda leaf: jax.ShapeDtypeStruct(np.shape(leaf), np.result_type(leaf)), inputs
+        )
+
+        # A new function at each call: JAX finds the traces of functions again.
+        def called(*inputs: Any) -> Any:
+            return function(*inputs)
+
+        traced, self.result = jax.make_jaxpr(called, return_shape=True)(*self.inputs)
+        # The user's own arrays may be written to later.
+        constants = [np.array(c) if isinstance(c, np.ndarray) else c for c in traced.consts]
+        self.jaxpr = _for_forward_mode(ClosedJaxpr(traced.jaxpr, constants))
+        _require_float64(name, self.jaxpr)
+        self._operations = jaxpr_as_fun(self.jaxpr)
+        self._digest = digest(self.jaxpr)
+        if any(each.primitive.name == "custom_jvp_call" for each in equations(self.jaxpr)):
+            # What such a function says of its derivative is no part of its operations.
+            self._digest += digest(jax.make_jaxpr(self._slope)(*jax.tree.leaves(self.inputs)))
+
+    def __call__(self, *inputs: Any) -> Any:
+        """What the function returns; the function itself answers where other shapes are asked."""
+        if not self.fits(inputs) or not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+            return self.function(*inputs)
+        leaves = map(_as, jax.tree.leaves(inputs), jax.tree.leaves(self.inputs))
+        return jax.tree.unflatten(jax.tree.structure(self.result), self._operations(*leaves))
+
+    def fits(self, inputs: tuple) -> bool:
+        """Whether inputs have the structure and the shapes for which it was traced."""
+        own, tree = jax.tree.flatten(self.inputs)
+        leaves, others = jax.tree.flatten(inputs)
+        return tree == others and all(
+            np.shape(leaf) == one.shape for leaf, one in zip(leaves, own, strict=True)
+        )
+
+    def again(self) -> Traced:
+        """The function as it is now; the same object where it still computes the same."""
+        now = call_user_code(self.name, Traced, self.name, self.function, self.inputs)
+        return self if now == self else now
+
+    def _slope(self, *leaves: Any) -> Any:
+        """The derivative along all floating-point inputs."""
+        moving = [np.issubdtype(leaf.dtype, np.floating) for leaf in leaves]
+        numbers = [leaf for leaf, moves in zip(leaves, moving, strict=True) if moves]
+
+        def of_numbers(*numbers: Any) -> Any:
+            own = iter(numbers)
+            both = zip(leaves, moving, strict=True)
+            return self._operations(*(next(own) if moves else leaf for leaf, moves in both))
+
+        return jax.jvp(of_numbers, numbers, numbers)[1]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Traced) and self._digest == other._digest
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+    def __repr__(self) -> str:
+        return repr(self.function)
+
+
+def traced(name: str, function: Callable, inputs: tuple) -> Callable:
+    """A user's function traced, unless it is already; one of the library's own as it is.
+
+    Arguments:
+        name, function, inputs: as for `Traced`.
+    """
+    if _never_changes(function) or (isinstance(function, Traced) and function.fits(inputs)):
+        return function
+    return Traced(name, getattr(function, "function", function), inputs)
+
+
+@functools.lru_cache(maxsize=64)
+def compiled(function: Callable) -> Callable:
+    """A function compiled by JAX, once for all that are equal."""
+    return jax.jit(function)
+
+
+def again(function: Any) -> Any:
+    """A user's function as it is now; what is not traced is returned as it is."""
+    return function.again() if isinstance(function, Traced) else function
+
+
+def _never_changes(function: Callable) -> bool:
+    """Whether it is a function or an object of the library, with nothing of the user's in it."""
+    if isinstance(function, types.FunctionType):
+        return function.__module__.startswith("ropeode.") and function.__closure__ is None
+    return type(function).__module__.startswith("ropeode.") and not isinstance(function, Traced)
+
+
+def _as(leaf: Any, like: jax.ShapeDtypeStruct) -> Any:
+    # Not None for want of a dtype: NumPy takes that for float64.
+    same = getattr(leaf, "dtype", "none") == like.dtype
+    return leaf if same else jnp.asarray(leaf, like.dtype)
+
+
+def equations(traced: ClosedJaxpr | Jaxpr) -> Iterator[JaxprEqn]:
+    """All equations of a jaxpr, and of the jaxprs in them."""
+    for equation in traced.eqns:
+        yield equation
+        for value in equation.params.values():
+            for each in value if isinstance(value, (tuple, list)) else (value,):
+                if isinstance(each, (ClosedJaxpr, Jaxpr)):
+                    yield from equations(each)
+
+
+def _for_forward_mode(traced: ClosedJaxpr) -> ClosedJaxpr:
+    """The same function, without derivatives of its own that work in reverse mode only."""
+    if not any(equation.primitive.name == _OWN_REVERSE for equation in equations(traced)):
+        return traced
+    return jax.make_jaxpr(functools.partial(_entered, traced))(*traced.in_avals)
+
+
+def _entered(traced: ClosedJaxpr, *inputs: Any) -> list[Any]:
+    values: dict[Any, Any] = dict(zip(traced.jaxpr.constvars, traced.consts, strict=True))
+    values.update(zip(traced.jaxpr.invars, inputs, strict=True))
+
+    def read(variable: Any) -> Any:
+        return variable.val if isinstance(variable, Literal) else values[variable]
+
+    for equation in traced.eqns:
+        given, params = map(read, equation.invars), equation.params
+        if equation.primitive.name == _OWN_REVERSE:
+            results = _entered(params["call_jaxpr"], *given)
+        else:
+            inner = {name: _inside(value) for name, value in params.items()}
+            primitive = equation.primitive
+            results = primitive.bind(*given, **primitive.get_bind_params(inner))
+            results = results if primitive.multiple_results else [results]
+        values.update(zip(equation.outvars, results, strict=True))
+    return [read(variable) for variable in traced.jaxpr.outvars]
+
+
+def _inside(value: Any) -> Any:
+    if isinstance(value, (tuple, list)):
+        return type(value)(map(_inside, value))
+    return _for_forward_mode(value) if isinstance(value, ClosedJaxpr) else value
+
+
+def _require_float64(name: str, traced: ClosedJaxpr) -> None:
+    """Raises:
+    InputError: a number in it has fewer digits than float64.
+    """
+    for variable, constant in zip(traced.jaxpr.constvars, traced.consts, strict=True):
+        if str(variable.aval.dtype) in _TOO_COARSE:
+            raise _too_coarse(name, f"the constant {np.asarray(constant)!r}")
+    for equation in equations(traced):
+        for variable in (*equation.invars, *equation.outvars):
+            dtype = str(getattr(variable.aval, "dtype", ""))
+            if dtype in _TOO_COARSE:
+                what = f"{equation.primitive.name!r} in {dtype}"
+                raise _too_coarse(name, what + _place(equation))
+            if isinstance(variable, Literal) and dtype == "float64" and was_float32(variable.val):
+                value = float(variable.val)
+                what = f"the constant {np.float32(value)!s} in float32, which is {value!r},"
+                raise _too_coarse(name, what + _place(equation))
+
+
+def was_float32(value: Any) -> bool:
+    """Whether a float64 is a float32 that had too few digits for what was meant, such as 0.1.
+
+    JAX widens single numbers without a trace. Such a number has no more bits than a float32, and
+    more digits: 0.10000000149011612.
+    """
+    value = float(value)
+    with np.errstate(all="ignore"):
+        if not np.isfinite(value) or float(np.float32(value)) != value:
+            return False
+    bits = (np.frexp(value)[0] * 2.0**_PLAIN_BITS) % 1.0 != 0.0
+    return bool(bits) and float(str(np.float32(value))) != value
+
+
+def _too_coarse(name: str, what: str) -> Exception:
+    return bad_value(
+        name,
+        _Words(what),
+        "numbers in float64",
+        "write the number in Python or NumPy (np.array([0.1])), drop the cast, and make arrays of "
+        "JAX inside the function; outside of float64 mode they are float32",
+    )
+
+
+class _Words(str):
+    """A text that a message shows as it is."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def _place(equation: JaxprEqn) -> str:
+    """Where the user's code has an operation."""
+    frames = getattr(equation.source_info.traceback, "frames", [])
+    for frame in frames:
+        if "site-packages" not in frame.file_name and "ropeode" not in frame.file_name:
+            return f" in line {frame.line_num} of {frame.file_name}"
+    return ""
