@@ -138,16 +138,19 @@ def plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def require_float64(value: Any) -> None:
+def require_all_digits(value: Any) -> None:
     """Raises:
-    ValueError: it is a number or an array with fewer digits than float64.
+    ValueError: it holds a number in less than float64 that would be another one in float64.
     """
     dtype = getattr(value, "dtype", None)
-    if dtype is not None and dtype.kind in "fV" and dtype.itemsize < 8:
-        raise ValueError(
-            f"it is in {dtype}, where 0.1 is not the number that Python has; arrays of JAX are "
-            "float32 outside of its float64 mode"
-        )
+    if dtype is None or dtype.kind not in "fV" or dtype.itemsize >= 8:
+        return
+    for each in value.ravel():
+        if float(str(each)) != float(each):
+            raise ValueError(
+                f"it is in {dtype}, where {each!s} is {float(each)!r}; arrays of JAX are float32 "
+                "outside of its float64 mode"
+            )
 
 
 def finite_number(value: Any) -> float:
@@ -156,7 +159,7 @@ def finite_number(value: Any) -> float:
     Raises:
         ValueError: it is not a number, not a finite one, or has fewer digits than float64.
     """
-    require_float64(value)
+    require_all_digits(value)
     value = plain(value)
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError(f"{shown(value)} is not a number")
@@ -210,7 +213,7 @@ def finite_numbers(
     Raises:
         ValueError: it is not such a sequence.
     """
-    require_float64(value)
+    require_all_digits(value)
     value = plain(value)
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise ValueError(f"{shown(value)} is not a list of numbers")

@@ -16,7 +16,7 @@ from ropeode.validation import (
     finite_number,
     finite_numbers,
     plain,
-    require_float64,
+    require_all_digits,
     whole_number,
 )
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 def _one_or_many(value: Any) -> float | tuple[float, ...]:
-    require_float64(value)
+    require_all_digits(value)
     value = plain(value)
     return finite_numbers(value) if isinstance(value, (list, tuple)) else finite_number(value)
 
 
 def _velocity(value: Any) -> Any:
-    require_float64(value)
+    require_all_digits(value)
     value = plain(value)
     if value and isinstance(value, (list, tuple)) and isinstance(plain(value[0]), (list, tuple)):
         return tuple(finite_numbers(row) for row in value)
