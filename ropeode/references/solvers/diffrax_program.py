@@ -21,6 +21,10 @@ from ropeode.references.solvers.family import Family
 from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, Solver
 
 _ROOT_RTOL = 1e-9
+# In units in the last place of t: the least length of the first step, and of what the controller
+# asks for later. It asks for ten times a step that a sample time has cut to one unit. Rounding
+# leaves a step of five units as it is when nine tenths of it are tried.
+_FIRST_STEP, _SHORTEST_STEP = 10.0, 8.0
 
 
 def _kvaerno5(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
@@ -80,10 +84,13 @@ class _StepLimit(_Wrapper):
         return *choice, (count, inner), result
 
 
-class _LongestSteps(_Wrapper):
-    """A controller that takes no step longer than the frame in which it starts allows.
+class _Frames(_Wrapper):
+    """A controller whose steps end on the sample times, and are no longer than their frame allows.
 
-    `PIDController(dtmax=...)` knows one length for all frames.
+    `ClipStepSizeController(step_ts=...)` compares each step with all sample times, which takes
+    much longer than the step itself where they are thousands. `PIDController(dtmax=...)` knows
+    one length for all frames, and `dtmin` one for all times: here a run ends where the inner
+    controller asks for a step that hardly changes `t` in floating-point numbers.
     """
 
     ts: Any
@@ -91,17 +98,30 @@ class _LongestSteps(_Wrapper):
 
     def init(self, *inputs: Any) -> tuple:
         """Shorten the first step, and count the frames from there."""
+        t0 = inputs[1]
         t1, inner = self.controller.init(*inputs)
-        return jnp.minimum(t1, inputs[1] + self.longest[0]), (jnp.asarray(0), inner)
+        t1 = jnp.maximum(t1, t0 + _FIRST_STEP * _spacing(t0))
+        return self._shortened(t0, t1, 0), (jnp.asarray(0), inner)
 
     def adapt_step_size(self, *inputs: Any) -> tuple:
         """Let the inner controller choose, and shorten the step."""
         *inputs, (frame, inner) = inputs
         keep, t0, t1, made_jump, inner, result = self.controller.adapt_step_size(*inputs, inner)
+        # Also where it is NaN.
+        too_short = ~(t1 - t0 >= _SHORTEST_STEP * _spacing(t0)) & diffrax.is_okay(result)
+        result = diffrax.RESULTS.where(too_short, diffrax.RESULTS.dt_min_reached, result)
         # No step passes a sample time. One that ends at a jump there ends just before it.
         frame = frame + (self.ts[frame + 1] <= jnp.nextafter(t0, jnp.inf))
-        t1 = jnp.minimum(t1, t0 + self.longest[frame])
-        return keep, t0, t1, made_jump, (frame, inner), result
+        return keep, t0, self._shortened(t0, t1, frame), made_jump, (frame, inner), result
+
+    def _shortened(self, t0: Any, t1: Any, frame: Any) -> Any:
+        longest = jnp.maximum(t0 + self.longest[frame], jnp.nextafter(t0, jnp.inf))
+        return jnp.minimum(jnp.minimum(t1, longest), self.ts[frame + 1])
+
+
+def _spacing(t: Any) -> Any:
+    """The distance of a time from the next floating-point number."""
+    return jnp.nextafter(t, jnp.inf) - t
 
 
 def solution_of(family: Family) -> Callable:
@@ -116,17 +136,15 @@ def solution_of(family: Family) -> Callable:
     Returns:
         A function of the initial state, the problem's numbers, the sample times, the jump
         times, the tolerances, the most steps, and the longest steps. It returns a number for
-        `failure`, the steps, and the states at the sample times, flat.
+        `failure`, the steps, the states at the sample times, flat, and the time reached.
     """
 
     def run(
         y0: Any, leaves: Any, ts: Any, jump_ts: Any, rtol: Any, atol: Any, limit: Any, longest: Any
     ) -> Any:
-        controller = diffrax.ClipStepSizeController(
-            _LongestSteps(diffrax.PIDController(rtol=rtol, atol=atol), ts, longest),
-            step_ts=ts,
-            jump_ts=jump_ts if family.jumps else None,
-        )
+        controller = _Frames(diffrax.PIDController(rtol=rtol, atol=atol), ts, longest)
+        if family.jumps:
+            controller = diffrax.ClipStepSizeController(controller, jump_ts=jump_ts)
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(family.field),
             SOLVERS[family.solver](rtol, atol),
@@ -135,14 +153,20 @@ def solution_of(family: Family) -> Callable:
             None,
             y0,
             leaves,
-            saveat=diffrax.SaveAt(ts=ts),
+            saveat=diffrax.SaveAt(
+                subs=(
+                    diffrax.SubSaveAt(ts=ts),
+                    diffrax.SubSaveAt(t1=True, fn=lambda t, y, leaves: t),
+                )
+            ),
             stepsize_controller=_StepLimit(controller, limit),
             max_steps=None,
             adjoint=diffrax.ForwardMode(),
             throw=False,
         )
         (result,) = jax.tree.leaves(solution.result)
-        return result, solution.stats["num_steps"], solution.ys
+        states, (reached,) = solution.ys
+        return result, solution.stats["num_steps"], states, reached
 
     return run
 
@@ -157,6 +181,8 @@ def failure(result: Any, max_steps: int) -> str:
     reason = jax.tree.unflatten(jax.tree.structure(diffrax.RESULTS.successful), [result])
     if reason == diffrax.RESULTS.max_steps_reached:
         return f"{max_steps} steps did not suffice"
+    if reason == diffrax.RESULTS.dt_min_reached:
+        return "the step size has become too small"
     if diffrax.is_successful(reason):
         return "the state is not finite"
     return str(diffrax.RESULTS[reason]).strip().split(". ")[0]

@@ -49,7 +49,7 @@ def solve(
     program, fresh = compiled(Family.of(problem, solver, samples + spare))
     compile_seconds = time.perf_counter() - started
     started = time.perf_counter()
-    result, steps, saved = jax.block_until_ready(
+    result, steps, saved, reached = jax.block_until_ready(
         program(
             start.reshape(-1),
             jax.tree.leaves(problem.args),
@@ -71,7 +71,7 @@ def solve(
         from ropeode.references.solvers import diffrax_program
 
         reason = diffrax_program.failure(result, max_steps)
-        failure = f"stopped after t = {problem.ts[max(len(states) - 1, 0)]:g}: {reason}"
+        failure = f"stopped after t = {float(reached):g}: {reason}"
     return Solution(
         solver=solver,
         rtol=rtol,
@@ -81,4 +81,5 @@ def solve(
         seconds=seconds,
         compile_seconds=compile_seconds if fresh else 0.0,
         failure=failure,
+        reached=float(reached),
     )

@@ -92,6 +92,7 @@ def solve(
         seconds=time.perf_counter() - started,
         compile_seconds=compile_seconds,
         failure=failure,
+        reached=float(run.t) if run else float(last),
     )
 
 

@@ -23,6 +23,7 @@ class Solution:
         seconds: to run.
         compile_seconds: to compile; 0 if the program was compiled before.
         failure: why it did not reach the last sample time; None if it did.
+        reached: the time that it came to.
     """
 
     solver: Solver
@@ -33,6 +34,7 @@ class Solution:
     seconds: float
     compile_seconds: float = 0.0
     failure: str | None = None
+    reached: float = np.inf
 
     def without_states(self) -> Solution:
         """The run without the memory that its states take."""
