@@ -1,5 +1,15 @@
+from . import analysis as analysis
+from . import case_studies as case_studies
+from . import checking as checking
+from . import errors as errors
 from . import norms as norms
+from . import problems as problems
+from . import references as references
+from . import render as render
+from . import simulation as simulation
 from . import steppers as steppers
+from . import study as study
+from . import sweep as sweep
 from .analysis.equilibrium import hanging_equilibrium as hanging_equilibrium
 from .analysis.errors import ErrorSeries as ErrorSeries
 from .analysis.errors import error_series as error_series

@@ -106,8 +106,11 @@ def read_text(name: str, path: str | Path) -> str:
     """
     try:
         return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is not UTF-8 text"
+    except UnicodeDecodeError as error:
+        allowed, fix = "a text file that can be read (it is not UTF-8 text)", "check the path"
+        raise bad_value(name, str(path), allowed, fix) from error
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
         raise bad_value(
             name, str(path), f"a text file that can be read ({why})", "check the path"
         ) from error
@@ -121,6 +124,6 @@ def read_bytes(name: str, path: str | Path) -> bytes:
     """
     try:
         return Path(path).read_bytes()
-    except OSError as error:
-        allowed = f"a file that can be read ({error.strerror})"
+    except (OSError, ValueError) as error:
+        allowed = f"a file that can be read ({getattr(error, 'strerror', None) or error})"
         raise bad_value(name, str(path), allowed, "check the path") from error

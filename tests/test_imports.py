@@ -145,6 +145,16 @@ def test_stepper_classes_are_there_after_importing_the_package():
     assert run_python(code) == "stormer-verlet:start=rest\nTrue\n"
 
 
+def test_rooms_are_attributes_of_the_package():
+    """In a process that has imported nothing else of ropeode; a command has no use in Python."""
+    rooms = {each.parent.name for each in PACKAGE.glob("*/__init__.py")} - {"cli", "terminal"}
+    code = (
+        "import ropeode\n"
+        f"print(*(getattr(ropeode, name).__name__ for name in {sorted({*rooms, 'errors'})}))"
+    )
+    assert run_python(code).split() == [f"ropeode.{name}" for name in sorted({*rooms, "errors"})]
+
+
 def test_float64_is_not_switched_on_for_the_caller(small_rope):
     """By no import, since this process has imported all that is tested, and by no function."""
     run = ropeode.simulate(small_rope, "rk4", 8)

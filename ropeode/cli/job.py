@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,7 @@ def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
 
     values: dict[str, Any] = read_spec(spec) if spec else {}
     given, rope = given_values(options)
-    if "reference" in given and Path(given["reference"]).exists():
+    if "reference" in given and os.path.exists(given["reference"]):
         # Relative to the current folder, not to that of the spec.
         given["reference"] = str(Path(given["reference"]).resolve())
     values |= given

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
@@ -170,7 +171,8 @@ def kind_apart(values: Mapping[str, Any]) -> dict[str, Any]:
         InputError: the spec names another kind as well.
     """
     rest = dict(values)
-    if rest.get("problem") in ROPES:
+    name = rest.get("problem")
+    if isinstance(name, str) and name in ROPES:
         kind = rest.pop("problem")
         if kind != "rope" and rest.setdefault("kind", kind) != kind:
             allowed = f"no other kind with problem {kind!r}"
@@ -243,7 +245,7 @@ class TableJob:
 
         assert self.spec.reference is not None
         beside = (self.folder or Path()) / self.spec.reference
-        facts = stored_facts(beside if beside.exists() else find(self.spec.reference))
+        facts = stored_facts(beside if os.path.exists(beside) else find(self.spec.reference))
         if not (self._rope_given or named & {"problem", "kind", "frames"}):
             return reference_from(facts)
         frames = self.spec.frames

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime
+import itertools
 import tomllib
 
 import pytest
@@ -51,6 +53,7 @@ def test_all_faults_of_a_file_at_once():
         ({"problem": "kepler", "rope": {"damping": 0.1}}, "rope: .* leave out one"),
         ({"problem": "keplre"}, "did you mean 'kepler'"),
         ({"problem": 3}, "problem: 3 given"),
+        ({"problem": {"kind": "rope"}}, "problem: {'kind': 'rope'} given; .* problem = \"rope\""),
         ({"kind": "chain"}, "kind: 'chain' given, which does not exist; allowed: rope, inext"),
         ({"kind": "inextensible"}, "did you mean 'inextensible-rope'"),
         ({"kind": 3}, "kind: 3 given"),
@@ -76,6 +79,30 @@ def test_all_faults_of_a_file_at_once():
 def test_bad_values(values, words):
     with pytest.raises(InputError, match=words):
         TableJob(values)
+
+
+# What TOML can hold, and a few texts that no file can be named.
+OF_ALL_TYPES = (
+    *({}, {"kind": "rope"}, [], [{}], [[1]], [[[1.0]]], ["a"], [{"a": 1}]),
+    *(0, -1, 3, 10**400, 1.5, float("nan"), float("inf"), True),
+    *("", "x", "nan", "a\0.py:x", "x" * 5000, datetime.date(2026, 1, 1), datetime.time(1, 2)),
+)
+
+
+@pytest.mark.parametrize("beside", [{}, {"problem": "kepler"}, {"kind": "inextensible-rope"}])
+def test_values_of_all_types_in_all_fields(beside):
+    """Each is taken, or refused by name; no other exception."""
+    fields = [(name, None) for name in (*TableSpec.model_fields, "rope", "")]
+    for (name, within), value in itertools.product(
+        fields + [("rope", each) for each in Rope.model_fields], OF_ALL_TYPES
+    ):
+        spec = {**beside, name: value if within is None else {within: value}}
+        faults: tuple[str, ...] = ()
+        try:
+            TableJob(spec)
+        except InputError as error:
+            faults = error.problems
+        assert all("Fix: " in line for line in faults), spec
 
 
 def test_library_problems_by_name():

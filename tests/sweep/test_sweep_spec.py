@@ -224,6 +224,8 @@ BAD = {
     "grid": "grid = 3",
     "digits": "digits = 3",
     "problem": 'problem = "missing.py:foo"',
+    "problem: {'kind': 'rope'}": '[problem]\nkind = "rope"',
+    "steps_per_frame: [[1]]": "[random]\ncount = 1\nsteps_per_frame = { choice = [[1], [1]] }",
 }
 
 

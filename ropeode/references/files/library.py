@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -70,7 +71,8 @@ def find(name: str | Path) -> Path:
         InputError: there is neither, or the checksum of the library's file is not the manifest's.
     """
     path = Path(name)
-    if path.exists() or path.suffix == ".nc":
+    # Not `path.exists()`, which raises where a name is too long.
+    if os.path.exists(path) or path.suffix == ".nc":
         return path
     return _stored_file("reference", str(name), "FILE.nc")
 

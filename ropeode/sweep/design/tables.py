@@ -137,7 +137,9 @@ class Tables:
             if not (steps.choice or steps.integers) or steps.for_each is not None:
                 fix = "for example steps_per_frame = { integers = [16, 64] }"
                 raise bad_value("random.steps_per_frame", steps.as_written, "whole numbers", fix)
-            checked = check_steps(list(dict.fromkeys(steps.extremes)))
+            extremes = list(steps.extremes)
+            different = [n for at, n in enumerate(extremes) if n not in extremes[:at]]
+            checked = check_steps(different)
             if steps.choice:
                 self.drawn["steps_per_frame"] = Distribution(choice=tuple(checked))
 
