@@ -46,6 +46,7 @@ def hanging_equilibrium(problem: Problem) -> np.ndarray:
         InputError: the problem is not mechanical, depends on time, or has no stable
             equilibrium that can be reached so.
     """
+    problem = problem.up_to_date()
     problem.require_mechanics("problem")
     key = (
         problem.mechanics,
@@ -137,6 +138,7 @@ class _Still:
     """The problem at zero velocity, as a function of the free coordinates alone."""
 
     def __init__(self, problem: Problem):
+        problem = problem.up_to_date()
         mechanics = problem.require_mechanics("problem")
         self._of, self._derivative = _compiled(mechanics.acceleration, problem.constraints)
         self._problem = problem

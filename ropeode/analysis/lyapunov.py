@@ -120,6 +120,7 @@ def lyapunov_exponent(
     Raises:
         InputError: an argument cannot be used, or the solver stops in the first tenth.
     """
+    problem = problem.up_to_date()
     tangents = check_whole("tangents", tangents, at_least=1, example="3")
     rtol = check_positive("rtol", rtol, example="1e-10")
     directions = _directions(problem, tangents)

@@ -139,6 +139,7 @@ class _Linearised:
     """A stepper about an equilibrium of a problem, at any number of steps per frame."""
 
     def __init__(self, problem: Problem, stepper: Any, y: np.ndarray | None):
+        problem = problem.up_to_date()
         problem.require_mechanics("problem")
         method = method_of(stepper, problem)
         self._problem = problem

@@ -211,7 +211,7 @@ def horizon(
             be translated, or heyoka is missing.
         ReferenceRefused: there is no reference, or no truth, or the two contradict each other.
     """
-    spans = check_spans(problem, spans)
+    problem, spans = problem.up_to_date(), check_spans(problem, spans)
     heyoka()
     reference = reference_for(
         problem, ReferenceOptions(accuracy=accuracy, rtol=rtol), lambda text, _: progress(text, 0.0)

@@ -9,7 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
 from ropeode.analysis.errors import error_series
+from ropeode.analysis.stability import stability_limit
 from ropeode.errors import InputError
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
@@ -125,6 +127,20 @@ def test_other_functions_are_read_anew():
         np.testing.assert_allclose(run.positions[:, 0, 0], exact, atol=1e-3)
         energies = run.problem.energies(run.states)
         np.testing.assert_allclose(energies, stiffness / 2, rtol=1e-3)
+
+
+def test_what_is_measured_of_a_problem_is_read_anew():
+    numbers = {"stiffness": 2.0}
+    problem = Problem.second_order(
+        lambda t, x, v, args: 1.0 - numbers["stiffness"] * x, [1.0], [0.0], TS
+    )
+    for stiffness in (2.0, 8.0):
+        numbers["stiffness"] = stiffness
+        rest = hanging_equilibrium(problem)
+        assert rest[0, 0] == pytest.approx(1 / stiffness)
+        assert frequencies(problem, rest) == pytest.approx(np.sqrt(stiffness))
+        limit = stability_limit(problem, "semi-implicit-euler")
+        assert limit == np.ceil(1.5 * np.sqrt(stiffness) / 2)
 
 
 def test_equal_functions_are_equal():
