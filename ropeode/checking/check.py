@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import time
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -11,7 +12,7 @@ from ropeode.checking.check_context import Examination, own_claims, references_a
 from ropeode.checking.check_ropes import convergence_problems, undamped
 from ropeode.checking.checks import CHECKS, SLOW
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding
-from ropeode.checking.time_limit import kept_output, within
+from ropeode.checking.time_limit import OutOfTime, kept_output, within
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.progress import Progress, silent
@@ -22,6 +23,8 @@ from ropeode.steppers.templates import template
 from ropeode.validation import bad_value, check_positive, check_whole, unknown
 
 TIME_LIMIT = 60.0
+# The wall time of a diagnosis with all that it computes, over the time limit of the step.
+_DIAGNOSIS = 10.0
 # The checks whose failure a diagnosis may explain.
 EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {"node-order", "float32"}
 
@@ -56,7 +59,8 @@ def check_stepper(
         skip: names of checks that are not made.
         quick: leave out the checks in `SLOW`, and the diagnosis.
         diagnose: look for the cause of what fails.
-        time_limit: in seconds, for each check.
+        time_limit: the processor time that the step may use in each check and in the diagnosis,
+            in seconds; of wall time, as for waiting, it may use ten times as much.
         progress: called with what is being done and the fraction that is done.
 
     Returns:
@@ -79,7 +83,8 @@ def check_stepper(
         claims = claims if claims != Claims() else own_claims(stepper)
         needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
         references_ahead(needed)
-        trial = within(limit, lambda: trial_of(stepper, convergence_problems()["driven"]))
+        driven = convergence_problems()["driven"]
+        trial = within(limit, "a trial of a few steps", lambda: trial_of(stepper, driven))
         findings: list[Finding] = []
         diagnosis: tuple[Diagnosis, ...] = ()
         if not trial.repeatable:
@@ -92,11 +97,12 @@ def check_stepper(
                 progress(name, done / len(names))
                 # Enters float64 again, which is a thread's own.
                 check = in_float64(CHECKS[name])
-                findings.append(within(limit, lambda check=check: check(examination)))
+                work = functools.partial(check, examination)
+                findings.append(within(limit, f"the check {name!r}", work))
             failed = {finding.check for finding in findings if finding.status == "fail"}
             if diagnose and not quick and failed & EXPLAINED:
                 progress("diagnosis", 1.0)
-                diagnosis = within(limit, lambda: _diagnosed(examination))
+                diagnosis = _diagnosed(examination, limit)
     progress("done", 1.0)
     return CheckReport(
         label=stepper.label,
@@ -128,11 +134,19 @@ def _notes(trial: Trial, printed: str) -> Iterator[str]:
         )
 
 
-def _diagnosed(examination: Examination) -> tuple[Diagnosis, ...]:
+def _diagnosed(examination: Examination, limit: float) -> tuple[Diagnosis, ...]:
+    """The diagnosis. What has been found before stands, whatever becomes of it."""
     # Not above: it imports diffrax, and most steppers need none of it.
     from ropeode.checking.diagnosis.stepper import diagnose_stepper
 
-    return diagnose_stepper(examination)
+    work = functools.partial(diagnose_stepper, examination)
+    try:
+        return within(limit, "the diagnosis", work, _DIAGNOSIS * limit)
+    except OutOfTime as error:
+        why = f"it did not finish {error.why}; raise the time limit (--time-limit)"
+    except UserCodeError as error:
+        why = str(error)
+    return (Diagnosis("unfinished", f"no cause is known, for the diagnosis was cut off: {why}"),)
 
 
 def checked_claims(claims: Claims) -> Claims:

@@ -6,7 +6,6 @@ import contextlib
 import functools
 import threading
 from collections.abc import Iterable
-from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from ropeode.checking.check_ropes import (
 )
 from ropeode.checking.convergence import RunAndDouble, converging, ladder
 from ropeode.checking.report import Claims, Convergence
-from ropeode.errors import RopeodeError
+from ropeode.errors import ReferenceRefused, RopeodeError
 from ropeode.problems.problem import Problem
 from ropeode.references.compute import reference
 from ropeode.references.reference import Reference
@@ -36,9 +35,7 @@ from ropeode.threads import cores
 # Of the size of the rope, what rounding alone makes of a few steps.
 _ROUNDING = 1e-10
 _LIBRARIES = tuple(f"{library}:" for library in LIBRARIES)
-_REFERENCES: dict[tuple, Future[Reference]] = {}
 _MOST_KEPT = 256
-_LOCK = threading.Lock()
 
 
 class Examination:
@@ -190,27 +187,41 @@ def padded_states(problem: Problem, method: Method, steps_per_frame: int) -> np.
     return np.pad(states, [(0, missing)] + 3 * [(0, 0)], constant_values=np.nan)
 
 
+class _Slot:
+    """Where a reference is kept, or why there is none; of several threads one computes it."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.kept: Reference | ReferenceRefused | None = None
+
+
+@functools.lru_cache(maxsize=_MOST_KEPT)
+def _slot(name: str, *numbers: bytes) -> _Slot:
+    """The slot of a check rope; those used last are kept."""
+    del name, numbers
+    return _Slot()
+
+
 def reference_of(problem: Problem) -> Reference:
     """The certified reference of a check rope; computed once in a process.
 
-    Of several threads that ask for the same reference, one computes it.
+    Of several threads that ask for the same reference, one computes it. If it is interrupted, or
+    fails in another way than by a refusal, the next one does.
 
     Raises:
         ReferenceRefused: the problem has none.
     """
     numbers = (problem.ts, problem.y0, *problem.args)
-    key = (problem.name, *(each.tobytes() for each in numbers))
-    with _LOCK:
-        made = _REFERENCES.get(key)
-        if made is None and len(_REFERENCES) >= _MOST_KEPT:
-            _REFERENCES.clear()
-        own = _REFERENCES.setdefault(key, Future())
-    if made is None:
-        try:
-            own.set_result(reference(problem))
-        except BaseException as error:
-            own.set_exception(error)
-    return own.result()
+    own = _slot(problem.name, *(each.tobytes() for each in numbers))
+    with own.lock:
+        if own.kept is None:
+            try:
+                own.kept = reference(problem)
+            except ReferenceRefused as refusal:
+                own.kept = refusal
+        if isinstance(own.kept, ReferenceRefused):
+            raise ReferenceRefused(str(own.kept))
+        return own.kept
 
 
 def references_ahead(problems: Iterable[Problem]) -> None:

@@ -25,7 +25,9 @@ NAMES = CommaSeparated()
 @click.option("--only", type=NAMES, metavar="CHECK[,...]", help="Make these checks, and no others.")
 @click.option("--skip", type=NAMES, metavar="CHECK[,...]", help="Leave these checks out.")
 @click.option("--quick", is_flag=True, help="Leave out what takes long.")
-@click.option("--time-limit", metavar="S", help="Seconds for each check. [60]")
+@click.option(
+    "--time-limit", metavar="S", help="Seconds that the step may compute in each check. [60]"
+)
 @click.option(
     "--template",
     type=click.Choice(TEMPLATES),

@@ -20,6 +20,7 @@ from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method
 from ropeode.simulation.system import is_turned, stored, system
 from ropeode.simulation.transposes import on_stored
+from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.phase import Phase
 
 
@@ -89,18 +90,17 @@ class Program:
             from.
         """
         spare = self.capacity - len(lengths)
-        frames, states, carried = jax.block_until_ready(
-            self.compiled(
-                y0,
-                args,
-                np.pad(ts, (0, spare)),
-                np.pad(lengths, (0, spare), constant_values=1.0),
-                np.int64(len(lengths)),
-                np.int64(steps),
-                np.int64(count),
-                np.bool_(carried is None),
-                self.nothing_carried if carried is None else carried,
-            )
+        frames, states, carried = on_user_clock(
+            lambda *given: jax.block_until_ready(self.compiled(*given)),
+            y0,
+            args,
+            np.pad(ts, (0, spare)),
+            np.pad(lengths, (0, spare), constant_values=1.0),
+            np.int64(len(lengths)),
+            np.int64(steps),
+            np.int64(count),
+            np.bool_(carried is None),
+            self.nothing_carried if carried is None else carried,
         )
         return np.asarray(frames), np.asarray(states), carried
 
@@ -287,7 +287,7 @@ class _Methods:
 
             always = dt > 0
             bound = system(family.rhs, family.mechanics, args, counted=counted, turned=self._turned)
-            return method(bound, t, y, dt)
+            return on_user_clock(method, bound, t, y, dt)
 
         def turned(args: Any, t: Any, y: Any, dt: Any) -> Any:
             dim, nodes = family.y0.shape[1:3]

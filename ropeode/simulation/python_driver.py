@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
@@ -15,10 +16,45 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
 from ropeode.simulation.trajectory import frame_lengths
+from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import Stepper, System
 
-# A user's step may write to arrays of its own, which are the same in all threads.
-one_at_a_time = threading.RLock()
+# How soon a thread that waits for its turn notices that it was taken from another one.
+_LOOKS_AGAIN_S = 0.1
+
+
+class _Turn:
+    """Whose turn it is to run a user's step."""
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self.thread: int | None = None
+
+
+_turn = _Turn()
+
+
+@contextlib.contextmanager
+def one_at_a_time() -> Iterator[None]:
+    """Wait for a turn: a user's step may write to arrays of its own, the same in all threads."""
+    while True:
+        turn = _turn
+        if turn.lock.acquire(timeout=_LOOKS_AGAIN_S):
+            if turn is _turn:
+                break
+            turn.lock.release()
+    try:
+        turn.thread = threading.get_ident()
+        yield
+    finally:
+        turn.lock.release()
+
+
+def take_turn_from(thread: int) -> None:
+    """Let others run, where a thread that hangs in compiled code has the turn and keeps it."""
+    global _turn
+    if _turn.thread == thread:
+        _turn = _Turn()
 
 
 class PythonStepper:
@@ -45,6 +81,13 @@ class PythonStepper:
             return function(*given)
 
         return call
+
+    def compile_right_hand_side(self, t: float) -> None:
+        """Evaluate it once."""
+        equations = self.system.equations
+        equations.rhs(
+            t, as_seen(self.problem.y0, self.problem.mechanics, self._turned), equations.args
+        )
 
     def init(self, t: float, y: np.ndarray, dt: float) -> Any:
         """What is carried into the first step, from a state ``(*state,)``."""
@@ -84,7 +127,8 @@ def run_in_python(
     own = PythonStepper(problem, stepper)
     ts, lengths = problem.ts.tolist(), frame_lengths(problem).tolist()
     states = np.full((problem.frames + 1, *problem.y0.shape), np.nan)
-    with one_at_a_time, np.errstate(all="ignore"):
+
+    def run() -> int:
         carried = own.init(ts[0], problem.y0, lengths[0] / steps_per_frame)
         states[0] = problem.y0
         for frame in range(problem.frames):
@@ -94,6 +138,10 @@ def run_in_python(
             y = own.state(ts[frame + 1], carried, dt)
             progress(stepper.label, (frame + 1) / problem.frames)
             if not np.all(np.isfinite(y)):
-                return states, frame + 1, own.calls
+                return frame + 1
             states[frame + 1] = y
-    return states, problem.frames, own.calls
+        return problem.frames
+
+    with one_at_a_time(), np.errstate(all="ignore"):
+        last = on_user_clock(run)
+    return states, last, own.calls

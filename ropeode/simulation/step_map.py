@@ -16,6 +16,7 @@ from ropeode.problems.problem import Mechanics, Problem, Rhs
 from ropeode.simulation.method import Method
 from ropeode.simulation.python_driver import PythonStepper
 from ropeode.simulation.system import is_turned, on_stored_states
+from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import BuiltIn, Stepper
 
 # Of the size of a component: where truncation and rounding of a difference of fourth order meet.
@@ -32,12 +33,16 @@ class StepMap:
         stepper, self.exact = method.stepper, method.trial.compiled
         self._turned = is_turned(stepper, problem.mechanics)
         if self.exact:
-            find = _compiled if isinstance(stepper, BuiltIn) else _compiled.__wrapped__
-            functions = find(stepper, problem.rhs, problem.mechanics)
+            what = stepper, problem.rhs, problem.mechanics
+            own = isinstance(stepper, BuiltIn)
+            functions = _compiled(*what) if own else map(_Compiled, _functions(*what))
             at_start: tuple[Any, ...] = problem.args, problem.ts[0]
         else:
             own = PythonStepper(problem, stepper)
-            functions = own.init, own.step, own.state
+            functions = [
+                functools.partial(on_user_clock, function)
+                for function in (own.init, own.step, own.state)
+            ]
             at_start = (float(problem.ts[0]),)
         bound = [functools.partial(function, *at_start) for function in functions]
         self._init, self._step, self._state = bound[:3]
@@ -108,8 +113,29 @@ class StepMap:
         return np.stack(columns, axis=1)
 
 
+class _Compiled:
+    """A function of a user's stepper, compiled before the user's clock runs."""
+
+    def __init__(self, function: Callable):
+        self._jitted = jax.jit(function)
+        self._compiled: Callable | None = None
+
+    def __call__(self, *given: Any) -> Any:
+        # All calls are about one problem, and so of the same shapes.
+        if self._compiled is None:
+            self._compiled = self._jitted.lower(*given).compile()
+        return on_user_clock(jax.block_until_ready, on_user_clock(self._compiled, *given))
+
+
 @functools.lru_cache(maxsize=64)
 def _compiled(
+    stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None
+) -> tuple[Callable, Callable, Callable, Callable]:
+    init, step, state, derivative = _functions(stepper, rhs, mechanics)
+    return jax.jit(init), jax.jit(step), jax.jit(state), jax.jit(derivative)
+
+
+def _functions(
     stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None
 ) -> tuple[Callable, Callable, Callable, Callable]:
     """Start, step, sample and the step's derivative: ``(args, t, y or what is carried, dt)``."""
@@ -119,4 +145,4 @@ def _compiled(
         flat, unravel = ravel_pytree(carried)
         return jax.jacfwd(lambda flat: ravel_pytree(step(args, t, unravel(flat), dt))[0])(flat)
 
-    return jax.jit(init), jax.jit(step), jax.jit(state), jax.jit(derivative)
+    return init, step, state, derivative

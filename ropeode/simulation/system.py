@@ -13,6 +13,7 @@ from jax.core import Tracer
 
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Mechanics
+from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import Equations, Stepper, System
 from ropeode.steppers.phase import Phase
 from ropeode.validation import bad_value
@@ -115,13 +116,14 @@ def on_stored_states(
         return system(rhs, mechanics, args, turned=turned)
 
     def init(args: Any, t: Any, y: Any, dt: Any) -> Any:
-        return stepper.init(bound(args), t, as_seen(y, mechanics, turned), dt)
+        return on_user_clock(stepper.init, bound(args), t, as_seen(y, mechanics, turned), dt)
 
     def step(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        return stepper.step(bound(args), t, carried, dt)
+        return on_user_clock(stepper.step, bound(args), t, carried, dt)
 
     def state(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        return as_stored(stepper.state(bound(args), t, carried, dt), mechanics, turned)
+        y = on_user_clock(stepper.state, bound(args), t, carried, dt)
+        return as_stored(y, mechanics, turned)
 
     return init, step, state
 

@@ -14,6 +14,7 @@ from ropeode.problems.problem import Problem
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trajectory import frame_lengths
+from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import Stepper
 
 # Compiled and uncompiled steps have to agree for so many, that a step which counts how often it is
@@ -91,12 +92,14 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
         # A step may have written to the arguments that the last one had.
         return PythonStepper(problem, stepper)
 
-    with one_at_a_time, np.errstate(all="ignore"):
+    # Not in the middle of the user's step, whose time counts.
+    fresh().compile_right_hand_side(t)
+    with one_at_a_time(), np.errstate(all="ignore"):
         own = fresh()
-        first, writes_to = _two_steps(own, t, problem.y0, dt)
+        first, writes_to = on_user_clock(_two_steps, own, t, problem.y0, dt)
         asks_for_forces, finite = own.calls > 0, bool(np.all(np.isfinite(first)))
-        _two_steps(fresh(), t, problem.y0 + nudge, dt)
-        again, _ = _two_steps(fresh(), t, problem.y0, dt)
+        on_user_clock(_two_steps, fresh(), t, problem.y0 + nudge, dt)
+        again, _ = on_user_clock(_two_steps, fresh(), t, problem.y0, dt)
         if not _same(first, again):
             # It must not be traced: it would keep a tracer.
             return Trial(False, False, finite, writes_to, asks_for_forces)
@@ -105,10 +108,10 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
         quick = None if fast is None else fast(steps)
         # Such a loop would be compiled anew at each step.
         with jax.disable_jit(loops):
-            slow = _python_steps(fresh(), t, dt, steps)
+            slow = on_user_clock(_python_steps, fresh(), t, dt, steps)
             if quick is not None and _agree(quick, slow):
                 return Trial(True, True, finite, writes_to, asks_for_forces)
-            repeatable = _same(slow, _python_steps(fresh(), t, dt, steps))
+            repeatable = _same(slow, on_user_clock(_python_steps, fresh(), t, dt, steps))
     return Trial(False, repeatable, finite, writes_to, asks_for_forces)
 
 
@@ -170,7 +173,11 @@ def _compiled_steps(
     except Exception:
         # Whatever it is: in Python it shows for what it is.
         return False, None
-    return loops, lambda steps: np.asarray(compiled(problem.args, problem.y0, t, dt, steps))
+
+    def fast(steps: int) -> np.ndarray:
+        return np.asarray(compiled(problem.args, problem.y0, t, dt, steps))
+
+    return loops, lambda steps: on_user_clock(fast, steps)
 
 
 def _agree(fast: np.ndarray, slow: np.ndarray) -> bool:

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
 import textwrap
 import threading
+import time
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.checking import check_context
+from ropeode.checking import check, check_context
 from ropeode.checking.check import check_stepper
 from ropeode.checking.check_ropes import convergence_problems
-from ropeode.errors import InputError, UserCodeError
+from ropeode.checking.checks import CHECKS
+from ropeode.checking.diagnosis import stepper as diagnosis_of_steppers
+from ropeode.errors import InputError, ReferenceRefused, UserCodeError
+from ropeode.render.formats import format_check
 from ropeode.simulation import simulate
 from ropeode.simulation.method import method_of
+from ropeode.simulation.user_clock import on_user_clock
 from tests.checking import steps
 
 
@@ -131,10 +137,118 @@ def hangs_later(acceleration, t, x, v, dt, args):
     return x + dt * v, v
 
 
-@pytest.mark.parametrize("step", [hangs, hangs_later])
+def catches_all(acceleration, t, x, v, dt, args):
+    while True:
+        with contextlib.suppress(BaseException):
+            t = t + 1.0
+
+
+@pytest.mark.parametrize("step", [hangs, hangs_later, catches_all])
 def test_a_step_that_never_returns_is_given_up(step):
-    with pytest.raises(UserCodeError, match=r"did not finish within 0\.3 s"):
+    with pytest.raises(UserCodeError, match=r"did not finish within 0\.3 s of processor time"):
         check_stepper(step, 1, time_limit=0.3)
+
+
+def test_a_step_that_waits_in_compiled_code_is_given_up_and_keeps_nobody_waiting():
+    """Nothing in Python ends the wait for a lock."""
+    lock = threading.Lock()
+
+    def waits(acceleration, t, x, v, dt, args):
+        with lock:
+            return steps.in_loops(acceleration, t, x, v, dt, args)
+
+    with lock:
+        with pytest.raises(UserCodeError, match=r"did not finish within 0\.3 s: the step used"):
+            check_stepper(waits, 1, time_limit=0.03)
+        assert check_stepper(steps.in_loops, 1, only=["pins"]).passed
+    # A check of its own goes on as soon as its lock is free.
+    assert check_stepper(waits, 1, only=["pins"]).passed
+
+
+def test_a_step_that_waits_is_not_taken_for_one_that_hangs():
+    """As on a busy machine: what counts is what it computes."""
+
+    def patient(acceleration, t, x, v, dt, args):
+        time.sleep(0.001)
+        return steps.in_loops(acceleration, t, x, v, dt, args)
+
+    began = time.monotonic()
+    assert check_stepper(patient, 1, only=["pins"], time_limit=0.2).passed
+    assert time.monotonic() - began > 0.2
+
+
+def test_what_ropeode_computes_does_not_count(monkeypatch):
+    def slow(examination):
+        until = time.thread_time() + 0.5
+        while time.thread_time() < until:
+            pass
+        return CHECKS["pins"](examination)
+
+    monkeypatch.setitem(CHECKS, "zero-length", slow)
+    assert check_stepper(steps.in_loops, 1, only=["zero-length"], time_limit=0.3).passed
+
+
+def wrong(acceleration, t, x, v, dt, args):
+    v = v + 0.9 * dt * acceleration(t, x, v, args)
+    return x + dt * v, v
+
+
+def wrong_and_raises(acceleration, t, x, v, dt, args):
+    if np.all(args.mass == args.mass[0]):
+        raise ValueError("equal masses")
+    return wrong(acceleration, t, x, v, dt, args)
+
+
+def test_a_report_stands_if_the_diagnosis_does_not_finish(monkeypatch):
+    """Neither the step's runs in it, nor what it computes itself."""
+    ended, long_enough = threading.Event(), 60.0
+
+    def hangs_in_the_step(examination):
+        on_user_clock(hangs, *6 * [None])
+
+    def hangs_by_itself(examination):
+        ended.wait(long_enough)
+
+    for diagnose, limit, words in (
+        (hangs_in_the_step, 0.3, "within 0.3 s of processor time in the step; raise the"),
+        (hangs_by_itself, 1.0, "within 0.5 s, of which 0 s were processor time in the step"),
+    ):
+        monkeypatch.setattr(diagnosis_of_steppers, "diagnose_stepper", diagnose)
+        monkeypatch.setattr(check, "_DIAGNOSIS", 0.5 if diagnose is hangs_by_itself else 10.0)
+        report = check_stepper(wrong, 1, only=["order-textbook"], time_limit=limit)
+        assert [finding.check for finding in report.failed] == ["order-textbook"]
+        (diagnosis,) = report.diagnosis
+        assert diagnosis.cause == "unfinished"
+        assert words in diagnosis.line
+        assert "Diagnosis (unfinished)" in format_check(report, "text")
+    ended.set()
+
+
+def test_a_report_stands_if_the_step_raises_in_the_diagnosis():
+    report = check_stepper(wrong_and_raises, 1, only=["order-driven"])
+    assert not report.passed
+    (diagnosis,) = report.diagnosis
+    assert diagnosis.cause == "unfinished"
+    assert "ValueError: equal masses" in diagnosis.line
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, ReferenceRefused])
+def test_only_a_reference_or_its_refusal_is_kept(monkeypatch, error):
+    asked = []
+
+    def refuses(problem):
+        asked.append(problem)
+        raise error("why")
+
+    monkeypatch.setattr(check_context, "reference", refuses)
+    rope = convergence_problems()["textbook"].changed(name=f"never asked for: {error.__name__}")
+    for _ in range(2):
+        with pytest.raises(error, match="why"):
+            check_context.reference_of(rope)
+    assert len(asked) == (1 if error is ReferenceRefused else 2)
+    monkeypatch.setattr(check_context, "reference", lambda problem: "a reference")
+    if error is not ReferenceRefused:
+        assert check_context.reference_of(rope) == "a reference"
 
 
 def test_threads_that_make_references_ahead_are_no_daemons(monkeypatch):
