@@ -10,8 +10,12 @@ import numpy as np
 
 from ropeode.errors import InputError, RopeodeError, UserCodeError
 from ropeode.precision import in_float64
+from ropeode.problems.signatures import check_signature
 from ropeode.problems.traced import compiled, traced
 from ropeode.validation import bad_value, finite_numbers
+
+# Where else a function with other parameters may belong.
+_OTHERS = {"rhs": ", or use Problem.from_scipy(rhs, ts, y0), which takes rhs(t, y, *args) in NumPy"}
 
 
 def run(*each: Callable[[], Any]) -> list[Any]:
@@ -257,6 +261,8 @@ def _traced(name: str, signature: str, function: Any, inputs: tuple) -> tuple[Ca
     """A function in JAX, and its result with shapes and dtypes in place of arrays."""
     if not callable(function):
         raise bad_value(name, function, f"a function {signature}", "write one in JAX")
+    wanted = signature.partition("(")[2].rstrip(")").split(", ")
+    check_signature(name, function, wanted, _OTHERS.get(name, ""))
     try:
         function = traced(name, function, inputs)
         return function, jax.eval_shape(function, *inputs)
@@ -266,5 +272,5 @@ def _traced(name: str, signature: str, function: Any, inputs: tuple) -> tuple[Ca
         raise UserCodeError(
             f"{name}: raised {type(error).__name__} when it was tried on the initial state; "
             f"allowed: a function {signature} in JAX. Fix: correct the error above; use "
-            "jax.numpy, and no Python `if` on values."
+            "jax.numpy, and no Python `if` on values; Problem.from_scipy takes NumPy as it is."
         ) from error

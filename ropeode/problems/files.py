@@ -8,19 +8,23 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ropeode.errors import InputError, call_user_code
 from ropeode.files import read_text
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope_input import RopeInput
+from ropeode.problems.scipy_form import sample_times_of
+from ropeode.problems.signatures import required
 from ropeode.validation import bad_value, unknown
 
 
 def load_problem(where: str, *, folder: Path | None = None, frames: int | None = None) -> Problem:
     """A problem of the library by its name, or of a file as ``FILE.py:NAME``.
 
-    In a file, NAME is a `Problem`, a rope, or a function that returns one of them; a
-    function that has a parameter `frames` is given it.
+    In a file, NAME is a `Problem`, a rope, a function that returns one of them (if it has a
+    parameter `frames`, it is given that), or a right-hand side; see `problem_in_file`.
 
     Arguments:
         where: the name, or file and name.
@@ -37,7 +41,42 @@ def load_problem(where: str, *, folder: Path | None = None, frames: int | None =
             raise InputError(unknown("problem", where, [*PROBLEMS, "FILE.py:NAME"]))
         return PROBLEMS[where](**({} if frames is None else {"frames": frames}))
 
-    return as_problem(named_in_file(where, folder), where, frames)
+    return as_problem(problem_in_file(where, folder), where, frames)
+
+
+def problem_in_file(where: str, folder: Path | None = None) -> Any:
+    """What `as_problem` makes a problem of; arguments and exceptions are those of `named_in_file`.
+
+    A right-hand side, ``fun(t, y, *args)`` in NumPy as SciPy's solvers take it or ``rhs(t, y,
+    args)`` in JAX, becomes a function that returns its problem. What else that needs are names of
+    the file: `y0`, `t_span` (or sample times `ts`), and `args` where it takes more.
+    """
+    found = named_in_file(where, folder)
+    parameters = (required(found) if is_function(found) else None) or []
+    if len(parameters) < 2 or not {"t", "time"} & {*parameters[:2]}:
+        return found
+    beside = vars(sys.modules["ropeode_user_problem"])
+    times = next((name for name in ("ts", "t_span") if name in beside), "t_span")
+    if missing := [name for name in ("y0", times) if name not in beside]:
+        lines = {"y0": "y0 = [1.0, 0.0]", "t_span": "t_span = (0.0, 10.0)"}
+        raise bad_value(
+            "problem",
+            where,
+            f"a right-hand side of ({', '.join(parameters)}) in a file that has y0 and t_span too; "
+            f"this one has no {' and no '.join(missing)}",
+            " and ".join(f"add the line `{lines[name]}`" for name in missing),
+        )
+    in_jax = parameters[2:] == ["args"]
+
+    def problem(frames: int = 20) -> Problem:
+        given = found, beside[times], beside["y0"], beside.get("args")
+        if not in_jax:
+            return Problem.from_scipy(*given, frames=frames)
+        rhs, span, y0, args = given
+        return Problem(rhs, y0, sample_times_of(span, frames), args, name=found.__name__)
+
+    # Sample times do not depend on a number of frames.
+    return problem if np.size(beside[times]) == 2 else lambda: problem()
 
 
 def named_in_file(where: str, folder: Path | None = None, what: str = "problem") -> Any:
@@ -96,6 +135,11 @@ def names_in_file(path: Path, what: str) -> dict[str, Any]:
     return vars(module)
 
 
+def is_function(found: Any) -> bool:
+    """Whether a name in a file stands for a function, and for no problem."""
+    return callable(found) and not isinstance(found, (Problem, RopeInput))
+
+
 def as_problem(found: Any, where: str, frames: int | None, **parameters: Any) -> Problem:
     """The problem that a name in a file stands for.
 
@@ -110,7 +154,14 @@ def as_problem(found: Any, where: str, frames: int | None, **parameters: Any) ->
             are fixed.
         UserCodeError: the function raised.
     """
-    if callable(found) and not isinstance(found, (Problem, RopeInput)):
+    if is_function(found):
+        if needed := [name for name in required(found) or () if name not in parameters]:
+            raise bad_value(
+                "problem",
+                f"{where}, a function of ({', '.join(needed)})",
+                "one that returns a problem and needs no arguments, or a right-hand side of (t, y)",
+                "give its parameters defaults, or name them t and y, with y0 and t_span beside it",
+            )
         takes_frames = "frames" in inspect.signature(found).parameters
         given = {"frames": frames} if takes_frames and frames is not None else {}
         found = call_user_code(f"problem: {where}", found, **given, **parameters)

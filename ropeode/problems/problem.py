@@ -16,6 +16,8 @@ from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems import checks
 from ropeode.problems.links import LinearDamping, Links
+from ropeode.problems.python_rhs import PythonRhs
+from ropeode.problems.scipy_form import scipy_form
 from ropeode.problems.traced import again, compiled, traced
 from ropeode.validation import bad_value
 
@@ -238,6 +240,45 @@ class Problem:
             mechanics=Mechanics(acceleration, damping, node_axis, links, in_turn),
             **more,
         )
+
+    @classmethod
+    def from_scipy(
+        cls,
+        fun: Callable,
+        t_span_or_ts: Any,
+        y0: Any,
+        args: Any = (),
+        *,
+        frames: int = 20,
+        **more: Any,
+    ) -> Problem:
+        """A problem written for `scipy.integrate.solve_ivp`, in NumPy.
+
+        If JAX can trace `fun` and then computes the same, the problem is like any other.
+        Otherwise `fun` runs in Python wherever the right-hand side is needed (`in_python`), with
+        the same certificate, but more slowly.
+
+        Arguments:
+            fun: ``fun(t, y, *args)`` returns the derivative of `y`, as an array or a list.
+            t_span_or_ts: a span of two times, which is divided into equal frames, or three or more
+                sample times.
+            y0: the initial state, ``(n,)``.
+            args: a tuple of what `fun` takes after `t` and `y`; numbers among them become `args`
+                of the problem if all are numbers or arrays.
+            frames: of a span.
+            more: `name`, `energy`, `exact`, `jump_times`, `constraints` and `parameters` of
+                `Problem`.
+
+        Raises:
+            InputError: an argument cannot be used.
+            UserCodeError: `fun` raised, or the same arguments gave different results.
+        """
+        return cls(**{**scipy_form(fun, t_span_or_ts, y0, args, frames), **more})
+
+    @property
+    def in_python(self) -> bool:
+        """Whether the right-hand side runs in Python, some 10 us for each evaluation or more."""
+        return isinstance(self.rhs, PythonRhs)
 
     def with_numbers(self, y0: Any, args: Any, parameters: Mapping[str, Any]) -> Problem:
         """The same functions with other numbers, without new checks.

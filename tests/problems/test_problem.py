@@ -87,7 +87,6 @@ def test_several_faults_at_once():
         lambda t, y, args: y["position"],
         lambda t, y, args: np.sin(y),
         lambda t, y, args: -y if y[0] > 0 else y,
-        lambda y: -y,
     ],
 )
 def test_users_exception_is_the_cause(rhs):

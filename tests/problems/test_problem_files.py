@@ -31,3 +31,73 @@ def test_ropes_of_either_kind_become_problems(folder, name):
 def test_what_is_no_problem_is_refused(folder):
     with pytest.raises(InputError, match=r"a Problem, a rope, .* and this is a int"):
         load_problem("own.py:number", folder=folder)
+
+
+FOR_SCIPY = """
+import jax.numpy as jnp
+import numpy as np
+
+{names}
+
+def pendulum(t, y):
+    return np.array([y[1], -np.sin(y[0])])
+
+def of_strength(t, y, strength):
+    return [y[1], -strength * y[0]]
+
+def in_jax(t, y, args):
+    return jnp.stack([y[1], -args[0] * jnp.sin(y[0])])
+
+def odeint_order(y, t):
+    return pendulum(t, y)
+
+def of_others(mass, length):
+    return mass * length
+"""
+
+
+def loaded(tmp_path, name, names="y0, t_span = [1.0, 0.0], (0, 5)", **more):
+    (tmp_path / "own.py").write_text(FOR_SCIPY.format(names=names))
+    return load_problem(f"own.py:{name}", folder=tmp_path, **more)
+
+
+def test_right_hand_sides_with_what_stands_beside_them(tmp_path):
+    problem = loaded(tmp_path, "pendulum")
+    assert (problem.name, problem.in_python, problem.frames) == ("pendulum", True, 20)
+    assert problem.ts[[0, -1]].tolist() == [0.0, 5.0]
+    assert loaded(tmp_path, "pendulum", frames=3).frames == 3
+    beside = "y0, ts, args = [1.0, 0.0], [0.0, 1.0, 4.0], (2.0,)"
+    for name in ("of_strength", "in_jax"):
+        problem = loaded(tmp_path, name, beside)
+        assert problem.ts.tolist() == [0.0, 1.0, 4.0]
+        assert not problem.in_python
+        assert float(problem.args[0]) == 2.0
+    with pytest.raises(InputError, match="frames: 3 given; .* sample times are fixed"):
+        loaded(tmp_path, "in_jax", beside, frames=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "names", "words"),
+    [
+        ("pendulum", "", r"add the line `y0 = .*` and add the line `t_span = \(0\.0, 10\.0\)`"),
+        ("pendulum", "y0 = [1.0, 0.0]", r"has no t_span\. Fix: add the line `t_span = "),
+        ("of_strength", "y0, t_span = [1.0, 0.0], (0, 5)", r"\(t, y, strength\) given; .* args="),
+        ("odeint_order", "y0, t_span = [1.0, 0.0], (0, 5)", "the order of odeint"),
+        ("of_others", "", r"a function of \(mass, length\)' given; .* t and y, with y0 and t_span"),
+    ],
+)
+def test_what_is_missing_is_said_with_the_line_to_write(tmp_path, name, names, words):
+    with pytest.raises(InputError, match=words):
+        loaded(tmp_path, name, names)
+
+
+def test_commands_take_right_hand_sides(tmp_path, run):
+    (tmp_path / "own.py").write_text(FOR_SCIPY.format(names="y0, t_span = [1.0, 0.0], (0, 5)"))
+    chosen = ("--frames", "2", "--steppers", "rk4", "--steps", "8,16,32")
+    ran = run("table", "--problem", "own.py:pendulum", *chosen)
+    assert ran.returncode == 0, ran.stderr
+    assert "pendulum, 2 frames" in ran.stdout
+    assert "converges, order 4" in ran.stdout or "converges, order 3.9" in ran.stdout
+    ran = run("table", "--problem", "own.py:odeint_order")
+    assert ran.returncode == 2
+    assert ran.stderr.startswith("ropeode: fun: a function of (y, t) given, the order of odeint")

@@ -134,8 +134,9 @@ def time_derivatives(
         problem: whose right-hand side is differentiated.
         times: ``(times,)``.
         states: ``(times, *state)``.
-        count: of derivatives, 1 or more.
+        count: of derivatives, 1 or more; of a right-hand side in Python only the first is known.
     """
+    count = 1 if problem.in_python else count
     behind = np.where(np.isin(times, problem.jump_times), np.nextafter(times, np.inf), times)
     slopes = _slopes(problem.rhs, count)
     blocks = []

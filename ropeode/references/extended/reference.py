@@ -21,6 +21,7 @@ from ropeode.references.extended.solution import ExtendedSolution, extended_solu
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import taylor
+from ropeode.validation import bad_value
 
 _PACKAGES = ("ropeode", "heyoka", "jax", "jaxlib", "numpy")
 
@@ -34,6 +35,9 @@ def extended_reference(
         InputError: the right-hand side cannot be translated, or heyoka is missing.
         ReferenceRefused: not even the first sample is that accurate.
     """
+    if problem.in_python:
+        allowed = f"'consensus' for {problem.name!r}, whose right-hand side runs in Python"
+        raise bad_value("level", "extended", allowed, "write it with jax.numpy")
     solution = extended_solution(
         problem, digits=options.digits, time_limit=options.time_limit, progress=progress
     )

@@ -12,6 +12,7 @@ from scipy.integrate import DOP853, OdeSolver, Radau
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.problems.python_rhs import PythonRhs
 from ropeode.references.solvers.solution import Solution, finite_samples
 from ropeode.references.solvers.solver import SCIPY_DOP853, SCIPY_RADAU, Solver
 
@@ -101,6 +102,12 @@ def _compiled(problem: Problem, *, with_jacobian: bool) -> tuple[Callable, Calla
 
     The problem's numbers are compiled in: converting them at each call took half its time.
     """
+    own = problem.rhs
+    if isinstance(own, PythonRhs):
+        return (
+            lambda t, y: own.evaluated(float(t), y, problem.args),
+            lambda t, y: own.slopes(float(t), y, problem.args),
+        )
 
     def field(t: Any, y: Any) -> Any:
         return problem.rhs(t, y.reshape(problem.y0.shape), problem.args).reshape(-1)

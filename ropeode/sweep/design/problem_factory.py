@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.problems.files import as_problem, file_and_name, named_in_file
+from ropeode.problems.files import as_problem, file_and_name, is_function, problem_in_file
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
@@ -191,7 +191,7 @@ class FileFactory(ProblemFactory):
 
     @functools.cached_property
     def _definition(self) -> Any:
-        definition = named_in_file(self.name, self.folder)
+        definition = problem_in_file(self.name, self.folder)
         if _digest(self.name, self.folder) != self.digest:
             allowed = "the file as it was when the sweep was read"
             fix = "do not change it while the sweep runs"
@@ -203,9 +203,7 @@ class FileFactory(ProblemFactory):
         """See `ProblemFactory`."""
         if isinstance(self._definition, Rope):
             return {"frames": 20}
-        if isinstance(self._definition, Problem) or not callable(self._definition):
-            return {}
-        return _parameters(self._definition)
+        return _parameters(self._definition) if is_function(self._definition) else {}
 
     def build(self, parameters: Mapping[str, Any]) -> Problem:
         """See `ProblemFactory`."""

@@ -1,0 +1,224 @@
+"""Right-hand sides that run in Python, as functions of JAX.
+
+A compiled program calls them with its arrays and goes on with what they return. The call is a
+`buffer_callback`, not a `pure_callback`: that one converts arrays by JAX in threads of XLA, where
+float64 is off (the results are refused, or rounded to float32), takes twenty times as long, and may
+wait for itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import threading
+from collections.abc import Callable
+from typing import Any, Literal, NoReturn
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jax.custom_derivatives import SymbolicZero
+from jax.experimental.buffer_callback import buffer_callback
+
+from ropeode import callbacks
+from ropeode.errors import RopeodeError, UserCodeError
+from ropeode.validation import bad_value
+
+# A function may write to arrays of its own before it returns them, which are the same in all
+# threads. Whoever calls one holds this.
+_one_at_a_time = threading.RLock()
+_serial = itertools.count(1)
+_MOST_KEPT = 64
+# Balances the rounding of a central difference against its error.
+_NUDGE = np.finfo(np.float64).eps ** (1 / 3)
+
+
+class PythonRhs:
+    """A right-hand side in Python, which JAX can compile into programs.
+
+    ``rhs(t, y, args)`` is for JAX, `in_numpy` for NumPy. No two are equal, because nobody knows
+    what a function in Python reads; `python_rhs` returns the same one for the same function.
+
+    It can be differentiated once, with respect to time and state: by central differences.
+
+    Arguments:
+        function: ``function(t, y, *bound, *args)`` returns the derivative of `y`, as an array or a
+            list.
+        bound: arguments that are not numbers.
+    """
+
+    def __init__(self, function: Callable, bound: tuple[Any, ...] = ()):
+        self.function, self.bound = function, bound
+        self._name = f"{getattr(function, '__name__', type(function).__name__)} #{next(_serial)}"
+
+    def __repr__(self) -> str:
+        # Programs are told apart by this; memory addresses are used again.
+        return f"PythonRhs({self._name})"
+
+    def __call__(self, t: Any, y: Any, args: Any) -> Any:
+        """The derivative, in a program of JAX."""
+        return _value(self, jnp.asarray(t, dtype=float), jnp.asarray(y, dtype=float), args)
+
+    def in_numpy(self, t: Any, y: Any, args: Any) -> Any:
+        """The derivative as a new NumPy array, without a program; where JAX traces, as in one.
+
+        Raises:
+            UserCodeError: the function raised, or returned something that is no derivative.
+        """
+        if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((t, y, args))):
+            return self(t, y, args)
+        return self.evaluated(float(t), np.asarray(y), args)
+
+    def evaluated(self, t: float, y: np.ndarray, args: Any) -> np.ndarray:
+        """As `in_numpy`, of arrays."""
+        # The caller's arrays stay as they are, whatever the function does to its own.
+        own = np.array(y, dtype=np.float64)
+        leaves, structure = jax.tree.flatten(args)
+        plain = structure.unflatten(map(_plain, leaves)) or ()
+        try:
+            with _one_at_a_time, jax.enable_x64(True):
+                return _derivative(self.function(t, own, *self.bound, *plain), y.shape)
+        except RopeodeError:
+            raise
+        except Exception as error:
+            raise UserCodeError(
+                f"rhs: it raised {type(error).__name__}: {' '.join(str(error).split())} at "
+                f"t = {t:g}, y = {' '.join(str(y).split())}; allowed: a function that returns "
+                "numbers wherever the solution goes. Fix: mend the error above, or end earlier."
+            ) from error
+
+    def slopes(self, t: float, y: np.ndarray, args: Any) -> np.ndarray:
+        """Its derivatives by the components of the state, which are counted by the last axis."""
+        steps = _NUDGE * np.where(y == 0, np.max(np.abs(y)) or 1.0, np.abs(y))
+        columns = []
+        for index in np.ndindex(y.shape):
+            up, down = np.array(y), np.array(y)
+            up[index] += steps[index]
+            down[index] -= steps[index]
+            rise = self.evaluated(t, up, args) - self.evaluated(t, down, args)
+            columns.append(rise / (up[index] - down[index]))
+        return np.stack(columns, axis=-1)
+
+    def rate(self, t: float, y: np.ndarray, args: Any) -> np.ndarray:
+        """Its derivative by time."""
+        late, early = (t + sign * _NUDGE * max(abs(t), 1.0) for sign in (1.0, -1.0))
+        return (self.evaluated(late, y, args) - self.evaluated(early, y, args)) / (late - early)
+
+
+# By what they are made of, which they keep alive, so that no other has that identity.
+_kept: dict[tuple[int, ...], PythonRhs] = {}
+
+
+def python_rhs(function: Callable, bound: tuple[Any, ...]) -> PythonRhs:
+    """The `PythonRhs` of a function and its bound arguments: the same object for the same ones."""
+    key = tuple(map(id, (function, *bound)))
+    if key not in _kept and len(_kept) >= _MOST_KEPT:
+        _kept.clear()
+    return _kept.setdefault(key, PythonRhs(function, bound))
+
+
+def _plain(leaf: Any) -> Any:
+    """A number as Python's own, as the function's author handed it over."""
+    return np.asarray(leaf).item() if np.ndim(leaf) == 0 else np.array(leaf)
+
+
+def _derivative(value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """What the function returned, copied: it may return an array that it writes to again."""
+    array = np.array(value)
+    if array.dtype.kind not in "iuf" or array.shape != shape:
+        what = f"numbers of type {array.dtype}, shape {array.shape}"
+        raise UserCodeError(
+            f"rhs: it returned {what if array.dtype.kind in 'iufbc' else type(value).__name__}; "
+            f"allowed: real numbers in the shape of the state, {shape}. Fix: return one number for "
+            "each component of y."
+        )
+    if array.dtype.kind == "f" and array.dtype.itemsize < 8:
+        raise UserCodeError(
+            f"rhs: it returned numbers of type {array.dtype}; allowed: float64. Fix: remove casts "
+            "and 32-bit arrays."
+        )
+    return array.astype(np.float64, copy=False)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Call:
+    """What a program calls: one of the functions of a `PythonRhs`."""
+
+    own: PythonRhs
+    name: Literal["evaluated", "slopes", "rate"]
+
+    def __call__(self, context: Any, out: Any, t: Any, y: Any, args: Any) -> None:
+        """Write the result into the buffer `out`; members of a `vmap` are called in turn."""
+        del context
+        leaves, structure = jax.tree.flatten(args)
+        result, t, y, *leaves = (np.asarray(buffer) for buffer in (out, t, y, *leaves))
+        function = getattr(self.own, self.name)
+        try:
+            if t.ndim == 0:
+                result[...] = function(t.item(), y, structure.unflatten(leaves))
+                return
+            members = result.shape[: t.ndim]
+            # What does not vary has axes of length 1.
+            t, y, *leaves = (
+                np.broadcast_to(leaf, members + leaf.shape[t.ndim :]) for leaf in (t, y, *leaves)
+            )
+            for index in np.ndindex(members):
+                args = structure.unflatten([leaf[index] for leaf in leaves])
+                result[index] = function(t[index].item(), y[index], args)
+        except BaseException as error:
+            callbacks.keep(self.own, error)
+            result[...] = np.nan
+
+    def in_program(self, more: tuple[int, ...], t: Any, y: Any, args: Any) -> Any:
+        """Its result, which has these axes behind those of the state."""
+        shape = jax.ShapeDtypeStruct((*y.shape, *more), y.dtype)
+        return buffer_callback(self, shape, vmap_method="expand_dims")(t, y, args)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _value(own: PythonRhs, t: Any, y: Any, args: Any) -> Any:
+    return _Call(own, "evaluated").in_program((), t, y, args)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _slopes(own: PythonRhs, t: Any, y: Any, args: Any) -> Any:
+    return _Call(own, "slopes").in_program((y.size,), t, y, args)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _rate(own: PythonRhs, t: Any, y: Any, args: Any) -> Any:
+    return _Call(own, "rate").in_program((), t, y, args)
+
+
+def _differentiated(own: PythonRhs, inputs: tuple, tangents: tuple) -> tuple[Any, Any]:
+    t, y, args = inputs
+    by_time, by_state, by_args = tangents
+    if not all(isinstance(leaf, SymbolicZero) for leaf in jax.tree.leaves(by_args, is_leaf=_zero)):
+        _refuse_derivative(own)
+    value = _value(own, t, y, args)
+    change = jnp.zeros_like(value)
+    if not _zero(by_state):
+        change += (_slopes(own, t, y, args) @ by_state.reshape(-1)).reshape(value.shape)
+    if not _zero(by_time):
+        change += _rate(own, t, y, args) * by_time
+    return value, change
+
+
+def _zero(tangent: Any) -> bool:
+    return isinstance(tangent, SymbolicZero)
+
+
+def _refuse_derivative(own: PythonRhs, *_: Any) -> NoReturn:
+    raise bad_value(
+        "rhs",
+        own,
+        "one derivative by time or state, because it runs in Python",
+        "write it with jax.numpy",
+    )
+
+
+_value.defjvp(_differentiated, symbolic_zeros=True)
+_slopes.defjvp(_refuse_derivative)
+_rate.defjvp(_refuse_derivative)

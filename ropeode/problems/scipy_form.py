@@ -1,0 +1,165 @@
+"""Right-hand sides as `scipy.integrate.solve_ivp` takes them: ``fun(t, y, *args)``, in NumPy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.errors import UserCodeError
+from ropeode.precision import in_float64
+from ropeode.problems import checks
+from ropeode.problems.python_rhs import PythonRhs, python_rhs
+from ropeode.problems.signatures import check_signature
+from ropeode.validation import bad_value, check_whole
+
+# A traced function must agree with itself in NumPy so closely, relative to its largest component:
+# both round, and what they compute may cancel.
+_SAME = 1e-9
+# A function that counts its calls shows it within so many, unless they take longer than so long.
+_CALLS, _SECONDS = 150, 0.5
+
+
+@in_float64
+def scipy_form(fun: Callable, t_span_or_ts: Any, y0: Any, args: Any, frames: int) -> dict[str, Any]:
+    """What `Problem.from_scipy`, which describes arguments and exceptions, hands to `Problem`."""
+    if not callable(fun):
+        raise bad_value("fun", fun, "a function fun(t, y, *args)", "hand over the function itself")
+    given, ts, y0 = checks.run(
+        lambda: _arguments(args),
+        lambda: sample_times_of(t_span_or_ts, frames),
+        lambda: _state(y0),
+    )
+    names = ["t", "y", *(f"a{i}" for i in range(len(given)))]
+    other = "" if given else ", or hand over what else it takes: args=(...,)"
+    check_signature("fun", fun, names, other)
+    numeric = all(np.asarray(leaf).dtype.kind in "iufb" for leaf in jax.tree.leaves(given))
+    # Words, functions and other objects are no arguments of a program.
+    bound = () if numeric else given
+    free: Any = checks.numeric_pytree("args", given) if numeric and given else None
+    own = python_rhs(fun, bound)
+    own_name = getattr(fun, "__name__", type(fun).__name__)
+    probes = _probes(ts, y0)
+    expected = _values(own, free, probes)
+    rhs: Any = own
+    for rest, tried in ((free, _in_jax(fun, bound)), (None, _in_jax(fun, given))):
+        if _agrees(tried, rest, probes, expected):
+            rhs, free = tried, rest
+            break
+    name = own_name if own_name.isidentifier() else "problem"
+    return {"rhs": rhs, "y0": y0, "ts": ts, "args": free, "name": name}
+
+
+def _arguments(args: Any) -> tuple[Any, ...]:
+    if args is None:
+        return ()
+    if not isinstance(args, (tuple, list)):
+        fix = "write args=(value,), with the comma"
+        raise bad_value("args", args, "a tuple of what fun takes after t and y", fix)
+    return tuple(args)
+
+
+def sample_times_of(given: Any, frames: int) -> np.ndarray:
+    """Sample times; a span of two times is divided into frames.
+
+    Raises:
+        InputError: they are neither.
+    """
+    times = checks.real_array("ts", given)
+    if times.ndim == 1 and len(times) == 2:
+        if times[1] < times[0]:
+            fix = "solve for -t: `lambda t, y: -np.asarray(fun(-t, y))` over the span (-t0, -t1)"
+            raise bad_value("ts", given, "a span that begins at its smaller time", fix)
+        count = check_whole("frames", frames, at_least=1, example="20")
+        times = np.linspace(times[0], times[1], count + 1)
+    return checks.sample_times(times)
+
+
+def _state(y0: Any) -> np.ndarray:
+    state = checks.real_array("y0", y0)
+    if state.ndim != 1:
+        fix = "ravel it, and reshape y inside fun, as for solve_ivp"
+        raise bad_value("y0", f"shape {state.shape}", "an array of one axis", fix)
+    return state
+
+
+def _probes(ts: np.ndarray, y0: np.ndarray) -> list[tuple[float, np.ndarray]]:
+    """Times and states at which a function is tried; the first is the start."""
+    draws = np.random.default_rng(4).normal(size=(4, *y0.shape))
+    size = np.max(np.abs(y0)) or 1.0
+    near = [y0 * (1.0 + 0.1 * draw) + 0.01 * size * draw for draw in draws]
+    times = np.interp([0.31, 0.55, 0.78, 1.0], [0.0, 1.0], ts[[0, -1]]).tolist()
+    return [(float(ts[0]), y0), *zip(times, near, strict=True)]
+
+
+def _values(own: PythonRhs, args: Any, probes: list[tuple[float, np.ndarray]]) -> list[Any]:
+    """What a function returns in Python; None where it raises, which it may anywhere but at y0.
+
+    Raises:
+        UserCodeError: it raises at the start, returns something that is no derivative, or keeps
+            hidden state.
+    """
+    with np.errstate(all="ignore"):
+        started = time.perf_counter()
+        first = own.evaluated(*probes[0], args)
+        if not np.all(np.isfinite(first)):
+            fix = "start where the right-hand side is defined"
+            raise bad_value("rhs result", first, "finite numbers at the initial state", fix)
+        values: list[Any] = [first]
+        for t, y in probes[1:]:
+            try:
+                values.append(own.evaluated(t, y, args))
+            except UserCodeError:
+                values.append(None)
+        for _ in range(_CALLS):
+            again = own.evaluated(*probes[0], args)
+            if not np.array_equal(first, again):
+                raise UserCodeError(
+                    f"rhs: not deterministic: at the same t and y it returned {first} and later "
+                    f"{again}, because it keeps hidden state or draws random numbers; allowed: a "
+                    "function of its arguments alone. Fix: draw or compute such numbers once, "
+                    "before the problem is made, and hand them over in args."
+                )
+            if time.perf_counter() - started > _SECONDS:
+                break
+    return values
+
+
+def _in_jax(function: Callable, bound: tuple[Any, ...]) -> Callable:
+    """``function(t, y, *bound, *args)`` as ``rhs(t, y, args)``, which returns one array of JAX."""
+
+    def rhs(t: Any, y: Any, args: Any) -> Any:
+        return jnp.asarray(function(t, y, *bound, *(args or ())), dtype=float)
+
+    return rhs
+
+
+def _agrees(
+    tried: Callable,
+    args: Any,
+    probes: list[tuple[float, np.ndarray]],
+    expected: list[Any],
+) -> bool:
+    """Whether JAX can trace a function, and then computes what it computes in Python."""
+    try:
+        compiled = jax.jit(tried)
+        with np.errstate(all="ignore"):
+            values = [np.asarray(compiled(t, y, args)) for t, y in probes]
+    except Exception:
+        # Whatever it is: in Python it ran.
+        return False
+    return all(
+        value.shape == like.shape
+        and np.allclose(value, like, rtol=0.0, atol=_SAME * _size(like), equal_nan=True)
+        for value, like in zip(values, expected, strict=True)
+        if like is not None
+    )
+
+
+def _size(value: np.ndarray) -> float:
+    finite = np.abs(value[np.isfinite(value)])
+    return float(np.max(finite, initial=0.0))

@@ -1,0 +1,275 @@
+"""Problems written for SciPy's solvers, in NumPy."""
+
+from __future__ import annotations
+
+import math
+import random
+import threading
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ropeode import Ensemble, Problem, callbacks, reference, simulate
+from ropeode.errors import InputError, UserCodeError
+from ropeode.precision import in_float64
+from ropeode.problems.python_rhs import PythonRhs, python_rhs
+
+
+def pendulum(t, y, strength):
+    """A pendulum in NumPy, which JAX cannot trace."""
+    return [y[1], -strength * math.sin(y[0])]
+
+
+def pendulum_in_jax(t, y, strength):
+    return jnp.stack([y[1], -strength * jnp.sin(y[0])])
+
+
+START, STRENGTH = [1.0, 0.0], 1.3
+
+
+def by_scipy(times):
+    tolerances = {"rtol": 1e-13, "atol": 1e-13}
+    return solve_ivp(
+        pendulum, (0.0, 2.0), START, "DOP853", times, args=(STRENGTH,), **tolerances
+    ).y.T
+
+
+@pytest.fixture(scope="module")
+def in_python() -> Problem:
+    return Problem.from_scipy(pendulum, (0.0, 2.0), START, args=(STRENGTH,), frames=4)
+
+
+def test_a_function_that_jax_cannot_trace_has_a_reference(in_python):
+    assert in_python.in_python
+    assert in_python.name == "pendulum"
+    truth = reference(in_python)
+    assert truth.trusted == 5
+    there = solve_ivp(
+        pendulum,
+        (0.0, 2.0),
+        START,
+        "DOP853",
+        in_python.ts,
+        args=(STRENGTH,),
+        rtol=1e-13,
+        atol=1e-13,
+    )
+    assert np.max(np.abs(truth.states - there.y.T)) < 1e-11
+    assert truth.bound()[-1] < 1e-12
+
+
+@pytest.mark.slow
+def test_between_the_samples_only_the_first_derivative_is_known(in_python):
+    known = reference(in_python, rtol=1e-9, dense=True)
+    assert known.dense is not None
+    assert known.dense.derivatives.shape[1] == 2
+    times = np.linspace(0.0, 2.0, 50)
+    off = np.max(np.abs(known.at(times) - by_scipy(times)), axis=1)
+    assert np.all(off <= known.bound_at(times))
+
+
+def test_compiled_steps_and_steps_in_python_agree_with_jax(in_python):
+    def heun(rhs, t, y, dt, args):
+        # `float` is what JAX cannot trace.
+        k = rhs(t, y, args)
+        return y + float(dt) / 2 * (k + rhs(t + dt, y + dt * k, args))
+
+    same = Problem.from_scipy(pendulum_in_jax, in_python.ts, START, args=(STRENGTH,))
+    assert not same.in_python
+    for stepper in ("rk4", heun, "scipy:Radau"):
+        runs = [simulate(each, stepper, 8) for each in (in_python, same)]
+        assert np.max(np.abs(runs[0].states - runs[1].states)) < 1e-13
+        assert runs[0].rhs_evaluations == runs[1].rhs_evaluations
+
+
+def test_members_of_an_ensemble_are_called_one_by_one(in_python):
+    strengths = np.array([0.5, 1.0, 1.5])
+    members = Ensemble.varying(in_python, args=(strengths,))
+    runs = simulate(members, "rk4", 8)
+    for each, strength in zip(runs, strengths, strict=True):
+        alone = Problem.from_scipy(pendulum, in_python.ts, START, args=(strength,))
+        assert np.array_equal(each.states, simulate(alone, "rk4", 8).states)
+
+
+@in_float64
+def test_one_derivative_is_known(in_python):
+    def rhs(t, y):
+        return in_python.rhs(t, y, in_python.args)
+
+    y = np.array([0.4, -2.0])
+    slopes = np.asarray(jax.jit(jax.jacfwd(rhs, argnums=1))(0.0, y))
+    exact = np.array([[0.0, 1.0], [-STRENGTH * np.cos(0.4), 0.0]])
+    assert np.max(np.abs(slopes - exact)) < 1e-9
+    driven = PythonRhs(lambda t, y: y * math.sin(t))
+    rate = jax.jvp(lambda t: driven(t, y, ()), (0.3,), (2.0,))[1]
+    assert np.max(np.abs(rate - 2.0 * y * np.cos(0.3))) < 1e-9
+    with pytest.raises(InputError, match="one derivative by time or state"):
+        jax.jacfwd(jax.jacfwd(rhs, argnums=1), argnums=1)(0.0, y)
+    with pytest.raises(InputError, match="one derivative"):
+        jax.jvp(lambda args: in_python.rhs(0.0, y, args), (in_python.args,), (in_python.args,))
+
+
+def test_extended_precision_says_why_not(in_python):
+    with pytest.raises(InputError, match="level: 'extended' given; .* runs in Python"):
+        reference(in_python, level="extended")
+
+
+def writes_to_its_own():
+    out = np.zeros(2)
+
+    def rhs(t, y):
+        out[:] = y[1], -math.sin(y[0])
+        return out
+
+    return rhs
+
+
+def writes_to_the_state(t, y):
+    y[0] = max(y[0], 0.0)
+    return y
+
+
+@pytest.mark.parametrize(
+    ("function", "args", "traced"),
+    [
+        (lambda t, y: [y[1], -y[0]], (), True),
+        (lambda t, y: (y[1], -y[0] * 2), (), True),
+        (lambda t, y: [1, 0], (), True),
+        (lambda t, y, a, word: y[::-1] * a if word == "x" else y, (2.0, "x"), True),
+        (lambda t, y, n: [sum(y[i] for i in range(n)), 0.0], (2,), True),
+        (lambda t, y: np.array([y[1], -np.sin(y[0])]), (), False),
+        (lambda t, y: y if t < 0.5 else -y, (), False),
+        (lambda t, y, table: np.interp(t, *table) * y, (np.array([[0, 9], [1, 3]]),), False),
+        (lambda t, y, words: [y[0] * math.exp(words["rate"]), t], ({"rate": 0.5},), True),
+        (writes_to_its_own(), (), False),
+        (writes_to_the_state, (), False),
+    ],
+)
+def test_functions_of_many_kinds(function, args, traced):
+    problem = Problem.from_scipy(function, (0.0, 1.0), [1.0, 0.5], args=args, frames=2)
+    assert problem.in_python != traced
+    y0, states = problem.y0.copy(), simulate(problem, "rk4", 2).states
+    assert np.array_equal(problem.y0, y0)
+    y, dt = y0.copy(), 0.25
+
+    def rhs(t, y):
+        return np.array(function(t, y.copy(), *args), dtype=float)
+
+    for i in range(4):
+        a = rhs(i * dt, y)
+        b = rhs(i * dt + dt / 2, y + dt / 2 * a)
+        c = rhs(i * dt + dt / 2, y + dt / 2 * b)
+        y = y + dt / 6 * (a + 2 * b + 2 * c + rhs(i * dt + dt, y + dt * c))
+    assert np.max(np.abs(states[-1] - y)) < 1e-13
+
+
+def counting():
+    calls = [0]
+
+    def rhs(t, y):
+        calls[0] += 1
+        return y if calls[0] < 100 else -y
+
+    return rhs
+
+
+def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
+    return lambda: Problem.from_scipy(function, span, list(y0), **more)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (ivp(lambda t, y: random.random() * y), "not deterministic: at the same t and y"),
+        (ivp(counting()), "not deterministic"),
+        (ivp(lambda t, y: 1 / 0), "ZeroDivisionError: division by zero at t = 0, y ="),
+        (ivp(lambda t, y: y[:1]), r"shape \(1,\); allowed: .* \(2,\)"),
+        (ivp(lambda t, y: "word"), "it returned str"),
+        (ivp(lambda t, y: None), "it returned NoneType"),
+        (ivp(lambda t, y: 1j * y), "type complex128"),
+        (ivp(lambda t, y: y.astype(np.float32)), "type float32; allowed: float64"),
+        (ivp(lambda t, y: y / 0.0 if t == 0 else y), "finite numbers at the initial state"),
+        (ivp(lambda y, t: y), r"order of odeint; .* `lambda t, y, \*args: rhs\(y, t, \*args\)`"),
+        (ivp(lambda t, y, k: y), r"a function of \(t, y, k\) given; .* args=\(\.\.\.,\)"),
+        (ivp(lambda t, y: y, args=(1,)), r"one of \(t, y, a0\)"),
+        (ivp(lambda t, y, k: y, args=1), r"write args=\(value,\), with the comma"),
+        (ivp(lambda t, y: y, span=(1, 0)), "begins at its smaller time. Fix: solve for -t"),
+        (ivp(lambda t, y: y, y0=[[1.0]]), "y0: .* one axis"),
+        (ivp(lambda t, y: y, frames=0), "frames: 0 given"),
+        (ivp(3), "fun: 3 given"),
+        (lambda: Problem(lambda t, y: y, [1.0], [0, 1]), r"write `def rhs\(t, y, args\):`, or use"),
+        (lambda: Problem(lambda y: y, [1.0], [0, 1]), r"rhs: a function of \(y\) given"),
+        (lambda: Problem(lambda y, t, p: y, [1.0], [0, 1]), "order of odeint"),
+        (lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]), "from_scipy takes NumPy"),
+    ],
+)
+def test_what_cannot_be_used_is_met_with_what_to_write(make, words):
+    with np.errstate(all="ignore"), pytest.raises(InputError, match=words):
+        make()
+
+
+def test_an_exception_on_the_way_comes_out_as_it_is(in_python):
+    def no_data(t, y, strength):
+        if t > 0.7:
+            raise LookupError("no data behind 0.7")
+        return pendulum(t, y, strength)
+
+    problem = Problem.from_scipy(no_data, in_python.ts, START, args=(STRENGTH,))
+    for stepper in ("rk4", "scipy:RK45"):
+        with pytest.raises(UserCodeError, match=r"no data behind 0.7 at t = 0\.7") as caught:
+            simulate(problem, stepper, 16)
+        assert isinstance(caught.value.__cause__, LookupError)
+
+    def interrupted(t, y, strength):
+        if t > 0.7:
+            raise KeyboardInterrupt
+        return pendulum(t, y, strength)
+
+    problem = Problem.from_scipy(interrupted, (0.0, 0.5), START, args=(STRENGTH,), frames=2)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(problem.changed(ts=in_python.ts), "rk4", 16)
+    # What was raised once is over.
+    assert simulate(in_python, "rk4", 8).status == "ok"
+
+
+def test_all_that_runs_while_an_exception_is_kept_raises_it_once():
+    """A program does not know for whom it calls."""
+    kept, other, begun = LookupError("a"), threading.Event(), threading.Event()
+    outcomes = []
+
+    def beside():
+        try:
+            with callbacks.raised_again():
+                begun.set()
+                other.wait(10)
+        except LookupError as error:
+            outcomes.append(error)
+
+    @callbacks.raised_again()
+    def program():
+        callbacks.keep(beside, kept)
+        # What comes of the first says less.
+        callbacks.keep(beside, ValueError("of not-a-number"))
+
+    thread = threading.Thread(target=beside)
+    thread.start()
+    begun.wait(10)
+    with callbacks.raised_again():
+        with pytest.raises(LookupError) as caught:
+            program()
+        assert caught.value is kept
+    other.set()
+    thread.join()
+    assert outcomes == [kept]
+    with callbacks.raised_again():
+        pass
+
+
+def test_programs_are_found_again_by_the_function():
+    assert python_rhs(pendulum, ()) is python_rhs(pendulum, ())
+    first, second = PythonRhs(pendulum), PythonRhs(pendulum)
+    assert first != second
+    assert repr(first) != repr(second)
