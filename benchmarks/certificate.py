@@ -17,6 +17,11 @@ was interrupted, and only prints the tables when all is done.
 
 `--kind` leaves out all other trials. With `--warp P` the sample times are the P-th powers of equal
 ones, so that the first frames are much shorter than the last.
+
+    python benchmarks/certificate.py --family adversarial --trials 5200 --out adversarial.jsonl
+
+These problems are made to deceive a reference (`benchmarks/adversaries.py`). Their truth is a
+formula. Of the smooth kinds less than one in twenty should be refused.
 """
 
 from __future__ import annotations
@@ -42,12 +47,15 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.adversaries import ADVERSARIES
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
+from ropeode.references.certificate import Level
 from ropeode.references.compute import reference
 from ropeode.references.extended.taylor import solve
+from ropeode.references.jax_setup import set_up_jax
 from ropeode.references.reference import Reference
 
 # Ropes are what the package is for. Adding a problem changes which one a seed and an index draw.
@@ -79,7 +87,7 @@ TIME_LIMIT = 120.0
 # what is compiled for one serves the next.
 FRAMES = (5, 16)
 NODES = (2, 3, 4, 6, 9, 13, 18, 24)
-TRIALS_AT_ONCE = 8
+TRIALS_AT_ONCE = {"library": 8, "adversarial": 32}
 
 Random = np.random.Generator
 
@@ -90,15 +98,17 @@ class Trial:
 
     Arguments:
         index: in the row of trials of a seed.
-        kind: one of `SHARES`.
-        parameters: of the library's problem.
+        kind: one of `SHARES`, or of `ADVERSARIES`.
+        parameters: of the problem.
         rtol: of the reference.
+        level: of the reference.
     """
 
     index: int
     kind: str
     parameters: dict[str, Any]
     rtol: float | None
+    level: Level = "consensus"
 
     @property
     def problem_name(self) -> str:
@@ -107,11 +117,31 @@ class Trial:
 
     def problem(self) -> Problem:
         """What is solved."""
+        if self.kind in ADVERSARIES:
+            return ADVERSARIES[self.kind].problem(**self.parameters)
         return PROBLEMS[self.problem_name](**self.parameters)
+
+    def truth(self, problem: Problem, precision: int) -> np.ndarray:
+        """The solution at the samples that were reached, as `heyoka.real`."""
+        if self.kind in ADVERSARIES:
+            # Formulas are cheap, and some of them cancel.
+            return ADVERSARIES[self.kind].solution(problem, 5 * precision)
+        return solve(problem, precision=precision, time_limit=TIME_LIMIT).states
+
+    @property
+    def code(self) -> str:
+        """What makes the problem, as Python."""
+        if self.kind in ADVERSARIES:
+            return f"ADVERSARIES[{self.kind!r}].problem(**{json.dumps(self.parameters)})"
+        return f"PROBLEMS[{self.problem_name!r}](**{json.dumps(self.parameters)})"
 
     def shape(self) -> tuple:
         """What decides on what is compiled."""
         given = self.parameters
+        if self.kind in ADVERSARIES:
+            field = ADVERSARIES[self.kind].field.__name__
+            jumps = len(given.get("jump_times", ()))
+            return field, jumps, self.level, given["frames"]
         dim, nodes = len(given.get("start", ())), given.get("num_nodes", given.get("num_masses"))
         return self.problem_name, dim, nodes or 0, given["frames"]
 
@@ -126,6 +156,7 @@ class Outcome:
         refused: why there is no reference; None if there is one.
         broken: the exception that should not have been; None if there was none.
         samples: inside the trust horizon and known, the start left out.
+        beyond: samples that are not trusted.
         unknown: samples inside the trust horizon that the truth did not reach.
         misses: samples where the error of any quantity exceeds its bound.
         tightness: bound over true error at the last sample, first quantity; None without error.
@@ -140,6 +171,7 @@ class Outcome:
     refused: str | None = None
     broken: str | None = None
     samples: int = 0
+    beyond: int = 0
     unknown: int = 0
     misses: int = 0
     tightness: float | None = None
@@ -149,13 +181,23 @@ class Outcome:
     seconds: tuple[float, float] = (0.0, 0.0)
 
 
-def draw(seed: int, index: int) -> Trial:
+def draw(family: str, seed: int, index: int) -> Trial:
     """The same trial for the same numbers, whatever the others are."""
     random = np.random.default_rng([seed, index])
+    if family == "adversarial":
+        return draw_adversary(random, index)
     kind = str(random.choice(list(SHARES), p=list(SHARES.values())))
     rtol = None if random.random() < 0.5 else float(10 ** random.uniform(-12, -6))
     frames = int(random.choice(FRAMES))
     return Trial(index, kind, {"frames": frames, **DRAWS[kind](random)}, rtol)
+
+
+def draw_adversary(random: Random, index: int) -> Trial:
+    shares = np.array([adversary.share for adversary in ADVERSARIES.values()])
+    kind = str(random.choice(list(ADVERSARIES), p=shares / np.sum(shares)))
+    level, parameters = ADVERSARIES[kind].drawn(random)
+    rtol = None if random.random() < 0.5 else float(10 ** random.uniform(-12, -6))
+    return Trial(index, kind, parameters, None if level == "extended" else rtol, level)
 
 
 def _between(random: Random, low: float, high: float, size: int | None = None) -> Any:
@@ -356,9 +398,9 @@ DRAWS = {
 }
 
 
-def run(seed: int, warp: float, indices: list[int]) -> list[Outcome]:
+def run(family: str, seed: int, warp: float, indices: list[int]) -> list[Outcome]:
     """The outcomes of some trials, whatever happens in them: the others are not to be lost."""
-    return [outcome_of(seed, warp, draw(seed, index)) for index in indices]
+    return [outcome_of(seed, warp, draw(family, seed, index)) for index in indices]
 
 
 def outcome_of(seed: int, warp: float, trial: Trial) -> Outcome:
@@ -377,24 +419,21 @@ def compare(seed: int, warp: float, trial: Trial) -> Outcome:
         problem = dataclasses.replace(problem, ts=ts)
     began = time.perf_counter()
     try:
-        found = reference(problem, rtol=trial.rtol)
+        found = reference(problem, rtol=trial.rtol, level=trial.level)
     except ReferenceRefused as refusal:
-        return Outcome(seed, trial.index, refused=str(refusal))
+        seconds = round(time.perf_counter() - began, 3), 0.0
+        return Outcome(seed, trial.index, refused=str(refusal), seconds=seconds)
     middle = time.perf_counter()
     # What comes after the horizon is of no concern, and costs digits.
-    inside = dataclasses.replace(problem, ts=problem.ts[: found.trusted])
-    truth = _truth(inside, PRECISION)
+    inside = problem.changed(ts=problem.ts[: found.trusted])
+    truth = trial.truth(inside, PRECISION)
     outcome = _held_against(seed, trial, inside, found, truth)
     if outcome.misses or trial.index % CHECKED_EVERY == 0:
-        doubt = _doubt(inside, found, truth, _truth(inside, CHECKED_PRECISION))
+        doubt = _doubt(inside, found, truth, trial.truth(inside, CHECKED_PRECISION))
         outcome = dataclasses.replace(outcome, doubt=doubt)
     seconds = round(middle - began, 3), round(time.perf_counter() - middle, 3)
-    return dataclasses.replace(outcome, seconds=seconds)
-
-
-def _truth(problem: Problem, precision: int) -> np.ndarray:
-    """The solution at the samples that were reached, as `heyoka.real`."""
-    return solve(problem, precision=precision, time_limit=TIME_LIMIT).states
+    beyond = len(problem.ts) - found.trusted
+    return dataclasses.replace(outcome, beyond=beyond, seconds=seconds)
 
 
 def _held_against(
@@ -409,6 +448,8 @@ def _held_against(
     for quantity in problem.quantities:
         bound = found.certificate.bounds[quantity][:known]
         error = distance(problem, NORMS[f"{quantity}-max"], off, lost)
+        # Not-a-number where there is no solution.
+        error = np.where(np.isnan(error), np.inf, error)
         missed |= error > bound
         ratio = _over(error, bound)
         at = int(np.argmax(ratio))
@@ -427,7 +468,7 @@ def _held_against(
 def _doubt(problem: Problem, found: Reference, truth: np.ndarray, again: np.ndarray) -> float:
     """How far two truths are apart, over the bound, at most."""
     known = min(len(truth), len(again))
-    apart = (truth[:known] - again[:known]).astype(np.float64)
+    apart = np.nan_to_num((truth[:known] - again[:known]).astype(np.float64))
     return max(
         float(
             np.max(
@@ -446,16 +487,21 @@ def _over(error: np.ndarray, bound: np.ndarray) -> np.ndarray:
     return np.where(error == 0, 0, error / np.where(bound == 0, 1, bound))
 
 
-def outcomes(seed: int, warp: float, trials: list[Trial], jobs: int) -> Iterator[Outcome]:
+def outcomes(
+    family: str, seed: int, warp: float, trials: list[Trial], jobs: int
+) -> Iterator[Outcome]:
     """Run trials in new processes, those of one shape one after the other."""
     groups: list[list[int]] = []
+    most = TRIALS_AT_ONCE[family]
     for _, of_shape in itertools.groupby(sorted(trials, key=Trial.shape), key=Trial.shape):
         indices = [trial.index for trial in of_shape]
-        groups += (indices[i : i + TRIALS_AT_ONCE] for i in range(0, len(indices), TRIALS_AT_ONCE))
+        groups += (indices[i : i + most] for i in range(0, len(indices), most))
     # What JAX compiles stays in memory, some megabytes for each trial. (The executors of
     # concurrent.futures would hang here: on Python 3.11 they do not replace workers reliably.)
-    with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=30) as pool:
-        for batch in pool.imap_unordered(functools.partial(run, seed, warp), groups):
+    work = functools.partial(run, family, seed, warp)
+    spawned = multiprocessing.get_context("spawn")
+    with spawned.Pool(jobs, initializer=set_up_jax, maxtasksperchild=30) as pool:
+        for batch in pool.imap_unordered(work, groups):
             yield from batch
 
 
@@ -478,7 +524,7 @@ def largest_miss_rate(missed: int, trials: int) -> float:
     return 1.0 if missed == trials else float(beta.ppf(CONFIDENCE, missed + 1, trials - missed))
 
 
-def row(name: str, of: list[Outcome]) -> list[str]:
+def row(family: str, name: str, of: list[Outcome]) -> list[str]:
     given = [outcome for outcome in of if outcome.refused is None and outcome.broken is None]
     refused = sum(outcome.refused is not None for outcome in of)
     missed = sum(outcome.misses > 0 for outcome in given)
@@ -486,6 +532,7 @@ def row(name: str, of: list[Outcome]) -> list[str]:
         name,
         str(len(of)),
         str(refused),
+        *([str(sum(outcome.beyond > 0 for outcome in given))] if family == "adversarial" else []),
         str(sum(outcome.samples for outcome in given)),
         str(missed),
     ]
@@ -505,39 +552,57 @@ def row(name: str, of: list[Outcome]) -> list[str]:
     ]
 
 
-HEAD = [
-    "problem",
-    "trials",
-    "refused",
-    "samples",
-    "missed",
-    "bound/error, median",
-    "90 % quantile",
-    "largest error/bound",
-    f"miss rate below ({100 * CONFIDENCE:.0f} %)",
-    "truth's doubt/bound",
-]
+def head(family: str) -> list[str]:
+    return [
+        "problem",
+        "trials",
+        "refused",
+        *(["with a horizon"] if family == "adversarial" else []),
+        "samples",
+        "missed",
+        "bound/error, median",
+        "90 % quantile",
+        "largest error/bound",
+        f"miss rate below ({100 * CONFIDENCE:.0f} %)",
+        "truth's doubt/bound",
+    ]
 
 
-def table(trials: list[Trial], of: dict[int, Outcome]) -> str:
+def table(family: str, trials: list[Trial], of: dict[int, Outcome]) -> str:
     def chosen(keep: Any) -> list[Outcome]:
         return [of[trial.index] for trial in trials if keep(trial)]
 
+    kinds = {
+        kind + (", smooth" if kind in ADVERSARIES and ADVERSARIES[kind].smooth else ""): chosen(
+            lambda trial, kind=kind: trial.kind == kind
+        )
+        for kind in kinds_of(family)
+    }
     groups = {
-        **{kind: chosen(lambda trial, kind=kind: trial.kind == kind) for kind in SHARES},
-        "all, default": chosen(lambda trial: trial.rtol is None),
+        **kinds,
+        "all, extended": chosen(lambda trial: trial.level == "extended"),
+        "all, default": chosen(lambda trial: trial.rtol is None and trial.level == "consensus"),
         "all, given rtol": chosen(lambda trial: trial.rtol is not None),
+        **(
+            {"all, smooth": chosen(lambda trial: ADVERSARIES[trial.kind].smooth)}
+            if family == "adversarial"
+            else {}
+        ),
         "all": chosen(lambda trial: True),
     }
-    rows = [row(name, group) for name, group in groups.items() if group]
-    return tabulate(rows, HEAD, tablefmt="github", disable_numparse=True)
+    rows = [row(family, name, group) for name, group in groups.items() if group]
+    return tabulate(rows, head(family), tablefmt="github", disable_numparse=True)
+
+
+def kinds_of(family: str) -> list[str]:
+    return list(ADVERSARIES if family == "adversarial" else SHARES)
 
 
 def described(trial: Trial, outcome: Outcome) -> str:
     found = f"{outcome.misses} samples; worst is {outcome.where}; unknown {outcome.unknown}"
     return (
-        f"{trial.index}: PROBLEMS[{trial.problem_name!r}](**{json.dumps(trial.parameters)}), "
-        f"rtol={trial.rtol!r}\n    {outcome.refused or outcome.broken or found}"
+        f"{trial.index}: {trial.code}, rtol={trial.rtol!r}, level={trial.level!r}\n"
+        f"    {outcome.refused or outcome.broken or found}"
     )
 
 
@@ -548,18 +613,22 @@ def main() -> None:
     parser.add_argument(
         "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)"
     )
-    parser.add_argument("--kind", choices=list(SHARES), help="of problem (default: all)")
+    parser.add_argument("--family", choices=list(TRIALS_AT_ONCE), default="library")
+    parser.add_argument("--kind", metavar="KIND", help="of problem (default: all)")
     parser.add_argument("--warp", type=float, default=1.0, help="of the sample times (default 1)")
     parser.add_argument("--out", type=Path, required=True, help="file of outcomes, *.jsonl")
     options = parser.parse_args()
-    drawn = (draw(options.seed, index) for index in range(options.trials))
+    family = options.family
+    if options.kind not in (None, *kinds_of(family)):
+        parser.error(f"--kind {options.kind!r}; allowed: {', '.join(kinds_of(family))}")
+    drawn = (draw(family, options.seed, index) for index in range(options.trials))
     trials = [trial for trial in drawn if options.kind in (None, trial.kind)]
     known = already_known(options.out, options.seed, trials)
     left = [trial for trial in trials if trial.index not in known]
     console = Console(stderr=True)
     with options.out.open("a") as file:
         for outcome in track(
-            outcomes(options.seed, options.warp, left, options.jobs),
+            outcomes(family, options.seed, options.warp, left, options.jobs),
             description="references",
             total=len(left),
             console=console,
@@ -568,7 +637,9 @@ def main() -> None:
             file.write(json.dumps(dataclasses.asdict(outcome)) + "\n")
             file.flush()
     print(f"trials {len(trials)}, seed {options.seed}, warp {options.warp:g}\n")
-    print(table(trials, known))
+    print(table(family, trials, known))
+    seconds = [sum(known[trial.index].seconds) for trial in trials]
+    print(f"\nseconds for a trial: mean {np.mean(seconds):.3f}, largest {max(seconds):.1f}")
     for title, interesting in (
         ("Misses", lambda outcome: outcome.misses),
         ("Refused", lambda outcome: outcome.refused),
