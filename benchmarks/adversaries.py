@@ -6,8 +6,9 @@ compiled for one trial serves all others. The solution is a formula, evaluated i
 it.
 
 A kind is *smooth* if a reference is expected: its right-hand side is smooth on the scale of the
-span, or its jumps are declared, and rounding errors do not grow beyond what float64 can carry. Of the
-others many have no reference in float64, and a refusal or an early horizon is the right answer.
+span, or its jumps are declared, and rounding errors do not grow beyond what float64 can carry.
+Many of the others have no reference in float64, and a refusal or an early horizon is the right
+answer.
 """
 
 from __future__ import annotations

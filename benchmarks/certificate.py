@@ -427,7 +427,8 @@ def compare(seed: int, warp: float, trial: Trial) -> Outcome:
     # What comes after the horizon is of no concern, and costs digits.
     inside = problem.changed(ts=problem.ts[: found.trusted])
     truth = trial.truth(inside, PRECISION)
-    outcome = _held_against(seed, trial, inside, found, truth)
+    with np.errstate(invalid="ignore"):
+        outcome = _held_against(seed, trial, inside, found, truth)
     if outcome.misses or trial.index % CHECKED_EVERY == 0:
         doubt = _doubt(inside, found, truth, trial.truth(inside, CHECKED_PRECISION))
         outcome = dataclasses.replace(outcome, doubt=doubt)
