@@ -218,6 +218,35 @@ def draw_bump(random: Random, narrow: float, wide: float) -> dict[str, Any]:
     }
 
 
+def behind_a_loss(t: Any, y: Any, args: Any) -> Any:
+    rate, factor, level, height, centre, width = args
+    pulse = height * jnp.exp(-(((t - centre) / width) ** 2))
+    return rate * (factor * y - level) + pulse
+
+
+def behind_a_loss_truth(t: Reals, y0: Any, args: Any) -> Sequence[Reals]:
+    rate, factor, level, height, centre, width = args
+    (pushed,) = gaussian_truth(t, [0 * y0[0]], (-rate * factor, height, centre, width))
+    off = y0[0] - level / factor
+    return [level / factor + off * np.exp(rate * factor * (t - t[0])) + pushed]
+
+
+def draw_behind_a_loss(random: Random) -> dict[str, Any]:
+    """It starts as near to an unstable balance as float64 numbers can, so that rounding decides."""
+    end = powers(random, -1, 2)
+    factor, level = float(random.integers(3, 50)), float(random.integers(1, 50))
+    growth = float(random.uniform(5.0, 60.0))
+    centre, width = float(random.uniform(0.2, 0.95)) * end, end * powers(random, -4.5, -1.5)
+    # At the end as large as something between one rounding error, grown, and the level.
+    at_end = level / factor * max(float(np.exp(growth)) * 1e-17, 1.0) * powers(random, -3, 1)
+    area = at_end * float(np.exp(-growth * (1 - centre / end))) * sign(random)
+    return {
+        "span": [0.0, end],
+        "y0": [level / factor],
+        "args": [growth / (factor * end), factor, level, area / width, centre, width],
+    }
+
+
 def kick(t: Any, x: Any, v: Any, args: Any) -> Any:
     height, centre, width = args
     return height / jnp.cosh((t - centre) / width) ** 2 + 0 * x
@@ -412,18 +441,24 @@ def balance_truth(t: Reals, y0: Any, args: Any) -> Sequence[Reals]:
 
 
 def column(t: Any, x: Any, v: Any, args: Any) -> Any:
+    """It buckles, beside a mass that swings."""
     rate, large, small = args
-    return rate * rate * x + ((large + small) - large)
+    return jnp.stack([rate * rate * x[0] + ((large + small) - large), -rate * rate * x[1]])
 
 
 def column_truth(t: Reals, y0: Any, args: Any) -> Sequence[Reals]:
     rate, _, small = args
-    angle = rate * (t - t[0])
-    x = y0[0] * np.cosh(angle) + y0[1] / rate * np.sinh(angle)
-    v = y0[0] * rate * np.sinh(angle) + y0[1] * np.cosh(angle)
-    # Half the angle: the hyperbolic cosine less 1 would cancel.
-    push = small / rate
-    return [x + push / rate * 2 * np.sinh(angle / 2) ** 2, v + push * np.sinh(angle)]
+    angle, push = rate * (t - t[0]), small / rate
+    x0, x1, v0, v1 = y0
+    return [
+        # Half the angle: the hyperbolic cosine less 1 would cancel.
+        x0 * np.cosh(angle)
+        + v0 / rate * np.sinh(angle)
+        + 2 * push / rate * np.sinh(angle / 2) ** 2,
+        x1 * np.cos(angle) + v1 / rate * np.sin(angle),
+        x0 * rate * np.sinh(angle) + v0 * np.cosh(angle) + push * np.sinh(angle),
+        -x1 * rate * np.sin(angle) + v1 * np.cos(angle),
+    ]
 
 
 def draw_balance(random: Random) -> dict[str, Any]:
@@ -438,10 +473,8 @@ def draw_balance(random: Random) -> dict[str, Any]:
 
 
 def draw_column(random: Random) -> dict[str, Any]:
-    drawn = draw_balance(random)
-    still = [0.0], [0.0]
-    # Of two masses side by side one may move, so that not all components are zero.
-    return {**drawn, "y0": list(still)}
+    moving = float(random.choice([0.0, 1.0, 1.0]))
+    return {**draw_balance(random), "y0": [[0.0, moving], [0.0, 0.0]]}
 
 
 def delayed(t: Any, y: Any, args: Any) -> Any:
@@ -520,7 +553,7 @@ def draw_cancelling(random: Random) -> dict[str, Any]:
     size = largest**2 / 2 if which == 0 else largest
     return {
         "span": [0.0, end],
-        "y0": [float(random.normal()) * random.integers(2)],
+        "y0": [float(random.normal())] if random.random() < 0.5 else [0.0],
         "args": [
             1.0 / (size * end),
             largest / end,
@@ -793,6 +826,9 @@ ADVERSARIES = {
         extended=0.2,
     ),
     "pulse, declared": Adversary(gaussian, draw_declared_gaussian, gaussian_truth, smooth=True),
+    "pulse behind a loss": Adversary(
+        behind_a_loss, draw_behind_a_loss, behind_a_loss_truth, extended=0.5
+    ),
     "bump or smooth switch": Adversary(
         bump, lambda random: draw_bump(random, -4.5, -0.5), bump_truth, share=2.0, extended=0.1
     ),
@@ -809,7 +845,11 @@ ADVERSARIES = {
         window, lambda random: draw_window(random, declared=True), window_truth, smooth=True
     ),
     "window": Adversary(
-        window, lambda random: draw_window(random, declared=False), window_truth, share=2.0
+        window,
+        lambda random: draw_window(random, declared=False),
+        window_truth,
+        share=2.0,
+        extended=0.1,
     ),
     "window in the state": Adversary(
         state_window, draw_state_window, state_window_truth, share=1.5
@@ -817,12 +857,12 @@ ADVERSARIES = {
     "two springs": Adversary(two_springs, draw_two_springs, two_springs_truth, share=0.7),
     "balance": Adversary(balance, draw_balance, balance_truth, extended=0.1),
     "column": Adversary(column, draw_column, column_truth, mechanical=True, extended=0.1),
-    "delayed loss of stability": Adversary(delayed, draw_delayed, delayed_truth),
-    "hidden growth": Adversary(hidden, draw_hidden, hidden_truth),
+    "delayed loss of stability": Adversary(delayed, draw_delayed, delayed_truth, extended=0.1),
+    "hidden growth": Adversary(hidden, draw_hidden, hidden_truth, extended=0.1),
     "cancellation": Adversary(
         cancelling, draw_cancelling, cancelling_truth, share=2.0, extended=0.1
     ),
-    "swallowed state": Adversary(swallowed, draw_swallowed, swallowed_truth),
+    "swallowed state": Adversary(swallowed, draw_swallowed, swallowed_truth, extended=0.1),
     "tiny rate": Adversary(
         tiny_rate, draw_tiny_rate, tiny_rate_truth, share=1.5, smooth=True, frames=MANY
     ),
@@ -847,5 +887,5 @@ ADVERSARIES = {
     "pole, passed": Adversary(pole, draw_pole_passed, pole_truth, share=0.3),
     "falling into a singularity": Adversary(falling, draw_falling, falling_truth, share=0.4),
     "root": Adversary(root, draw_root, root_truth, share=0.5),
-    "stiff": Adversary(stiff, draw_stiff, stiff_truth, share=0.5, smooth=True),
+    "stiff": Adversary(stiff, draw_stiff, stiff_truth, share=0.2, smooth=True),
 }
