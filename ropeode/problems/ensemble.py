@@ -10,6 +10,7 @@ import numpy as np
 
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
+from ropeode.problems.state_structure import is_tree
 from ropeode.validation import bad_value
 
 
@@ -100,7 +101,8 @@ class Ensemble(Sequence[Problem]):
 
         Arguments:
             problem: whose functions and sample times all members have.
-            y0: initial states, ``(members, *state)``; by default that of `problem`.
+            y0: initial states, ``(members, *state)``, or a pytree of such arrays like the state;
+                by default that of `problem`.
             args: arguments with one more axis in front of each array, ``(members, ...)``; by
                 default those of `problem`.
             parameters: gives the `parameters` of a member, by its index.
@@ -112,6 +114,8 @@ class Ensemble(Sequence[Problem]):
         varied: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         own, structure = jax.tree.flatten(problem.args)
         if y0 is not None:
+            if problem.structure is not None and is_tree(y0):
+                y0 = problem.structure.ravel("y0", jax.tree.map(np.asarray, y0), axes=1)
             varied["y0"] = [(np.asarray(y0), problem.y0)]
         if args is not None:
             arrays, others = jax.tree.flatten(args)
@@ -189,12 +193,12 @@ def same_problem(problem: Problem, other: Problem) -> bool:
 def family(problem: Problem) -> tuple[Hashable, ...]:
     """What the members of an ensemble share: equal where `Ensemble.of` takes two together."""
     shapes = _shapes((problem.y0, problem.args))
-    return problem.rhs, problem.mechanics, shapes, problem.ts.tobytes()
+    return problem.rhs, problem.mechanics, problem.structure, shapes, problem.ts.tobytes()
 
 
 def _difference(problem: Problem, first: Problem) -> str | None:
     """In what, besides numbers, a problem differs from the first; None if in nothing."""
-    names = ("right-hand sides", "right-hand sides", "shapes", "sample times")
+    names = ("right-hand sides", "right-hand sides", "states", "shapes", "sample times")
     pairs = zip(names, family(problem), family(first), strict=True)
     return next((name for name, own, its in pairs if own != its), None)
 

@@ -18,6 +18,7 @@ from ropeode.problems import checks
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.scipy_form import scipy_form
+from ropeode.problems.state_structure import StateStructure, is_tree
 from ropeode.problems.traced import again, compiled, traced
 from ropeode.validation import bad_value
 
@@ -67,11 +68,16 @@ class FirstOrderForm:
 class Problem:
     """An initial value problem ``y' = rhs(t, y, args)``, ``y(ts[0]) = y0``.
 
+    The state may be a pytree: a dict, a tuple of arrays, a named tuple, a dataclass registered
+    with JAX. Then all functions below take and return such pytrees. The problem keeps the state
+    and its right-hand side flat, as solvers and steppers need them; `unravel` goes back.
+
     Arguments:
         rhs: ``rhs(t, y, args)`` in JAX; returns the derivative in the shape of ``y``. It is traced
             when the problem is built, and again when the problem is solved: each solution is that
             of the equation which the function then computes.
-        y0: the initial state, any shape; real numbers, kept as float64.
+        y0: the initial state, an array of any shape or a pytree of arrays; real numbers, kept as
+            float64.
         ts: the sample times, increasing; ``ts[0]`` is the start. One interval between
             two of them is a frame.
         args: handed to `rhs`; any pytree of numbers and arrays.
@@ -83,6 +89,7 @@ class Problem:
             is zero along each solution, in the units of the quantity.
         parameters: from which the library builds the problem, as plain JSON values.
         mechanics: set by `Problem.second_order`.
+        structure: set where the state is a pytree.
 
     Raises:
         InputError: one line for each argument that cannot be used.
@@ -100,10 +107,11 @@ class Problem:
     constraints: Callable[[Any, Any, Any], Mapping[str, Any]] | None = None
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     mechanics: Mechanics | None = None
+    structure: StateStructure | None = None
 
     def __post_init__(self) -> None:
         checks.run(
-            lambda: self._set("y0", checks.real_array("y0", self.y0)),
+            self._set_state,
             lambda: self._set("ts", checks.sample_times(self.ts)),
             lambda: checks.callable_or_none("exact", self.exact),
             lambda: checks.callable_or_none("energy", self.energy),
@@ -123,6 +131,24 @@ class Problem:
                 self.constraints, start, self.y0, self.args, self.quantities
             )
             self._set("constraints", residuals)
+
+    def _set_state(self) -> None:
+        """Check the initial state; of a pytree, make the state and its functions flat."""
+        if not is_tree(self.y0):
+            self._set("y0", checks.real_array("y0", self.y0))
+            return
+        structure, y0 = StateStructure.of("y0", self.y0, checks.real_array)
+        self._set("y0", y0)
+        if structure == self.structure:
+            # The functions are flat already: those of another problem.
+            return
+        self._set("structure", structure)
+        self._set("rhs", structure.flat_rhs(self.rhs))
+        for name in ("energy", "constraints"):
+            if (function := getattr(self, name)) is not None:
+                self._set(name, structure.flat(name, function))
+        if callable(exact := self.exact):
+            self._set("exact", lambda ts: structure.ravel("exact result", exact(ts), axes=1))
 
     def _set(self, name: str, value: Any) -> None:
         if isinstance(value, np.ndarray):
@@ -204,6 +230,9 @@ class Problem:
             InputError: an argument cannot be used, or `damping` is not what the
                 acceleration does.
         """
+        if is_tree(x0):
+            fix = "write them as one, or use Problem(rhs, {'x': x0, 'v': v0}, ts)"
+            raise bad_value("x0", x0, "one array of positions", fix)
         x0 = checks.real_array("x0", x0)
         v0 = checks.real_array("v0", v0)
         if x0.shape != v0.shape:
@@ -306,6 +335,17 @@ class Problem:
         """Whether the sample times are equally spaced, to rounding."""
         gaps = np.diff(self.ts)
         return bool(np.ptp(gaps) <= 1e-12 * np.max(np.abs(self.ts)))
+
+    def unravel(self, states: Any) -> Any:
+        """States as pytrees like the initial state; those of a state that is one array as they are.
+
+        Arguments:
+            states: shape ``(times, *y0.shape)``, or one of them.
+
+        Returns:
+            A pytree whose arrays are those of the initial state, with an axis of times in front.
+        """
+        return states if self.structure is None else self.structure.unravel(states)
 
     def quantity(self, name: str, states: np.ndarray) -> np.ndarray:
         """One of `quantities` of states, as ``(times, nodes, dim)``.

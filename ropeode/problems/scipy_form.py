@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems import checks
+from ropeode.problems.numpy_tracing import with_numpy
 from ropeode.problems.python_rhs import PythonRhs, python_rhs
 from ropeode.problems.signatures import check_signature
 from ropeode.validation import bad_value, check_whole
@@ -46,7 +48,9 @@ def scipy_form(fun: Callable, t_span_or_ts: Any, y0: Any, args: Any, frames: int
     probes = _probes(ts, y0)
     expected = _values(own, free, probes)
     rhs: Any = own
-    for rest, tried in ((free, _in_jax(fun, bound)), (None, _in_jax(fun, given))):
+    ways = itertools.product(((free, bound), (None, given)), (_as_it_is, with_numpy))
+    for (rest, fixed), call in ways:
+        tried = _in_jax(fun, fixed, call)
         if _agrees(tried, rest, probes, expected):
             rhs, free = tried, rest
             break
@@ -129,11 +133,23 @@ def _values(own: PythonRhs, args: Any, probes: list[tuple[float, np.ndarray]]) -
     return values
 
 
-def _in_jax(function: Callable, bound: tuple[Any, ...]) -> Callable:
-    """``function(t, y, *bound, *args)`` as ``rhs(t, y, args)``, which returns one array of JAX."""
+def _as_it_is(function: Callable, *given: Any) -> Any:
+    return function(*given)
+
+
+def _in_jax(function: Callable, bound: tuple[Any, ...], call: Callable) -> Callable:
+    """``function(t, y, *bound, *args)`` as ``rhs(t, y, args)``, which returns one array of JAX.
+
+    Arguments:
+        function, bound: the user's.
+        call: `with_numpy` for a function in NumPy, `_as_it_is` for one in JAX.
+    """
+
+    def whole(t: Any, y: Any, *args: Any) -> Any:
+        return function(t, y, *bound, *args)
 
     def rhs(t: Any, y: Any, args: Any) -> Any:
-        return jnp.asarray(function(t, y, *bound, *(args or ())), dtype=float)
+        return jnp.asarray(call(whole, t, y, *(args or ())), dtype=float)
 
     return rhs
 

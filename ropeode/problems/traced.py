@@ -130,7 +130,9 @@ def again(function: Any) -> Any:
 def _never_changes(function: Callable) -> bool:
     """Whether it is a function or an object of the library, with nothing of the user's in it."""
     if isinstance(function, types.FunctionType):
-        return function.__module__.startswith("ropeode.") and function.__closure__ is None
+        # Code that was run by `exec` has no module.
+        own = (function.__module__ or "").startswith("ropeode.")
+        return own and function.__closure__ is None
     return type(function).__module__.startswith("ropeode.") and not isinstance(function, Traced)
 
 

@@ -37,6 +37,11 @@ class Reference:
         return self.problem.ts[: len(self.states)]
 
     @property
+    def tree(self) -> Any:
+        """The states as a pytree like the initial state, with an axis of times in each array."""
+        return self.problem.unravel(self.states)
+
+    @property
     def positions(self) -> np.ndarray:
         """Positions, ``(times, nodes, dim)``."""
         return self.problem.positions(self.states)

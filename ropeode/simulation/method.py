@@ -52,6 +52,7 @@ def method_of(stepper: Any, problem: Problem) -> Method:
         return stepper
     stepper = as_stepper(stepper)
     stepper.require(problem)
+    stepper = stepper.on(problem.structure)
     trial = trial_of(stepper, problem)
     if not trial.repeatable:
         raise UserCodeError(

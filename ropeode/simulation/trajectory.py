@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -46,6 +46,11 @@ class Trajectory:
     def dt(self) -> float:
         """The step size; the largest where frames differ in length."""
         return step_size(self.problem, self.steps_per_frame)
+
+    @property
+    def tree(self) -> Any:
+        """The states as a pytree like the initial state, with an axis of times in each array."""
+        return self.problem.unravel(self.states)
 
     @property
     def positions(self) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 from ropeode.errors import InputError
 from ropeode.problems.links import LinearDamping, Links, taut_between
 from ropeode.problems.problem import Problem
+from ropeode.problems.state_structure import StateStructure
 
 
 class ProblemClass(NamedTuple):
@@ -163,6 +164,15 @@ class Stepper(abc.ABC):
         """
         if refusal := self.refusal(problem):
             raise InputError(refusal)
+
+    def on(self, structure: StateStructure | None) -> Stepper:
+        """The stepper for problems whose state has a structure; itself, if it takes flat states.
+
+        Arguments:
+            structure: of the state; None where it is one array.
+        """
+        del structure
+        return self
 
     def refusal(self, problem: Problem) -> str | None:
         """Why this stepper cannot run on a problem; None if it can."""

@@ -12,6 +12,7 @@ import numpy as np
 from jax.core import Tracer
 
 from ropeode.errors import InputError, UserCodeError
+from ropeode.problems.state_structure import StateStructure
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
 
@@ -31,13 +32,22 @@ class StepFunction(Stepper):
         return self.declared_order
 
 
+@dataclasses.dataclass(frozen=True)
 class RhsFunction(StepFunction):
     """A function ``step(rhs, t, y, dt, args)`` that returns the new state.
 
-    `y` is an array: for a mechanical problem ``stack([x, v])``, ``(2, nodes, dim)``.
+    `y` is an array: for a mechanical problem ``stack([x, v])``, ``(2, nodes, dim)``. Where the
+    problem's state is a pytree, `y` is that pytree, and `rhs` takes and returns such pytrees; a
+    function that computes with `y` itself, as in ``y + dt * rhs(t, y, args)``, is given one array.
     """
 
-    PARAMETERS = ("rhs", "t", "y", "dt", "args")
+    PARAMETERS: ClassVar[tuple[str, ...]] = ("rhs", "t", "y", "dt", "args")
+
+    structure: StateStructure | None = None
+
+    def on(self, structure: StateStructure | None) -> RhsFunction:
+        """The stepper for problems with such a state."""
+        return dataclasses.replace(self, structure=structure)
 
     def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
         """One call of the function."""
@@ -60,7 +70,21 @@ class RhsFunction(StepFunction):
         return Phase(x, v)
 
     def _called(self, system: System, t: Any, y: Any, dt: Any) -> Any:
-        return self.function(system.equations.rhs, t, y, dt, system.equations.args)
+        rhs, args, structure = system.equations.rhs, system.equations.args, self.structure
+        if structure is None:
+            return self.function(rhs, t, y, dt, args)
+
+        def rhs_of_tree(t: Any, y: Any, args: Any) -> Any:
+            return structure.unravel(rhs(t, structure.ravel("y", y), args))
+
+        try:
+            new = self.function(rhs_of_tree, t, structure.unravel(y), dt, args)
+        except TypeError as error:
+            try:
+                return self.function(rhs, t, y, dt, args)
+            except Exception:
+                raise error from None
+        return structure.ravel("step result", new)
 
 
 class AccelerationFunction(StepFunction):

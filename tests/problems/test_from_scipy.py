@@ -117,6 +117,21 @@ def test_extended_precision_says_why_not(in_python):
         reference(in_python, level="extended")
 
 
+def filled(new):
+    def rhs(t, y):
+        slope = new(y)
+        slope[0] = y[1]
+        slope[1:] = -y[:1] * t
+        return slope
+
+    return rhs
+
+
+def added_to(y):
+    y += 1.0
+    return y
+
+
 def writes_to_its_own():
     out = np.zeros(2)
 
@@ -140,9 +155,16 @@ def writes_to_the_state(t, y):
         (lambda t, y: [1, 0], (), True),
         (lambda t, y, a, word: y[::-1] * a if word == "x" else y, (2.0, "x"), True),
         (lambda t, y, n: [sum(y[i] for i in range(n)), 0.0], (2,), True),
-        (lambda t, y: np.array([y[1], -np.sin(y[0])]), (), False),
+        (lambda t, y: np.array([y[1], -np.sin(y[0])]), (), True),
+        (lambda t, y: np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y * np.cos(t), (), True),
+        (lambda t, y: np.sin(np.array([y[1], -y[0]])), (), True),
+        (lambda t, y: np.where(y > t, np.roll(y, 1), 0.0) / np.linalg.norm(y), (), True),
+        (filled(np.zeros_like), (), True),
+        (lambda t, y: added_to(y), (), True),
+        (filled(lambda y: np.zeros(2)), (), False),
+        (lambda t, y: [y[1], -math.sin(y[0])], (), False),
         (lambda t, y: y if t < 0.5 else -y, (), False),
-        (lambda t, y, table: np.interp(t, *table) * y, (np.array([[0, 9], [1, 3]]),), False),
+        (lambda t, y, table: np.interp(t, *table) * y, (np.array([[0, 9], [1, 3]]),), True),
         (lambda t, y, words: [y[0] * math.exp(words["rate"]), t], ({"rate": 0.5},), True),
         (writes_to_its_own(), (), False),
         (writes_to_the_state, (), False),

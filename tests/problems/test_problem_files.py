@@ -34,13 +34,14 @@ def test_what_is_no_problem_is_refused(folder):
 
 
 FOR_SCIPY = """
+import math
 import jax.numpy as jnp
 import numpy as np
 
 {names}
 
 def pendulum(t, y):
-    return np.array([y[1], -np.sin(y[0])])
+    return np.array([y[1], -math.sin(y[0])])
 
 def of_strength(t, y, strength):
     return [y[1], -strength * y[0]]

@@ -264,3 +264,11 @@ def test_numbers_of_float64_are_not_taken_for_float32(value):
 @pytest.mark.parametrize("value", [0.1, 1e-3, -2.7, np.pi, 1e30])
 def test_widened_numbers_are_recognised(value):
     assert was_float32(float(np.float32(value)))
+
+
+def test_functions_without_a_module():
+    """As code has it that runs by `exec`."""
+    names: dict = {}
+    exec("def rhs(t, y, args):\n    return -y", names)
+    assert names["rhs"].__module__ is None
+    assert Problem(names["rhs"], [1.0], [0.0, 1.0]).rhs.function is names["rhs"]

@@ -1,0 +1,203 @@
+"""States that are pytrees: what the user's functions see, and what comes back."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode import Ensemble, Problem, Stepper, reference, simulate
+from ropeode.errors import InputError
+
+
+class State(NamedTuple):
+    x: Any
+    v: Any
+
+
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass
+class Registered:
+    x: Any
+    v: Any
+
+
+@dataclasses.dataclass
+class Unregistered:
+    x: Any
+
+
+TS = np.linspace(0.0, 1.0, 3)
+X, V, STIFFNESS = np.array([[1.0, 0.5], [0.0, 2.0]]), np.array([[0.0, 1.0], [3.0, 0.0]]), 2.0
+
+
+def springs(t, y, args):
+    return {"x": y["v"], "v": -args["stiffness"] * y["x"]}
+
+
+def springs_in_one(t, y, args):
+    """The same with the components in the order in which JAX has the names, v before x."""
+    v, x = y
+    return jnp.stack([-args["stiffness"] * x, v])
+
+
+@pytest.fixture(scope="module")
+def as_dict() -> Problem:
+    return Problem(
+        springs,
+        {"x": X, "v": V.tolist()},
+        TS,
+        {"stiffness": STIFFNESS},
+        energy=lambda t, y, args: jnp.sum(y["v"] ** 2 + args["stiffness"] * y["x"] ** 2) / 2,
+        exact=lambda ts: {
+            "x": np.cos(np.sqrt(STIFFNESS) * ts)[:, None, None] * X
+            + np.sin(np.sqrt(STIFFNESS) * ts)[:, None, None] * V / np.sqrt(STIFFNESS),
+            "v": np.cos(np.sqrt(STIFFNESS) * ts)[:, None, None] * V
+            - np.sin(np.sqrt(STIFFNESS) * ts)[:, None, None] * X * np.sqrt(STIFFNESS),
+        },
+    )
+
+
+@pytest.fixture(scope="module")
+def in_one() -> Problem:
+    return Problem(springs_in_one, np.stack([V, X]), TS, {"stiffness": STIFFNESS})
+
+
+def test_references_are_those_of_one_array(as_dict, in_one):
+    truth, same = reference(as_dict), reference(in_one)
+    assert truth.states.shape == (3, 8)
+    assert set(truth.tree) == {"x", "v"}
+    assert np.array_equal(truth.tree["v"], same.states[:, 0])
+    assert np.array_equal(truth.tree["x"], same.states[:, 1])
+    assert np.array_equal(truth.bound(), same.bound())
+    assert np.max(np.abs(truth.states - as_dict.exact(TS))) <= truth.bound()[-1]
+    energies = as_dict.energies(truth.states)
+    assert np.ptp(energies) < 1e-12 * energies[0]
+    # A state that is one array is its own tree.
+    assert same.tree is same.states
+
+
+def in_trees(rhs, t, y, dt, args):
+    k = rhs(t, y, args)
+    return jax.tree.map(lambda y, k: y + dt * k, y, k)
+
+
+def by_name(rhs, t, y, dt, args):
+    # In NumPy, which JAX cannot trace.
+    k = rhs(t, y, args)
+    assert isinstance(k, dict)
+    return {name: np.asarray(y[name]) + dt * np.asarray(k[name]) for name in y}
+
+
+def with_arithmetic(rhs, t, y, dt, args):
+    return y + dt * rhs(t, y, args)
+
+
+class OneArray(Stepper):
+    def step(self, system, t, carried, dt):
+        return carried + dt * system.rhs(t, carried)
+
+
+@pytest.mark.parametrize("stepper", [in_trees, by_name, with_arithmetic, OneArray, "diffrax:Euler"])
+def test_steps_see_what_the_right_hand_side_sees(as_dict, in_one, stepper):
+    run, same = simulate(as_dict, stepper, 4), simulate(in_one, "explicit-euler", 4)
+    assert run.tree["x"].shape == (3, 2, 2)
+    assert np.max(np.abs(run.tree["x"] - same.states[:, 1])) < 1e-14
+    assert np.max(np.abs(run.tree["v"] - same.states[:, 0])) < 1e-14
+
+
+def ones_like_the_state(rhs, t, y, dt, args):
+    return {"x": y["x"]}
+
+
+def test_a_step_that_returns_another_structure_is_refused(as_dict):
+    with pytest.raises(
+        InputError, match=r"step result: \{'x': \(2, 2\)\} given; .* {'v': \(2, 2\)"
+    ):
+        simulate(as_dict, ones_like_the_state, 4)
+
+
+@pytest.mark.parametrize(
+    ("state", "rhs"),
+    [
+        (State(1.0, [0.0, 2.0]), lambda t, y, args: State(y.x * 0, -y.v)),
+        (Registered(1.0, [0.0, 2.0]), lambda t, y, args: Registered(0.0, -y.v)),
+        ((np.ones(2), 3.0), lambda t, y, args: (-y[0], 1)),
+        ({"a": {"b": 1, "c": None}, "d": [[1.0, 2.0]]}, lambda t, y, args: y),
+        ({1: np.ones((2, 1)), 2: (1.0, 2.0)}, lambda t, y, args: {2: y[2] * 0, 1: y[1]}),
+    ],
+)
+def test_states_of_many_kinds(state, rhs):
+    problem = Problem(rhs, state, TS)
+    run = simulate(problem, "explicit-euler", 1)
+    first = jax.tree.map(lambda leaf: leaf[0], run.tree)
+    flat = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(state)])
+    assert np.array_equal(problem.y0, flat)
+    assert np.array_equal(np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(first)]), flat)
+    assert type(run.tree) is type(state)
+
+
+def test_lists_and_tuples_of_numbers_are_arrays():
+    for state in ([1.0, 2.0], (1.0, 2.0), ((1.0,), (2.0,)), [np.ones(2), np.ones(2)]):
+        problem = Problem(lambda t, y, args: -y, state, TS)
+        assert problem.structure is None
+        assert problem.y0.shape == np.shape(state)
+
+
+def test_ensembles_of_trees(as_dict):
+    x = np.stack([X, 2 * X, 3 * X])
+    varied = Ensemble.varying(as_dict, y0={"x": x, "v": np.stack([V] * 3)})
+    runs = simulate(varied, "rk4", 4)
+    for i in range(3):
+        alone = Problem(springs, {"x": x[i], "v": V}, TS, {"stiffness": STIFFNESS})
+        assert np.allclose(runs[i].tree["x"], simulate(alone, "rk4", 4).tree["x"], atol=1e-14)
+        again = Ensemble.of([as_dict, alone])
+        assert again[1].unravel(again[1].y0)["x"].shape == (2, 2)
+    other = Problem(
+        lambda t, y, args: {"a": y["b"], "b": -y["a"]}, {"a": X, "b": V}, TS, {"stiffness": 2.0}
+    )
+    with pytest.raises(InputError, match="differ in their"):
+        Ensemble.of([as_dict, other])
+    with pytest.raises(InputError, match=r"y0: .* given; allowed: the"):
+        Ensemble.varying(as_dict, y0={"x": x})
+
+
+def keeps(t, y, args):
+    return y
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Problem(keeps, {}, TS), "y0: {} given; allowed: a pytree with arrays in it"),
+        (lambda: Problem(keeps, {"x": "word"}, TS), r"y0\['x'\]: 'word' given"),
+        (lambda: Problem(keeps, {"x": [1.0, np.inf]}, TS), r"y0\['x'\]: .* correct entry \[1\]"),
+        (lambda: Problem(keeps, State(1.0, 1j), TS), r"y0\.v: 1j given"),
+        (lambda: Problem(keeps, {"x": np.float32([0.1])}, TS), r"y0\['x'\]: .* float64"),
+        (lambda: Problem(keeps, {"x": Unregistered(1.0)}, TS), r"y0\['x'\]: Unregistered"),
+        (lambda: Problem(keeps, {"x": 1.0, 2: 1.0}, TS), "y0: .* a pytree of JAX"),
+        (
+            lambda: Problem(lambda t, y, args: {"x": y["x"]}, {"x": 1.0, "v": 2.0}, TS),
+            r"rhs result: \{'x': \(\)\} given; allowed: the structure of the state, \{'v': \(\)",
+        ),
+        (
+            lambda: Problem(lambda t, y, args: {"x": y["x"][:1]}, {"x": [1.0, 2.0]}, TS),
+            r"rhs result: \{'x': \(1,\)\} given; allowed: the shapes of the state, \{'x': \(2,\)\}",
+        ),
+        (lambda: Problem(lambda t, y, args: y["x"], {"x": [1.0]}, TS), "rhs result: "),
+        (lambda: Problem(lambda t, y, args: {"x": 1j}, {"x": 1.0}, TS), "rhs result: .* real"),
+        (lambda: Problem(lambda t, y: y, {"x": 1.0}, TS), r"rhs: a function of \(t, y\) given"),
+        (lambda: Problem(3, {"x": 1.0}, TS), "rhs: 3 given"),
+        (
+            lambda: Problem.second_order(lambda t, x, v, args: x, {"a": 1.0}, {"a": 0.0}, TS),
+            r"x0: .* or use Problem\(rhs, ",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_refused_by_its_place(make, words):
+    with pytest.raises(InputError, match=words):
+        make()
