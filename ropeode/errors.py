@@ -53,7 +53,19 @@ def call_user_code(what: str, function: Callable, *args: Any, **named: Any) -> A
 
 
 class ReferenceRefused(RopeodeError):
-    """No reference of this problem can be certified; the message says why."""
+    """No reference of this problem can be certified; the message says why.
+
+    Arguments:
+        message: why.
+        reason: the same as a `ropeode.references.certificate.Reason`, if it is one of these.
+        witnesses: the runs that the decision rests on, each a
+            `ropeode.references.certificate.Witness`.
+    """
+
+    def __init__(self, message: str, reason: str | None = None, witnesses: Iterable[Any] = ()):
+        super().__init__(message)
+        self.reason = reason
+        self.witnesses = tuple(witnesses)
 
 
 def users_traceback(error: BaseException) -> str:

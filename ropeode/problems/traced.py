@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import types
 from collections.abc import Callable, Iterator
@@ -60,8 +61,10 @@ class Traced:
         self._operations = jaxpr_as_fun(self.jaxpr)
         self._digest = digest(self.jaxpr)
         if any(each.primitive.name == "custom_jvp_call" for each in equations(self.jaxpr)):
-            # What such a function says of its derivative is no part of its operations.
-            self._digest += digest(jax.make_jaxpr(self._slope)(*jax.tree.leaves(self.inputs)))
+            # What such a function says of its derivative is no part of its operations. Where
+            # another primitive has no derivative, nobody can ask for this one.
+            with contextlib.suppress(NotImplementedError, ValueError):
+                self._digest += digest(jax.make_jaxpr(self._slope)(*jax.tree.leaves(self.inputs)))
 
     def __call__(self, *inputs: Any) -> Any:
         """What the function returns; the function itself answers where other shapes are asked."""
@@ -181,7 +184,9 @@ def _entered(traced: ClosedJaxpr, *inputs: Any) -> list[Any]:
 
 def _inside(value: Any) -> Any:
     if isinstance(value, (tuple, list)):
-        return type(value)(map(_inside, value))
+        inside = map(_inside, value)
+        # A named tuple takes its fields one by one.
+        return type(value)(*inside) if hasattr(value, "_fields") else type(value)(inside)
     return _for_forward_mode(value) if isinstance(value, ClosedJaxpr) else value
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import functools
 import itertools
 import platform
@@ -29,6 +30,14 @@ FINEST_ACCURACY = 1e-12
 
 Role = Literal["looser", "tighter", "neighbour", "short steps", "independent", "fewer digits"]
 Level = Literal["consensus", "extended"]
+
+
+class Reason(enum.StrEnum):
+    """Why the trust in float64 runs ends, in words."""
+
+    UNSETTLED = "tightening the tolerance does not settle the result"
+    STOPPED = "a solver got no further"
+    INACCURATE = "the estimated bound exceeds the accuracy asked for"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -187,7 +196,7 @@ def trusted_samples(
     bound: np.ndarray,
     witnesses: Sequence[Witness],
     accuracy: float,
-) -> tuple[int, str | None]:
+) -> tuple[int, Reason | None]:
     """How many leading samples can be trusted, and why not more.
 
     A sample can be trusted if the bound is within the accuracy, and if the ladder has settled.
@@ -222,12 +231,12 @@ def trusted_samples(
     enough = int(np.argmin(np.append(bound <= accuracy, False)))
     trusted = int(np.max(np.flatnonzero(settled[:enough]), initial=-1)) + 1
     if trusted < enough:
-        return trusted, "tightening the tolerance does not settle the result"
+        return trusted, Reason.UNSETTLED
     if enough == len(bound):
         return enough, None
     if not np.isfinite(bound[enough]):
-        return enough, "a solver got no further"
-    return enough, "the estimated bound exceeds the accuracy asked for"
+        return enough, Reason.STOPPED
+    return enough, Reason.INACCURATE
 
 
 def padded(series: np.ndarray, problem: Problem) -> np.ndarray:

@@ -12,6 +12,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.references.certificate import (
     Certificate,
+    Reason,
     Witness,
     bounds,
     default_accuracy,
@@ -90,7 +91,8 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
         raise ReferenceRefused(
             f"no reference for {problem.name!r}: {last.solver} at rtol {last.rtol:.0e} "
             f"{why}. Start where the right-hand side is smooth, declare its jump times, sample "
-            "earlier, or ask for a looser rtol."
+            "earlier, or ask for a looser rtol.",
+            Reason.STOPPED,
         )
     primary, tightest = recall(problem, method, rungs[primary_index], progress), rungs[-1]
     witnesses, from_tightest = [], []
@@ -146,7 +148,9 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
             f"{bound[1]:.1e}, accuracy {accuracy:.1e}"
             + (f"; {failures}" if failures else "")
             + "). Ask for less accuracy, declare jump times if the right-hand side has jumps, "
-            "or see whether it is smooth and in float64."
+            "or see whether it is smooth and in float64.",
+            reason,
+            witnesses,
         )
     return Reference(
         problem=problem,

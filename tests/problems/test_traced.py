@@ -197,6 +197,18 @@ def test_functions_for_reverse_mode_only():
     assert found == pytest.approx(2 * np.arctan(np.tan(0.5) * np.exp(-0.5)), rel=1e-12)
 
 
+def test_functions_with_derivatives_of_their_own_beside_other_primitives():
+    """An index has named parameters, and a product in place no derivative."""
+
+    def rhs(t, y, args):
+        return _reverse_only(y[::-1][np.array([1, 0])]) + jax.nn.relu(y).at[0].multiply(2.0)
+
+    problem = Problem(rhs, [1.0, 2.0], [0.0, 1.0])
+    with jax.enable_x64(True):
+        found = problem.rhs(0.0, problem.y0, None)
+    np.testing.assert_allclose(found, [2.0 - np.sin(1.0), 2.0 - np.sin(2.0)], rtol=1e-15)
+
+
 def test_tables_are_looked_up_by_time():
     def rhs(t, y, args):
         return args["rate"][jnp.floor(t).astype(int)] * y

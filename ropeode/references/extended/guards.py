@@ -18,90 +18,102 @@ import numpy as np
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.extended.entries import CHOICES
-from ropeode.references.extended.jaxprs import Value, bind, is_float, walk
-from ropeode.references.extended.rules import STEPS
+from ropeode.problems.traced import compiled
+from ropeode.references.extended.choices import choosing, chosen, differ, turns
+from ropeode.references.extended.jaxprs import Value, bind, is_float, refuse, steers, walk
 
 # States are looked at so many at once, so that one compilation serves all.
 _BLOCK = 128
-# The choices are made so much of a frame after the start: at the start itself, what begins to
-# move has no sign yet.
+# So much of a frame is shortly after a time.
 _AFTER = 1e-3
 
 
+def looked_at(equation: Any, inputs: Sequence[Value]) -> list[int]:
+    """The inputs without a fraction, of a primitive with floating-point results, that move.
+
+    Indices, conditions and whole numbers that follow from the state: each of them is a choice.
+    """
+    if not any(is_float(variable) for variable in equation.outvars):
+        return []
+    return [
+        i
+        for i, (value, variable) in enumerate(zip(inputs, equation.invars, strict=True))
+        if value.moves and not is_float(variable)
+    ]
+
+
 def chooses(equation: Any, inputs: Sequence[Value]) -> bool:
-    """Whether a primitive makes a choice by looking at floating-point numbers that move."""
-    looks = any(
+    """Whether a primitive chooses by looking at floating-point numbers that move."""
+    if not any(is_float(variable) for variable in equation.outvars) or not choosing(equation):
+        return False
+    return any(
         value.moves and is_float(variable)
         for value, variable in zip(inputs, equation.invars, strict=True)
     )
-    if not looks or len(equation.outvars) != 1:
-        return False
-    name = equation.primitive.name
-    return name in CHOICES or name in STEPS or not is_float(equation.outvars[0])
-
-
-def chosen(equation: Any, contents: Sequence[Any], results: Sequence[Any]) -> Any:
-    """The choice of a primitive that makes one."""
-    name = equation.primitive.name
-    if name in ("abs", "cbrt"):
-        return contents[0] >= 0
-    if name in ("max", "min"):
-        return contents[0] >= contents[1]
-    if name == "clamp":
-        low, x, high = contents
-        return (x >= low).astype(int) + (x > high)
-    return results[0]
 
 
 class Guards:
-    """The choices of a problem's right-hand side, made shortly after a time.
+    """The choices of a problem's right-hand side at a time.
 
     Arguments:
         problem: whose they are.
         traced: its right-hand side as a jaxpr.
-        t: where the solution starts.
+        t: when they are made.
         y: the state there.
     """
 
     def __init__(self, problem: Problem, traced: Any, t: float, y: np.ndarray):
         self.names: list[str] = []
-        leaves = [Value(leaf, False) for leaf in jax.tree.leaves(problem.args)]
+        self.choices: list[np.ndarray] = []
+        self._angles: list[bool] = []
+        self._steers = steers(traced)
+        leaves = [Value(jnp.asarray(leaf), False) for leaf in jax.tree.leaves(problem.args)]
 
-        def watch(t: Any, y: Any) -> list[Any]:
-            watched = _Watch()
+        def watch(t: Any, y: Any, before: Sequence[np.ndarray]) -> list[Any]:
+            watched = _Watch(before)
             walk(traced, [Value(t, True), Value(y, True), *leaves], watched)
-            self.names = watched.names
+            self.names, self._angles = watched.names, watched.angles
             return watched.choices
 
-        self._watch = jax.jit(jax.vmap(watch))
+        self._watch_one = watch
+        self._watch = jax.jit(jax.vmap(lambda t, y: watch(t, y, self.choices)))
+        if self._steers:
+            self.choices = self.at(t, y)
         jax.eval_shape(self._watch, np.array([t]), y[None])
-        self.choices: list[np.ndarray] = []
-        if self.names:
-            at, state = _shortly_after(problem, t, y)
-            self.choices = [each[0] for each in next(self._choices_at([at], state[None]))]
+        if self.names and not self._steers:
+            self.choices = self.at(t, y)
 
     @in_float64
-    def first_break(self, ts: Sequence[float], states: np.ndarray) -> tuple[int, str] | None:
-        """The first state at which a choice changes, and the primitive that makes it.
+    def at(self, t: float, y: np.ndarray) -> list[np.ndarray]:
+        """The choices at another time and state."""
+        if self._steers:
+            # Step by step, since branches and loops follow numbers.
+            choices = self._watch_one(jnp.asarray(t, dtype=float), jnp.asarray(y), ())
+            return [np.asarray(each) for each in choices]
+        return [each[0] for each in next(self._choices_at([t], y[None]))]
+
+    @in_float64
+    def breaks(self, ts: Sequence[float], states: np.ndarray) -> list[tuple[int, str]]:
+        """The states at which a choice differs, and the first primitive that makes it.
 
         Arguments:
             ts: times.
             states: ``(times, *state)``.
         """
+        found: list[tuple[int, str]] = []
         if not self.names:
-            return None
+            return found
         for block, choices in enumerate(self._choices_at(ts, states)):
+            # Behind a branch that is not the one followed, nothing means anything.
             other = np.stack(
                 [
-                    np.any((now != choice).reshape(len(now), -1), axis=1)
-                    for now, choice in zip(choices, self.choices, strict=True)
+                    np.any(differ(now, choice, angles).reshape(len(now), -1), axis=1)
+                    for now, choice, angles in zip(choices, self.choices, self._angles, strict=True)
                 ]
             )
-            if np.any(other):
-                at = int(np.argmax(np.any(other, axis=0)))
-                return block * _BLOCK + at, self.names[int(np.argmax(other[:, at]))]
-        return None
+            for at in np.flatnonzero(np.any(other, axis=0)):
+                found.append((block * _BLOCK + int(at), self.names[int(np.argmax(other[:, at]))]))
+        return found
 
     def _choices_at(self, ts: Sequence[float], states: np.ndarray) -> Iterator[list[np.ndarray]]:
         for first in range(0, len(ts), _BLOCK):
@@ -113,11 +125,17 @@ class Guards:
 
 
 class _Watch:
-    """Arrays of JAX, and the choices that primitives make on the way."""
+    """Arrays of JAX, and the choices that primitives make on the way.
 
-    def __init__(self) -> None:
+    Arguments:
+        before: the choices made elsewhere, which branches and loops follow; none to make them.
+    """
+
+    def __init__(self, before: Sequence[np.ndarray]) -> None:
+        self.before = before
         self.names: list[str] = []
         self.choices: list[Any] = []
+        self.angles: list[bool] = []
 
     def constant(self, array: Any) -> Any:
         return jnp.asarray(array)
@@ -125,17 +143,40 @@ class _Watch:
     def apply(self, equation: Any, inputs: Sequence[Value]) -> list[Any]:
         contents = [value.content for value in inputs]
         results = bind(equation, contents)
+        for i in looked_at(equation, inputs):
+            if jnp.issubdtype(contents[i].dtype, jax.dtypes.extended):
+                refuse(equation.primitive.name, " on keys that depend on the state or the time")
+            self._keep(inputs[i].origin or equation.primitive.name, contents[i])
         if chooses(equation, inputs):
-            self.names.append(equation.primitive.name)
-            self.choices.append(chosen(equation, contents, results))
+            choice = chosen(equation, contents, results)
+            self._keep(equation.primitive.name, choice, turns(equation))
         return results
 
+    def decide(self, value: Value) -> np.ndarray:
+        before = self.before[len(self.choices)] if self.before else value.content
+        self._keep(value.origin or "cond", value.content)
+        return np.asarray(before)
 
-def _shortly_after(problem: Problem, t: float, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """A time shortly after the start and the state there, by one step of a Runge-Kutta method."""
+    def stacked(self, rows: Sequence[Any], variable: Any) -> Any:
+        if not rows:
+            return jnp.zeros(variable.aval.shape, variable.aval.dtype)
+        return jnp.stack(rows)
+
+    def _keep(self, name: str, choice: Any, angles: bool = False) -> None:
+        self.names.append(name)
+        self.choices.append(choice)
+        self.angles.append(angles)
+
+
+def just_after(problem: Problem, t: float, y: np.ndarray) -> tuple[float, np.ndarray]:
+    """A time shortly after another one, and the state there.
+
+    At the start itself, what begins to move has no sign yet. One step of a Runge-Kutta method is
+    accurate enough to make choices.
+    """
     stops = np.array([*problem.ts, *problem.jump_times])
     dt = _AFTER * float(np.min(stops[stops > t]) - t)
-    slope = jax.jit(problem.rhs)
+    slope = compiled(problem.rhs)
 
     def rhs(t: float, y: Any) -> np.ndarray:
         return np.asarray(slope(t, y, problem.args))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 import jax.numpy as jnp
 import numpy as np
+
+from ropeode.errors import InputError
+from ropeode.problems.traced import equations
 
 # Primitives that call another traced function with their own inputs.
 _CALLS = {
@@ -20,6 +24,8 @@ _CALLS = {
     "custom_vjp_call",
     "custom_vjp_call_jaxpr",
 }
+# A loop of more rounds is not unrolled.
+_MOST_ROUNDS = 1000
 
 
 class Value(NamedTuple):
@@ -28,10 +34,13 @@ class Value(NamedTuple):
     Fields:
         content: the array, of the kind that a `Domain` works on.
         moves: whether it depends on the state or the time.
+        origin: of integers and truth values that move, the primitive that looked at
+            floating-point numbers.
     """
 
     content: Any
     moves: bool
+    origin: str | None = None
 
 
 class Domain(Protocol):
@@ -45,11 +54,33 @@ class Domain(Protocol):
         """The contents of a primitive's results."""
         ...
 
+    def decide(self, value: Value) -> np.ndarray:
+        """The number that says which branch is taken, or whether a loop goes on."""
+        ...
+
+    def stacked(self, rows: Sequence[Any], variable: Any) -> Any:
+        """Contents stacked along a new first axis, like `variable`."""
+        ...
+
+
+def refuse(name: str, how: str = "") -> NoReturn:
+    """Say that a primitive has no counterpart in extended precision.
+
+    Raises:
+        InputError: always.
+    """
+    raise InputError(
+        f"rhs: uses the JAX primitive {name!r}{how}, which cannot be computed in extended "
+        "precision; allowed: arithmetic, powers, elementary functions, where, max, sort, cond and "
+        "other choices, indexing, sums and products, linear systems, FFT, loops of fixed length; "
+        "in float64. Fix: write it with these, or use a reference of level 'consensus'."
+    )
+
 
 def walk(traced: Any, inputs: Iterable[Value], domain: Domain) -> list[Value]:
     """The results of a jaxpr, closed or without constants, on one input for each argument.
 
-    Calls are entered, and loops of known length are unrolled.
+    Calls are entered, loops are unrolled, and of conditional branches one is taken.
     """
     jaxpr = getattr(traced, "jaxpr", traced)
     constants = [Value(domain.constant(c), False) for c in getattr(traced, "consts", ())]
@@ -66,48 +97,146 @@ def walk(traced: Any, inputs: Iterable[Value], domain: Domain) -> list[Value]:
             continue
         inputs = [read(variable) for variable in equation.invars]
         name, params = equation.primitive.name, equation.params
-        if name == "scan":
-            results = _unrolled(params, inputs, domain)
-        elif name in _CALLS:
+        if name in _CALLS:
             results = walk(params.get("jaxpr", params.get("call_jaxpr")), inputs, domain)
+        elif name in _CONTROL:
+            results = _CONTROL[name](equation, inputs, domain)
         else:
-            moves = any(value.moves for value in inputs)
-            results = [Value(content, moves) for content in domain.apply(equation, inputs)]
+            results = _applied(equation, inputs, domain)
         values.update(zip(equation.outvars, results, strict=True))
     return [read(variable) for variable in jaxpr.outvars]
 
 
-def bind(equation: Any, contents: Sequence[Any]) -> list[Any]:
-    """The results of a primitive on arrays of numbers."""
-    results = equation.primitive.bind(*contents, **equation.params)
+def steers(traced: Any) -> bool:
+    """Whether a jaxpr has branches or loops that depend on a number."""
+    return any(equation.primitive.name in ("cond", "while") for equation in equations(traced))
+
+
+def bind(equation: Any, contents: Sequence[Any], params: Any = None) -> list[Any]:
+    """The results of a primitive on arrays of numbers.
+
+    Arguments:
+        equation: that applies it.
+        contents: the arrays.
+        params: of the primitive, if not those of the equation.
+    """
+    try:
+        results = equation.primitive.bind(*contents, **(params or equation.params))
+    except Exception as error:
+        name, words = equation.primitive.name, " ".join(str(error).split())
+        refuse(name, f" (which raised {type(error).__name__}: {words[:100]})")
     return list(results) if equation.primitive.multiple_results else [results]
 
 
 def is_float(variable: Any) -> bool:
-    """Whether a variable of a jaxpr is an array of floating-point numbers."""
-    return jnp.issubdtype(variable.aval.dtype, np.floating)
+    """Whether a variable of a jaxpr is an array of floating-point or complex numbers."""
+    return jnp.issubdtype(variable.aval.dtype, np.inexact)
 
 
-def _unrolled(params: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]:
+def is_complex(variable: Any) -> bool:
+    """Whether it is an array of complex numbers."""
+    return jnp.issubdtype(variable.aval.dtype, np.complexfloating)
+
+
+def _applied(equation: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]:
+    contents = domain.apply(equation, inputs)
+    moves = any(value.moves for value in inputs)
+    looks = any(
+        value.moves and is_float(variable)
+        for value, variable in zip(inputs, equation.invars, strict=True)
+    )
+    before = next((value.origin for value in inputs if value.origin), None)
+    origin = equation.primitive.name if looks else before
+    return [
+        Value(content, moves, None if is_float(variable) or not moves else origin)
+        for content, variable in zip(contents, equation.outvars, strict=True)
+    ]
+
+
+def _scan(equation: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]:
     """A loop over the first axis of some inputs, round by round."""
+    params = equation.params
     constants, carried = params["num_consts"], params["num_consts"] + params["num_carry"]
     carry, rows = list(inputs[constants:carried]), inputs[carried:]
-    # That a round moves something may show in the next ones only.
-    carry = [Value(value.content, any(each.moves for each in inputs)) for value in carry]
-    rounds = range(params["length"])
+    rounds = _counted(range(params["length"]), "scan")
     collected: list[list[Value]] = []
     for i in reversed(rounds) if params["reverse"] else rounds:
-        row = [Value(value.content[i], value.moves) for value in rows]
+        row = [
+            value if value.content is None else value._replace(content=value.content[i, ...])
+            for value in rows
+        ]
         results = walk(params["jaxpr"], [*inputs[:constants], *carry, *row], domain)
         carry = results[: params["num_carry"]]
         collected.append(results[params["num_carry"] :])
     if params["reverse"]:
         collected.reverse()
-    columns = zip(*collected, strict=True)
-    return [*carry, *(_stacked(column) for column in columns)]
+    stacks = []
+    for k, variable in enumerate(equation.outvars[params["num_carry"] :]):
+        column = [row[k] for row in collected]
+        stacks.append(
+            Value(
+                domain.stacked([value.content for value in column], variable),
+                any(value.moves for value in column),
+                next((value.origin for value in column if value.origin), None),
+            )
+        )
+    return [*carry, *stacks]
 
 
-def _stacked(rows: Sequence[Value]) -> Value:
-    contents = [row.content for row in rows]
-    stack = np.stack if isinstance(contents[0], np.ndarray) else jnp.stack
-    return Value(stack(contents), any(row.moves for row in rows))
+def _while(equation: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]:
+    """A loop that goes on while a condition holds."""
+    params = equation.params
+    for_condition, for_body = params["cond_nconsts"], params["body_nconsts"]
+    condition = inputs[:for_condition]
+    body = inputs[for_condition : for_condition + for_body]
+    carry = list(inputs[for_condition + for_body :])
+    for done in itertools.count():
+        _counted(range(done), "while")
+        goes_on = domain.decide(walk(params["cond_jaxpr"], [*condition, *carry], domain)[0])
+        if not np.any(goes_on):
+            return carry
+        after = walk(params["body_jaxpr"], [*body, *carry], domain)
+        carry = after if np.all(goes_on) else _where(goes_on, after, carry)
+    raise AssertionError
+
+
+def _where(condition: np.ndarray, some: Sequence[Value], others: Sequence[Value]) -> list[Value]:
+    """Of loops side by side, some have ended."""
+    chosen = []
+    for a, b in zip(some, others, strict=True):
+        content = a.content
+        if content is not None:
+            where = np.where if isinstance(content, np.ndarray) else jnp.where
+            shape = condition.shape + (1,) * (content.ndim - condition.ndim)
+            content = where(condition.reshape(shape), content, b.content)
+        chosen.append(Value(content, a.moves or b.moves, a.origin or b.origin))
+    return chosen
+
+
+def _counted(rounds: range, name: str) -> range:
+    if len(rounds) > _MOST_ROUNDS:
+        refuse(name, f" with more than {_MOST_ROUNDS} rounds")
+    return rounds
+
+
+def _cond(equation: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]:
+    """One of several branches."""
+    branches = equation.params["branches"]
+    return walk(branches[int(domain.decide(inputs[0]))], inputs[1:], domain)
+
+
+def _linear_solve(equation: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]:
+    """A linear system with a way to solve it, which is followed."""
+    lengths, ways = equation.params["const_lengths"], equation.params["jaxprs"]
+    before = lengths.matvec + lengths.vecmat
+    constants = inputs[before : before + lengths.solve]
+    right = inputs[sum(lengths) :]
+    return walk(ways.solve, [*constants, *right], domain)
+
+
+_CONTROL = {
+    "scan": _scan,
+    "while": _while,
+    "cond": _cond,
+    "custom_linear_solve": _linear_solve,
+}

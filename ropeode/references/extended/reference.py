@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from ropeode.errors import ReferenceRefused
@@ -10,6 +12,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.references.certificate import (
     Certificate,
+    Reason,
     Witness,
     default_accuracy,
     distances,
@@ -23,6 +26,11 @@ from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import taylor
 from ropeode.validation import bad_value
 
+# Groups of runs are so many times further apart than one run is from the next, in the median.
+_GROUPED = 1000.0
+# Fewer runs form no groups.
+_FEWEST = 5
+_PARTED = "some float64 solvers see something there that others pass by"
 _PACKAGES = ("ropeode", "heyoka", "jax", "jaxlib", "numpy")
 
 
@@ -58,7 +66,8 @@ def extended_reference(
     first = problem.quantities[0]
     within = bounds[first] <= accuracy
     trusted = int(np.argmin(np.append(within, False)))
-    other = _consensus(problem, accuracy, progress)
+    evidence = _consensus(problem, accuracy, progress)
+    other = evidence.reference
     apart = distances(problem, states, other.states[: other.trusted]) if other else {}
     contradicted_at = _contradiction(apart[first], bounds[first], other) if other else trusted
     if other and contradicted_at < trusted:
@@ -68,16 +77,22 @@ def extended_reference(
             "two bounds allow. One of them has stepped over something: declare jump times, or "
             "sample where the right-hand side changes fast."
         )
-    if trusted < 2:
-        raise ReferenceRefused(
-            f"no extended reference for {problem.name!r}: the bound at t = {problem.ts[1]:g} is "
-            f"{bounds[problem.quantities[0]][1]:.1e}, and the accuracy asked for {accuracy:.1e}. "
-            "Ask for less accuracy."
+    unexplained_at = evidence.unexplained_at(problem, states)
+    if min(trusted, unexplained_at) < 2:
+        why = (
+            f"the bound at t = {problem.ts[1]:g} is {bounds[first][1]:.1e}, and the accuracy asked "
+            f"for {accuracy:.1e}. Ask for less accuracy"
+            if trusted < 2
+            else f"{_PARTED}, already at t = {problem.ts[1]:g}. Declare jump times, or sample "
+            "where the right-hand side changes fast"
         )
+        raise ReferenceRefused(f"no extended reference for {problem.name!r}: {why}.")
     reason = None
-    if trusted < len(problem.ts):
+    if unexplained_at < trusted:
+        trusted, reason = unexplained_at, _PARTED
+    elif trusted < len(problem.ts):
         short = trusted == solution.agreed
-        reason = solution.failure if short else "the estimated bound exceeds the accuracy asked for"
+        reason = solution.failure if short else Reason.INACCURATE
     return Reference(
         problem=problem,
         states=states,
@@ -105,15 +120,69 @@ def extended_reference(
     )
 
 
-def _consensus(problem: Problem, accuracy: float, progress: Progress) -> Reference | None:
-    """The reference of float64 solvers, which take short steps too; None if there is none.
+@dataclasses.dataclass(frozen=True)
+class _Evidence:
+    """What float64 solvers, which take short steps too, say of a problem.
 
     The two runs in extended precision use one method, and step over a narrow pulse alike.
+
+    Arguments:
+        reference: theirs, up to its horizon; None if they have none.
+        reason: why it ends, or why there is none; None if it goes to the end.
+        witnesses: the runs it rests on.
     """
+
+    reference: Reference | None
+    reason: str | None
+    witnesses: tuple[Witness, ...]
+
+    def unexplained_at(self, problem: Problem, states: np.ndarray) -> int:
+        """The first sample at which one run has seen something that another has not.
+
+        Where float64 loses its digits to chaos, each run goes a way of its own, so that their
+        distances from the reference are all different. Extended precision is there for that.
+        Where they fall into groups instead, those that have seen something and those that have
+        passed it by, the distance between the groups is much larger than those within. Where a
+        run ends for want of steps or of time, it says nothing.
+
+        Arguments:
+            problem: what was solved.
+            states: of the extended reference.
+
+        Returns:
+            An index of a sample; more than the last one if there is no such sample.
+        """
+        if self.reason == Reason.UNSETTLED:
+            return 1 if self.reference is None else self.reference.trusted
+        quantity, beyond = problem.quantities[0], len(problem.ts)
+        size = np.maximum.accumulate(np.abs(problem.quantity(quantity, states)).max(axis=(1, 2)))
+        size = np.maximum(size, problem.scale)
+        apart = np.array([run.differences[quantity][: len(states)] for run in self.witnesses])
+        spread = np.zeros(len(states))
+        for k, row in enumerate(apart.T):
+            # The reference itself is at 0.
+            ways = np.sort(np.append(row[np.isfinite(row)], 0.0))
+            spread[k] = np.median(np.diff(ways)) if len(ways) >= _FEWEST else np.inf
+        spread = np.maximum.accumulate(spread)
+        for run, series in zip(self.witnesses, apart, strict=True):
+            # What looser rungs pass by, the reference may have seen.
+            if run.role != "looser":
+                in_each_step = run.tolerance * run.steps * size
+                parted = np.isfinite(series) & (
+                    series > _GROUPED * np.maximum(spread, in_each_step)
+                )
+                beyond = min(beyond, int(np.argmax(np.append(parted, True))))
+        return beyond if beyond < len(states) else len(problem.ts)
+
+
+def _consensus(problem: Problem, accuracy: float, progress: Progress) -> _Evidence:
+    """The evidence of the float64 solvers."""
     try:
-        return consensus_reference(problem, ReferenceOptions(accuracy=accuracy), progress)
-    except ReferenceRefused:
-        return None
+        found = consensus_reference(problem, ReferenceOptions(accuracy=accuracy), progress)
+    except ReferenceRefused as refused:
+        return _Evidence(None, refused.reason, refused.witnesses)
+    certificate = found.certificate
+    return _Evidence(found, certificate.horizon_reason, certificate.witnesses)
 
 
 def _contradiction(apart: np.ndarray, bound: np.ndarray, other: Reference) -> int:

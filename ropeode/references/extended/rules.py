@@ -1,34 +1,31 @@
 """What primitives of JAX are on heyoka's expressions and on exact constants.
 
 An array is a NumPy array of objects, each of which is a constant (a `heyoka.real` with guard
-bits) or an expression that depends on the state or the time.
+bits) or an expression that depends on the state or the time, or a `Complex` of these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 
-from ropeode.references.extended import heyoka
+from ropeode.references.extended import linear_algebra
+from ropeode.references.extended.arrays import constants, each, objects
 from ropeode.references.extended.entries import (
-    CHOICES,
     OF_ONE,
     OF_TWO,
     add,
-    divide,
+    exp,
     multiply,
-    subtract,
     total,
+    whole_power,
 )
-from ropeode.references.extended.jaxprs import bind
+from ropeode.references.extended.jaxprs import bind, refuse
 
 Params = Mapping[str, Any]
-
-# Bits that constants have beyond the precision of the solution.
-GUARD_BITS = 64
 
 # Primitives that put numbers elsewhere and compute nothing.
 MOVES = {
@@ -53,35 +50,13 @@ MOVES = {
 }
 
 
-def constants(array: Any, bits: int) -> np.ndarray:
-    """Numbers, without any rounding where `bits` is 53 or more."""
-    real = heyoka().real
-    return objects(np.shape(array), (real(number, bits) for number in np.ravel(array).tolist()))
-
-
-def objects(shape: Sequence[int], entries: Iterable[Any]) -> np.ndarray:
-    """An array of objects; NumPy would make one of numbers where all are constants."""
-    listed = list(entries)
-    array = np.empty(len(listed), dtype=object)
-    for i, entry in enumerate(listed):
-        array[i] = entry
-    return array.reshape(tuple(shape))
-
-
-def floats(array: np.ndarray) -> np.ndarray:
-    """Constants, rounded to float64."""
-    return np.array([float(entry) for entry in array.flat], dtype=float).reshape(array.shape)
-
-
-def moved(equation: Any, inputs: Sequence[np.ndarray]) -> list[np.ndarray] | None:
+def moved(equation: Any, inputs: Sequence[np.ndarray], bits: int) -> list[np.ndarray]:
     """The results of one of `MOVES`, by sending numbered places through it.
 
     Arguments:
         equation: of a jaxpr.
         inputs: arrays of objects, and of plain numbers (indices and the like).
-
-    Returns:
-        None where a place does not exist.
+        bits: of constants.
     """
     places: list[np.ndarray] = []
     entries: list[Any] = []
@@ -91,25 +66,31 @@ def moved(equation: Any, inputs: Sequence[np.ndarray]) -> list[np.ndarray] | Non
             entries.extend(array.flat)
             array = np.arange(start, len(entries), dtype=np.float64).reshape(array.shape)
         places.append(array)
-    results = [np.asarray(result) for result in bind(equation, places)]
-    if not all(np.all(np.isfinite(result)) for result in results):
-        return None
-    return [objects(r.shape, (entries[int(place)] for place in r.flat)) for r in results]
+    params = equation.params
+    filled = params.get("fill_value")
+    if filled is not None:
+        # Outside the array is a place that does not exist, whatever number is put there.
+        params = {**params, "fill_value": np.nan}
+        filled = constants(filled, bits).flat[0]
+    results = [np.asarray(result) for result in bind(equation, places, params)]
+    if filled is None and not all(np.all(np.isfinite(result)) for result in results):
+        refuse(equation.primitive.name, " with an index outside the array")
+    return [
+        objects(
+            result.shape,
+            (entries[int(place)] if np.isfinite(place) else filled for place in result.flat),
+        )
+        for result in results
+    ]
 
 
-def _each(function: Callable[..., Any], *arrays: np.ndarray) -> np.ndarray:
-    """A function of numbers on each of the entries."""
-    arrays = tuple(np.broadcast_arrays(*arrays))
-    entries = zip(*(array.flat for array in arrays), strict=True)
-    return objects(arrays[0].shape, (function(*entry) for entry in entries))
-
-
-def _on_each(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
-    return lambda params, *arrays: _each(function, *arrays)
+def on_each(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
+    """A function of numbers as a rule of a primitive."""
+    return lambda params, *arrays: each(function, *arrays)
 
 
 def _integer_power(params: Params, base: np.ndarray) -> np.ndarray:
-    return _each(lambda entry: entry ** float(params["y"]), base)
+    return each(lambda entry: whole_power(entry, params["y"]), base)
 
 
 def _reduce_sum(params: Params, array: np.ndarray) -> np.ndarray:
@@ -168,72 +149,75 @@ def _dot_general(params: Params, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return objects([*batch, *m, *n], entries)
 
 
-def _tridiagonal_solve(
-    params: Params, lower: np.ndarray, diagonal: np.ndarray, upper: np.ndarray, right: np.ndarray
-) -> np.ndarray:
-    """Gauss's elimination without pivots (Thomas), as JAX has it."""
-    del params
-    size, columns = right.shape[-2:]
-    flat = [band.reshape(-1, size) for band in (lower, diagonal, upper)]
-    solutions = []
-    for low, mid, up, b in zip(*flat, right.reshape(-1, size, columns), strict=True):
-        above: list[Any] = []
-        rows: list[list[Any]] = []
-        for i in range(size):
-            pivot, row = mid[i], list(b[i])
-            if i:
-                pivot = subtract(pivot, multiply(low[i], above[-1]))
-                row = [
-                    subtract(entry, multiply(low[i], before))
-                    for entry, before in zip(row, rows[-1], strict=True)
-                ]
-            above.append(divide(up[i], pivot) if i < size - 1 else None)
-            rows.append([divide(entry, pivot) for entry in row])
-        for i in reversed(range(size - 1)):
-            rows[i] = [
-                subtract(entry, multiply(above[i], after))
-                for entry, after in zip(rows[i], rows[i + 1], strict=True)
-            ]
-        solutions.extend(entry for row in rows for entry in row)
-    return objects(right.shape, solutions)
+def _log_cumulative(params: Params, array: np.ndarray) -> np.ndarray:
+    return each(OF_ONE["log"], _cumulative(add)(params, each(exp, array)))
+
+
+def _reduce_precision(params: Params, array: np.ndarray) -> np.ndarray:
+    if params["exponent_bits"] < 11 or params["mantissa_bits"] < 52:
+        refuse("reduce_precision", " to fewer bits")
+    return array
 
 
 RULES: dict[str, Callable[..., np.ndarray]] = {
-    **{name: _on_each(function) for name, function in (OF_ONE | OF_TWO).items()},
+    **{name: on_each(function) for name, function in (OF_ONE | OF_TWO).items()},
     "integer_pow": _integer_power,
     "reduce_sum": _reduce_sum,
     "reduce_prod": _reduce_product,
+    "reduce_precision": _reduce_precision,
     "cumsum": _cumulative(add),
     "cumprod": _cumulative(multiply),
+    "cumlogsumexp": _log_cumulative,
     "dot_general": _dot_general,
-    "tridiagonal_solve": _tridiagonal_solve,
+    "tridiagonal_solve": linear_algebra.tridiagonal_solve,
+    "triangular_solve": linear_algebra.triangular_solve,
+    "cholesky": linear_algebra.cholesky,
+    "fft": linear_algebra.fourier,
 }
 
 
-def scatter_add(
+def convolution(equation: Any, array: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """A convolution: what each number of the kernel meets shows when it is 1 and the others 0."""
+    # 0 is padding.
+    places = np.arange(1.0, array.size + 1).reshape(array.shape)
+    units = np.eye(kernel.size).reshape(kernel.size, *kernel.shape)
+    params = {**equation.params, "preferred_element_type": None}
+    met = jax.jit(jax.vmap(lambda unit: bind(equation, [places, unit], params)[0]))(units)
+    met = np.rint(np.asarray(met)).astype(int)
+    results = (
+        total(
+            [
+                multiply(array.flat[place - 1], factor)
+                for place, factor in zip(column, kernel.flat, strict=True)
+                if place
+            ]
+        )
+        for column in met.reshape(kernel.size, -1).T
+    )
+    return objects(met.shape[1:], results)
+
+
+# What updates do to the numbers in their places, and the update that changes nothing.
+SCATTERED: dict[str, tuple[Callable[[Any, Any], Any], float]] = {
+    "scatter-add": (add, 0.0),
+    "scatter-mul": (multiply, 1.0),
+}
+
+
+def scattered(
     equation: Any, array: np.ndarray, indices: np.ndarray, updates: np.ndarray
 ) -> np.ndarray:
-    """The updates added in their places, which show when they are sent one at a time."""
-    empty = np.zeros(array.shape)
+    """The updates applied in their places, which show when they are sent one at a time."""
+    update_by, nothing = SCATTERED[equation.primitive.name]
+    before = np.full(array.shape, nothing)
 
     def place(update: Any) -> Any:
-        return bind(equation, [empty, indices, update])[0]
+        return bind(equation, [before, indices, update])[0]
 
-    units = np.eye(updates.size).reshape(updates.size, *updates.shape)
-    hits = np.asarray(jax.vmap(place)(units)).reshape(updates.size, -1)
+    single = nothing + np.eye(updates.size).reshape(updates.size, *updates.shape)
+    after = np.asarray(jax.vmap(place)(single)).reshape(updates.size, -1)
     entries = list(array.flat)
-    for update, hit in zip(updates.flat, hits, strict=True):
-        for at in np.flatnonzero(hit):
-            entries[at] = add(entries[at], update)
+    for update, changed in zip(updates.flat, after != nothing, strict=True):
+        for at in np.flatnonzero(changed):
+            entries[at] = update_by(entries[at], update)
     return objects(array.shape, entries)
-
-
-# Primitives whose result is the choice.
-STEPS = {"sign", "floor", "ceil", "round"}
-
-
-def by_choice(name: str, choice: np.ndarray, inputs: Sequence[np.ndarray], bits: int) -> np.ndarray:
-    """The result of one of `CHOICES` or `STEPS`, for a fixed choice."""
-    if name in STEPS:
-        return constants(choice, bits)
-    return _each(CHOICES[name], np.asarray(choice), *inputs)

@@ -214,7 +214,7 @@ class _Run:
             return
         ts = [t for t, _ in inside]
         states = np.stack([state for _, state in inside]).reshape(-1, *self.problem.y0.shape)
-        broken = translation.guards.first_break(ts, states)
+        broken = translation.first_break(ts, states)
         if broken is None:
             return
         index, name = broken

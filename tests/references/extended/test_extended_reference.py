@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -14,10 +15,11 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.certificate import largest_norms
+from ropeode.references.certificate import Reason, Witness, largest_norms
 from ropeode.references.compute import reference
 from ropeode.references.extended import reference as module
 from ropeode.references.files.store import load_reference, save_reference
+from ropeode.references.solvers.solver import DOPRI8
 from tests.problems.exact import EXACT
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
@@ -29,7 +31,7 @@ NEVER = 1e9
 @pytest.fixture
 def alone(monkeypatch):
     """References without the float64 witness, which other tests look at."""
-    monkeypatch.setattr(module, "_consensus", lambda *_: None)
+    monkeypatch.setattr(module, "_consensus", lambda *_: module._Evidence(None, None, ()))
 
 
 @pytest.mark.parametrize(
@@ -108,6 +110,53 @@ def test_what_float64_solvers_contradict_is_refused(monkeypatch):
         reference(PROBLEMS["oscillator"](frames=4), level="extended", time_limit=NEVER)
 
 
+def pulse(t, y, args):
+    centre, width = args
+    return jnp.exp(-(((t - centre) / width) ** 2)) / (width * np.sqrt(np.pi)) - y
+
+
+def test_the_trust_ends_where_some_float64_runs_see_what_others_pass_by():
+    """A pulse that the runs in extended precision pass by, as some of the others do."""
+    ts = np.arange(11.0)
+    known = reference(Problem(pulse, [1.0], ts, (6.4, 1e-3)), level="extended", time_limit=NEVER)
+    assert (known.trusted, known.horizon) == (7, 7.0)
+    assert "some float64 solvers see something" in known.certificate.horizon_reason
+    np.testing.assert_allclose(known.states[:7, 0], np.exp(-ts[:7]), rtol=1e-15)
+    early = Problem(pulse, [1.0], ts, (0.64, 1e-3))
+    with pytest.raises(ReferenceRefused, match="some float64 solvers see .* already at t = 1"):
+        reference(early, level="extended", time_limit=NEVER)
+
+
+@pytest.mark.parametrize(
+    ("distances", "first"),
+    [
+        # Each run has lost its digits in its own way: chaos.
+        ([[0, 3e-9, 0.3], [0, 1e-9, 2.1], [0, 9e-9, 1.2], [0, 5e-9, 0.7]], 3),
+        # One run has seen something, or all but the reference have, or the neighbour has.
+        ([[0, 3e-15, 0.3], [0, 1e-15, 2e-15], [0, 2e-15, 5e-15], [0, 5e-15, 7e-15]], 2),
+        ([[0, 3e-15, 0.3], [0, 1e-15, 0.3], [0, 2e-15, 0.3], [0, 5e-15, 0.3]], 2),
+        ([[0, 3e-15, 7e-15], [0, 2e-3, 3e-3], [0, 2e-15, 9e-15], [0, 2e-3, 3e-3]], 1),
+        # Where runs have ended, nothing is known.
+        ([[0, 3e-15, 0.3], [0, 1e-15, np.inf], [0, 2e-15, np.inf], [0, 5e-15, 0.3]], 3),
+    ],
+)
+def test_runs_that_fall_into_groups(distances, first):
+    problem = Problem(pulse, [1.0], np.arange(3.0), (9.0, 1.0))
+    roles = ["tighter", "neighbour", "short steps", "independent"]
+    runs = [
+        Witness(DOPRI8, 1e-14, role, 100, 0.0, {"state": np.array(series, dtype=float)})
+        for role, series in zip(roles, distances, strict=True)
+    ]
+    evidence = module._Evidence(None, Reason.INACCURATE, tuple(runs))
+    assert evidence.unexplained_at(problem, np.ones((3, 1))) == first
+
+
+def test_tolerances_that_do_not_settle_end_the_trust():
+    problem = Problem(pulse, [1.0], np.arange(3.0), (9.0, 1.0))
+    evidence = module._Evidence(None, Reason.UNSETTLED, ())
+    assert evidence.unexplained_at(problem, np.ones((3, 1))) == 1
+
+
 def test_float64_solvers_are_among_the_witnesses():
     known = reference(PROBLEMS["oscillator"](frames=4), level="extended", time_limit=NEVER)
     roles = [witness.role for witness in known.certificate.witnesses]
@@ -140,6 +189,6 @@ def test_levels_that_do_not_exist():
 
 
 def test_what_cannot_be_translated_is_named():
-    problem = Problem(lambda t, y, args: jnp.sort(y), [2.0, 1.0], [0.0, 1.0])
-    with pytest.raises(InputError, match="sort"):
+    problem = Problem(lambda t, y, args: jax.lax.digamma(y), [2.0, 1.0], [0.0, 1.0])
+    with pytest.raises(InputError, match="digamma"):
         reference(problem, level="extended")

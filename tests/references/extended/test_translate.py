@@ -16,8 +16,10 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.extended import rules
-from ropeode.references.extended.entries import CHOICES
+from ropeode.references.extended import jaxprs, rules
+from ropeode.references.extended.choices import PLACES, STEPS
+from ropeode.references.extended.entries import CHOICES, CHOICES_COMPLEX, OF_ONE_COMPLEX
+from ropeode.references.extended.taylor import solve
 from ropeode.references.extended.translate import translate
 
 heyoka = pytest.importorskip("heyoka", reason="the extra 'extended' is not installed")
@@ -120,6 +122,36 @@ def looped(y):
     return carry + rows[0] - rows[1] + jax.lax.fori_loop(0, 3, lambda i, z: z * 0.7 + y[i], y)
 
 
+POSITIVE = MATRIX @ MATRIX.T + 2 * np.eye(3)
+
+
+@jax.custom_vjp
+def with_vjp(y):
+    return jnp.sin(y) * y
+
+
+with_vjp.defvjp(lambda y: (with_vjp(y), y), lambda y, g: (g * (jnp.cos(y) * y + jnp.sin(y)),))
+
+
+def lagrangian(q, v):
+    kinetic = jnp.sum(v**2) * (1 + q[0] ** 2) / 2 + 0.3 * v[0] * v[1] * jnp.cos(q[0] - q[1])
+    return kinetic + jnp.sum(jnp.cos(q))
+
+
+def parts(z):
+    return jnp.real(z) + 2 * jnp.imag(z) + 3 * jnp.abs(z)
+
+
+def of_complex(z):
+    """All that is done with two complex numbers, as three real ones."""
+    entire = jnp.exp(z) + jnp.sin(z) * jnp.cos(z) + jnp.sinh(z) * jnp.cosh(z)
+    rational = jnp.tan(z) + jnp.tanh(z) / (2 + 1j) + 1 / (1 + z) + z**3 + z**-2 + jnp.square(-z)
+    product = jnp.sum(z) * jnp.prod(z) * jnp.conj(z) + jnp.sign(z) * jnp.dot(z, z)
+    return jnp.stack(
+        [*parts(entire + rational + product), parts(jax.lax.complex(z.real, z.imag).sum())]
+    )
+
+
 # Of a state of three components, from 0.2 to 0.8.
 CASES = {
     "arithmetic": lambda t, y, a: -(y + 1.5) * y / (y - 3.0) + jnp.square(y) + y**3 + y**-2,
@@ -182,6 +214,73 @@ CASES = {
     "gradient": lambda t, y, a: -jax.grad(lambda y: jnp.sum(jnp.sqrt(1 + y**2) * y[::-1]))(y),
     "calls": lambda t, y, a: jax.jit(own_rule)(y) + jax.checkpoint(jnp.sin)(y),
     "loops": lambda t, y, a: looped(y),
+    "scalars in turn": lambda t, y, a: (
+        jax.lax.map(lambda z: z * z * t, y)
+        + jax.lax.scan(lambda c, z: (c + z, c * z), 0.0, y)[1]
+        + jax.lax.scan(lambda c, z: (c, z), y, jnp.zeros((0, 3)))[1].sum()
+    ),
+    "remainders": lambda t, y, a: y % 0.27 + (-y) % 0.23 + jnp.fmod(y, 0.11) + y // 0.45,
+    "extremes": lambda t, y, a: (
+        jnp.max(y) * y
+        - jnp.min(MATRIX * y, axis=1)
+        + jax.lax.cummax(y) * jax.lax.cummin(y)
+        + jax.lax.cummin(y, reverse=True)
+    ),
+    "orders": lambda t, y, a: (
+        jnp.sort(y) * y[jnp.argsort(y)]
+        + jnp.median(y)
+        + jax.lax.top_k(y, 2)[0].sum()
+        + y[jax.lax.top_k(y, 2)[1]].sum()
+    ),
+    "logarithms of sums": lambda t, y, a: (
+        jax.nn.logsumexp(y) * y + jnp.logaddexp(y, 0.3) + jax.lax.cumlogsumexp(y) + jnp.hypot(y, a)
+    ),
+    "signs in bits": lambda t, y, a: 2 * jnp.copysign(y, -1.0) + jnp.where(jnp.signbit(y), 0.0, y),
+    "complex": lambda t, y, a: of_complex(y[0] + 1j * y[1:]),
+    "complex branches": lambda t, y, a: parts(
+        jnp.sqrt(1j + y) * jnp.log(y - 1j) + jax.lax.rsqrt(y + 2j) + (y + 1j) ** 1.5
+    ),
+    "spectra": lambda t, y, a: (
+        jnp.abs(jnp.fft.fft(jnp.resize(y, 12) * jnp.arange(12.0)))[:3]
+        + jnp.real(jnp.fft.ifft(jnp.fft.fft(y) * jnp.array([0.0, 1j, -1j])))
+        + jnp.fft.irfft(jnp.fft.rfft(jnp.tile(y, 2)) * jnp.arange(4) * 1j, 6)[:3]
+        + jnp.fft.irfft(jnp.fft.rfft(y) * jnp.arange(2) * 1j, 3)
+        + jnp.fft.irfft2(jnp.fft.rfft2(jnp.outer(y, y)) * 1j, (3, 3))[1]
+    ),
+    "convolutions": lambda t, y, a: (
+        jnp.convolve(y, jnp.array([1.0, -2.0, 1.0]), mode="same") + jnp.convolve(y, y, mode="same")
+    ),
+    "linear systems": lambda t, y, a: (
+        jnp.linalg.solve(MATRIX + jnp.diag(y) / 9, y)
+        + jnp.linalg.inv(MATRIX) @ y
+        + jnp.linalg.solve(MATRIX + 1j * jnp.diag(y), y + 0j).real
+    ),
+    "positive systems": lambda t, y, a: (
+        jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(POSITIVE + jnp.diag(y)), y)
+        + jnp.linalg.cholesky(POSITIVE) @ y
+        + jax.scipy.linalg.solve_triangular(POSITIVE, y, trans=1, lower=True, unit_diagonal=True)
+    ),
+    "accelerations of a Lagrangian": lambda t, y, a: jnp.linalg.solve(
+        jax.hessian(lagrangian, 1)(y, y), jax.grad(lagrangian, 0)(y, y)
+    ),
+    "no counterpart but constant": lambda t, y, a: (
+        jnp.linalg.eigh(POSITIVE)[1] @ y
+        + jax.scipy.special.digamma(a) * y
+        + jax.random.normal(jax.random.key(0), (3,)) * y
+    ),
+    "noise that changes with time": lambda t, y, a: (
+        jax.random.uniform(jax.random.fold_in(jax.random.key(1), jnp.floor(t).astype(int)), (3,))
+        * y
+    ),
+    "tables": lambda t, y, a: (
+        a[jnp.floor(t).astype(int)] * y
+        + jnp.interp(y, np.linspace(0, 1, 8), np.linspace(0, 1, 8) ** 2)
+        + y.at[jnp.argmax(y)].add(1.0) * jax.lax.dynamic_index_in_dim(a, jnp.floor(t).astype(int))
+    ),
+    "outside": lambda t, y, a: y.at[np.array([0, 7, 1])].get(mode="fill", fill_value=0.25) + y,
+    "factors": lambda t, y, a: y.at[INDEX[:2]].multiply(y[1:]) - y.at[np.array([1, 1])].add(-y[:2]),
+    "own derivatives": lambda t, y, a: with_vjp(y) + jax.grad(lambda z: with_vjp(z).sum())(y),
+    "no precision lost": lambda t, y, a: jax.lax.reduce_precision(y, 11, 52),
     "barrier": lambda t, y, a: jax.lax.optimization_barrier(y) + jax.lax.stop_gradient(y),
     "time": lambda t, y, a: jnp.cos(1.7 * t) * y + t,
     "whole numbers": lambda t, y, a: y * jnp.arange(3) + jnp.arange(3.0) + jax.lax.iota(float, 3),
@@ -202,8 +301,9 @@ def all_cases():
         return jnp.concatenate([case(t, part, a) for case, part in parts])
 
     problem = problem_of(rhs, (0.3, 0.5, 0.7) * len(CASES))
-    states = np.random.default_rng(4).uniform(0.2, 0.8, size=(5, problem.y0.size))
-    return both(problem, states)
+    # So near that all choose the same branches.
+    states = problem.y0 * np.random.default_rng(4).uniform(0.99, 1.01, size=(5, problem.y0.size))
+    return both(problem, states, t=0.3)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -230,7 +330,9 @@ def test_no_primitive_goes_untested():
     with jax.enable_x64(True):
         for rhs in CASES.values():
             found |= primitives(jax.make_jaxpr(rhs)(0.0, np.ones(3), np.ones(3)).jaxpr)
-    assert {*rules.RULES, *rules.MOVES, *CHOICES, *rules.STEPS, "scatter-add"} <= found
+    of_complex = {*OF_ONE_COMPLEX, *CHOICES_COMPLEX}
+    of_real = {*rules.RULES, *rules.MOVES, *rules.SCATTERED, *CHOICES, *STEPS, *PLACES}
+    assert of_real | of_complex | {"lu", "conv_general_dilated"} <= found
 
 
 def exact_value(expression):
@@ -263,36 +365,141 @@ def test_what_constants_make_is_not_rounded_to_float64():
     assert abs(exact_value(expression) - Fraction(1, 3)) < Fraction(1, 2**300)
 
 
+def sine_of(y):
+    return jax.pure_callback(np.sin, jax.ShapeDtypeStruct((3,), float), y)
+
+
+def drawn_by(t):
+    return jax.random.normal(jax.random.fold_in(jax.random.key(0), jnp.floor(t).astype(int)), (3,))
+
+
 @pytest.mark.parametrize(
     ("name", "rhs"),
     [
-        ("rem", lambda t, y, a: y % 0.3),
-        ("while", lambda t, y, a: jax.lax.while_loop(lambda z: z[0] < 1, lambda z: z * 2, y)),
-        ("cond", lambda t, y, a: jax.lax.cond(y[0] > 0, jnp.sin, jnp.cos, y)),
-        ("lu", lambda t, y, a: jnp.linalg.solve(jnp.diag(y), y)),
+        ("digamma", lambda t, y, a: jax.scipy.special.digamma(y)),
+        ("erf_inv", lambda t, y, a: drawn_by(t) * y),
+        ("eigh", lambda t, y, a: jnp.linalg.eigvalsh(jnp.diag(y))),
+        ("while", lambda t, y, a: jax.lax.while_loop(lambda z: z[0] < 1, lambda z: z + 1e-3, y)),
+        ("scan", lambda t, y, a: jax.lax.fori_loop(0, 30, lambda i, z: z * 0.5, y)),
+        ("pure_callback", lambda t, y, a: sine_of(y)),
+        ("nextafter", lambda t, y, a: jnp.nextafter(y, 1.0)),
+        ("reduce_precision", lambda t, y, a: jax.lax.reduce_precision(y, 8, 7)),
+        ("asin", lambda t, y, a: jnp.real(jnp.arcsin(y + 1j))),
     ],
 )
-def test_other_primitives_are_named(name, rhs):
-    with pytest.raises(InputError, match="(?s)rhs: .*primitive.*allowed: .*Fix: ") as error:
+def test_other_primitives_are_named(monkeypatch, name, rhs):
+    monkeypatch.setattr(jaxprs, "_MOST_ROUNDS", 20)
+    with pytest.raises(
+        InputError, match=r"^rhs: uses the JAX primitive .*allowed: .*Fix: "
+    ) as error:
         translate(problem_of(rhs), BITS)
     assert repr(name) in str(error.value)
 
 
+# Of the same state; what they do depends on numbers, so that they are followed step by step.
+STEERED = {
+    "branches": lambda t, y, a: (
+        jax.lax.cond(y[0] > 0, jnp.sin, jnp.cos, y)
+        + jax.lax.switch(jnp.floor(y[0]).astype(int) + 1, [jnp.sin, jnp.cos, jnp.tan], y)
+    ),
+    "a loop that counts": lambda t, y, a: jax.lax.while_loop(
+        lambda z: z[0] < 4, lambda z: (z[0] + 1, z[1] * 0.5 + y), (0, y)
+    )[1],
+    "a loop with an end from args": lambda t, y, a: jax.lax.fori_loop(
+        0, jnp.asarray(a[0] * 4).astype(int), lambda i, z: z * 0.5 + y, y
+    ),
+    "loops side by side": lambda t, y, a: jax.vmap(
+        lambda n, z: jax.lax.while_loop(
+            lambda c: c[0] < n, lambda c: (c[0] + 1.0, c[1] * z), (0.0, z)
+        )[1]
+    )(jnp.arange(3.0), y),
+    "determinants": lambda t, y, a: jnp.linalg.slogdet(MATRIX + jnp.diag(y))[1] * y,
+}
+
+
+def test_branches_and_loops_are_what_jax_computes():
+    def rhs(t, y, a):
+        parts = zip(STEERED.values(), jnp.unstack(y.reshape(-1, 3)), strict=True)
+        return jnp.concatenate([case(t, part, a) for case, part in parts])
+
+    problem = problem_of(rhs, (0.3, 0.5, 0.7) * len(STEERED))
+    states = np.random.default_rng(4).uniform(0.2, 0.8, size=(5, problem.y0.size))
+    assert largest_difference(*both(problem, states)) < 1e-14
+
+
+def test_another_number_of_rounds_is_another_choice():
+    """Newton's iteration, which ends when it is accurate."""
+
+    def rhs(t, y, a):
+        return jax.lax.while_loop(
+            lambda z: jnp.abs(z * z - y) > 1e-12, lambda z: (z + y / z) / 2, jnp.ones_like(y)
+        )
+
+    problem = problem_of(lambda t, y, a: rhs(t, y[0], a)[None], [0.9])
+    translation = translate(problem, BITS)
+    states = np.array([[0.9], [0.91], [30.0]])
+    assert translation.first_break([0.0, 1.0, 2.0], states) == (2, "abs")
+
+
+@pytest.mark.parametrize(
+    ("rhs", "other", "same"),
+    [
+        # The rows that are exchanged do not matter to the solution.
+        (lambda y: jnp.linalg.solve(jnp.diag(y[::-1]) + MATRIX, y), [5.0, 0.5, 9.0], True),
+        (lambda y: jnp.logaddexp(y, y[::-1]), [0.7, 0.5, 0.3], True),
+        (lambda y: jnp.cos(3 * jnp.arctan2(y, y[::-1])), [-0.3, 0.5, -0.7], True),
+        # The float64 number next to pi is not pi.
+        (lambda y: jnp.sin(2 * jnp.pi * jnp.mod(y, 1.0)), [1.3, 2.5, -0.7], False),
+        (lambda y: jnp.arctan2(y, y[::-1]), [-0.3, 0.5, -0.7], False),
+        (lambda y: jnp.sort(y), [0.7, 0.5, 0.3], False),
+        (lambda y: jnp.max(y) * y, [0.7, 0.5, 0.3], False),
+        # Equal to the sixth digit is not the same.
+        (lambda y: jnp.where(y > 0.1, jnp.sin(y), y * (1 + 1e-6)), [0.05, 0.5, 0.7], False),
+    ],
+)
+def test_another_choice_may_make_the_same_function(rhs, other, same):
+    translation = translate(problem_of(lambda t, y, a: rhs(y)), BITS)
+    states = np.array([[0.3, 0.5, 0.7], other])
+    # Something else is chosen in any case.
+    assert [at for at, _ in translation.guards.breaks([0.0, 0.0], states)] == [1]
+    assert (translation.first_break([0.0, 0.0], states) is None) == same
+
+
+def test_powers_have_a_series_at_zero():
+    """As Duffing's oscillator passes through its middle."""
+    problem = problem_of(lambda t, y, a: jnp.stack([y[1], -y[0] - y[0] ** 3, y[2] ** 5]), [0, 1, 0])
+    run = solve(problem)
+    assert run.failure is None
+    assert run.states[-1][2] == 0
+
+
+def test_angles_end_where_they_jump():
+    problem = Problem(
+        lambda t, y, a: jnp.stack([-y[1], y[0], jnp.arctan2(y[1], y[0])]),
+        [1.0, 0.0, 0.0],
+        [0.0, 3.0, 4.0],
+    )
+    run = solve(problem)
+    assert run.reached == 2
+    assert "'atan2'" in run.failure
+    assert abs(float(run.states[1][2]) - 4.5) < 1e-15
+
+
 def test_choices_are_remembered():
     problem = problem_of(lambda t, y, a: jnp.where(y > 0, -y, 1.0))
-    guards = translate(problem, BITS).guards
-    assert set(guards.names) == {"gt"}
-    assert guards.first_break(problem.ts, np.stack([problem.y0] * len(problem.ts))) is None
+    translation = translate(problem, BITS)
+    assert set(translation.guards.names) == {"gt"}
+    assert translation.first_break(problem.ts, np.stack([problem.y0] * len(problem.ts))) is None
     fallen = np.stack([problem.y0, -problem.y0, problem.y0])
-    assert guards.first_break([0.0, 1.0, 2.0], fallen) == (1, "gt")
+    assert translation.first_break([0.0, 1.0, 2.0], fallen) == (1, "gt")
 
 
 def test_more_states_than_a_block():
-    guards = translate(problem_of(lambda t, y, a: jnp.abs(y)), BITS).guards
+    translation = translate(problem_of(lambda t, y, a: jnp.abs(y)), BITS)
     states = np.ones((1000, 3))
-    assert guards.first_break(np.arange(1000.0), states) is None
+    assert translation.first_break(np.arange(1000.0), states) is None
     states[777, 1] = -1.0
-    assert guards.first_break(np.arange(1000.0), states) == (777, "abs")
+    assert translation.first_break(np.arange(1000.0), states) == (777, "abs")
 
 
 def test_missing_heyoka_says_how_to_get_it(monkeypatch):
