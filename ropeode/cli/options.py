@@ -80,7 +80,7 @@ TABLE = {
     "rtol": Option(str, "R", "Tolerance of the reference. [the tightest useful one]"),
     "level": Option(str, "LEVEL", "Of the reference: consensus or extended. [consensus]"),
     "digits": Option(str, "N", "Digits of an extended reference. [18]"),
-    "time_limit": Option(str, "S", "Seconds that an extended reference may take. [60]"),
+    "time_limit": Option(str, "S", "Seconds that the runs of the reference may take. [60]"),
 }
 
 # Fields whose option has a shorter name.

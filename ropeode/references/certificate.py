@@ -75,7 +75,7 @@ class Certificate:
             precision agree, and the states are those of the finer one, rounded to float64.
         solver: the primary solver.
         rtol: its relative tolerance.
-        atol: its absolute tolerance.
+        atol: its absolute tolerance: one number, or an array of the state's shape.
         steps: its number of steps.
         accuracy: the largest bound that is still trusted, in the units of the first quantity.
         bounds: for each quantity the estimated error bound at each sample, in the largest
@@ -96,7 +96,7 @@ class Certificate:
     level: Level
     solver: Solver
     rtol: float
-    atol: float
+    atol: float | np.ndarray
     steps: int
     accuracy: float
     bounds: Mapping[str, np.ndarray]

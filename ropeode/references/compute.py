@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from typing import overload
+from typing import Any, overload
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
@@ -25,6 +25,7 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
+    atol: Any = None,
     level: Level = "consensus",
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,
@@ -37,6 +38,7 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
+    atol: Any = None,
     level: Level = "consensus",
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,
@@ -48,6 +50,7 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
+    atol: Any = None,
     level: Level = "consensus",
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,
@@ -73,11 +76,16 @@ def reference(
         accuracy: the largest error bound that is still trusted, in the units of the positions
             (of the state, for a problem that is not mechanical); by default 1e-8 (or 1e4 times
             `rtol`, if that is more) of how far a node (or component) moves.
-        rtol: relative tolerance of the reference; by default the tightest that still helps. The
-            absolute tolerance is `rtol` times the largest component of the initial state.
+        rtol: relative tolerance of the reference; by default the tightest that still helps.
+        atol: absolute tolerance of the reference at that `rtol` (at 1e-13 where `rtol` is left
+            to the ladder, whose other runs keep the ratio of the two): one number, or an array of
+            the state's shape, for components of very different size. By default `rtol` times
+            the largest component of the initial state.
         level: `consensus` of float64 solvers, or `extended` precision, which needs heyoka.
         digits: to which the two runs in extended precision must agree.
-        time_limit: in seconds, for all runs in extended precision together.
+        time_limit: in seconds, for all runs together, without compiling. Where it does not
+            suffice, the horizon ends earlier, or the reference is refused; where it does, the
+            result does not depend on it.
         dense: compute the states between the samples as well; see
             `ropeode.references.dense.dense_output`.
         progress: called before each run, with what it is.
@@ -91,7 +99,13 @@ def reference(
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
     options = ReferenceOptions(
-        accuracy=accuracy, rtol=rtol, level=level, digits=digits, time_limit=time_limit, dense=dense
+        accuracy=accuracy,
+        rtol=rtol,
+        atol=atol,
+        level=level,
+        digits=digits,
+        time_limit=time_limit,
+        dense=dense,
     )
     if isinstance(problem, Ensemble):
         return list(_each(problem, options, cores(), progress))
@@ -103,6 +117,7 @@ def each_reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
+    atol: Any = None,
     level: Level = "consensus",
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,
@@ -123,6 +138,7 @@ def each_reference(
         ensemble: what to solve.
         accuracy: as for `ropeode.reference`, for all members.
         rtol: as for `ropeode.reference`, for all members.
+        atol: as for `ropeode.reference`, for all members.
         level: as for `ropeode.reference`; `extended` solves the members one by one.
         digits: as for `ropeode.reference`.
         time_limit: as for `ropeode.reference`, for each member.
@@ -137,7 +153,13 @@ def each_reference(
         InputError: an argument cannot be used.
     """
     options = ReferenceOptions(
-        accuracy=accuracy, rtol=rtol, level=level, digits=digits, time_limit=time_limit, dense=dense
+        accuracy=accuracy,
+        rtol=rtol,
+        atol=atol,
+        level=level,
+        digits=digits,
+        time_limit=time_limit,
+        dense=dense,
     )
     count = cores() if workers is None else check_whole("workers", workers, at_least=1, example="2")
     return _each(ensemble, options, count, progress)
@@ -152,7 +174,7 @@ def reference_for(
 
     Arguments:
         problem: a problem, or a reference that exists already.
-        options: of the new one. With a reference, `accuracy` and `rtol` are refused.
+        options: of the new one. With a reference, `accuracy`, `rtol` and `atol` are refused.
         progress: as for `reference`.
 
     Raises:
@@ -163,8 +185,8 @@ def reference_for(
         return _reference(problem, options, progress)
     faults = [
         complaint(name, value, "none with a reference that exists already", "leave one of them out")
-        for name, value in (("accuracy", options.accuracy), ("rtol", options.rtol))
-        if value is not None
+        for name in ("accuracy", "rtol", "atol")
+        if (value := getattr(options, name)) is not None
     ]
     if faults:
         raise InputError(faults)

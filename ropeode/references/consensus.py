@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ropeode.errors import ReferenceRefused
 from ropeode.norms import motion
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
+from ropeode.references.budget import Budget
 from ropeode.references.certificate import (
     Certificate,
     Reason,
@@ -22,6 +24,8 @@ from ropeode.references.certificate import (
     versions,
     witness,
 )
+from ropeode.references.first_rung import first_rung
+from ropeode.references.hints import coarse_times, hints
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
@@ -31,7 +35,6 @@ from ropeode.references.ladder import (
     recall,
     solve_independent,
     solve_primary,
-    step_budget,
 )
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
@@ -46,8 +49,11 @@ class Primary:
     """All runs of the primary solver on a problem.
 
     Arguments:
-        problem: what was solved.
+        problem: what was to be solved.
+        solved: the same up to the last sample that the loosest run reached, or for which the
+            time suffices.
         method: the solvers.
+        budget: the time that they may take, and have taken.
         run: the run that becomes the reference.
         next_tighter: the rung of the ladder after it, without its states.
         rungs: all rungs of the tolerance ladder, without their states.
@@ -57,7 +63,9 @@ class Primary:
     """
 
     problem: Problem
+    solved: Problem
     method: Method
+    budget: Budget
     run: Solution
     next_tighter: Solution
     rungs: tuple[Solution, ...]
@@ -70,20 +78,27 @@ def consensus_reference(
     problem: Problem, options: ReferenceOptions, progress: Progress
 ) -> Reference:
     """A reference of level `consensus`, as `ropeode.reference` describes it and raises."""
-    primary = primary_runs(problem, options.rtol, progress)
-    independent = solve_independent(
-        problem, primary.method, primary.next_tighter, primary.run, progress
+    primary = primary_runs(problem, options, progress)
+    return certified(primary, independent_run(primary), options)
+
+
+def independent_run(primary: Primary) -> Solution:
+    """The run of another library's solver, as far as the primary ones went."""
+    return solve_independent(
+        primary.solved, primary.method, primary.next_tighter, primary.run, primary.budget
     )
-    return certified(primary, independent, options)
 
 
-def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Primary:
+def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress) -> Primary:
     """Run the primary solver on its ladder, from a neighbouring state, and with short steps.
 
     Raises:
-        ReferenceRefused: the ladder is too short.
+        InputError: `atol` does not have the state's shape.
+        ReferenceRefused: the ladder is too short, or the time does not suffice.
     """
-    method, rungs = _ladder(problem, rtol, progress)
+    rtol = options.rtol
+    budget = Budget(options.tolerance_scale(problem), options.time_limit, progress)
+    method, solved, rungs = _ladder(problem, rtol, budget)
     primary_index = len(rungs) - 2 if rtol is None else 2
     if not 0 < primary_index < len(rungs) - 1 or len(rungs[-1].states) < 2:
         last = rungs[-1]
@@ -91,13 +106,13 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
         raise ReferenceRefused(
             f"no reference for {problem.name!r}: {last.solver} at rtol {last.rtol:.0e} "
             f"{why}. Start where the right-hand side is smooth, declare its jump times, sample "
-            "earlier, or ask for a looser rtol.",
+            f"earlier, or ask for a looser rtol.{hints(problem, rungs[0])}",
             Reason.STOPPED,
         )
-    primary, tightest = recall(problem, method, rungs[primary_index], progress), rungs[-1]
+    primary, tightest = recall(solved, method, rungs[primary_index], budget), rungs[-1]
     witnesses, from_tightest = [], []
     for index, rung in enumerate(rungs):
-        run = primary if index == primary_index else recall(problem, method, rung, progress)
+        run = primary if index == primary_index else recall(solved, method, rung, budget)
         apart = distances(problem, run.states, tightest.states)[problem.quantities[0]]
         from_tightest.append(np.maximum.accumulate(padded(apart, problem)))
         if index != primary_index:
@@ -107,13 +122,15 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
     bare_rungs = tuple(rung.without_states() for rung in rungs)
     del rungs, tightest
     others = []
-    for role, options in other_runs(problem, problem).items():
-        run = solve_primary(problem, method, primary.rtol, progress, **options)
+    for role, more in other_runs(problem, solved, primary).items():
+        run = solve_primary(solved, method, primary.rtol, budget, **more)
         witnesses.append(witness(problem, primary, run, role))
         others.append(run.without_states())
     return Primary(
         problem=problem,
+        solved=solved,
         method=method,
+        budget=budget,
         run=primary,
         next_tighter=bare_rungs[primary_index + 1],
         rungs=bare_rungs,
@@ -138,20 +155,21 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
     if accuracy is None:
         moved = _resolved_motion(problem, run.states, bound)
         accuracy = default_accuracy(problem, moved, 1e4 * (options.rtol or 0.0))
-    trusted, reason = trusted_samples(
+    trusted, why = trusted_samples(
         problem, primary.rungs, primary.from_tightest, bound, witnesses, accuracy
     )
+    reason = f"{why}: {_first_failure(primary, every)}" if why == Reason.STOPPED else why
     if trusted < 2:
-        failures = "; ".join(f"{each.solver} {each.failure}" for each in every if each.failure)
         raise ReferenceRefused(
             f"no reference for {problem.name!r}: at t = {problem.ts[1]:g} already {reason} (bound "
-            f"{bound[1]:.1e}, accuracy {accuracy:.1e}"
-            + (f"; {failures}" if failures else "")
-            + "). Ask for less accuracy, declare jump times if the right-hand side has jumps, "
-            "or see whether it is smooth and in float64.",
-            reason,
+            f"{bound[1]:.1e}, accuracy {accuracy:.1e}). "
+            "Ask for less accuracy, declare jump times if the right-hand side has jumps, "
+            f"or see whether it is smooth and in float64.{hints(problem, primary.rungs[0])}",
+            why,
             witnesses,
         )
+    if trusted < len(problem.ts) and (coarse := coarse_times(problem, run.steps, run.reached)):
+        reason = f"{reason}. {coarse.rstrip('.')}"
     return Reference(
         problem=problem,
         states=run.states,
@@ -176,6 +194,12 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
     )
 
 
+def _first_failure(primary: Primary, runs: Sequence[Solution]) -> str:
+    """Why a run ended before the others."""
+    failures = [f"{run.solver} {run.failure}" for run in runs if run.failure]
+    return failures[0] if failures else f"the time limit of {primary.budget.seconds:g} s is spent"
+
+
 def _resolved_motion(problem: Problem, states: np.ndarray, bound: np.ndarray) -> float:
     """The motion up to the last sample at which the bound leaves it three digits.
 
@@ -187,9 +211,9 @@ def _resolved_motion(problem: Problem, states: np.ndarray, bound: np.ndarray) ->
 
 
 def _ladder(
-    problem: Problem, rtol: float | None, progress: Progress
-) -> tuple[Method, list[Solution]]:
-    """The ladder of the method that fits the problem: explicit if it gets anywhere."""
+    problem: Problem, rtol: float | None, budget: Budget
+) -> tuple[Method, Problem, list[Solution]]:
+    """The method that fits the problem, how much of it is solved, and the ladder."""
 
     def tolerances(method: Method) -> list[float]:
         if rtol is None:
@@ -197,13 +221,9 @@ def _ladder(
         around = [100 * rtol, 10 * rtol, rtol, rtol / 10, rtol / 100]
         return [tolerance for tolerance in around if tolerance > 0.99 * TIGHTEST_RTOL]
 
-    method = EXPLICIT
-    first = solve_primary(problem, method, tolerances(method)[0], progress)
-    if first.failure and first.steps >= step_budget(problem):
-        other = solve_primary(problem, IMPLICIT, tolerances(IMPLICIT)[0], progress)
-        if len(other.states) > len(first.states):
-            method, first = IMPLICIT, other
-    return method, climb(problem, method, first, tolerances(method)[1:], progress)
+    ladders = {method: tolerances(method) for method in (EXPLICIT, IMPLICIT)}
+    method, solved, first = first_rung(problem, ladders, budget)
+    return method, *climb(solved, method, first, ladders[method][1:], budget)
 
 
 def _inside(w: Witness, problem: Problem, trusted: int) -> Witness:

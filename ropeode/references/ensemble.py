@@ -12,8 +12,8 @@ from ropeode.errors import ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.consensus import Primary, certified, primary_runs
-from ropeode.references.ladder import EXPLICIT, independent_budget, solve_independent
+from ropeode.references.consensus import Primary, certified, independent_run, primary_runs
+from ropeode.references.ladder import EXPLICIT, independent_steps
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
@@ -66,7 +66,7 @@ def or_refused(solve: Callable, *inputs: Any) -> Any:
 
 def _references(members: Sequence[Problem], options: ReferenceOptions) -> list[Outcome]:
     """References of members whose independent runs are computed together."""
-    primaries = [or_refused(primary_runs, member, options.rtol, silent) for member in members]
+    primaries = [or_refused(primary_runs, member, options, silent) for member in members]
     independent = _independent([each for each in primaries if isinstance(each, Primary)])
     return [
         or_refused(certified, each, next(independent), options)
@@ -82,17 +82,19 @@ def _independent(primaries: Sequence[Primary]) -> Iterator[Solution]:
     from ropeode.references.solvers import dop853
 
     def goes_together(each: Primary) -> bool:
-        return each.method is EXPLICIT and not each.problem.jump_times
+        whole = each.problem.frames == each.solved.frames
+        return each.method is EXPLICIT and not each.problem.jump_times and whole
 
     together = [each for each in primaries if goes_together(each)]
     runs = dop853.solve(
         [each.problem for each in together],
         [each.next_tighter.rtol for each in together],
-        max_steps=[independent_budget(each.problem, each.next_tighter) for each in together],
+        [each.next_tighter.atol for each in together],
+        max_steps=[independent_steps(each.next_tighter) for each in together],
     )
     remaining = iter(runs)
     for each in primaries:
         run = next(remaining) if goes_together(each) else None
         if run is None or run.failure is not None:
-            run = solve_independent(each.problem, each.method, each.next_tighter, each.run, silent)
+            run = independent_run(each)
         yield run

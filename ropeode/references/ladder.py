@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from ropeode.errors import ReferenceRefused
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress
+from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.solvers import diffrax_solver
-from ropeode.references.solvers.solution import Solution, absolute_tolerance
+from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import (
     DOPRI8,
     KVAERNO5,
@@ -30,6 +32,9 @@ _MOST_STEPS_PER_DIGIT = 2.5
 _STEPS, _STEPS_PER_FRAME = 100_000, 4_000
 _SHORT_STEPS_PER_FRAME = 32
 _FEWEST_SHORT_STEPS = 1000
+_FEWEST_RUNGS = 3
+# The neighbour, short steps, and others that take as long as a few runs of the ladder.
+_RUNS_AFTER_THE_LADDER = 6
 # A ladder that needs more memory than this keeps the states of two rungs only.
 _MOST_BYTES_KEPT = 2**28
 
@@ -82,21 +87,60 @@ def solve_primary(
     problem: Problem,
     method: Method,
     rtol: float,
-    progress: Progress,
+    budget: Budget,
     *,
-    max_steps: int | None = None,
+    share: float = 1.0,
     **more: Any,
 ) -> Solution:
-    """The diffrax solver of a method at one tolerance; `more` is for `diffrax_solver.solve`."""
-    progress(f"reference: {method.primary} at {rtol:.0e}", None)
-    return diffrax_solver.solve(
-        problem,
-        method.primary,
-        rtol,
-        absolute_tolerance(problem, rtol),
-        max_steps=max_steps or step_budget(problem),
-        **more,
-    )
+    """The diffrax solver of a method at one tolerance; `more` is for `diffrax_solver.solve`.
+
+    Arguments:
+        problem: what to solve.
+        method: whose primary solver.
+        rtol: relative tolerance.
+        budget: of the reference.
+        share: the part of the time left that the run may take.
+        more: as above.
+    """
+    budget.progress(f"reference: {method.primary} at {rtol:.0e}", None)
+    atol, seconds = rtol * budget.scale, share * budget.left
+    run = diffrax_solver.solve(problem, method.primary, rtol, atol, seconds=seconds, **more)
+    budget.spent += run.seconds
+    return run
+
+
+def in_time(problem: Problem, run: Solution, rungs: int, budget: Budget) -> Problem:
+    """The problem up to the last sample for which the time suffices.
+
+    Arguments:
+        problem: what is solved.
+        run: the last run, which may have stopped on its way.
+        rungs: how many there are.
+        budget: of the reference.
+
+    Raises:
+        ReferenceRefused: it does not suffice for the first frame.
+    """
+    start = problem.ts[0]
+    way = min(run.reached, problem.ts[-1]) - start
+    needed = _runs_to_come(rungs) * run.seconds * (problem.ts - start) / way
+    samples = int(np.searchsorted(needed, budget.left, side="right"))
+    if samples >= len(problem.ts):
+        return problem
+    if samples < 2:
+        raise ReferenceRefused(
+            f"no reference for {problem.name!r}: {run.solver} at rtol {run.rtol:.0e} came to t = "
+            f"{run.reached:g} in {run.steps} steps and {run.seconds:.2g} s. All runs to t = "
+            f"{problem.ts[1]:g} would take {budget.spent + needed[1]:.2g} s or more, and the time "
+            f"limit is {budget.seconds:g} s. Allow more time (time_limit), sample earlier, or ask "
+            "for a looser rtol."
+        )
+    return problem.until(samples)
+
+
+def _runs_to_come(rungs: int) -> int:
+    """How many runs a reference needs at least after so many rungs, each as long as the last."""
+    return max(_FEWEST_RUNGS - rungs, 1) + _RUNS_AFTER_THE_LADDER
 
 
 def climb(
@@ -104,27 +148,35 @@ def climb(
     method: Method,
     first: Solution,
     tolerances: Sequence[float],
-    progress: Progress,
-) -> list[Solution]:
+    budget: Budget,
+) -> tuple[Problem, list[Solution]]:
     """The primary solver at tighter and tighter tolerances, while that gains anything.
 
     In a large problem only the last two rungs keep their states; `recall` computes the others
     again.
+
+    Returns:
+        The problem up to the last sample for which the time suffices, and the rungs.
+
+    Raises:
+        ReferenceRefused: the time does not suffice for the first frame.
     """
     rungs = [first]
     if len(first.states) < 2:
-        return rungs
+        return problem, rungs
     for rtol in tolerances:
+        if len(rungs) < _FEWEST_RUNGS:
+            problem = in_time(problem, rungs[-1], len(rungs), budget)
+        elif _runs_to_come(len(rungs)) * rungs[-1].seconds > budget.left:
+            break
         limit = int(_MOST_STEPS_PER_DIGIT * rungs[-1].steps) + 1000
-        run = solve_primary(
-            problem, method, rtol, progress, max_steps=min(limit, step_budget(problem))
-        )
-        if len(run.states) < len(rungs[-1].states):
+        run = solve_primary(problem, method, rtol, budget, max_steps=limit)
+        if len(run.states) < min(len(rungs[-1].states), len(problem.ts)):
             break
         rungs.append(run)
         if len(rungs) > 2 and len(tolerances) * run.states.nbytes > _MOST_BYTES_KEPT:
             rungs[-3] = rungs[-3].without_states()
-    return rungs
+    return problem, rungs
 
 
 def neighbour(problem: Problem) -> np.ndarray:
@@ -142,53 +194,55 @@ def neighbour(problem: Problem) -> np.ndarray:
     return np.where(y0 == 0.0, from_zero, moved)
 
 
-def other_runs(problem: Problem, solved: Problem) -> dict[Role, dict[str, Any]]:
+def other_runs(problem: Problem, solved: Problem, like: Solution) -> dict[Role, dict[str, Any]]:
     """The witnesses of the primary solver that are not rungs: what `solve_primary` takes.
 
     Arguments:
         problem: that of the reference.
-        solved: the same one, or with sample times inside its frames.
+        solved: the same one, or with other sample times.
+        like: the run that becomes the reference. None of the others should take many more steps.
     """
+    most, longest = 4 * like.steps + 1000, short_steps(problem, solved.ts)
+    short = math.ceil(np.sum(np.diff(solved.ts) / longest))
     return {
-        "neighbour": {"y0": neighbour(solved)},
-        "short steps": {
-            "max_steps": 2 * step_budget(solved),
-            "longest_steps": short_steps(problem, solved.ts),
-        },
+        "neighbour": {"y0": neighbour(solved), "max_steps": most},
+        "short steps": {"longest_steps": longest, "max_steps": most + 4 * short},
     }
 
 
-def recall(problem: Problem, method: Method, rung: Solution, progress: Progress) -> Solution:
+def recall(problem: Problem, method: Method, rung: Solution, budget: Budget) -> Solution:
     """A rung with its states; computes them again if `climb` has dropped them."""
     if len(rung.states):
         return rung
-    return solve_primary(problem, method, rung.rtol, progress)
+    return solve_primary(problem, method, rung.rtol, budget)
 
 
-def independent_budget(problem: Problem, like: Solution) -> int:
+def independent_steps(like: Solution) -> int:
     """The number of steps after which an independent solver counts as stuck.
 
     Ten times as many as the primary solver's run `like` takes at the same tolerance.
     """
-    return min(10 * like.steps + 1000, step_budget(problem))
+    return 10 * like.steps + 1000
 
 
 def solve_independent(
-    problem: Problem, method: Method, tightest: Solution, looser: Solution, progress: Progress
+    problem: Problem, method: Method, tightest: Solution, looser: Solution, budget: Budget
 ) -> Solution:
     """The SciPy solver at the tolerance of `tightest`; at that of `looser` if it gets stuck."""
     # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
     from ropeode.references.solvers import scipy_solver
 
     for like in (tightest, looser):
-        progress(f"reference: {method.independent} at {like.rtol:.0e}", None)
+        budget.progress(f"reference: {method.independent} at {like.rtol:.0e}", None)
         run = scipy_solver.solve(
             problem,
             method.independent,
             like.rtol,
-            absolute_tolerance(problem, like.rtol),
-            max_steps=independent_budget(problem, like),
+            like.rtol * budget.scale,
+            max_steps=independent_steps(like),
+            seconds=budget.left,
         )
+        budget.spent += run.seconds
         if run.failure is None:
             break
     return run

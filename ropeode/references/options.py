@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, TypedDict
 
-from pydantic import Field, ValidationInfo, field_validator
+import numpy as np
+from pydantic import Field, PlainValidator, ValidationInfo, field_validator
 
+from ropeode.problems.checks import real_array
+from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Level
 from ropeode.validation import Input, Positive, WholePositive, bad_value, field
 
@@ -18,11 +21,22 @@ TIME_LIMIT = 60.0
 Rtol = Annotated[Positive, Field(ge=SMALLEST_RTOL, le=LARGEST_RTOL)]
 
 
+def _atol(value: Any) -> Any:
+    """None, or a number or array as plain numbers, which can be compared."""
+    if value is None:
+        return None
+    array = real_array("atol", value)
+    if not np.all(array > 0.0):
+        raise bad_value("atol", value, "finite numbers > 0", "atol=1e-20")
+    return array.tolist()
+
+
 class Asked(TypedDict, total=False):
     """The fields of `ReferenceOptions` that a study of a problem takes by name."""
 
     accuracy: float | None
     rtol: float | None
+    atol: Any
     level: Level
     digits: int
     time_limit: float
@@ -35,9 +49,12 @@ class ReferenceOptions(Input):
         accuracy: the largest error bound that is still trusted; None for the default, which
             depends on how far the solution moves.
         rtol: relative tolerance of the float64 solvers; None for the tightest that helps.
+        atol: absolute tolerance at that relative one (at 1e-13 where that is None): one number,
+            or an array of the state's shape; None for `rtol` times the largest component of the
+            initial state.
         level: `consensus` or `extended`.
         digits: to which the two runs in extended precision must agree.
-        time_limit: in seconds, for all runs in extended precision together.
+        time_limit: in seconds, for all runs together, without compiling.
         dense: compute the states between the samples as well.
 
     Raises:
@@ -50,6 +67,9 @@ class ReferenceOptions(Input):
         allowed=f"from {SMALLEST_RTOL:g} (float64 carries no more) to {LARGEST_RTOL:g}",
         example=f"{SMALLEST_RTOL:g}",
     )
+    atol: Annotated[Any, PlainValidator(_atol)] = field(
+        None, allowed="a finite number > 0, or an array of them", example="1e-20"
+    )
     level: Level = field("consensus", allowed="consensus or extended", example='"extended"')
     digits: WholePositive = field(DIGITS, allowed="a whole number >= 1", example="24")
     time_limit: Positive = field(TIME_LIMIT, allowed="a finite number > 0", example="600")
@@ -57,9 +77,30 @@ class ReferenceOptions(Input):
 
     @field_validator("level")
     @classmethod
-    def _without_rtol(cls, level: Level, info: ValidationInfo) -> Level:
-        rtol = info.data.get("rtol")
-        if level == "extended" and rtol is not None:
-            fix = "leave it out, or ask for digits"
-            raise bad_value("rtol", rtol, "none with level 'extended'", fix)
+    def _without_tolerances(cls, level: Level, info: ValidationInfo) -> Level:
+        for name in ("rtol", "atol"):
+            value = info.data.get(name)
+            if level == "extended" and value is not None:
+                fix = "leave it out, or ask for digits"
+                raise bad_value(name, value, "none with level 'extended'", fix)
         return level
+
+    def tolerance_scale(self, problem: Problem) -> Any:
+        """The absolute tolerance of each run, divided by its relative one.
+
+        Arguments:
+            problem: what is solved.
+
+        Raises:
+            InputError: `atol` is an array of another shape than the state.
+        """
+        if self.atol is None:
+            return problem.scale
+        if np.shape(self.atol) not in ((), problem.y0.shape):
+            raise bad_value(
+                "atol",
+                np.shape(self.atol),
+                f"one number, or an array of the state's shape, {problem.y0.shape}",
+                "give each component a tolerance",
+            )
+        return np.asarray(self.atol) / (self.rtol or SMALLEST_RTOL)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 from typing import get_args
 
+import numpy as np
+
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
+from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
     Method,
-    independent_budget,
+    independent_steps,
     other_runs,
     solve_independent,
     solve_primary,
@@ -25,6 +29,23 @@ from ropeode.references.solvers.solver import OWN_DOP853
 def method_of(reference: Reference) -> Method:
     """The solvers of a reference of level `consensus`."""
     return IMPLICIT if reference.certificate.stiff else EXPLICIT
+
+
+def budget_of(
+    reference: Reference, seconds: float = math.inf, progress: Progress = silent
+) -> Budget:
+    """A budget for more runs of a reference's solvers, with the same ratio of tolerances.
+
+    Arguments:
+        reference: of level `consensus`.
+        seconds: for all of them together, without compiling.
+        progress: called before each run, with what it is.
+    """
+    certificate, scale = reference.certificate, reference.problem.scale
+    # A quotient is rounded, and the default must be found again to the last bit.
+    if not np.array_equal(certificate.atol, certificate.rtol * scale):
+        scale = np.asarray(certificate.atol) / certificate.rtol
+    return Budget(scale, seconds, progress)
 
 
 def primary_solution(reference: Reference) -> Solution:
@@ -42,7 +63,7 @@ def primary_solution(reference: Reference) -> Solution:
 
 def witness_runs(
     reference: Reference,
-    progress: Progress = silent,
+    budget: Budget | None = None,
     *,
     problem: Problem | None = None,
     primary: Solution | None = None,
@@ -55,15 +76,17 @@ def witness_runs(
 
     Arguments:
         reference: whose witnesses to run.
-        progress: called before each run, with what it is.
+        budget: for the runs; by default one without limits.
         problem: the problem with other sample times; by default that of the reference.
         primary: the run of the reference's solver on that problem.
         roles: of the witnesses to yield. The tighter ones run in any case.
     """
     method = method_of(reference)
-    problem = problem or reference.problem
+    # Where the solvers stopped, they stop at the last sample before.
+    problem = problem or reference.problem.until(len(reference.states))
     primary = primary or primary_solution(reference)
-    options = other_runs(reference.problem, problem)
+    options = other_runs(reference.problem, problem, primary)
+    budget = budget or budget_of(reference)
     next_tighter = primary
     for witness in reference.certificate.witnesses:
         role = witness.role
@@ -73,14 +96,16 @@ def witness_runs(
             # Not above: it imports SciPy's solvers, which takes long.
             from ropeode.references.solvers import dop853
 
-            budget = independent_budget(problem, next_tighter)
-            (run,) = dop853.solve([problem], [next_tighter.rtol], max_steps=[budget])
-        elif role == "independent":
-            run = solve_independent(problem, method, next_tighter, primary, progress)
-        else:
-            run = solve_primary(
-                problem, method, witness.tolerance, progress, **options.get(role, {})
+            (run,) = dop853.solve(
+                [problem],
+                [next_tighter.rtol],
+                [next_tighter.rtol * budget.scale],
+                max_steps=[independent_steps(next_tighter)],
             )
+        elif role == "independent":
+            run = solve_independent(problem, method, next_tighter, primary, budget)
+        else:
+            run = solve_primary(problem, method, witness.tolerance, budget, **options.get(role, {}))
         if role == "tighter" and next_tighter is primary:
             next_tighter = run.without_states()
         if role in roles:

@@ -79,7 +79,7 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
             "level": certificate.level,
             "solver": str(certificate.solver),
             "rtol": certificate.rtol,
-            "atol": certificate.atol,
+            "atol": np.asarray(certificate.atol).tolist(),
             "steps": certificate.steps,
             "stiff": certificate.stiff,
             "witnesses": [

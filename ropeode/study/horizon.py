@@ -24,7 +24,7 @@ from ropeode.references.options import DIGITS, TIME_LIMIT, ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import Solver
-from ropeode.references.witnesses import primary_solution, witness_runs
+from ropeode.references.witnesses import budget_of, primary_solution, witness_runs
 from ropeode.validation import check_positive, complaint
 
 SPANS = (100.0, 300.0, 1000.0)
@@ -233,7 +233,8 @@ def horizon(
         return Run(solution.solver, solution.rtol, role, solution.steps, errors[: len(times)])
 
     runs = [run(primary_solution(reference), "reference")]
-    for role, solution in witness_runs(reference, lambda text, _: progress(text, 0.6)):
+    budget = budget_of(reference, progress=lambda text, _: progress(text, 0.6))
+    for role, solution in witness_runs(reference, budget):
         runs.append(run(solution, role))
     _check_agreement(reference, truth, runs[0])
 

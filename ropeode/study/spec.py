@@ -31,7 +31,7 @@ from ropeode.study.accuracy_table import (
     check_steppers,
     check_steps,
 )
-from ropeode.validation import Input, Positive, WholePositive, bad_value, complaint, field, unknown
+from ropeode.validation import Input, Positive, WholePositive, bad_value, field, unknown
 
 
 def _steppers(value: Any) -> tuple[str, ...] | None:
@@ -66,7 +66,7 @@ class StudySpec(Input):
         rtol: as for `ropeode.reference`.
         level: as for `ropeode.reference`, like what follows.
         digits: of an extended reference; by default 18.
-        time_limit: of an extended reference, in seconds; by default 60.
+        time_limit: of the reference, in seconds; by default 60.
 
     Raises:
         InputError: one line for each that cannot be used.
@@ -96,9 +96,7 @@ class StudySpec(Input):
     digits: WholePositive | None = field(
         None, allowed="a whole number >= 1, with level 'extended'", example="18"
     )
-    time_limit: Positive | None = field(
-        None, allowed="a finite number > 0, with level 'extended'", example="60"
-    )
+    time_limit: Positive | None = field(None, allowed="a finite number > 0", example="60")
 
     @property
     def asked(self) -> dict[str, Any]:
@@ -107,20 +105,14 @@ class StudySpec(Input):
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def check_level(self) -> None:
-        """Refuse options of the level `extended` at another level.
+        """Refuse digits at another level than `extended`.
 
         Raises:
-            InputError: one line for each of them.
+            InputError: there are digits.
         """
-        if self.level == "extended":
-            return
-        faults = [
-            complaint(name, value, "none with level 'consensus'", "add level = extended")
-            for name in ("digits", "time_limit")
-            if (value := getattr(self, name)) is not None
-        ]
-        if faults:
-            raise InputError(faults)
+        if self.level != "extended" and self.digits is not None:
+            allowed = "none with level 'consensus'"
+            raise bad_value("digits", self.digits, allowed, "add level = extended")
 
 
 class TableSpec(StudySpec):

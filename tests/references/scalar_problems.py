@@ -27,6 +27,7 @@ EQUATIONS = {
     "decay": lambda t, y, rate: -rate * y,
     "logistic": lambda t, y, number: y * (1 - y),
     "square": lambda t, y, rate: rate * y * y,
+    "tan": lambda t, y, rate: rate * (1.0 + y * y),
     "root": lambda t, y, rate: rate * jnp.sqrt(jnp.abs(y)),
     "sign": lambda t, y, number: -jnp.sign(y),
     "root of what is left": lambda t, y, number: jnp.sqrt(1.0 - t) + 0.0 * y,

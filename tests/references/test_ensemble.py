@@ -124,7 +124,9 @@ def pendulums(count):
 
 def test_it_is_scipys_method_but_for_rounding():
     problems = pendulums(7)
-    found = dop853.solve(problems, [1e-10] * 7, max_steps=[1000] * 7)
+    found = dop853.solve(
+        problems, [1e-10] * 7, [1e-10 * each.scale for each in problems], max_steps=[1000] * 7
+    )
     for problem, run in zip(problems, found, strict=True):
         scipys = scipy_solver.solve(
             problem, SCIPY_DOP853, 1e-10, 1e-10 * problem.scale, max_steps=1000
@@ -138,7 +140,7 @@ def test_it_is_scipys_method_but_for_rounding():
 def test_its_error_is_of_the_size_of_the_tolerance():
     problems = [grows(rate) for rate in (0.3, -0.6, 0.1)]
     for rtol in (1e-6, 1e-12):
-        runs = dop853.solve(problems, [rtol] * 3, max_steps=[1000] * 3)
+        runs = dop853.solve(problems, [rtol] * 3, [rtol] * 3, max_steps=[1000] * 3)
         for problem, run in zip(problems, runs, strict=True):
             largest = np.max(np.abs(exact(problem)))
             assert np.max(np.abs(run.states[:, 0] - exact(problem))) < 30 * rtol * largest
@@ -151,7 +153,10 @@ def test_lanes_do_not_feel_each_other(monkeypatch):
 
     def states(order):
         runs = dop853.solve(
-            [problems[k] for k in order], [rtols[k] for k in order], max_steps=[500] * len(order)
+            [problems[k] for k in order],
+            [rtols[k] for k in order],
+            [rtols[k] * problems[k].scale for k in order],
+            max_steps=[500] * len(order),
         )
         return {k: (run.states.tobytes(), run.steps) for k, run in zip(order, runs, strict=True)}
 
@@ -164,7 +169,7 @@ def test_lanes_do_not_feel_each_other(monkeypatch):
 def test_what_fails_says_where_and_holds_up_nobody():
     # y' = a y^2, with y = y0/(1 - a y0 t), which has a pole.
     problems = [scalar("square", 1.0, TS, a) for a in (0.3, 0.75, -1.0)]
-    fine, pole, short = dop853.solve(problems, [1e-10] * 3, max_steps=[1000, 10**5, 3])
+    fine, pole, short = dop853.solve(problems, [1e-10] * 3, [1e-10] * 3, max_steps=[1000, 10**5, 3])
     assert fine.failure is None
     assert "t = 1.33" in str(pole.failure)
     assert len(pole.states) == 4

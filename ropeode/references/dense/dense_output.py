@@ -33,7 +33,7 @@ from ropeode.references.ladder import solve_primary
 from ropeode.references.options import TIME_LIMIT
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
-from ropeode.references.witnesses import method_of, witness_runs
+from ropeode.references.witnesses import budget_of, method_of, witness_runs
 
 # Order 10. More cost more to compile than they save.
 _MOST_DERIVATIVES = 4
@@ -70,7 +70,7 @@ def with_dense_output(
 
     Arguments:
         reference: it may come from a file.
-        time_limit: in seconds, for each run in extended precision.
+        time_limit: in seconds, for each run in extended precision, or for all runs in float64.
         progress: called before each run, with what it is.
 
     Raises:
@@ -81,7 +81,7 @@ def with_dense_output(
     if reference.certificate.level == "extended":
         primary, witnesses = _extended_runs(reference, time_limit, progress)
     else:
-        primary, witnesses = _float64_runs(reference, progress)
+        primary, witnesses = _float64_runs(reference, time_limit, progress)
     dense, refined, run = _fine_enough(reference, primary)
     dense = _through_the_samples(reference, dense)
     polynomial = dataclasses.replace(run, states=dense.at(refined.ts))
@@ -221,16 +221,19 @@ def _tested_times(nodes: np.ndarray) -> np.ndarray:
     return _split(times, 1 + np.bincount(gaps, minlength=len(times) - 1))
 
 
-def _float64_runs(reference: Reference, progress: Progress) -> tuple[Primary, Witnesses]:
+def _float64_runs(
+    reference: Reference, time_limit: float, progress: Progress
+) -> tuple[Primary, Witnesses]:
     """The runs of a reference of level `consensus`."""
     method, rtol = method_of(reference), reference.certificate.rtol
+    budget = budget_of(reference, time_limit, progress)
     roles = set(get_args(Role)) - {"looser"}
 
     def primary(problem: Problem) -> Solution:
-        return solve_primary(problem, method, rtol, progress)
+        return solve_primary(problem, method, rtol, budget)
 
     def witnesses(problem: Problem, run: Solution) -> Iterator[tuple[Role, Solution]]:
-        return witness_runs(reference, progress, problem=problem, primary=run, roles=roles)
+        return witness_runs(reference, budget, problem=problem, primary=run, roles=roles)
 
     return primary, witnesses
 

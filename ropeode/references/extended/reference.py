@@ -152,7 +152,7 @@ class _Evidence:
         Returns:
             An index of a sample; more than the last one if there is no such sample.
         """
-        if self.reason == Reason.UNSETTLED:
+        if self.reason and self.reason.startswith(Reason.UNSETTLED):
             return 1 if self.reference is None else self.reference.trusted
         quantity, beyond = problem.quantities[0], len(problem.ts)
         size = np.maximum.accumulate(np.abs(problem.quantity(quantity, states)).max(axis=(1, 2)))

@@ -136,6 +136,7 @@ def certificate_from(
     values = {
         **claims,
         "solver": Solver.parse(claims["solver"]),
+        "atol": np.asarray(claims["atol"])[()],
         "bounds": {q: arrays[_name("bound", q)] for q in quantities},
         "drift": {q: arrays[_name("drift", q)][:samples] for q in description["constrained"]},
         "witnesses": tuple(Witness(**each) for each in witnesses),
@@ -253,6 +254,6 @@ def _plain(value: Any) -> Any:
         return [_plain(entry) for entry in value]
     if isinstance(value, Solver):
         return str(value)
-    if isinstance(value, np.generic):
-        value = value.item()
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
     return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -13,7 +13,7 @@ from ropeode.progress import Progress, silent
 from ropeode.references.certificate import largest_norms
 from ropeode.references.compute import reference_for
 from ropeode.references.files.store import reference_from, stored_facts
-from ropeode.references.options import TIME_LIMIT, ReferenceOptions
+from ropeode.references.options import SMALLEST_RTOL, TIME_LIMIT, ReferenceOptions
 from ropeode.references.reference import Reference
 
 # The number of pieces of a dense output in which one value is computed again.
@@ -65,8 +65,8 @@ def verify_reference(
     Arguments:
         path: of the file.
         problem: as for `load_reference`.
-        time_limit: in seconds, for all runs in extended precision together; samples that they
-            do not reach are not compared.
+        time_limit: in seconds, for all runs together; samples that they do not reach are not
+            compared.
         progress: as for `reference`.
 
     Raises:
@@ -76,11 +76,15 @@ def verify_reference(
     facts = stored_facts(path)
     stored = reference_from(facts, problem)
     times = _times_to_compare(stored)
+    certificate = stored.certificate
+    # One number is the default; at least it serves all components alike.
+    atol = certificate.atol * (SMALLEST_RTOL / certificate.rtol)
     recomputed = reference_for(
         dataclasses.replace(stored.problem, ts=times),
         ReferenceOptions(
-            accuracy=stored.certificate.accuracy,
-            level=stored.certificate.level,
+            accuracy=certificate.accuracy,
+            atol=atol if np.ndim(atol) else None,
+            level=certificate.level,
             time_limit=time_limit,
         ),
         progress,

@@ -165,22 +165,20 @@ def solution_of(family: Family) -> Callable:
             throw=False,
         )
         (result,) = jax.tree.leaves(solution.result)
-        states, (reached,) = solution.ys
+        ys: Any = solution.ys
+        states, (reached,) = ys
         return result, solution.stats["num_steps"], states, reached
 
     return run
 
 
-def failure(result: Any, max_steps: int) -> str:
-    """Why a run ended early, without naming diffrax's own arguments.
+def failure(result: Any) -> str:
+    """Why a run ended early, though it had steps left, without naming diffrax's own arguments.
 
     Arguments:
         result: the number that the run returned.
-        max_steps: the run's limit.
     """
     reason = jax.tree.unflatten(jax.tree.structure(diffrax.RESULTS.successful), [result])
-    if reason == diffrax.RESULTS.max_steps_reached:
-        return f"{max_steps} steps did not suffice"
     if reason == diffrax.RESULTS.dt_min_reached:
         return "the step size has become too small"
     if diffrax.is_successful(reason):

@@ -14,15 +14,18 @@ from ropeode.references.solvers.program_cache import compiled
 from ropeode.references.solvers.solution import Solution, finite_samples
 from ropeode.references.solvers.solver import Solver
 
+UNLIMITED = int(np.iinfo(np.int64).max)
+
 
 @in_float64
 def solve(
     problem: Problem,
     solver: Solver,
     rtol: float,
-    atol: float,
+    atol: float | np.ndarray,
     *,
-    max_steps: int,
+    max_steps: int = UNLIMITED,
+    seconds: float = np.inf,
     longest_steps: np.ndarray | None = None,
     y0: np.ndarray | None = None,
 ) -> Solution:
@@ -34,8 +37,10 @@ def solve(
         problem: what to solve.
         solver: one of `diffrax_program.SOLVERS`.
         rtol: relative tolerance.
-        atol: absolute tolerance.
+        atol: absolute tolerance: one number, or an array of the state's shape.
         max_steps: give up after so many steps.
+        seconds: that the run may take, without compiling. It is cut off by its steps, whose
+            duration a first few show; where it is not cut off, it does not depend on this.
         longest_steps: no step that starts in a frame may be longer than its entry,
             ``(frames,)``, in units of time.
         y0: initial state; by default the problem's.
@@ -49,37 +54,56 @@ def solve(
     program, fresh = compiled(Family.of(problem, solver, samples + spare))
     compile_seconds = time.perf_counter() - started
     started = time.perf_counter()
-    result, steps, saved, reached = jax.block_until_ready(
-        program(
-            start.reshape(-1),
-            jax.tree.leaves(problem.args),
-            np.pad(problem.ts, (0, spare), mode="edge"),
-            np.asarray(problem.jump_times, dtype=np.float64),
-            np.float64(rtol),
-            np.float64(atol),
-            np.int64(max_steps),
-            np.pad(longest, (0, spare), mode="edge"),
+    limit = max_steps if np.isinf(seconds) else min(max_steps, _few_steps(problem, solver))
+    while True:
+        began = time.perf_counter()
+        result, steps, saved, reached = jax.block_until_ready(
+            program(
+                start.reshape(-1),
+                jax.tree.leaves(problem.args),
+                np.pad(problem.ts, (0, spare), mode="edge"),
+                np.asarray(problem.jump_times, dtype=np.float64),
+                np.float64(rtol),
+                np.broadcast_to(np.float64(atol), start.shape).reshape(-1),
+                np.int64(limit),
+                np.pad(longest, (0, spare), mode="edge"),
+            )
         )
-    )
-    seconds = time.perf_counter() - started
+        now = time.perf_counter()
+        affordable = (started + seconds - now) / (now - began) * limit
+        if steps < limit or limit == max_steps or affordable < 2 * limit:
+            break
+        # From the start again: what a run does must not depend on how fast it is.
+        limit = int(min(max_steps, affordable))
     states = np.asarray(saved)[:samples].reshape(-1, *problem.y0.shape)
     # diffrax can report success on a state that is not finite, so this is looked at as well.
     states = states[: finite_samples(states)]
-    failure = None
-    if len(states) < samples:
+    failure, ran_out = None, len(states) < samples and steps >= limit
+    if ran_out:
+        reason = f"{limit} steps did not suffice" if limit == max_steps else "its time was up"
+        failure = f"stopped after t = {float(reached):g}: {reason}"
+    elif len(states) < samples:
         # Not above: it imports diffrax.
         from ropeode.references.solvers import diffrax_program
 
-        reason = diffrax_program.failure(result, max_steps)
-        failure = f"stopped after t = {float(reached):g}: {reason}"
+        failure = f"stopped after t = {float(reached):g}: {diffrax_program.failure(result)}"
     return Solution(
         solver=solver,
         rtol=rtol,
         atol=atol,
         states=states,
         steps=int(steps),
-        seconds=seconds,
+        seconds=time.perf_counter() - started,
         compile_seconds=compile_seconds if fresh else 0.0,
         failure=failure,
         reached=float(reached),
+        ran_out=bool(ran_out),
     )
+
+
+def _few_steps(problem: Problem, solver: Solver) -> int:
+    """Steps of a run that shows how long a step takes, and costs little in itself."""
+    if not solver.implicit:
+        return 4096
+    # Each step factors matrices of the state's size.
+    return max(4, int(4096 * min(1.0, (20.0 / problem.y0.size) ** 3)))

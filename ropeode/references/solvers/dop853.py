@@ -20,7 +20,7 @@ from scipy.integrate import DOP853
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.family import Family, abstract
-from ropeode.references.solvers.solution import Solution, absolute_tolerance, finite_samples
+from ropeode.references.solvers.solution import Solution, finite_samples
 from ropeode.references.solvers.solver import OWN_DOP853
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
@@ -36,7 +36,11 @@ _compiling = threading.Lock()
 
 @in_float64
 def solve(
-    problems: Sequence[Problem], rtols: Sequence[float], *, max_steps: Sequence[int]
+    problems: Sequence[Problem],
+    rtols: Sequence[float],
+    atols: Sequence[float | np.ndarray],
+    *,
+    max_steps: Sequence[int],
 ) -> list[Solution]:
     """Solve problems, each sample time being the end of a step.
 
@@ -45,7 +49,8 @@ def solve(
 
     Arguments:
         problems: of one family, without jump times.
-        rtols: relative tolerance of each; the absolute one is that of its scale.
+        rtols: relative tolerance of each.
+        atols: absolute tolerance of each: one number, or an array of the state's shape.
         max_steps: for each, give up after so many steps.
 
     Returns:
@@ -57,7 +62,7 @@ def solve(
     started = time.perf_counter()
     with _compiling:
         before = _compiled.cache_info().misses
-        lanes = _Lanes(first, rtols, max_steps)
+        lanes = _Lanes(first, rtols, atols, max_steps)
         fresh = _compiled.cache_info().misses > before
     compile_seconds = time.perf_counter() - started
     started = time.perf_counter()
@@ -78,14 +83,14 @@ def solve(
         Solution(
             solver=OWN_DOP853,
             rtol=max(rtol, _TIGHTEST_RTOL),
-            atol=absolute_tolerance(problem, rtol),
+            atol=atol,
             states=own[: finite_samples(own)].reshape(-1, *first.y0.shape),
             steps=lanes.steps[member],
             seconds=seconds,
             compile_seconds=compile_seconds if fresh and member == 0 else 0.0,
             failure=lanes.failures.get(member),
         )
-        for member, (problem, rtol, own) in enumerate(zip(problems, rtols, states, strict=True))
+        for member, (rtol, atol, own) in enumerate(zip(rtols, atols, states, strict=True))
     ]
 
 
@@ -95,13 +100,20 @@ class _Lanes:
     Arguments:
         first: a problem of the family.
         rtols: of all problems.
+        atols: of all problems.
         max_steps: of all problems.
     """
 
-    def __init__(self, first: Problem, rtols: Sequence[float], max_steps: Sequence[int]):
+    def __init__(
+        self,
+        first: Problem,
+        rtols: Sequence[float],
+        atols: Sequence[float | np.ndarray],
+        max_steps: Sequence[int],
+    ):
         count = max(1, min(_MOST_LANES, _NUMBERS // first.y0.size))
         self._rhs = _compiled(Family.of(first, OWN_DOP853, len(first.ts)), count)
-        self._rtols, self._max_steps = rtols, max_steps
+        self._rtols, self._atols, self._max_steps = rtols, atols, max_steps
         self._ts = first.ts
         leaves = jax.tree.leaves(first.args)
         self._leaves = [np.repeat(leaf[None], count, axis=0) for leaf in leaves]
@@ -114,7 +126,7 @@ class _Lanes:
         self._y = np.repeat(first.y0.reshape(1, -1), count, axis=0)
         self._slope = np.zeros_like(self._y)
         self._h = np.zeros(count)
-        self._rtol, self._atol = np.ones((2, count, 1))
+        self._rtol, self._atol = np.ones((count, 1)), np.ones_like(self._y)
         self._rejected = np.zeros(count, dtype=bool)
         self._sample = np.ones(count, dtype=int)
 
@@ -132,7 +144,7 @@ class _Lanes:
             self._t[lane], self._sample[lane], self._rejected[lane] = self._ts[0], 1, False
             self._y[lane] = problem.y0.reshape(-1)
             self._rtol[lane] = max(rtol, _TIGHTEST_RTOL)
-            self._atol[lane] = absolute_tolerance(problem, rtol)
+            self._atol[lane] = np.broadcast_to(self._atols[member], problem.y0.shape).reshape(-1)
             for rows, leaf in zip(self._leaves, jax.tree.leaves(problem.args), strict=True):
                 rows[lane] = leaf
         self._on_device = jax.device_put(self._leaves)

@@ -57,7 +57,7 @@ class Family:
             abstract((self.times,)),
             abstract((self.jumps,)),
             number,
-            number,
+            abstract((int(np.prod(self.shape)),)),
             abstract((), np.int64),
             abstract((self.times - 1,)),
         )

@@ -24,7 +24,13 @@ SOLVERS: dict[Solver, Callable[..., OdeSolver]] = {SCIPY_DOP853: DOP853, SCIPY_R
 
 @in_float64
 def solve(
-    problem: Problem, solver: Solver, rtol: float, atol: float, *, max_steps: int
+    problem: Problem,
+    solver: Solver,
+    rtol: float,
+    atol: float | np.ndarray,
+    *,
+    max_steps: int,
+    seconds: float = np.inf,
 ) -> Solution:
     """Solve with SciPy, each sample time being the end of a step.
 
@@ -45,7 +51,8 @@ def solve(
     y = problem.y0.reshape(-1)
     states = np.full((len(ts), *shape), np.nan)
     states[0] = problem.y0
-    steps, failure, run, sample = 0, None, None, 1
+    flat_atol = np.broadcast_to(atol, shape).reshape(-1)
+    steps, failure, run, sample, ran_out = 0, None, None, 1, False
     rtol = max(rtol, _TIGHTEST_RTOL)
     with np.errstate(all="ignore"):
         for i, stop in enumerate(stops):
@@ -67,15 +74,17 @@ def solve(
                     return jacobian(min(max(t, low), high), y)
 
                 jac = {"jac": slope} if solver.implicit else {}
-                run = SOLVERS[solver](inside, at, y, stop, rtol=rtol, atol=atol, **jac)
+                run = SOLVERS[solver](inside, at, y, stop, rtol=rtol, atol=flat_atol, **jac)
             run.t_bound, run.status = stop, "running"
-            while run.status == "running" and steps < max_steps:
+            while run.status == "running" and steps < max_steps and not ran_out:
                 message = run.step()
+                ran_out = time.perf_counter() > started + seconds
                 steps += 1
                 if not np.all(np.isfinite(run.y)):
                     run.status, message = "failed", "the state is not finite"
             if run.status != "finished":
-                reason = message if run.status == "failed" else f"{max_steps} steps did not suffice"
+                reason = "its time was up" if ran_out else f"{max_steps} steps did not suffice"
+                reason = message.rstrip(".") if run.status == "failed" and message else reason
                 failure = f"stopped after t = {run.t:g}: {reason}"
                 break
             y = run.y
@@ -93,6 +102,7 @@ def solve(
         seconds=time.perf_counter() - started,
         compile_seconds=compile_seconds,
         failure=failure,
+        ran_out=failure is not None and (ran_out or steps >= max_steps),
         reached=float(run.t) if run else float(last),
     )
 

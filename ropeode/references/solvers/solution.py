@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solver import Solver
 
 
@@ -17,33 +16,30 @@ class Solution:
     Arguments:
         solver: which one.
         rtol: relative tolerance.
-        atol: absolute tolerance, in the units of the state.
+        atol: absolute tolerance, in the units of the state: one number, or one per component.
         states: ``(times, *state)`` at the sample times that were reached, none interpolated.
         steps: how many (diffrax counts rejected ones, SciPy does not).
         seconds: to run.
         compile_seconds: to compile; 0 if the program was compiled before.
         failure: why it did not reach the last sample time; None if it did.
         reached: the time that it came to.
+        ran_out: it stopped because its steps or its time were spent.
     """
 
     solver: Solver
     rtol: float
-    atol: float
+    atol: float | np.ndarray
     states: np.ndarray
     steps: int
     seconds: float
     compile_seconds: float = 0.0
     failure: str | None = None
     reached: float = np.inf
+    ran_out: bool = False
 
     def without_states(self) -> Solution:
         """The run without the memory that its states take."""
         return dataclasses.replace(self, states=np.empty((0, *self.states.shape[1:])))
-
-
-def absolute_tolerance(problem: Problem, rtol: float) -> float:
-    """The absolute tolerance of a run: the relative one, times the size of the initial state."""
-    return rtol * problem.scale
 
 
 def finite_samples(states: np.ndarray) -> int:

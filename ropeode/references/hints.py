@@ -1,0 +1,58 @@
+"""What makes a problem harder to solve than it need be, and how to write it instead."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ropeode.problems.problem import Problem
+from ropeode.references.solvers.solution import Solution
+
+# Steps of fewer units in the last place of t are too coarse to be chosen well.
+_UNITS_PER_STEP = 1e6
+# The absolute tolerance is the same for all components. At the loosest tolerances it is more than
+# a component that is so much smaller than the largest.
+_DIFFERENT_SIZES = 1e6
+
+
+def hints(problem: Problem, run: Solution) -> str:
+    """Sentences for a refusal or the end of a horizon, each with a space before it.
+
+    Arguments:
+        problem: what was to be solved.
+        run: the loosest run, with its states.
+    """
+    found = (coarse_times(problem, run.steps, run.reached), _different_sizes(run))
+    return "".join(f" {sentence}" for sentence in found if sentence)
+
+
+def coarse_times(problem: Problem, steps: int, reached: float = np.inf) -> str:
+    """A sentence on times that are large beside the steps; empty where they are not.
+
+    Arguments:
+        problem: what was to be solved.
+        steps: of a run.
+        reached: the time that it came to.
+    """
+    largest = np.max(np.abs(problem.ts))
+    spacing = np.spacing(largest)
+    step = (min(reached, problem.ts[-1]) - problem.ts[0]) / max(steps, 1)
+    shortest = min(step, np.min(np.diff(problem.ts)))
+    if spacing * _UNITS_PER_STEP <= shortest:
+        return ""
+    return (
+        f"At t = {largest:g} the floating-point numbers are {spacing:.1e} apart, which is coarse "
+        f"beside the frames and steps ({shortest:.1e}): let t start at 0, and add the "
+        f"{problem.ts[0]:g} inside the right-hand side where it needs the time."
+    )
+
+
+def _different_sizes(run: Solution) -> str:
+    sizes = np.max(np.abs(run.states), axis=0, initial=0.0)
+    sizes = sizes[sizes > 0.0]
+    if np.ndim(run.atol) or not len(sizes) or np.max(sizes) < _DIFFERENT_SIZES * np.min(sizes):
+        return ""
+    return (
+        f"The components' sizes differ, from {np.min(sizes):.1e} to {np.max(sizes):.1e}, and one "
+        "absolute tolerance serves them all: give each its own (atol, an array of the state's "
+        "shape), or other units."
+    )

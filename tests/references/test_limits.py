@@ -1,0 +1,182 @@
+"""How long a reference may take, where it ends then, and problems that no time suffices for."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ropeode import InputError, ReferenceRefused, reference
+from ropeode.references import first_rung
+from ropeode.references.hints import coarse_times, hints
+from ropeode.references.options import ReferenceOptions
+from ropeode.references.solvers import diffrax_solver
+from ropeode.references.solvers.solution import Solution
+from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
+from ropeode.references.witnesses import witness_runs
+from tests.references.scalar_problems import scalar
+
+TS = np.linspace(0.0, 2.5, 6)
+
+
+def steps_of(monkeypatch):
+    """The steps of each run of the primary solver, as they are made."""
+    steps, solve = [], diffrax_solver.solve
+
+    def counted(problem, solver, *inputs, **more):
+        run = solve(problem, solver, *inputs, **more)
+        steps.append((solver, run.steps))
+        return run
+
+    monkeypatch.setattr(diffrax_solver, "solve", counted)
+    return steps
+
+
+@pytest.mark.parametrize(
+    ("name", "y0", "number", "pole"),
+    [("square", 1.0, 1.0, 1.0), ("square", 1.0, 0.7, 1 / 0.7), ("tan", 0.0, 1.0, np.pi / 2)],
+)
+def test_a_pole_ends_the_horizon_after_few_steps(monkeypatch, name, y0, number, pole):
+    steps = steps_of(monkeypatch)
+    known = reference(scalar(name, y0, TS, number))
+    assert known.trusted == np.sum(pole > TS)
+    assert "step size has become too small" in known.certificate.horizon_reason
+    assert f"t = {pole:g}" in known.certificate.horizon_reason
+    assert sum(count for _, count in steps) < 20_000
+
+
+def test_a_pole_before_the_first_sample_is_a_refusal_after_one_run(monkeypatch):
+    steps = steps_of(monkeypatch)
+    with pytest.raises(ReferenceRefused, match="t = 0.25: the step size has become too small"):
+        reference(scalar("square", 4.0, TS))
+    assert len(steps) == 1
+    assert steps[0][1] < 2000
+
+
+@pytest.mark.parametrize("y0", [0.7, 1.6])
+def test_where_it_chatters_no_run_but_the_first_tries_to_go_on(monkeypatch, y0):
+    """y' = -sign(y) comes to zero, and jumps back and forth from then on."""
+    steps = steps_of(monkeypatch)
+    known = reference(scalar("sign", y0, TS))
+    assert known.trusted == np.sum(y0 > TS)
+    most = first_rung.step_budget(known.problem)
+    # Twice the explicit solver, the implicit one, and then only up to the last sample.
+    assert steps[0] == (DOPRI8, most)
+    assert sum(count for _, count in steps[1:]) < 0.8 * most
+
+
+def long(monkeypatch, most, **more):
+    """An oscillation for which the first run's steps do not suffice."""
+    monkeypatch.setattr(first_rung, "_MOST_STEPS", most)
+    return scalar("follows", 0.0, np.linspace(0.0, 1000.0, 6), 0.0, **more)
+
+
+def test_a_steady_run_gets_the_steps_that_it_needs(monkeypatch):
+    steps = steps_of(monkeypatch)
+    known = reference(long(monkeypatch, 300))
+    assert known.horizon is None
+    assert not known.certificate.stiff
+    np.testing.assert_allclose(known.states[:, 0], np.sin(known.problem.ts), atol=1e-9)
+    assert steps[:2] == [(DOPRI8, 300), (KVAERNO5, 30)]
+    assert max(count for _, count in steps) > 600
+
+
+def test_what_gets_further_in_a_tenth_of_the_steps_is_stiff(monkeypatch):
+    monkeypatch.setattr(first_rung, "_MOST_STEPS", 2000)
+    known = reference(scalar("follows", 0.0, TS, -1e5), rtol=1e-6)
+    assert known.certificate.stiff
+    assert known.horizon is None
+
+
+def test_the_time_limit_ends_the_horizon(monkeypatch):
+    """As if each step took a millisecond."""
+    solve = diffrax_solver.solve
+
+    def slow(*inputs, **more):
+        run = solve(*inputs, **more)
+        return dataclasses.replace(run, seconds=1e-3 * run.steps)
+
+    monkeypatch.setattr(diffrax_solver, "solve", slow)
+    problem = long(monkeypatch, 10**6)
+    known = reference(problem, time_limit=9.0)
+    assert 2 <= known.trusted < len(problem.ts)
+    assert "time limit of 9 s is spent" in known.certificate.horizon_reason
+    np.testing.assert_allclose(
+        known.states[: known.trusted, 0], np.sin(problem.ts[: known.trusted]), atol=1e-9
+    )
+    with pytest.raises(
+        ReferenceRefused, match=r"time limit is 1 s. Allow more time \(time_limit\)"
+    ):
+        reference(problem, time_limit=1.0)
+
+
+def test_a_run_stops_when_its_time_is_up():
+    problem = scalar("follows", 0.0, np.linspace(0.0, 1e8, 6), 0.0)
+    for solver in (DOPRI8, KVAERNO5):
+        run = diffrax_solver.solve(problem, solver, 1e-8, 1e-8, seconds=0.05)
+        assert run.ran_out
+        assert run.failure.endswith("its time was up")
+        assert run.seconds < 2.0
+        assert 0.0 < run.reached < 1e8
+
+
+def test_a_limit_that_is_not_reached_changes_nothing():
+    problem = scalar("follows", 0.0, np.linspace(0.0, 4e3, 6), 0.0)
+    free = diffrax_solver.solve(problem, DOPRI8, 1e-8, 1e-8)
+    limited = diffrax_solver.solve(problem, DOPRI8, 1e-8, 1e-8, seconds=100.0)
+    assert free.steps > 4096
+    assert (limited.steps, limited.states.tobytes()) == (free.steps, free.states.tobytes())
+
+
+def test_large_times_are_said_to_be_coarse():
+    problem = scalar("follows", 0.0, 1e9 + np.linspace(0.0, 1e-3, 6), -1e5)
+    with pytest.raises(ReferenceRefused, match="1.2e-07 apart.*let t start at 0") as refused:
+        reference(problem, accuracy=1e-12)
+    assert str(refused.value).count("apart") == 1
+    for start, length in ((0.0, 1e-9), (1e6, 1e3), (-1e9, 1e6)):
+        fine = scalar("follows", 0.0, start + np.linspace(0.0, length, 6))
+        assert not coarse_times(fine, steps=100)
+
+
+def test_components_of_different_size_are_named():
+    run = solution(states=np.array([[1e3, 1e-6], [2e3, 0.0]]))
+    assert "from 1.0e-06 to 2.0e+03" in hints(scalar("decay", 1.0, TS), run)
+    for other in (
+        solution(states=np.array([[1e3, 1.0], [2e3, 0.0]])),
+        solution(states=np.array([[1e3, 1e-6]]), atol=np.array([1e-5, 1e-14])),
+        solution(states=np.zeros((1, 2))),
+    ):
+        assert hints(scalar("decay", 1.0, TS), other) == ""
+
+
+def solution(states, atol=1e-8):
+    return Solution(DOPRI8, 1e-8, atol, states, steps=10, seconds=0.0)
+
+
+def test_each_component_may_have_its_tolerance():
+    problem = scalar("decay", 1.0, np.linspace(0.0, 50.0, 6))
+    default = reference(problem, rtol=1e-8)
+    assert default.certificate.atol == 1e-8
+    known = reference(problem, rtol=1e-8, atol=[1e-40])
+    np.testing.assert_array_equal(known.certificate.atol, [1e-40])
+    exact = np.exp(-problem.ts)
+    np.testing.assert_allclose(known.states[:, 0], exact, rtol=1e-6)
+    assert abs(default.states[-1, 0] - exact[-1]) > exact[-1]
+    with pytest.raises(InputError, match="atol.*one number, or an array of the state's shape"):
+        reference(problem, atol=[1e-8, 1e-9])
+    (_, again), *_ = witness_runs(known, roles=["neighbour"])
+    assert again.steps == next(
+        w.steps for w in known.certificate.witnesses if w.role == "neighbour"
+    )
+
+
+@pytest.mark.parametrize("atol", [0.0, -1e-8, np.nan, "much", [1e-8, 0.0]])
+def test_bad_tolerances(atol):
+    with pytest.raises(InputError, match="atol"):
+        ReferenceOptions(atol=atol)
+
+
+def test_no_tolerance_in_extended_precision():
+    with pytest.raises(InputError, match="atol.*none with level 'extended'"):
+        ReferenceOptions(atol=1e-20, level="extended")
