@@ -18,6 +18,7 @@ from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import (
     DOPRI8,
     KVAERNO5,
+    OWN_DOP853,
     SCIPY_DOP853,
     SCIPY_RADAU,
     Solver,
@@ -31,6 +32,8 @@ _MOST_STEPS_PER_DIGIT = 2.5
 # A solver that has needed so many steps counts as the wrong one for a problem.
 _STEPS, _STEPS_PER_FRAME = 100_000, 4_000
 _SHORT_STEPS_PER_FRAME = 32
+# Ten thousand take two seconds.
+_MOST_STEPS_IN_PYTHON = 10_000
 _FEWEST_SHORT_STEPS = 1000
 _FEWEST_RUNGS = 3
 # The neighbour, short steps, and others that take as long as a few runs of the ladder.
@@ -228,21 +231,29 @@ def independent_steps(like: Solution) -> int:
 def solve_independent(
     problem: Problem, method: Method, tightest: Solution, looser: Solution, budget: Budget
 ) -> Solution:
-    """The SciPy solver at the tolerance of `tightest`; at that of `looser` if it gets stuck."""
+    """The SciPy solver at the tolerance of `tightest`; at that of `looser` if it gets stuck.
+
+    Where it would take many steps, each with a dozen calls from Python, the same method is
+    compiled.
+    """
     # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
-    from ropeode.references.solvers import scipy_solver
+    from ropeode.references.solvers import compiled_dop853, scipy_solver
 
     for like in (tightest, looser):
-        budget.progress(f"reference: {method.independent} at {like.rtol:.0e}", None)
-        run = scipy_solver.solve(
-            problem,
-            method.independent,
-            like.rtol,
-            like.rtol * budget.scale,
-            max_steps=independent_steps(like),
-            seconds=budget.left,
-        )
+        solver = OWN_DOP853 if is_long(problem, method, tightest) else method.independent
+        budget.progress(f"reference: {solver} at {like.rtol:.0e}", None)
+        tolerances = like.rtol, like.rtol * budget.scale
+        limits = {"max_steps": independent_steps(like), "seconds": budget.left}
+        if solver == OWN_DOP853:
+            run = compiled_dop853.solve(problem, *tolerances, **limits)
+        else:
+            run = scipy_solver.solve(problem, solver, *tolerances, **limits)
         budget.spent += run.seconds
-        if run.failure is None:
+        if run.failure is None or budget.left == 0.0:
             break
     return run
+
+
+def is_long(problem: Problem, method: Method, like: Solution) -> bool:
+    """Whether a run of SciPy's solver in Python, with as many steps as another, takes long."""
+    return method is EXPLICIT and not problem.jump_times and like.steps > _MOST_STEPS_IN_PYTHON

@@ -28,7 +28,11 @@ def _atol(value: Any) -> Any:
     array = real_array("atol", value)
     if not np.all(array > 0.0):
         raise bad_value("atol", value, "finite numbers > 0", "atol=1e-20")
-    return array.tolist()
+    return _tuples(array.tolist())
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(each) for each in value) if isinstance(value, list) else value
 
 
 class Asked(TypedDict, total=False):

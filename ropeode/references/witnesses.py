@@ -17,6 +17,7 @@ from ropeode.references.ladder import (
     IMPLICIT,
     Method,
     independent_steps,
+    is_long,
     other_runs,
     solve_independent,
     solve_primary,
@@ -92,7 +93,7 @@ def witness_runs(
         role = witness.role
         if role not in roles and role != "tighter":
             continue
-        if witness.solver == OWN_DOP853:
+        if witness.solver == OWN_DOP853 and not is_long(problem, method, next_tighter):
             # Not above: it imports SciPy's solvers, which takes long.
             from ropeode.references.solvers import dop853
 

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from ropeode.problems.rope import Rope
-from ropeode.references.solvers import diffrax_program, diffrax_solver, program_cache, scipy_solver
+from ropeode.references.solvers import (
+    compiled_dop853,
+    diffrax_program,
+    diffrax_solver,
+    program_cache,
+    scipy_solver,
+)
 from ropeode.references.solvers.solver import (
     DOPRI8,
     KVAERNO5,
@@ -149,6 +155,47 @@ def test_steps_land_on_jumps(solver):
     if solver in EXPLICIT:
         undeclared = solve(solver, dataclasses.replace(problem, jump_times=()), rtol)
         assert run.steps < undeclared.steps
+
+
+def test_the_compiled_method_is_scipys_but_for_rounding():
+    for problem in (scalar("logistic", 0.1, TS), scalar("follows", 0.0, TS, -3.0)):
+        compiled = compiled_dop853.solve(problem, 1e-10, 1e-12, max_steps=1000)
+        scipys = scipy_solver.solve(problem, SCIPY_DOP853, 1e-10, 1e-12, max_steps=1000)
+        assert compiled.failure is None
+        # The first step is chosen in another way.
+        assert abs(compiled.steps - scipys.steps) <= 3
+        np.testing.assert_allclose(compiled.states, scipys.states, rtol=0, atol=1e-10)
+
+
+def test_the_compiled_method_in_many_calls(monkeypatch):
+    problem = scalar("follows", 0.0, TS, -3.0)
+    whole = compiled_dop853.solve(problem, 1e-12, 1e-12, max_steps=1000)
+    monkeypatch.setattr(compiled_dop853, "_STEPS", 64)
+    compiled_dop853._compiled.cache_clear()
+    problem = problem.changed(ts=3.0 * problem.ts)
+    parts = compiled_dop853.solve(problem, 1e-12, 1e-12, max_steps=1000)
+    compiled_dop853._compiled.cache_clear()
+    assert parts.steps > 128
+    assert whole.steps < parts.steps
+    np.testing.assert_allclose(parts.states[:, 0], np.sin(problem.ts), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("name", "y0", "limits", "reason"),
+    [
+        ("square", 1.0, {}, "t = 1: the step size has become too small"),
+        ("root of what is left", 0.0, {}, "t = 1: the step size has become too small"),
+        ("follows", 0.0, {"max_steps": 5}, "5 steps did not suffice"),
+        ("follows", 0.0, {"seconds": 0.0}, "its time was up"),
+    ],
+)
+def test_why_the_compiled_method_stops(name, y0, limits, reason):
+    problem = scalar(name, y0, TS, 1.0)
+    run = compiled_dop853.solve(problem, 1e-10, 1e-10, **{"max_steps": 5000, **limits})
+    assert reason in run.failure
+    assert run.ran_out == bool(limits)
+    assert np.all(np.isfinite(run.states))
+    assert len(run.states) < len(TS)
 
 
 @every_solver

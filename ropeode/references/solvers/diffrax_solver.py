@@ -13,6 +13,7 @@ from ropeode.references.solvers.family import Family
 from ropeode.references.solvers.program_cache import compiled
 from ropeode.references.solvers.solution import Solution, finite_samples
 from ropeode.references.solvers.solver import Solver
+from ropeode.references.solvers.stopwatch import Stopwatch
 
 UNLIMITED = int(np.iinfo(np.int64).max)
 
@@ -53,10 +54,10 @@ def solve(
     started = time.perf_counter()
     program, fresh = compiled(Family.of(problem, solver, samples + spare))
     compile_seconds = time.perf_counter() - started
-    started = time.perf_counter()
+    whole = Stopwatch()
     limit = max_steps if np.isinf(seconds) else min(max_steps, _few_steps(problem, solver))
     while True:
-        began = time.perf_counter()
+        this = Stopwatch()
         result, steps, saved, reached = jax.block_until_ready(
             program(
                 start.reshape(-1),
@@ -69,12 +70,12 @@ def solve(
                 np.pad(longest, (0, spare), mode="edge"),
             )
         )
-        now = time.perf_counter()
-        affordable = (started + seconds - now) / (now - began) * limit
+        affordable = (seconds - whole.seconds) / this.seconds * limit
         if steps < limit or limit == max_steps or affordable < 2 * limit:
             break
         # From the start again: what a run does must not depend on how fast it is.
         limit = int(min(max_steps, affordable))
+    taken = whole.seconds
     states = np.asarray(saved)[:samples].reshape(-1, *problem.y0.shape)
     # diffrax can report success on a state that is not finite, so this is looked at as well.
     states = states[: finite_samples(states)]
@@ -93,7 +94,7 @@ def solve(
         atol=atol,
         states=states,
         steps=int(steps),
-        seconds=time.perf_counter() - started,
+        seconds=taken,
         compile_seconds=compile_seconds if fresh else 0.0,
         failure=failure,
         reached=float(reached),

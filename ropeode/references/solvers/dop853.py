@@ -24,8 +24,8 @@ from ropeode.references.solvers.solution import Solution, finite_samples
 from ropeode.references.solvers.solver import OWN_DOP853
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
-_TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
-_SAFETY, _LEAST_FACTOR, _LARGEST_FACTOR = 0.9, 0.2, 10.0
+TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
+SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 10.0
 # Numbers in all lanes together: with all stages they stay in the processor's cache.
 _NUMBERS = 8192
 _MOST_LANES = 128
@@ -82,7 +82,7 @@ def solve(
     return [
         Solution(
             solver=OWN_DOP853,
-            rtol=max(rtol, _TIGHTEST_RTOL),
+            rtol=max(rtol, TIGHTEST_RTOL),
             atol=atol,
             states=own[: finite_samples(own)].reshape(-1, *first.y0.shape),
             steps=lanes.steps[member],
@@ -143,7 +143,7 @@ class _Lanes:
             new[lane], self._member[lane], self.steps[member] = True, member, 0
             self._t[lane], self._sample[lane], self._rejected[lane] = self._ts[0], 1, False
             self._y[lane] = problem.y0.reshape(-1)
-            self._rtol[lane] = max(rtol, _TIGHTEST_RTOL)
+            self._rtol[lane] = max(rtol, TIGHTEST_RTOL)
             self._atol[lane] = np.broadcast_to(self._atols[member], problem.y0.shape).reshape(-1)
             for rows, leaf in zip(self._leaves, jax.tree.leaves(problem.args), strict=True):
                 rows[lane] = leaf
@@ -183,12 +183,12 @@ class _Lanes:
         t_new = np.minimum(self._t + tried, stop)
         h = np.where(self.busy, t_new - self._t, 0.0)
         y_new, slope_new, error = self._attempt(h)
-        factor = _SAFETY / _eighth_root(error)
+        factor = SAFETY / _eighth_root(error)
         # Not so for NaN, which is no error within the tolerance.
         accepted = self.busy & ~stuck & (error < 1)
-        growth = np.where(error == 0, _LARGEST_FACTOR, np.minimum(_LARGEST_FACTOR, factor))
+        growth = np.where(error == 0, LARGEST_FACTOR, np.minimum(LARGEST_FACTOR, factor))
         growth = np.where(self._rejected, np.minimum(1.0, growth), growth)
-        shrinkage = np.fmax(_LEAST_FACTOR, factor)
+        shrinkage = np.fmax(LEAST_FACTOR, factor)
         self._h = np.abs(h) * np.where(accepted, growth, shrinkage)
         self._rejected = self.busy & ~accepted
         self._t = np.where(accepted, t_new, self._t)
@@ -222,24 +222,24 @@ class _Lanes:
         step = h[:, None]
         stages = [self._slope]
         for row, node in zip(DOP853.A[1:], DOP853.C[1:], strict=True):
-            y = self._y + step * _combination(row, stages)
+            y = self._y + step * combination(row, stages)
             stages.append(self._rhs(self._t + node * h, y, self._on_device))
-        y_new = self._y + step * _combination(DOP853.B, stages)
+        y_new = self._y + step * combination(DOP853.B, stages)
         stages.append(self._rhs(self._t + h, y_new, self._on_device))
         scale = self._atol + np.maximum(np.abs(self._y), np.abs(y_new)) * self._rtol
-        fifth = np.sum((_combination(DOP853.E5, stages) / scale) ** 2, axis=1)
-        third = np.sum((_combination(DOP853.E3, stages) / scale) ** 2, axis=1)
+        fifth = np.sum((combination(DOP853.E5, stages) / scale) ** 2, axis=1)
+        third = np.sum((combination(DOP853.E3, stages) / scale) ** 2, axis=1)
         whole = np.sqrt((fifth + 0.01 * third) * self._y.shape[1])
         error = np.where((fifth == 0) & (third == 0), 0.0, np.abs(h) * fifth / whole)
         return y_new, stages[-1], error
 
 
-def _combination(weights: np.ndarray, stages: Sequence[np.ndarray]) -> np.ndarray:
+def combination(weights: np.ndarray, stages: Sequence[Any]) -> Any:
     """A sum of stages, term by term: what a matrix product rounds depends on its size."""
     terms = [(w, stage) for w, stage in zip(weights, stages, strict=False) if w]
     total = terms[0][0] * terms[0][1]
     for weight, stage in terms[1:]:
-        total += weight * stage
+        total = total + weight * stage
     return total
 
 

@@ -15,6 +15,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.references.solvers.solution import Solution, finite_samples
 from ropeode.references.solvers.solver import SCIPY_DOP853, SCIPY_RADAU, Solver
+from ropeode.references.solvers.stopwatch import Stopwatch
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
@@ -44,7 +45,7 @@ def solve(
     field, jacobian = _compiled(problem, with_jacobian=solver.implicit)
     compile_seconds = time.perf_counter() - started
 
-    started = time.perf_counter()
+    stopwatch = Stopwatch()
     shape, ts, jumps = problem.y0.shape, problem.ts, set(problem.jump_times)
     stops = sorted({*ts[1:], *jumps})
     first, last = ts[0], ts[-1]
@@ -78,7 +79,7 @@ def solve(
             run.t_bound, run.status = stop, "running"
             while run.status == "running" and steps < max_steps and not ran_out:
                 message = run.step()
-                ran_out = time.perf_counter() > started + seconds
+                ran_out = stopwatch.seconds > seconds
                 steps += 1
                 if not np.all(np.isfinite(run.y)):
                     run.status, message = "failed", "the state is not finite"
@@ -99,7 +100,7 @@ def solve(
         atol=atol,
         states=states[: finite_samples(states)],
         steps=steps,
-        seconds=time.perf_counter() - started,
+        seconds=stopwatch.seconds,
         compile_seconds=compile_seconds,
         failure=failure,
         ran_out=failure is not None and (ran_out or steps >= max_steps),
