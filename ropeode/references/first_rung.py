@@ -19,6 +19,10 @@ from ropeode.references.solvers.solution import Solution
 
 # A run that has taken so many steps is looked at: is the problem stiff, does it get anywhere?
 _MOST_STEPS = 500_000
+# Implicit solvers factor several matrices of the state's size in each step, which takes seconds
+# with 2000 unknowns. So large problems are left to the explicit one, which is looked at sooner.
+_MOST_UNKNOWNS = 300
+_MOST_STEPS_IF_LARGE = 10_000
 # Solving equations in each step has to be worth it: Kvaerno5 gets this part of Dopri8's steps.
 _IMPLICIT_PART = 10
 # A run is steady where the second half of its steps takes it this part of its way, or further.
@@ -27,6 +31,10 @@ _STEADY = 0.25
 _SLACK = 1.5
 # The part of the time that is left for one of the two first runs.
 _SHARE = 0.25
+
+_TOO_LARGE = (
+    f" If it is stiff: implicit solvers are not tried with more than {_MOST_UNKNOWNS} unknowns."
+)
 
 
 def first_rung(
@@ -37,7 +45,7 @@ def first_rung(
     The explicit method is tried first. Where it spends its steps, the implicit one has a try, and
     is chosen if it gets further in a tenth of them. Where neither arrives, the one that is chosen
     goes on only if it makes steady progress: where a right-hand side jumps back and forth without
-    end, more steps are wasted.
+    end, more steps are wasted. Large problems are left to the explicit method.
 
     Arguments:
         problem: what to solve.
@@ -56,9 +64,10 @@ def first_rung(
             problem, method, tolerances[method][0], budget, max_steps=steps, share=share
         )
 
-    most = min(step_budget(problem), _MOST_STEPS)
+    large = problem.y0.size > _MOST_UNKNOWNS
+    most = min(step_budget(problem), _MOST_STEPS_IF_LARGE if large else _MOST_STEPS)
     method, first = EXPLICIT, run(problem, EXPLICIT, most)
-    if first.ran_out:
+    if first.ran_out and not large:
         other = run(problem, IMPLICIT, most // _IMPLICIT_PART)
         if other.reached > first.reached:
             method, first = IMPLICIT, other
@@ -67,7 +76,7 @@ def first_rung(
         half = run(problem, method, first.steps // 2)
         way = first.reached - start
         if first.reached - half.reached > _STEADY * way:
-            problem = in_time(problem, first, 0, budget)
+            problem = in_time(problem, first, 0, budget, _TOO_LARGE if large else "")
             steps = _SLACK * first.steps * max((problem.ts[-1] - start) / way, 1.0)
             first = run(problem, method, math.ceil(steps), share=1.0)
     return method, problem.until(max(len(first.states), 2)), first

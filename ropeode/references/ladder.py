@@ -112,7 +112,7 @@ def solve_primary(
     return run
 
 
-def in_time(problem: Problem, run: Solution, rungs: int, budget: Budget) -> Problem:
+def in_time(problem: Problem, run: Solution, rungs: int, budget: Budget, note: str = "") -> Problem:
     """The problem up to the last sample for which the time suffices.
 
     Arguments:
@@ -120,6 +120,7 @@ def in_time(problem: Problem, run: Solution, rungs: int, budget: Budget) -> Prob
         run: the last run, which may have stopped on its way.
         rungs: how many there are.
         budget: of the reference.
+        note: for the refusal, a sentence with a space before it.
 
     Raises:
         ReferenceRefused: it does not suffice for the first frame.
@@ -136,7 +137,7 @@ def in_time(problem: Problem, run: Solution, rungs: int, budget: Budget) -> Prob
             f"{run.reached:g} in {run.steps} steps and {run.seconds:.2g} s. All runs to t = "
             f"{problem.ts[1]:g} would take {budget.spent + needed[1]:.2g} s or more, and the time "
             f"limit is {budget.seconds:g} s. Allow more time (time_limit), sample earlier, or ask "
-            "for a looser rtol."
+            f"for a looser rtol.{note}"
         )
     return problem.until(samples)
 

@@ -20,6 +20,7 @@ from ropeode.references.dense import dense_output
 from ropeode.references.dense.polynomials import Dense, hermite, time_derivatives
 from ropeode.references.files.store import load_reference, save_reference
 from ropeode.references.files.verify import verify_reference
+from ropeode.references.witnesses import primary_solution
 from tests.verification.extrapolation import rope_solution
 
 RANDOM = np.random.default_rng(7)
@@ -257,3 +258,38 @@ def test_it_ends_with_the_horizon():
     assert known.bound_at(known.dense.end, NORMS["position-max"])[0] <= accuracy
     with pytest.raises(InputError, match="trusted at any time"):
         known.at(known.horizon)
+
+
+def near(at, power):
+    def rhs(t, y, args):
+        at, power = args
+        return jnp.abs(t - at) ** power + 0.0 * y
+
+    return Problem(rhs, [0.0], np.linspace(0.0, 2.5, 6), (at, power))
+
+
+tightest = pytest.param(None, marks=pytest.mark.slow, id="tightest")
+
+
+@pytest.mark.parametrize("rtol", [1e-6, tightest])
+@pytest.mark.parametrize("at", [1.0, 0.0, 0.7])
+def test_a_singular_derivative(at, rtol):
+    """At a sample, at the start, and between samples: y' = sqrt(|t - at|)."""
+    problem = near(at, 0.5)
+    made = reference(problem, rtol=rtol, dense=True)
+    assert made.dense.end == made.times[made.trusted - 1]
+    close = at + np.array([-1e-3, -1e-7, 0.0, 1e-12, 1e-7, 1e-3])
+    times = np.append(close[close >= 0], np.random.default_rng(3).uniform(0, made.dense.end, 500))
+
+    def integral(t):
+        return 2 / 3 * np.sign(t - at) * np.abs(t - at) ** 1.5
+
+    error = np.abs(made.at(times)[:, 0] - integral(times) + integral(0.0))
+    assert np.all(error <= made.bound_at(times))
+
+
+def test_an_infinite_slope_is_named():
+    made = reference(near(0.7, 0.5))
+    steep = dataclasses.replace(made, problem=near(1.0, -0.5))
+    with pytest.raises(ReferenceRefused, match="not finite at t = 1. Let the problem start after"):
+        dense_output._best(steep, made.times, steep.problem, primary_solution(steep))

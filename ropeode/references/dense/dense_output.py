@@ -171,7 +171,7 @@ def _best(
     derivatives = time_derivatives(refined, times, states, _MOST_DERIVATIVES)
     piece = np.clip(np.searchsorted(nodes, refined.ts), 1, len(nodes) - 1) - 1
     best = None
-    for count in range(1, 1 + _MOST_DERIVATIVES):
+    for count in range(1, 1 + _finite_derivatives(refined, times, derivatives)):
         dense = Dense(times, derivatives[:, : 1 + count], {})
         excess = np.zeros(len(nodes) - 1)
         np.maximum.at(excess, piece, _excess(reference, refined, dense.at(refined.ts), run.states))
@@ -180,6 +180,23 @@ def _best(
             best = rank, dense, excess
     assert best is not None
     return best[1:]
+
+
+def _finite_derivatives(problem: Problem, times: np.ndarray, derivatives: np.ndarray) -> int:
+    """How many derivatives are finite at all nodes: no splitting helps where one is not.
+
+    Raises:
+        ReferenceRefused: not even the first.
+    """
+    finite = np.isfinite(derivatives.reshape(*derivatives.shape[:2], -1)).all(axis=2)
+    count = int(np.argmin(np.append(finite.all(axis=0), False))) - 1
+    if count < 1:
+        at = times[int(np.argmin(finite[:, 1]))]
+        raise ReferenceRefused(
+            f"no dense output for {problem.name!r}: the right-hand side is not finite at t = "
+            f"{at:g}. Let the problem start after it, or end before it."
+        )
+    return count
 
 
 def _excess(

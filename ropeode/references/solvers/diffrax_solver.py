@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import jax
@@ -49,8 +50,8 @@ def solve(
     start = problem.y0 if y0 is None else y0
     longest = np.full(problem.frames, np.inf) if longest_steps is None else longest_steps
     samples = len(problem.ts)
-    # Powers of two, so that few programs serve all numbers of samples.
-    spare = (1 << (samples - 1).bit_length()) - samples
+    # Powers of four, so that few programs serve all numbers of samples.
+    spare = 4 ** math.ceil((samples - 1).bit_length() / 2) - samples
     started = time.perf_counter()
     program, fresh = compiled(Family.of(problem, solver, samples + spare))
     compile_seconds = time.perf_counter() - started
