@@ -25,7 +25,7 @@ from ropeode.references.certificate import (
     witness,
 )
 from ropeode.references.first_rung import first_rung
-from ropeode.references.hints import coarse_times, hints
+from ropeode.references.hints import coarse_times, hints, unresolved_motion
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
@@ -160,11 +160,14 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
     )
     reason = f"{why}: {_first_failure(primary, every)}" if why == Reason.STOPPED else why
     if trusted < 2:
+        unresolved = unresolved_motion(problem, run.states[:2], bound[:2])
+        unresolved = f" {unresolved}" if unresolved and np.isfinite(bound[1]) else ""
         raise ReferenceRefused(
             f"no reference for {problem.name!r}: at t = {problem.ts[1]:g} already {reason} (bound "
             f"{bound[1]:.1e}, accuracy {accuracy:.1e}). "
             "Ask for less accuracy, declare jump times if the right-hand side has jumps, "
-            f"or see whether it is smooth and in float64.{hints(problem, primary.rungs[0])}",
+            f"or see whether it is smooth and in float64.{unresolved}"
+            f"{hints(problem, primary.rungs[0])}",
             why,
             witnesses,
         )

@@ -1,10 +1,12 @@
-"""What makes a problem harder to solve than it need be, and how to write it instead."""
+"""What a reference does not say, and what makes a problem harder to solve than it need be."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ropeode.norms import distance, norm_for
 from ropeode.problems.problem import Problem
+from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
 
 # Steps of fewer units in the last place of t are too coarse to be chosen well.
@@ -44,6 +46,39 @@ def coarse_times(problem: Problem, steps: int, reached: float = np.inf) -> str:
         f"beside the frames and steps ({shortest:.1e}): let t start at 0, and add the "
         f"{problem.ts[0]:g} inside the right-hand side where it needs the time."
     )
+
+
+def unresolved_motion(problem: Problem, states: np.ndarray, bound: np.ndarray) -> str:
+    """A sentence on a solution that moves less than its error bound; empty if it moves more.
+
+    Arguments:
+        problem: what was solved.
+        states: ``(times, *state)``.
+        bound: of the first quantity at these times.
+    """
+    start = np.broadcast_to(problem.y0, states.shape)
+    farthest = float(np.max(distance(problem, norm_for(problem), states, start)))
+    if farthest == 0.0 or bound[-1] < farthest:
+        return ""
+    return (
+        f"Up to t = {problem.ts[len(states) - 1]:g} the solution moves by {farthest:.1e} only, "
+        f"which is not resolved by a bound of {bound[-1]:.1e}."
+    )
+
+
+def remarks(reference: Reference) -> tuple[str, ...]:
+    """Sentences on a reference that can be trusted, but says little.
+
+    Arguments:
+        reference: of either level.
+    """
+    problem, certificate = reference.problem, reference.certificate
+    inside = reference.states[: reference.trusted]
+    found = (
+        unresolved_motion(problem, inside, reference.bound()),
+        coarse_times(problem, certificate.steps) if certificate.level == "consensus" else "",
+    )
+    return tuple(sentence for sentence in found if sentence)
 
 
 def _different_sizes(run: Solution) -> str:

@@ -13,6 +13,7 @@ from ropeode.references.files.encoding import dense_name
 from ropeode.references.files.library import Entry
 from ropeode.references.files.store import Facts
 from ropeode.references.files.verify import Verification
+from ropeode.references.hints import remarks
 from ropeode.references.reference import Reference
 from ropeode.render.table_words import trust_words
 from ropeode.render.text_layout import columns, wrapped
@@ -28,6 +29,7 @@ def summary(reference: Reference) -> str:
     return _lines(
         wrapped(f"{problem.name}, {problem.frames} frames: {_claim(reference.certificate)}"),
         between,
+        *(wrapped(remark) for remark in remarks(reference)),
     )
 
 

@@ -11,6 +11,7 @@ from ropeode.analysis.order import ObservedOrder
 from ropeode.problems.library import ROPES
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
+from ropeode.references.hints import remarks
 from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
 
 RUN_HEADERS = (
@@ -130,6 +131,7 @@ def reference_words(table: AccuracyTable) -> str:
     return (
         f"Reference: {certificate.solver} at rtol {certificate.rtol:.0e}, estimated bound "
         f"{reference.bound(table.norm)[-1]:.1e}; {agreeing}{kept}; {trust_words(certificate)}."
+        + "".join(f" {remark}" for remark in remarks(reference))
     )
 
 

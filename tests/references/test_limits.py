@@ -9,12 +9,13 @@ import pytest
 
 from ropeode import InputError, ReferenceRefused, reference
 from ropeode.references import first_rung
-from ropeode.references.hints import coarse_times, hints
+from ropeode.references.hints import coarse_times, hints, remarks
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
 from ropeode.references.witnesses import witness_runs
+from ropeode.render.reference import summary
 from tests.references.scalar_problems import scalar
 
 TS = np.linspace(0.0, 2.5, 6)
@@ -180,3 +181,21 @@ def test_bad_tolerances(atol):
 def test_no_tolerance_in_extended_precision():
     with pytest.raises(InputError, match="atol.*none with level 'extended'"):
         ReferenceOptions(atol=1e-20, level="extended")
+
+
+def test_a_bound_larger_than_the_motion_is_told():
+    """A clock of 1.7e9 in the state, in frames of 2e-7."""
+    problem = scalar("follows", 1.7e9, 2e-7 * np.arange(6), 0.0)
+    known = reference(problem)
+    assert known.bound()[-1] > 1.2e-6
+    (remark,) = remarks(known)
+    assert "the solution moves by" in remark
+    assert remark in " ".join(summary(known).split())
+    with pytest.raises(ReferenceRefused, match="which is not resolved by a bound of"):
+        reference(problem, accuracy=1e-8)
+    assert remarks(reference(scalar("follows", 1.7e9, TS, 0.0))) == ()
+
+
+def test_times_that_are_large_are_told_of_what_is_trusted():
+    problem = scalar("decay", 1.0, 1e9 + 1e-3 * np.arange(6))
+    assert ["let t start at 0" in remark for remark in remarks(reference(problem))] == [True]

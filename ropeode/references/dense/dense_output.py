@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -188,10 +188,10 @@ def _finite_derivatives(problem: Problem, times: np.ndarray, derivatives: np.nda
     Raises:
         ReferenceRefused: not even the first.
     """
-    finite = np.isfinite(derivatives.reshape(*derivatives.shape[:2], -1)).all(axis=2)
+    finite: Any = np.isfinite(derivatives.reshape(*derivatives.shape[:2], -1)).all(axis=2)
     count = int(np.argmin(np.append(finite.all(axis=0), False))) - 1
     if count < 1:
-        at = times[int(np.argmin(finite[:, 1]))]
+        at = times[np.argmin(finite[:, 1])]
         raise ReferenceRefused(
             f"no dense output for {problem.name!r}: the right-hand side is not finite at t = "
             f"{at:g}. Let the problem start after it, or end before it."
