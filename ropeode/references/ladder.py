@@ -257,4 +257,5 @@ def solve_independent(
 
 def is_long(problem: Problem, method: Method, like: Solution) -> bool:
     """Whether a run of SciPy's solver in Python, with as many steps as another, takes long."""
-    return method is EXPLICIT and not problem.jump_times and like.steps > _MOST_STEPS_IN_PYTHON
+    compiles = not problem.jump_times and not problem.in_python
+    return method is EXPLICIT and compiles and like.steps > _MOST_STEPS_IN_PYTHON
