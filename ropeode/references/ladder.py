@@ -169,9 +169,11 @@ def climb(
     if len(first.states) < 2:
         return problem, rungs
     for rtol in tolerances:
-        if len(rungs) < _FEWEST_RUNGS:
+        try:
             problem = in_time(problem, rungs[-1], len(rungs), budget)
-        elif _runs_to_come(len(rungs)) * rungs[-1].seconds > budget.left:
+        except ReferenceRefused:
+            if len(rungs) < _FEWEST_RUNGS:
+                raise
             break
         limit = int(_MOST_STEPS_PER_DIGIT * rungs[-1].steps) + 1000
         run = solve_primary(problem, method, rtol, budget, max_steps=limit)

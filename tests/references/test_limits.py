@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import InputError, ReferenceRefused, reference
+from ropeode import InputError, Problem, ReferenceRefused, reference
 from ropeode.references import first_rung
 from ropeode.references.hints import coarse_times, hints, remarks
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solution import Solution
-from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
+from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, OWN_DOP853
 from ropeode.references.witnesses import witness_runs
 from ropeode.render.reference import summary
 from tests.references.scalar_problems import scalar
@@ -199,3 +200,101 @@ def test_a_bound_larger_than_the_motion_is_told():
 def test_times_that_are_large_are_told_of_what_is_trusted():
     problem = scalar("decay", 1.0, 1e9 + 1e-3 * np.arange(6))
     assert ["let t start at 0" in remark for remark in remarks(reference(problem))] == [True]
+
+
+def oscillator(ts):
+    def rhs(t, y, args):
+        return jnp.stack([y[1], -y[0]])
+
+    return Problem(rhs, [1.0, 0.0], ts)
+
+
+@pytest.mark.slow
+def test_twenty_thousand_frames():
+    problem = oscillator(0.1 * np.arange(20_001))
+    known = reference(problem)
+    assert known.horizon is None
+    assert known.certificate.seconds < 10.0
+    assert np.all(np.abs(known.states[:, 0] - np.cos(problem.ts)) <= known.bound())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("samples", [2, 101])
+def test_a_hundred_thousand_units_of_time(samples):
+    problem = oscillator(np.linspace(0.0, 1e5, samples))
+    known = reference(problem)
+    assert known.horizon is None
+    assert known.certificate.witnesses[-1].solver == OWN_DOP853
+    assert np.all(np.abs(known.states[:, 0] - np.cos(problem.ts)) <= known.bound())
+
+
+@pytest.mark.slow
+def test_what_takes_too_long_ends_where_the_time_does():
+    problem = oscillator(np.linspace(0.0, 1e7, 1001))
+    known = reference(problem, accuracy=1e-6, time_limit=5.0)
+    assert 2 <= known.trusted < 1001
+    assert "the time limit of 5 s is spent" in known.certificate.horizon_reason
+    inside = problem.ts[: known.trusted]
+    assert np.all(np.abs(known.states[: known.trusted, 0] - np.cos(inside)) <= known.bound())
+    with pytest.raises(ReferenceRefused, match="time_limit"):
+        reference(oscillator([0.0, 1e7]), time_limit=5.0)
+
+
+@pytest.mark.slow
+def test_friction_that_sticks():
+    """From rest at 0.8; it sticks at t = pi."""
+
+    def acceleration(t, x, v, args):
+        return -x - jnp.sign(v) / 2
+
+    problem = Problem.second_order(acceleration, [0.8], [0.0], np.arange(11.0))
+    known = reference(problem)
+    assert known.horizon == 4.0
+    assert known.certificate.seconds < 10.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("acceleration", "x0", "v0", "pole"),
+    [
+        (lambda t, x, v, args: 6 * x * x, 1.0, 2.0, 1.0),
+        (lambda t, x, v, args: -0.5 / (x * jnp.abs(x)), 1.0, 0.0, np.pi / 2),
+    ],
+)
+def test_poles_and_collisions(acceleration, x0, v0, pole):
+    ts = np.linspace(0.0, 2.0, 21)
+    known = reference(Problem.second_order(acceleration, [x0], [v0], ts))
+    assert known.horizon == ts[np.sum(ts < pole)]
+    assert known.certificate.seconds < 3.0
+
+
+def diffusion(points, end):
+    def rhs(t, y, args):
+        wide = jnp.pad(y, 1)
+        return (wide[2:] - 2 * y + wide[:-2]) * (points + 1) ** 2
+
+    x = np.arange(1, points + 1) / (points + 1)
+    return Problem(rhs, np.sin(np.pi * x), [0.0, end])
+
+
+@pytest.mark.slow
+def test_a_large_stiff_problem_is_refused_early():
+    with pytest.raises(ReferenceRefused, match="not tried with more than 300 unknowns") as refused:
+        reference(diffusion(2000, 0.1))
+    assert "time_limit" in str(refused.value)
+
+
+@pytest.mark.slow
+def test_a_large_wave():
+    def acceleration(t, x, v, args):
+        wide = jnp.pad(x, 1)
+        return (wide[2:] - 2 * x + wide[:-2]) * 1001.0**2
+
+    x = np.sin(np.pi * np.arange(1, 1001) / 1001)
+    problem = Problem.second_order(acceleration, x, 0 * x, np.linspace(0.0, 1.0, 6))
+    known = reference(problem)
+    assert known.horizon is None
+    omega = 2 * 1001 * np.sin(np.pi / 2002)
+    exact = np.cos(omega * problem.ts)[:, None] * x
+    error = np.max(np.abs(known.positions[:, :, 0] - exact), axis=1)
+    assert np.all(error <= known.bound())
