@@ -24,6 +24,7 @@ from ropeode.references.certificate import (
     versions,
     witness,
 )
+from ropeode.references.defect import look_between
 from ropeode.references.first_rung import first_rung
 from ropeode.references.hints import coarse_times, hints, unresolved_motion
 from ropeode.references.ladder import (
@@ -33,6 +34,7 @@ from ropeode.references.ladder import (
     climb,
     other_runs,
     recall,
+    solve_closely,
     solve_independent,
     solve_primary,
 )
@@ -147,8 +149,8 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
     problem, run = primary.problem, primary.run
-    witnesses = (*primary.witnesses, witness(problem, run, independent, "independent"))
-    every = (*primary.rungs, *primary.others, independent)
+    witnesses = [*primary.witnesses, witness(problem, run, independent, "independent")]
+    every = [*primary.rungs, *primary.others, independent]
     drift = problem.drift(run.states)
     estimated = bounds(problem, run, witnesses, drift)
     bound, accuracy = estimated[problem.quantities[0]], options.accuracy
@@ -171,6 +173,22 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
             why,
             witnesses,
         )
+    inside = problem.until(trusted)
+    assert independent.path is not None
+    findings = look_between(inside, independent.path.until(inside.ts[-1]), estimated)
+    if len(findings.times):
+        closer = solve_closely(inside, primary.method, independent, findings, primary.budget)
+        witnesses.append(witness(problem, run, closer, "close look"))
+        every.append(closer)
+        before, estimated = estimated, bounds(problem, run, witnesses, drift)
+        bound, apart = estimated[problem.quantities[0]], witnesses[-1].differences
+        seen = findings.trusted(inside.ts, apart, before, bound, accuracy)
+        if seen < trusted:
+            trusted, reason = seen, findings.reason(problem.ts[seen - 1], problem.ts[seen])
+        if trusted < 2:
+            raise ReferenceRefused(
+                f"no reference for {problem.name!r}: {reason}.", reason, witnesses
+            )
     if trusted < len(problem.ts) and (coarse := coarse_times(problem, run.steps, run.reached)):
         reason = f"{reason}. {coarse.rstrip('.')}"
     return Reference(
@@ -193,6 +211,7 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
             seconds=sum(each.seconds for each in every),
             compile_seconds=sum(each.compile_seconds for each in every),
             versions=versions(*_PACKAGES),
+            sampling=findings.sampling,
         ),
     )
 

@@ -13,6 +13,7 @@ from ropeode.errors import ReferenceRefused
 from ropeode.problems.problem import Problem
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
+from ropeode.references.defect import Findings
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import (
@@ -261,3 +262,24 @@ def is_long(problem: Problem, method: Method, like: Solution) -> bool:
     """Whether a run of SciPy's solver in Python, with as many steps as another, takes long."""
     compiles = not problem.jump_times and not problem.in_python
     return method is EXPLICIT and compiles and like.steps > _MOST_STEPS_IN_PYTHON
+
+
+def solve_closely(
+    problem: Problem, method: Method, like: Solution, findings: Findings, budget: Budget
+) -> Solution:
+    """The SciPy solver once more, with steps that end where something was found between steps."""
+    from ropeode.references.solvers import scipy_solver
+
+    budget.progress(f"reference: {method.independent} between its steps", None)
+    more = 4 * len(findings.stops) + 200 * len(findings.times)
+    run = scipy_solver.solve(
+        problem,
+        method.independent,
+        like.rtol,
+        like.atol,
+        max_steps=2 * like.steps + 1000 + more,
+        seconds=budget.left,
+        stops=findings.stops,
+    )
+    budget.spent += run.seconds
+    return run

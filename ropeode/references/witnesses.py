@@ -12,6 +12,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
+from ropeode.references.defect import look_between
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
@@ -19,6 +20,7 @@ from ropeode.references.ladder import (
     independent_steps,
     is_long,
     other_runs,
+    solve_closely,
     solve_independent,
     solve_primary,
 )
@@ -80,7 +82,7 @@ def witness_runs(
         budget: for the runs; by default one without limits.
         problem: the problem with other sample times; by default that of the reference.
         primary: the run of the reference's solver on that problem.
-        roles: of the witnesses to yield. The tighter ones run in any case.
+        roles: of the witnesses to yield. The tighter and the independent ones run in any case.
     """
     method = method_of(reference)
     # Where the solvers stopped, they stop at the last sample before.
@@ -88,10 +90,10 @@ def witness_runs(
     primary = primary or primary_solution(reference)
     options = other_runs(reference.problem, problem, primary)
     budget = budget or budget_of(reference)
-    next_tighter = primary
+    next_tighter = independent = primary
     for witness in reference.certificate.witnesses:
         role = witness.role
-        if role not in roles and role != "tighter":
+        if role not in roles and role not in ("tighter", "independent"):
             continue
         if witness.solver == OWN_DOP853 and not is_long(problem, method, next_tighter):
             # Not above: it imports SciPy's solvers, which takes long.
@@ -105,9 +107,17 @@ def witness_runs(
             )
         elif role == "independent":
             run = solve_independent(problem, method, next_tighter, primary, budget)
+        elif role == "close look":
+            assert independent.path is not None
+            at = np.searchsorted(reference.problem.ts, problem.ts)
+            bounds = {name: each[at] for name, each in reference.certificate.bounds.items()}
+            findings = look_between(problem, independent.path, bounds)
+            run = solve_closely(problem, method, independent, findings, budget)
         else:
             run = solve_primary(problem, method, witness.tolerance, budget, **options.get(role, {}))
         if role == "tighter" and next_tighter is primary:
             next_tighter = run.without_states()
+        if role == "independent":
+            independent = run
         if role in roles:
             yield role, run

@@ -28,7 +28,7 @@ from ropeode.references.solvers.dop853 import (
     combination,
 )
 from ropeode.references.solvers.family import Family, abstract
-from ropeode.references.solvers.solution import Solution
+from ropeode.references.solvers.solution import Path, Solution
 from ropeode.references.solvers.solver import OWN_DOP853
 from ropeode.references.solvers.stopwatch import Stopwatch
 
@@ -77,7 +77,8 @@ def solve(
     compile_seconds = time.perf_counter() - began if fresh else 0.0
     stopwatch = Stopwatch()
     state = _start(problem, y0, *tolerances)
-    states, steps, failure = [y0], 0, None
+    times, states, slopes = [ts[:1]], [y0[None]], [state.slope[None]]
+    steps, failure = 0, None
     while state.sample < len(ts):
         if state.stuck:
             failure = "the step size has become too small"
@@ -88,23 +89,30 @@ def solve(
         if failure:
             failure = f"stopped after t = {float(state.t):g}: {failure}"
             break
-        state, many, ends, reached = advance(
+        state, many, *taken = advance(
             state, leaves, padded, *tolerances, np.int64(len(ts)), np.int64(max_steps - steps)
         )
         steps += int(many)
-        at_samples = np.isin(np.asarray(ends)[: int(many)], ts)
-        states.extend(np.asarray(reached)[: int(many)][at_samples])
+        for kept, new in zip((times, states, slopes), taken, strict=True):
+            kept.append(np.asarray(new)[: int(many)])
+    along = np.concatenate(slopes)
+    path = Path(
+        np.concatenate(times),
+        np.concatenate(states),
+        np.stack([along[:-1], along[1:]], axis=1),
+    )
     return Solution(
         solver=OWN_DOP853,
         rtol=float(tolerances[0]),
         atol=atol,
-        states=np.stack(states).reshape(-1, *problem.y0.shape),
+        states=path.states[np.isin(path.times, ts)].reshape(-1, *problem.y0.shape),
         steps=steps,
         seconds=stopwatch.seconds,
         compile_seconds=compile_seconds,
         failure=failure,
         reached=float(state.t),
         ran_out=failure is not None and not state.stuck,
+        path=path,
     )
 
 
@@ -129,7 +137,9 @@ def _compiled(family: Family) -> Callable:
 
 
 def _program(family: Family) -> Callable:
-    """A function that takes some steps; returns the state, and the ends of the steps taken."""
+    """A function that takes some steps; returns the state, and the steps taken: how many, and the
+    time, state and slope at the end of each.
+    """
     size = int(np.prod(family.shape))
     capacity = max(64, min(_STEPS, _NUMBERS // size))
 
@@ -145,7 +155,7 @@ def _program(family: Family) -> Callable:
             return ~arrived & ~state.stuck & (count < capacity) & (count < most)
 
         def step(loop: Any) -> Any:
-            state, count, times, ends = loop
+            state, count, times, ends, slopes = loop
             smallest = 10 * (jnp.nextafter(state.t, jnp.inf) - state.t)
             stuck = state.rejected & (state.h < smallest)
             tried = jnp.where(state.rejected, state.h, jnp.maximum(state.h, smallest))
@@ -161,6 +171,7 @@ def _program(family: Family) -> Callable:
             shrinkage = jnp.fmax(LEAST_FACTOR, factor)
             times = times.at[count].set(t_new)
             ends = ends.at[count].set(y_new)
+            slopes = slopes.at[count].set(slope_new)
             new = _State(
                 t=jnp.where(accepted, t_new, state.t),
                 y=jnp.where(accepted, y_new, state.y),
@@ -171,9 +182,10 @@ def _program(family: Family) -> Callable:
                 stuck=stuck,
             )
             # A rejected step's end is overwritten by the next.
-            return new, count + accepted, times, ends
+            return new, count + accepted, times, ends, slopes
 
-        start = (state, jnp.asarray(0), jnp.zeros(capacity), jnp.zeros((capacity, size)))
+        rows = jnp.zeros((capacity, size))
+        start = (state, jnp.asarray(0), jnp.zeros(capacity), rows, rows)
         return jax.lax.while_loop(goes_on, step, start)
 
     return advance
