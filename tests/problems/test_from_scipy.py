@@ -225,7 +225,10 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (lambda: Problem(lambda t, y: y, [1.0], [0, 1]), r"write `def rhs\(t, y, args\):`, or use"),
         (lambda: Problem(lambda y: y, [1.0], [0, 1]), r"rhs: a function of \(y\) given"),
         (lambda: Problem(lambda y, t, p: y, [1.0], [0, 1]), "order of odeint"),
-        (lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]), "from_scipy takes NumPy"),
+        (
+            lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]),
+            "from_scipy, which takes NumPy",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_met_with_what_to_write(make, words):
