@@ -188,6 +188,31 @@ def test_functions_of_many_kinds(function, args, traced):
     assert np.max(np.abs(states[-1] - y)) < 1e-13
 
 
+def test_what_a_function_returns_is_copied():
+    """Also where no program copies it."""
+    rhs = PythonRhs(writes_to_its_own())
+    first = rhs.in_numpy(0.0, np.array([1.0, 2.0]), ())
+    rhs.in_numpy(0.0, np.array([3.0, 4.0]), ())
+    assert first.tolist() == [2.0, -math.sin(1.0)]
+
+
+def test_jax_inside_a_function_in_python_computes_in_float64():
+    """In threads of XLA too, and though JAX is in its 32-bit mode here."""
+    assert not jax.config.jax_enable_x64  # type: ignore[attr-defined]
+
+    def rhs(t, y):
+        return [float(jnp.sin(y[0] / 3.0)), -y[0]]
+
+    def same(t, y):
+        return [math.sin(y[0] / 3.0), -y[0]]
+
+    problems = [Problem.from_scipy(f, (0.0, 1.0), START, frames=2) for f in (rhs, same)]
+    assert all(each.in_python for each in problems)
+    starts = np.linspace(0.5, 1.5, 6).reshape(3, 2)
+    runs = [simulate(Ensemble.varying(each, y0=starts), "rk4", 8) for each in problems]
+    assert np.max(np.abs(runs[0].states - runs[1].states)) < 1e-15
+
+
 def counting():
     calls = [0]
 
@@ -227,7 +252,7 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (lambda: Problem(lambda y, t, p: y, [1.0], [0, 1]), "order of odeint"),
         (
             lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]),
-            "from_scipy, which takes NumPy",
+            "to Problem.from_scipy",
         ),
     ],
 )
