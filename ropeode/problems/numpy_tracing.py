@@ -68,12 +68,9 @@ class _Array(np.lib.mixins.NDArrayOperatorsMixin):
         return lambda *given, **named: _dressed(found(*map(_bare, given), **named))
 
     def __getitem__(self, key: Any) -> _Array:
-        # JAX would take the last entry where NumPy raises.
-        np.empty(self.shape)[key]
         return _Array(self.value[key])
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        np.empty(self.shape)[key]
         self.value = self.value.at[key].set(_bare(value))
 
     def __len__(self) -> int:

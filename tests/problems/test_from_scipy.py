@@ -188,6 +188,21 @@ def test_functions_of_many_kinds(function, args, traced):
     assert np.max(np.abs(states[-1] - y)) < 1e-13
 
 
+def test_what_a_function_returns_is_copied():
+    """Also where no program copies it."""
+    rhs = PythonRhs(writes_to_its_own())
+    first = rhs.in_numpy(0.0, np.array([1.0, 2.0]), ())
+    rhs.in_numpy(0.0, np.array([3.0, 4.0]), ())
+    assert first.tolist() == [2.0, -math.sin(1.0)]
+
+
+def test_jax_inside_a_function_in_python_computes_in_float64():
+    """In threads of XLA too, which know nothing of the mode of the caller's; nor does this one."""
+    assert not jax.config.jax_enable_x64  # type: ignore[attr-defined]
+    rhs = PythonRhs(lambda t, y: [float(jnp.sin(y[0] / 3.0))])
+    assert abs(rhs.in_numpy(0.0, np.array([1.0]), ())[0] - math.sin(1.0 / 3.0)) < 1e-15
+
+
 def counting():
     calls = [0]
 
@@ -225,7 +240,10 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (lambda: Problem(lambda t, y: y, [1.0], [0, 1]), r"write `def rhs\(t, y, args\):`, or use"),
         (lambda: Problem(lambda y: y, [1.0], [0, 1]), r"rhs: a function of \(y\) given"),
         (lambda: Problem(lambda y, t, p: y, [1.0], [0, 1]), "order of odeint"),
-        (lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]), "from_scipy takes NumPy"),
+        (
+            lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]),
+            "to Problem.from_scipy",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_met_with_what_to_write(make, words):
