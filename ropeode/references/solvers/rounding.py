@@ -27,7 +27,7 @@ from jax import lax
 from jax.extend.core import jaxpr_as_fun
 
 _EPS = np.finfo(np.float64).eps
-_MANTISSA, _HALF = np.uint64(2**52 - 1), np.uint64(2**63)
+_ONE, _HALF, _MANTISSA = np.uint64(1), np.uint64(2**63), np.uint64(2**52 - 1)
 # Odd numbers without a pattern, those of the hash functions splitmix64 and murmur3.
 _SPREAD, _MIX = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC4CEB9FE1A85EC53)
 
@@ -121,7 +121,7 @@ class _Salt(NamedTuple):
         true: traced; always true, which XLA does not know.
         run: a traced number of the seed and of the rounds of the loops around.
         turns: traced; the first bit is set where every second direction is turned.
-        order: which of these the first one is.
+        order: which of these it is.
         place: a number of the operation.
         counts: how many operations of each kind there were before.
     """
@@ -136,9 +136,9 @@ class _Salt(NamedTuple):
     @classmethod
     def of(cls, seed: Any) -> _Salt:
         """That of the whole function."""
-        seed, one = lax.convert_element_type(seed, np.uint64), np.uint64(1)
-        turns = ((seed & one) ^ one) << np.uint64(63)
-        return cls(seed < _HALF, _hashed((seed + one) >> one), turns, np.uint64(0), 0, Counter())
+        seed = lax.convert_element_type(seed, np.uint64)
+        turns = ((seed & _ONE) ^ _ONE) << np.uint64(63)
+        return cls(seed < _HALF, _hashed((seed + _ONE) >> _ONE), turns, np.uint64(0), 0, Counter())
 
     def at(self, kind: str) -> _Salt:
         """That of the next operation of a kind."""
@@ -178,34 +178,49 @@ def _applied(equation: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
     if name in _LOOPS:
         return _LOOPS[name](params, salt, inputs)
     plain = _bound(equation, [each.plain for each in inputs])
-    changed = [each.moved for each in inputs]
     same = all(each.moved is each.plain for each in inputs)
-    exact = name in _EXACT or not any(_is_rounded(each) for each in [*plain, *changed])
-    if name in _CHOICES or (same and (exact or name in _COMPARISONS)):
-        return [Pair(each, each) for each in plain]
-    if exact:
-        results = _bound(equation, changed)
-    elif name in _COMPARISONS:
-        first, second = (*(each.plain for each in inputs), 0)[:2]
-        results = [jnp.where(first == second, _bound(equation, changed)[0], plain[0])]
-    elif name in _RULES:
-        results = [_RULES[name](_bound(equation, changed)[0], salt.at(name), *changed)]
-    elif name in _ROUNDED:
-        results = [_moved(each, salt.at(name)) for each in _bound(equation, changed)]
-    elif name in _SUMS:
-        (total,) = _bound(equation, changed)
-        (size,) = _bound(equation, [_size(each) for each in changed])
-        results = [total + _signs(total, salt.at(name)) * (_EPS * jnp.abs(size))]
-    elif name == "rem":
+    if _is_exact(equation):
+        moved = plain if same else _bound(equation, [each.moved for each in inputs])
+    elif name in _CHOICES or (same and name in _COMPARISONS):
+        moved = plain
+    else:
+        moved = _moved_results(equation, salt.at(name), plain, inputs)
+    return [Pair(*each) for each in zip(plain, moved, strict=True)]
+
+
+def _moved_results(
+    equation: Any, salt: _Salt, plain: list[Any], inputs: list[Pair]
+) -> Sequence[Any]:
+    """The results of a primitive that rounds, on moved inputs, and moved in turn."""
+    name, changed = equation.primitive.name, [each.moved for each in inputs]
+    if name in _RULES and _is_float(plain[0]):
+        return [_RULES[name](salt, *changed)]
+    if name == "rem":
         # So many whole turns as without moves.
         (a, b), (rest,) = inputs, plain
-        whole = jnp.round((a.plain - rest) / b.plain)
-        results = [a.moved - whole * b.moved]
-    else:
+        return [a.moved - jnp.round((a.plain - rest) / b.plain) * b.moved]
+    if name not in _COMPARISONS | _ROUNDED | _SUMS | _RULES.keys():
         # All that is known of it: right for inputs close by.
-        changed = [_moved(each, salt.at(name)) for each in changed]
-        results = [_moved(each, salt.at(name)) for each in _bound(equation, changed)]
-    return [Pair(*each) for each in zip(plain, results, strict=True)]
+        changed = [_moved(each, salt.at("input")) for each in changed]
+    results = _bound(equation, changed)
+    if name in _COMPARISONS:
+        first, second = (*(each.plain for each in inputs), 0)[:2]
+        return [jnp.where(first == second, results[0], plain[0])]
+    if name in _SUMS:
+        (size,) = _bound(equation, [_size(each) for each in changed])
+        return [results[0] + _signs(results[0], salt) * (_EPS * size)]
+    return [_moved(each, salt) for each in results]
+
+
+def _is_exact(equation: Any) -> bool:
+    """Whether a primitive neither rounds nor chooses."""
+    kinds = [
+        jnp.issubdtype(variable.aval.dtype, np.inexact)
+        for variable in (*equation.invars, *equation.outvars)
+    ]
+    if equation.primitive.name == "convert_element_type":
+        return kinds[0] == kinds[1]
+    return equation.primitive.name in _EXACT or not any(kinds)
 
 
 def _bound(equation: Any, inputs: Sequence[Any]) -> list[Any]:
@@ -213,8 +228,8 @@ def _bound(equation: Any, inputs: Sequence[Any]) -> list[Any]:
     return list(results) if equation.primitive.multiple_results else [results]
 
 
-def _sum_moved(total: Any, salt: _Salt, a: Any, b: Any) -> Any:
-    """A sum, if it has lost something."""
+def _sum(salt: _Salt, a: Any, b: Any) -> Any:
+    """A sum, moved if rounding takes something from it."""
     # XLA would simplify what follows for a constant.
     a, b = (jnp.where(salt.true, each, 0.0) for each in (a, b))
     total = a + b
@@ -223,17 +238,13 @@ def _sum_moved(total: Any, salt: _Salt, a: Any, b: Any) -> Any:
     return _moved(total, salt, where=lost != 0)
 
 
-def _product_moved(result: Any, salt: _Salt, a: Any, b: Any) -> Any:
-    """A product or quotient, unless a factor is a power of two."""
-    return _moved(result, salt, where=~(_is_power(a) | _is_power(b)))
-
-
+# Of sums it is known whether they are exact; so are products with powers of two.
 _RULES: dict[str, Callable] = {
-    "add": _sum_moved,
-    "add_any": _sum_moved,
-    "sub": lambda total, salt, a, b: _sum_moved(total, salt, a, -b),
-    "mul": _product_moved,
-    "div": lambda result, salt, a, b: _moved(result, salt, where=~_is_power(b)),
+    "add": _sum,
+    "add_any": _sum,
+    "sub": lambda salt, a, b: _sum(salt, a, -b),
+    "mul": lambda salt, a, b: _moved(a * b, salt, where=~(_is_power(a) | _is_power(b))),
+    "div": lambda salt, a, b: _moved(a / b, salt, where=~_is_power(b)),
 }
 
 
@@ -289,7 +300,7 @@ def _moved(x: Any, salt: _Salt, where: Any = True) -> Any:
     if not _is_float(x):
         return x
     bits = lax.bitcast_convert_type(x, np.uint64)
-    next_bits = jnp.where(_up(bits, salt), bits + np.uint64(1), bits - np.uint64(1))
+    next_bits = jnp.where(_up(bits, salt), bits + _ONE, bits - _ONE)
     stays = (x == 0.0) | ~(jnp.abs(x) < np.inf)
     return jnp.where(where & ~stays, lax.bitcast_convert_type(next_bits, np.float64), x)
 
@@ -322,10 +333,6 @@ def _is_power(x: Any) -> Any:
 
 def _is_float(x: Any) -> bool:
     return jnp.result_type(x) == np.float64
-
-
-def _is_rounded(x: Any) -> bool:
-    return jnp.issubdtype(jnp.result_type(x), np.inexact)
 
 
 def _size(x: Any) -> Any:
