@@ -179,7 +179,7 @@ class _StepLimit(_Wrapper):
         *inputs, (count, inner) = inputs
         *choice, inner, result = self.controller.adapt_step_size(*inputs, inner)
         count = count + 1
-        spent = (count >= self.limit) & diffrax.is_okay(result)
+        spent = (count >= self.limit) & diffrax.is_successful(result)
         result = diffrax.RESULTS.where(spent, diffrax.RESULTS.max_steps_reached, result)
         return *choice, (count, inner), result
 
@@ -190,10 +190,18 @@ class _Frames(_Wrapper):
     `ClipStepSizeController(step_ts=...)` compares each step with all sample times, which takes
     much longer than the step itself where they are thousands. `PIDController(dtmax=...)` knows
     one length for all frames, and `dtmin` one for all times: here a run ends where the inner
-    controller asks for a step that hardly changes `t` in floating-point numbers.
+    controller asks for a step that hardly changes `t` in floating-point numbers. At the last
+    sample time it ends by an event, as diffrax calls that.
+
+    Arguments:
+        controller: the inner one.
+        ts: the sample times.
+        ends: where the last step before each of them ends: there, or just before a jump there.
+        longest: the longest step for each frame.
     """
 
     ts: Any
+    ends: Any
     longest: Any
 
     def init(self, *inputs: Any) -> tuple:
@@ -208,10 +216,11 @@ class _Frames(_Wrapper):
         *inputs, (frame, inner) = inputs
         keep, t0, t1, made_jump, inner, result = self.controller.adapt_step_size(*inputs, inner)
         # Also where it is NaN.
-        too_short = ~(t1 - t0 >= _SHORTEST_STEP * _spacing(t0)) & diffrax.is_okay(result)
+        too_short = ~(t1 - t0 >= _SHORTEST_STEP * _spacing(t0)) & diffrax.is_successful(result)
         result = diffrax.RESULTS.where(too_short, diffrax.RESULTS.dt_min_reached, result)
-        # No step passes a sample time. One that ends at a jump there ends just before it.
-        frame = frame + (self.ts[frame + 1] <= jnp.nextafter(t0, jnp.inf))
+        arrived = (t0 >= self.ts[-1]) & diffrax.is_okay(result)
+        result = diffrax.RESULTS.where(arrived, diffrax.RESULTS.event_occurred, result)
+        frame = frame + (self.ends[frame + 1] <= t0)
         return keep, t0, self._shortened(t0, t1, frame), made_jump, (frame, inner), result
 
     def _shortened(self, t0: Any, t1: Any, frame: Any) -> Any:
@@ -264,14 +273,16 @@ def solution_of(family: Family) -> Callable:
         longest: Any,
         seed: Any,
     ) -> Any:
-        controller = _Frames(diffrax.PIDController(rtol=rtol, atol=atol), ts, longest)
+        ends = jnp.where(jnp.isin(ts, jump_ts), jnp.nextafter(ts, -jnp.inf), ts)
+        controller = _Frames(diffrax.PIDController(rtol=rtol, atol=atol), ts, ends, longest)
         if family.jumps:
             controller = diffrax.ClipStepSizeController(controller, jump_ts=jump_ts)
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
             _Compensated(SOLVERS[family.solver](rtol, atol), change),
             ts[0],
-            ts[-1],
+            # Beyond the end, where diffrax would lengthen a step that ends shortly before it.
+            2 * ts[-1] - ts[0] + 1e3 * _spacing(jnp.abs(ts[-1])),
             None,
             y0,
             (leaves, seed),
@@ -305,6 +316,6 @@ def failure(result: Any, max_steps: int) -> str:
         return f"{max_steps} steps did not suffice"
     if reason == diffrax.RESULTS.dt_min_reached:
         return "the step size has become too small"
-    if diffrax.is_successful(reason):
+    if diffrax.is_okay(reason):
         return "the state is not finite"
     return str(diffrax.RESULTS[reason]).strip().split(". ")[0]
