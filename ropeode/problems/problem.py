@@ -330,6 +330,15 @@ class Problem:
         """The number of intervals between sample times."""
         return len(self.ts) - 1
 
+    def until(self, samples: int) -> Problem:
+        """The problem up to one of its samples.
+
+        Arguments:
+            samples: how many leading sample times to keep, 2 or more.
+        """
+        ts = self.ts[:samples]
+        return self.changed(ts=ts, jump_times=tuple(t for t in self.jump_times if t < ts[-1]))
+
     @property
     def equal_frames(self) -> bool:
         """Whether the sample times are equally spaced, to rounding."""

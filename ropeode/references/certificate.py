@@ -29,7 +29,14 @@ RELATIVE_ACCURACY = 1e-8
 FINEST_ACCURACY = 1e-12
 
 Role = Literal[
-    "looser", "tighter", "neighbour", "short steps", "rounding", "independent", "fewer digits"
+    "looser",
+    "tighter",
+    "neighbour",
+    "short steps",
+    "rounding",
+    "independent",
+    "close look",
+    "fewer digits",
 ]
 Level = Literal["consensus", "extended"]
 
@@ -52,8 +59,9 @@ class Witness:
         role: `tighter` and `looser` are runs of the primary solver, `independent` is another
             solver, `neighbour` is the primary solver started one unit of rounding away, `short
             steps` cannot step over what lasts longer than 1/32 of a frame, `rounding` is the
-            primary solver with each rounded number of the right-hand side moved by a unit, and
-            `fewer digits` checks a reference in extended precision.
+            primary solver with each rounded number of the right-hand side moved by a unit, `close
+            look` ends its steps where the right-hand side does something between those of the
+            others, and `fewer digits` checks a reference in extended precision.
         steps: how many (diffrax counts rejected ones, SciPy does not).
         seconds: to run, without compiling.
         differences: its distance from the reference at each sample, for each quantity.
@@ -67,6 +75,20 @@ class Witness:
     seconds: float
     differences: Mapping[str, np.ndarray]
     difference: float = np.nan
+
+
+@dataclasses.dataclass(frozen=True)
+class Sampling:
+    """Where the right-hand side was evaluated along the solution, to see what steps pass over.
+
+    Arguments:
+        times: how many.
+        spacing: the longest interval between two of them, or a step's end: what lasts longer was
+            seen.
+    """
+
+    times: int
+    spacing: float
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -94,6 +116,7 @@ class Certificate:
         seconds: for all the runs, without compiling.
         compile_seconds: for compiling them.
         versions: of the packages involved.
+        sampling: how closely it was looked between the steps; None where it was not.
     """
 
     level: Level
@@ -112,6 +135,7 @@ class Certificate:
     seconds: float
     compile_seconds: float
     versions: Mapping[str, str]
+    sampling: Sampling | None = None
 
 
 def witness(problem: Problem, primary: Solution, run: Solution, role: Role) -> Witness:

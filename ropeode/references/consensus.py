@@ -22,6 +22,7 @@ from ropeode.references.certificate import (
     versions,
     witness,
 )
+from ropeode.references.defect import look_between
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
@@ -29,6 +30,7 @@ from ropeode.references.ladder import (
     climb,
     other_runs,
     recall,
+    solve_closely,
     solve_independent,
     solve_other,
     solve_primary,
@@ -75,7 +77,7 @@ def consensus_reference(
     independent = solve_independent(
         problem, primary.method, primary.next_tighter, primary.run, progress
     )
-    return certified(primary, independent, options)
+    return certified(primary, independent, options, progress)
 
 
 def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Primary:
@@ -124,15 +126,17 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
     )
 
 
-def certified(primary: Primary, independent: Solution, options: ReferenceOptions) -> Reference:
+def certified(
+    primary: Primary, independent: Solution, options: ReferenceOptions, progress: Progress
+) -> Reference:
     """The reference with its certificate.
 
     Raises:
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
     problem, run = primary.problem, primary.run
-    witnesses = (*primary.witnesses, witness(problem, run, independent, "independent"))
-    every = (*primary.rungs, *primary.others, independent)
+    witnesses = [*primary.witnesses, witness(problem, run, independent, "independent")]
+    every = [*primary.rungs, *primary.others, independent]
     drift = problem.drift(run.states)
     estimated = bounds(problem, run, witnesses, drift)
     bound, accuracy = estimated[problem.quantities[0]], options.accuracy
@@ -153,6 +157,22 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
             reason,
             witnesses,
         )
+    inside = problem.until(trusted)
+    assert independent.path is not None
+    findings = look_between(inside, independent.path.until(inside.ts[-1]), estimated)
+    if len(findings.times):
+        closer = solve_closely(inside, primary.method, independent, findings, progress)
+        witnesses.append(witness(problem, run, closer, "close look"))
+        every.append(closer)
+        before, estimated = estimated, bounds(problem, run, witnesses, drift)
+        bound, apart = estimated[problem.quantities[0]], witnesses[-1].differences
+        seen = findings.trusted(inside.ts, apart, before, bound, accuracy)
+        if seen < trusted:
+            trusted, reason = seen, findings.reason(problem.ts[seen - 1], problem.ts[seen])
+        if trusted < 2:
+            raise ReferenceRefused(
+                f"no reference for {problem.name!r}: {reason}.", reason, witnesses
+            )
     return Reference(
         problem=problem,
         states=run.states,
@@ -173,6 +193,7 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
             seconds=sum(each.seconds for each in every),
             compile_seconds=sum(each.compile_seconds for each in every),
             versions=versions(*_PACKAGES),
+            sampling=findings.sampling,
         ),
     )
 

@@ -69,7 +69,7 @@ def _references(members: Sequence[Problem], options: ReferenceOptions) -> list[O
     primaries = [or_refused(primary_runs, member, options.rtol, silent) for member in members]
     independent = _independent([each for each in primaries if isinstance(each, Primary)])
     return [
-        or_refused(certified, each, next(independent), options)
+        or_refused(certified, each, next(independent), options, silent)
         if isinstance(each, Primary)
         else each
         for each in primaries

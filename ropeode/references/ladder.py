@@ -13,6 +13,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.traced import compiled
 from ropeode.progress import Progress
 from ropeode.references.certificate import Role
+from ropeode.references.defect import Findings
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solution import Solution, absolute_tolerance
 from ropeode.references.solvers.solver import (
@@ -237,3 +238,21 @@ def solve_independent(
         if run.failure is None:
             break
     return run
+
+
+def solve_closely(
+    problem: Problem, method: Method, like: Solution, findings: Findings, progress: Progress
+) -> Solution:
+    """The SciPy solver once more, with steps that end where something was found between steps."""
+    from ropeode.references.solvers import scipy_solver
+
+    progress(f"reference: {method.independent} between its steps", None)
+    more = 4 * len(findings.stops) + 200 * len(findings.times)
+    return scipy_solver.solve(
+        problem,
+        method.independent,
+        like.rtol,
+        like.atol,
+        max_steps=2 * like.steps + 1000 + more,
+        stops=findings.stops,
+    )

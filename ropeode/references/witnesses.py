@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from typing import get_args
 
+import numpy as np
+
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import Role
+from ropeode.references.defect import look_between
 from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
     Method,
     independent_budget,
     other_runs,
+    solve_closely,
     solve_independent,
     solve_primary,
 )
@@ -58,17 +62,17 @@ def witness_runs(
         progress: called before each run, with what it is.
         problem: the problem with other sample times; by default that of the reference.
         primary: the run of the reference's solver on that problem.
-        roles: of the witnesses to yield. The tighter ones run in any case.
+        roles: of the witnesses to yield. The tighter and the independent ones run in any case.
     """
     method = method_of(reference)
     problem = problem or reference.problem
     primary = primary or primary_solution(reference)
     others = other_runs(reference.problem, problem, primary)
     options = {role: iter([more for kind, more in others if kind == role]) for role, _ in others}
-    next_tighter = primary
+    next_tighter = independent = primary
     for witness in reference.certificate.witnesses:
         role = witness.role
-        if role not in roles and role != "tighter":
+        if role not in roles and role not in ("tighter", "independent"):
             continue
         if witness.solver == OWN_DOP853:
             # Not above: it imports SciPy's solvers, which takes long.
@@ -78,6 +82,12 @@ def witness_runs(
             (run,) = dop853.solve([problem], [next_tighter.rtol], max_steps=[budget])
         elif role == "independent":
             run = solve_independent(problem, method, next_tighter, primary, progress)
+        elif role == "close look":
+            assert independent.path is not None
+            at = np.searchsorted(reference.problem.ts, problem.ts)
+            bounds = {name: each[at] for name, each in reference.certificate.bounds.items()}
+            findings = look_between(problem, independent.path, bounds)
+            run = solve_closely(problem, method, independent, findings, progress)
         else:
             run = solve_primary(
                 problem,
@@ -88,5 +98,7 @@ def witness_runs(
             )
         if role == "tighter" and next_tighter is primary:
             next_tighter = run.without_states()
+        if role == "independent":
+            independent = run
         if role in roles:
             yield role, run

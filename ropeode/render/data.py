@@ -92,6 +92,7 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
                 }
                 for w in certificate.witnesses
             ],
+            "sampling": certificate.sampling and dataclasses.asdict(certificate.sampling),
             "drift_max": {
                 quantity: float(np.max(drift[: reference.trusted]))
                 for quantity, drift in certificate.drift.items()

@@ -11,8 +11,10 @@ from ropeode.norms import motion
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.references.certificate import (
+    SAFETY_FACTOR,
     Certificate,
     Reason,
+    Role,
     Witness,
     default_accuracy,
     distances,
@@ -20,7 +22,9 @@ from ropeode.references.certificate import (
     versions,
 )
 from ropeode.references.consensus import consensus_reference
+from ropeode.references.defect import look_between
 from ropeode.references.extended.solution import ExtendedSolution, extended_solution
+from ropeode.references.extended.taylor import ExtendedRun, solve
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import taylor
@@ -93,6 +97,35 @@ def extended_reference(
     elif trusted < len(problem.ts):
         short = trusted == solution.agreed
         reason = solution.failure if short else Reason.INACCURATE
+    inside = problem.until(trusted)
+    assert solution.fine.path is not None
+    findings = look_between(inside, solution.fine.path.until(inside.ts[-1]), bounds)
+    closer = []
+    if len(findings.times):
+        run = solve(
+            inside,
+            precision=solution.coarse.precision,
+            time_limit=options.time_limit,
+            stops=np.union1d(inside.ts, findings.stops),
+            progress=progress,
+        )
+        differences = {
+            quantity: padded(series, problem)
+            for quantity, series in distances(problem, run.rounded, states).items()
+        }
+        before, bounds = (
+            bounds,
+            {
+                quantity: np.maximum.accumulate(bounds[quantity] + SAFETY_FACTOR * series)
+                for quantity, series in differences.items()
+            },
+        )
+        seen = findings.trusted(inside.ts, differences, before, bounds[first], accuracy)
+        if seen < trusted:
+            trusted, reason = seen, findings.reason(problem.ts[seen - 1], problem.ts[seen])
+        if trusted < 2:
+            raise ReferenceRefused(f"no extended reference for {problem.name!r}: {reason}.")
+        closer = [_run_witness(run, "close look", differences, first, trusted)]
     return Reference(
         problem=problem,
         states=states,
@@ -111,11 +144,13 @@ def extended_reference(
             witnesses=(
                 _witness(problem, solution, trusted),
                 *([_independent(problem, other, apart)] if other else []),
+                *closer,
             ),
             stiff=False,
             seconds=solution.seconds,
             compile_seconds=solution.coarse.compile_seconds + solution.fine.compile_seconds,
             versions=versions(*_PACKAGES),
+            sampling=findings.sampling,
         ),
     )
 
@@ -210,14 +245,26 @@ def _witness(problem: Problem, solution: ExtendedSolution, trusted: int) -> Witn
     differences = {
         quantity: padded(series, problem) for quantity, series in solution.differences.items()
     }
+    return _run_witness(
+        solution.coarse, "fewer digits", differences, problem.quantities[0], trusted
+    )
+
+
+def _run_witness(
+    run: ExtendedRun,
+    role: Role,
+    differences: dict[str, np.ndarray],
+    quantity: str,
+    trusted: int,
+) -> Witness:
     return Witness(
-        solver=taylor(solution.coarse.precision),
-        tolerance=solution.coarse.tolerance,
-        role="fewer digits",
-        steps=solution.coarse.steps,
-        seconds=solution.coarse.seconds,
+        solver=taylor(run.precision),
+        tolerance=run.tolerance,
+        role=role,
+        steps=run.steps,
+        seconds=run.seconds,
         differences=differences,
-        difference=float(np.max(differences[problem.quantities[0]][:trusted])),
+        difference=float(np.max(differences[quantity][:trusted])),
     )
 
 

@@ -12,10 +12,13 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.extended import heyoka
 from ropeode.references.extended.translate import Translation, translate
+from ropeode.references.solvers.solution import Path
 from ropeode.validation import check_positive, check_whole
 
 # The significand of IEEE quadruple precision.
 QUADRUPLE = 113
+# Steps of high order last several radians; their parts are like the steps of other solvers.
+_PARTS = 16
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -31,6 +34,7 @@ class ExtendedRun:
         compile_seconds: to translate and compile.
         choices: primitives that chose a branch by the state, and kept it.
         failure: why it did not reach the last sample time; None if it did.
+        path: its steps, each in a few parts short enough to be looked into, in float64.
     """
 
     precision: int
@@ -41,6 +45,7 @@ class ExtendedRun:
     compile_seconds: float
     choices: tuple[str, ...] = ()
     failure: str | None = None
+    path: Path | None = None
 
     @property
     def rounded(self) -> np.ndarray:
@@ -102,6 +107,7 @@ def solve(
         compile_seconds=run.compile_seconds,
         choices=tuple(sorted(run.choices)),
         failure=run.failure,
+        path=run.path(),
     )
 
 
@@ -122,6 +128,12 @@ class _Run:
 
     def __post_init__(self) -> None:
         self.samples = [self._exactly(self.problem.y0.reshape(-1))]
+        self.parts: list[tuple] = []
+
+    def path(self) -> Path:
+        """The parts of all steps up to the last sample."""
+        start, state = self.problem.ts[0], self.problem.y0.reshape(-1)
+        return Path.of(start, state, self.parts).until(self.problem.ts[len(self.samples) - 1])
 
     def to_the_end(self) -> None:
         """From one jump time to the next, until the end or a failure."""
@@ -183,6 +195,7 @@ class _Run:
         def each_step(taylor: Any) -> bool:
             self._read_off(taylor, target)
             steps.append((float(taylor.time), taylor.state.astype(np.float64)))
+            self._keep_parts(taylor)
             if abs(float(taylor.last_h)) < shortest and taylor.time != target:
                 reasons.append("its steps become too short")
             elif time.perf_counter() >= self.deadline:
@@ -198,6 +211,21 @@ class _Run:
         while (t := ts[len(self.samples)]) < target and t <= taylor.time:
             taylor.update_d_output(heyoka().real(float(t), self.precision))
             self.samples.append(taylor.d_output.copy())
+
+    def _keep_parts(self, taylor: Any) -> None:
+        """Keep the last step in parts, by its Taylor polynomials."""
+        h, end = float(taylor.last_h), float(taylor.time)
+        coefficients = np.asarray(taylor.tc, dtype=np.float64).T
+        order = np.arange(len(coefficients))
+        at = np.arange(_PARTS + 1)[:, None] / _PARTS * h
+        with np.errstate(all="ignore"):
+            states = at**order @ coefficients
+            slopes = at ** order[:-1] @ (order[1:, None] * coefficients[1:])
+        times = np.append(end - h + at[1:-1, 0], end)
+        before = self.parts[-1][0] if self.parts else self.problem.ts[0]
+        apart = np.all(np.diff(times, prepend=before) > 0)
+        if apart and np.all(np.isfinite(states)) and np.all(np.isfinite(slopes)):
+            self.parts += zip(times, states[1:], slopes[:-1], slopes[1:], strict=True)
 
     def _look_at_guards(
         self,

@@ -12,7 +12,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.problems.traced import compiled
-from ropeode.references.certificate import Certificate, Witness, padded
+from ropeode.references.certificate import Certificate, Sampling, Witness, padded
 from ropeode.references.dense.polynomials import Dense
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import Solver
@@ -97,6 +97,8 @@ def texts_of(reference: Reference) -> dict[str, str]:
     problem, certificate = reference.problem, reference.certificate
     claims = _fields(certificate, without=("bounds", "drift"))
     claims["versions"] = dict(certificate.versions)
+    if certificate.sampling is not None:
+        claims["sampling"] = dataclasses.asdict(certificate.sampling)
     claims["witnesses"] = [
         _fields(each, without=("differences",)) for each in certificate.witnesses
     ]
@@ -140,6 +142,9 @@ def certificate_from(
         "drift": {q: arrays[_name("drift", q)][:samples] for q in description["constrained"]},
         "witnesses": tuple(Witness(**each) for each in witnesses),
     }
+    # Files of older releases have none.
+    if values.get("sampling") is not None:
+        values["sampling"] = Sampling(**values["sampling"])
     return Certificate(**values)
 
 

@@ -298,8 +298,9 @@ def solution_of(family: Family) -> Callable:
             throw=False,
         )
         (result,) = jax.tree.leaves(solution.result)
-        states, (reached,) = solution.ys
-        return result, solution.stats["num_steps"], states, reached
+        assert solution.ys is not None
+        states, reached = solution.ys
+        return result, solution.stats["num_steps"], states, reached[0]
 
     return run
 

@@ -20,7 +20,12 @@ from scipy.integrate import DOP853
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.family import Family, abstract
-from ropeode.references.solvers.solution import Solution, absolute_tolerance, finite_samples
+from ropeode.references.solvers.solution import (
+    Path,
+    Solution,
+    absolute_tolerance,
+    finite_samples,
+)
 from ropeode.references.solvers.solver import OWN_DOP853
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
@@ -84,6 +89,7 @@ def solve(
             seconds=seconds,
             compile_seconds=compile_seconds if fresh and member == 0 else 0.0,
             failure=lanes.failures.get(member),
+            path=Path.of(first.ts[0], problem.y0.reshape(-1), lanes.taken[member]),
         )
         for member, (problem, rtol, own) in enumerate(zip(problems, rtols, states, strict=True))
     ]
@@ -108,6 +114,7 @@ class _Lanes:
         self._on_device: Any = self._leaves
         self.steps: dict[int, int] = {}
         self.failures: dict[int, str] = {}
+        self.taken: dict[int, list[tuple]] = {}
         self.busy = np.zeros(count, dtype=bool)
         self._member = np.zeros(count, dtype=int)
         self._t = np.full(count, first.ts[0])
@@ -131,6 +138,7 @@ class _Lanes:
             new[lane], self._member[lane], self.steps[member] = True, member, 0
             self._t[lane], self._sample[lane], self._rejected[lane] = self._ts[0], 1, False
             self._y[lane] = problem.y0.reshape(-1)
+            self.taken[member] = []
             self._rtol[lane] = max(rtol, _TIGHTEST_RTOL)
             self._atol[lane] = absolute_tolerance(problem, rtol)
             for rows, leaf in zip(self._leaves, jax.tree.leaves(problem.args), strict=True):
@@ -181,15 +189,18 @@ class _Lanes:
         self._rejected = self.busy & ~accepted
         self._t = np.where(accepted, t_new, self._t)
         self._y = np.where(accepted[:, None], y_new, self._y)
-        self._slope = np.where(accepted[:, None], slope_new, self._slope)
+        slope, self._slope = self._slope, np.where(accepted[:, None], slope_new, self._slope)
         arrived = []
         for lane in np.flatnonzero(accepted):
             member = int(self._member[lane])
             self.steps[member] += 1
-            if not np.all(np.isfinite(self._y[lane])):
+            y = self._y[lane].copy()
+            if not np.all(np.isfinite(y)):
                 self._leave(lane, "the state is not finite")
-            elif self._t[lane] == stop[lane]:
-                arrived.append((member, int(self._sample[lane]), self._y[lane].copy()))
+                continue
+            self.taken[member].append((self._t[lane], y, slope[lane], slope_new[lane]))
+            if self._t[lane] == stop[lane]:
+                arrived.append((member, int(self._sample[lane]), y))
                 if self._sample[lane] == len(self._ts) - 1:
                     self.busy[lane] = False
                 else:

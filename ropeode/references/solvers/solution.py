@@ -3,11 +3,39 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solver import Solver
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Path:
+    """The steps of a run.
+
+    Arguments:
+        times: of their ends, increasing, ``(steps + 1,)``.
+        states: there, flat, ``(steps + 1, numbers)``.
+        slopes: at the start and at the end of each step, ``(steps, 2, numbers)``.
+    """
+
+    times: np.ndarray
+    states: np.ndarray
+    slopes: np.ndarray
+
+    @classmethod
+    def of(cls, start: float, state: np.ndarray, steps: Sequence[tuple]) -> Path:
+        """A path from its start and the time, state, and slopes (before, after) of each step."""
+        times, states, before, after = zip(*steps, strict=True) if steps else ((), (), (), ())
+        slopes = np.reshape([before, after], (2, len(steps), len(state)))
+        return cls(np.array([start, *times]), np.stack([state, *states]), slopes.swapaxes(0, 1))
+
+    def until(self, time: float) -> Path:
+        """The steps up to a time."""
+        count = int(np.searchsorted(self.times, time, side="right"))
+        return Path(self.times[:count], self.states[:count], self.slopes[: count - 1])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -24,6 +52,7 @@ class Solution:
         compile_seconds: to compile; 0 if the program was compiled before.
         failure: why it did not reach the last sample time; None if it did.
         reached: the time that it came to.
+        path: its steps, where the solver keeps them.
     """
 
     solver: Solver
@@ -35,10 +64,11 @@ class Solution:
     compile_seconds: float = 0.0
     failure: str | None = None
     reached: float = np.inf
+    path: Path | None = None
 
     def without_states(self) -> Solution:
         """The run without the memory that its states take."""
-        return dataclasses.replace(self, states=np.empty((0, *self.states.shape[1:])))
+        return dataclasses.replace(self, states=np.empty((0, *self.states.shape[1:])), path=None)
 
 
 def absolute_tolerance(problem: Problem, rtol: float) -> float:

@@ -22,6 +22,7 @@ _LOOKS = {
     "looser": {"color": "0.75", "linewidth": 0.8},
     "tighter": {"color": COLOURS[2]},
     "short steps": {"color": COLOURS[3]},
+    "close look": {"color": COLOURS[5]},
     "neighbour": {"color": COLOURS[4]},
     "rounding": {"color": COLOURS[5]},
     "independent": {"color": COLOURS[1]},

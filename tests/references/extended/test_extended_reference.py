@@ -192,3 +192,20 @@ def test_what_cannot_be_translated_is_named():
     problem = Problem(lambda t, y, args: jax.lax.digamma(y), [2.0, 1.0], [0.0, 1.0])
     with pytest.raises(InputError, match="digamma"):
         reference(problem, level="extended")
+
+
+def pulsed(centre):
+    def rhs(t, y, args):
+        return jnp.exp(-(((t - args) / 1e-3) ** 2)) - y
+
+    return Problem(rhs, [1.0], np.arange(11.0), args=centre)
+
+
+@pytest.mark.usefixtures("alone")
+def test_a_pulse_that_both_runs_step_over_ends_it():
+    known = reference(pulsed(6.4), level="extended", time_limit=NEVER)
+    assert known.horizon == 7.0
+    assert np.all(np.abs(known.states[:7, 0] - np.exp(-known.times[:7])) <= 1e-15)
+    assert known.certificate.sampling.times > 2**20
+    with pytest.raises(ReferenceRefused, match="for 'problem'"):
+        reference(pulsed(0.64), level="extended", time_limit=NEVER)

@@ -14,6 +14,7 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.defect import look_between
 from ropeode.references.extended.solution import extended_solution
 from ropeode.references.extended.taylor import solve
 from tests.verification.extrapolation import (
@@ -288,3 +289,23 @@ def test_arguments_are_checked(name, given):
     function = extended_solution if name in ("digits", "time_limit") else solve
     with pytest.raises(InputError, match=f"{name}: .*allowed: .*Fix: "):
         function(problem_named("forced"), **{name: given})
+
+
+def test_what_a_step_passes_over_is_found_in_its_parts():
+    """Its steps last several radians, and a polynomial of order 16 is right for a part of them."""
+
+    def kicked(t, y, args):
+        return jnp.stack([y[1], -y[0] + jnp.exp(-(((t - args) / 1e-4) ** 2))])
+
+    ts = np.linspace(0.0, 20.0, 3)
+    bounds = {"state": np.full(len(ts), 1e-16)}
+    for centre, found in ((-1.0, 0), (6.4, 1), (14.321, 1)):
+        problem = Problem(kicked, [1.0, 0.0], ts, args=centre)
+        path = solve(problem).path
+        turned = np.stack([np.cos(path.times), -np.sin(path.times)], axis=1)
+        # Times have a unit of rounding of 3.6e-15.
+        np.testing.assert_allclose(path.states, turned, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(path.slopes[:, 1, 0], turned[1:, 1], rtol=0, atol=1e-14)
+        seen = look_between(problem, path, bounds)
+        assert len(seen.times) == found
+        assert np.all(np.abs(seen.times - centre) < 1e-3)

@@ -1,0 +1,160 @@
+"""What a right-hand side does between the places where the solvers evaluated it.
+
+All solvers can step over the same narrow pulse. So the right-hand side is evaluated along the
+solution at many more times (`references.residuals`). Where it is not smooth inside a step, this
+says at which times a run should look, and does not judge: whether the solution misses something is
+for a run whose steps end there to say.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.references.certificate import Sampling
+from ropeode.references.residuals import Sampler
+from ropeode.references.solvers.solution import Path
+
+# Around a single time, a run looks at distances that halve so often.
+_HALVINGS = 20
+_ISOLATED, _MOST_STOPS = 4, 6
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Findings:
+    """What was found between the steps.
+
+    Arguments:
+        sampling: where it was looked.
+        times: for each step in which something was found, the time at which it is largest, in
+            order.
+        widths: about how long it lasts there.
+        shares: what it may add to a number of the state, in units of what is negligible.
+        needles: those of the times at which it was seen with few neighbours, if any.
+        stops: times at which a run should end its steps, to see it.
+    """
+
+    sampling: Sampling
+    times: np.ndarray
+    widths: np.ndarray
+    shares: np.ndarray
+    needles: np.ndarray
+    stops: np.ndarray
+
+    def trusted(
+        self,
+        ts: np.ndarray,
+        apart: Mapping[str, np.ndarray],
+        before: Mapping[str, np.ndarray],
+        bound: np.ndarray,
+        accuracy: float,
+    ) -> int:
+        """How many samples can still be trusted after a run has looked at what was found.
+
+        The bound covers what that run has seen. But where needles were hit by luck, and the
+        solvers did miss them, there may be others that were not hit.
+
+        Arguments:
+            ts: sample times.
+            apart: how far that run is from the reference, for each quantity.
+            before: the bounds without that run.
+            bound: that of the first quantity, with it.
+            accuracy: the largest bound that is trusted.
+        """
+        count = len(ts)
+        within = bound[:count] <= accuracy
+        if len(self.needles):
+            missed = np.any([apart[q][:count] > before[q][:count] for q in before], axis=0)
+            within &= ~missed | (ts < self.needles[0])
+        return int(np.argmin(np.append(within, False)))
+
+    def reason(self, start: float, end: float) -> str:
+        """Why a horizon ends, where a run that looks there contradicts the others.
+
+        Arguments:
+            start: the last sample that is trusted.
+            end: the first one that is not.
+        """
+        before = self.times < end
+        # What was found earlier may have grown.
+        recent = before & (self.times > start)
+        which = np.flatnonzero(recent if np.any(recent) else before)
+        worst = which[np.argmax(self.shares[which])]
+        return (
+            f"near t = {self.times[worst]:.9g} the right-hand side does something that lasts "
+            f"about {self.widths[worst]:.1e}, and solvers step over it; declare jump_times "
+            "on both sides of it, or sample it more densely"
+        )
+
+
+@in_float64
+def look_between(problem: Problem, path: Path, bounds: Mapping[str, np.ndarray]) -> Findings:
+    """Look for what a right-hand side does between the ends of a run's steps.
+
+    Arguments are those of `Sampler`.
+    """
+    sampler = Sampler(problem, path, bounds)
+    with np.errstate(all="ignore"):
+        found = list(sampler.blocks())
+    share = np.concatenate([block.share for block in found])
+    suspects = _suspects(share)
+    times, widths, needles, stops = [], [], [], []
+    step, t, size = (
+        np.concatenate([getattr(block, name) for block in found]) for name in ("step", "t", "size")
+    )
+    for index in suspects:
+        inside = slice(*np.searchsorted(step, [index, index + 1]))
+        at, sizes = t[inside], size[inside]
+        spacing = float(sampler.spacing[index])
+        run = _around_the_largest(at, sizes, spacing)
+        times.append(at[np.argmax(sizes)])
+        widths.append(run[-1] - run[0] + spacing)
+        if len(run) <= _ISOLATED:
+            needles.append(times[-1])
+        stops.append(_stops(sampler, index, at, run))
+    return Findings(
+        sampling=Sampling(times=sampler.times, spacing=float(np.max(sampler.spacing))),
+        times=np.array(times),
+        widths=np.array(widths),
+        shares=share[suspects],
+        needles=np.array(needles),
+        stops=np.unique(np.concatenate([[], *stops])),
+    )
+
+
+def _around_the_largest(t: np.ndarray, size: np.ndarray, spacing: float) -> np.ndarray:
+    """The times in a row, the largest among them, at which it is at least a tenth of that."""
+    large = size >= np.max(size) / 10
+    row = np.cumsum(np.diff(t[large], prepend=t[0]) > 1.5 * spacing)
+    return t[large][row == row[np.argmax(size[large])]]
+
+
+def _suspects(share: np.ndarray) -> np.ndarray:
+    """The indices of the steps whose findings are not negligible, even together."""
+    order = np.argsort(share)
+    kept = np.cumsum(share[order]) > 1.0
+    return np.sort(order[kept])
+
+
+def _stops(sampler: Sampler, step: int, t: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Where a run should end its steps, to see what was found in a step.
+
+    Arguments:
+        sampler: what found it.
+        step: its index.
+        t: the times at which something was found in it.
+        run: those in a row at which it is large.
+    """
+    some = t[np.linspace(0, len(t) - 1, min(len(t), _MOST_STOPS)).astype(int)]
+    width = run[-1] - run[0] + sampler.spacing[step]
+    middle = (run[-1] + run[0]) / 2
+    stops = [some, middle + width * np.linspace(-1.5, 1.5, 2 * _MOST_STOPS + 1)]
+    if len(run) <= _ISOLATED:
+        away = width * 2.0 ** -np.arange(_HALVINGS)
+        stops += [run, *(at + sign * away for at in run[[0, -1]] for sign in (-1, 1))]
+    every = np.concatenate(stops)
+    return every[(every > sampler.low[step]) & (every < sampler.high[step])]

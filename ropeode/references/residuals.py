@@ -1,0 +1,263 @@
+"""How far a right-hand side is, between the ends of steps, from what is smooth.
+
+A solver looks at the right-hand side at a dozen times in each step, and takes it for a polynomial
+between them. Here it is evaluated at many more times, and compared with the polynomial through its
+values at the Chebyshev nodes of the step: inside a step a smooth one is that polynomial, to
+rounding.
+
+The solution between two ends of a step is the cubic through the states and slopes there. It need
+not be accurate: the same one is used for the nodes and for the other times. The defect y' - f would
+show the cubic's error instead, above all where a problem is stiff.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.problems.problem import Problem
+from ropeode.problems.python_rhs import PythonRhs
+from ropeode.references.solvers.family import Family, abstract
+from ropeode.references.solvers.solution import Path
+from ropeode.references.solvers.solver import SCIPY_DOP853
+
+# The numbers that an evaluation of all times takes and gives: more times where a state is small.
+_NUMBERS, _MOST_NUMBERS = 2**23, 2**26
+_FEWEST_TIMES, _MOST_TIMES = 2**17, 2**20
+# A right-hand side in Python takes a hundred times as long.
+_TIMES_IN_PYTHON, _ROWS_IN_PYTHON = 2**14, 16
+# Times are evaluated in rows, each inside one step, and so many numbers at once.
+_ROW = 32
+_BLOCK_NUMBERS = 2**17
+_MOST_ROWS = 1024
+# At order 16 a step of three radians is a polynomial to rounding; an accurate one takes half a
+# radian.
+_NODES = 16
+_TRIPLES = np.array([0.127, 0.311, 0.487, 0.693, 0.871])
+# Of a step: how far the times of a triple are apart. What is smooth is straight there.
+_APART = 2.0**-26
+# What is within so many times the noise, or units of rounding, is nothing.
+_NOISE, _ROUNDING = 30.0, 64.0
+_EPS = float(np.finfo(np.float64).eps)
+_TINY = float(np.finfo(np.float64).tiny)
+# A step of fewer floating-point numbers is not looked into.
+_SHORTEST = 4096
+# What all findings together may add to a number of the state: units of its rounding, or so much of
+# the bound. The least size is that of a part of the largest number.
+_ROUNDINGS, _SHARE, _SMALLEST = 4.0, 0.03, 1e-6
+_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Block:
+    """What was found in some steps.
+
+    Arguments:
+        share: what they may add to a number of the state, in units of what is negligible,
+            ``(steps,)``.
+        step: the index of the step of each time at which something was found.
+        t: that time.
+        size: how large it is there.
+    """
+
+    share: np.ndarray
+    step: np.ndarray
+    t: np.ndarray
+    size: np.ndarray
+
+
+class Sampler:
+    """Times inside the steps of a run, and the right-hand side there.
+
+    So many times are spread evenly over the span, and in each step there are at least half as
+    many as if they were spread evenly over the steps.
+
+    Arguments:
+        problem: what was solved.
+        path: the run's steps.
+        bounds: the estimated error bound of each quantity at each sample, which decides on what
+            is too small to matter.
+    """
+
+    def __init__(self, problem: Problem, path: Path, bounds: Mapping[str, np.ndarray]):
+        self._leaves = jax.tree.leaves(problem.args)
+        self._path = path
+        self._ts, self._bounds = problem.ts, bounds
+        numbers = path.states.shape[1]
+        many = min(_MOST_TIMES, _NUMBERS // numbers)
+        many = max(many, min(_FEWEST_TIMES, _MOST_NUMBERS // numbers))
+        self._rows = min(_MOST_ROWS, max(2, _BLOCK_NUMBERS // (_ROW * numbers)))
+        if isinstance(problem.rhs, PythonRhs):
+            many, self._rows = _TIMES_IN_PYTHON, _ROWS_IN_PYTHON
+        family = dataclasses.replace(Family.of(problem, SCIPY_DOP853, 1), jumps=0)
+        self._values = _compiled(family, self._rows)
+        self._length = np.diff(path.times)
+        steps, span = len(self._length), path.times[-1] - path.times[0]
+        wanted = np.maximum(many * self._length / span, many / (2 * steps))
+        # Rows of each step.
+        self.parts = np.ceil(wanted / _ROW).astype(int)
+        # Never on an end of a step, which may be a jump time.
+        self.low = np.nextafter(path.times[:-1], np.inf)
+        self.high = np.nextafter(path.times[1:], -np.inf)
+        # Floating-point numbers in each step.
+        self._numbers_in = self._length / np.spacing(np.max(np.abs(path.times)))
+        self._looked_into = self._numbers_in > _SHORTEST
+        inside = np.where(self._looked_into, self.parts * _ROW, 1)
+        self.spacing = self._length / inside
+        self.times = int(np.sum(inside))
+
+    def blocks(self) -> Iterator[Block]:
+        """The findings of all steps, some at a time."""
+        largest = np.zeros(self._path.states.shape[1])
+        for first in range(0, len(self._length), self._rows - 1):
+            steps = np.arange(first, min(first + self._rows - 1, len(self._length)))
+            sizes = np.abs(self._path.states[first : steps[-1] + 2])
+            sizes = np.maximum(np.maximum.accumulate(sizes), largest)
+            largest = sizes[-1]
+            yield self._look_into(steps, self._negligible(steps, sizes[1:]))
+
+    def _negligible(self, steps: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        """What matters to none of the numbers of a state, ``(steps, numbers)``.
+
+        Arguments:
+            steps: by index.
+            sizes: the largest of each number up to the end of each step.
+        """
+        frame = np.searchsorted(self._ts, self._path.times[steps + 1])
+        halves = np.split(sizes, len(self._bounds), axis=1)
+        allowed = []
+        for half, bound in zip(halves, self._bounds.values(), strict=True):
+            # Solvers do not resolve what is much smaller than the largest number.
+            size = np.maximum(half, _SMALLEST * np.max(half, axis=1, keepdims=True))
+            rounding = np.maximum(_ROUNDINGS * _EPS * size, _TINY)
+            allowed.append(np.maximum(rounding, _SHARE * bound[frame, None]))
+        return np.concatenate(allowed, axis=1)
+
+    def _look_into(self, steps: np.ndarray, negligible: np.ndarray) -> Block:
+        curves = self._curves(steps)
+        coefficients, allowed = self._smooth_part(steps, curves)
+        found: list[tuple[np.ndarray, ...]] = []
+        rows = np.repeat(np.arange(len(steps)), self.parts[steps])
+        part = np.concatenate([np.arange(count) for count in self.parts[steps]])
+        added = np.zeros_like(negligible)
+        for first in range(0, len(rows), self._rows):
+            block = np.arange(first, first + self._rows)
+            real, block = block < len(rows), np.minimum(block, len(rows) - 1)
+            row = rows[block]
+            step = steps[row]
+            # The times of a step are evenly spaced; those of the next begin elsewhere.
+            phase = (step * _GOLDEN + 0.5) % 1.0
+            place = (part[block] * _ROW + phase)[:, None] + np.arange(_ROW)
+            s = place / (self.parts[step] * _ROW)[:, None]
+            t = self._inside(step, s)
+            values = self._values(t, s, *(each[row] for each in curves), self._leaves)
+            residual, beyond = _compare(values, coefficients[row], s, allowed[row])
+            beyond = np.flatnonzero(np.asarray(beyond) & real & self._looked_into[step])
+            if not len(beyond):
+                continue
+            row, step, t = row[beyond], step[beyond], t[beyond]
+            residual = np.asarray(residual)[beyond]
+            residual = np.where(residual <= allowed[row, None], 0.0, residual)
+            residual[np.isnan(residual)] = np.inf
+            np.add.at(added, row, np.sum(residual, axis=1) * self.spacing[step, None])
+            size = np.max(residual / negligible[row, None], axis=2)
+            at = size > 0
+            found.append((np.broadcast_to(step[:, None], t.shape)[at], t[at], size[at]))
+        share = np.max(added / negligible, axis=1)
+        if not found:
+            return Block(share, np.empty(0, dtype=int), np.empty(0), np.empty(0))
+        return Block(share, *(np.concatenate(each) for each in zip(*found, strict=True)))
+
+    def _curves(self, steps: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The cubics through states and slopes at the ends of steps, by powers of s."""
+        y, rise = self._path.states[steps], self._path.states[steps + 1] - self._path.states[steps]
+        out, arriving = np.moveaxis(
+            self._length[steps, None, None] * self._path.slopes[steps], 1, 0
+        )
+        return y, out, 3 * rise - 2 * out - arriving, out + arriving - 2 * rise
+
+    def _smooth_part(
+        self, steps: np.ndarray, curves: tuple[np.ndarray, ...]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The polynomials through the values at the nodes, and what is no difference from them.
+
+        Returns:
+            Chebyshev coefficients, ``(steps, nodes, numbers)``, and ``(steps, numbers)``.
+        """
+        # Apart in floating-point numbers as well.
+        apart = np.maximum(_APART, 4.0 / self._numbers_in[steps])[:, None, None]
+        triples = _TRIPLES[:, None] + apart * np.array([-1.0, 0.0, 1.0])
+        s = np.empty((len(steps), _ROW))
+        s[:, :_NODES], s[:, _NODES:] = _CHEBYSHEV, 0.5
+        s[:, _NODES : _NODES + triples[0].size] = triples.reshape(len(steps), -1)
+        t = self._inside(steps, s)
+        values = self._evaluate(t, s, curves)
+        nodes, rest = values[:, :_NODES], slice(_NODES, _NODES + triples[0].size)
+        coefficients = np.einsum("kj,ijn->ikn", _TO_COEFFICIENTS, nodes)
+        before, at, after = (s[:, rest][:, k::3, None] for k in range(3))
+        a, b, c = (values[:, rest][:, k::3] for k in range(3))
+        bend = np.max(np.abs(b - a - (at - before) / (after - before) * (c - a)), axis=1)
+        # The same from a rounding error away: what differences of large numbers lose.
+        draws = np.random.default_rng(steps[0]).normal(size=(3, *curves[0].shape))
+        shifts = 2.0 * _EPS * curves[0] * draws
+        nudged = [*(curve + shift for curve, shift in zip(curves, shifts, strict=False)), curves[3]]
+        moved = np.abs(self._evaluate(np.nextafter(t, -np.inf), s, nudged) - values)
+        noise = np.maximum(bend, np.max(moved, axis=1))
+        largest = np.max(np.abs(nodes), axis=1)
+        return coefficients, _NOISE * noise + _ROUNDING * _EPS * largest
+
+    def _inside(self, step: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Times at parts of steps."""
+        t = self._path.times[step, None] + s * self._length[step, None]
+        return np.clip(t, self.low[step, None], self.high[step, None])
+
+    def _evaluate(self, t: np.ndarray, s: np.ndarray, curves: Sequence[np.ndarray]) -> np.ndarray:
+        """The right-hand side on the curves, ``(rows, times, numbers)``."""
+        # The last row fills the block up, so that one compilation serves all.
+        rows = np.minimum(np.arange(self._rows), len(t) - 1)
+        values = self._values(*(each[rows] for each in (t, s, *curves)), self._leaves)
+        return np.asarray(values)[: len(t)]
+
+
+_ANGLES = (np.arange(_NODES) + 0.5) * np.pi / _NODES
+_CHEBYSHEV = (1.0 - np.cos(_ANGLES)) / 2.0
+# From values at the nodes to the coefficients of the polynomial through them.
+_TO_COEFFICIENTS = np.cos(np.outer(np.arange(_NODES), np.pi - _ANGLES)) * 2.0 / _NODES
+_TO_COEFFICIENTS[0] /= 2.0
+
+
+@jax.jit
+def _compare(values: Any, coefficients: Any, s: Any, allowed: Any) -> tuple[Any, Any]:
+    """How far values are from Chebyshev series at parts of steps, by Clenshaw's rule.
+
+    Not one program with the right-hand side: fused, they took several times as long.
+
+    Returns:
+        The distances, and for each row whether one of them is not within what is allowed.
+    """
+    x = 2.0 * s[..., None] - 1.0
+    last = before = jnp.zeros_like(values)
+    for index in range(_NODES - 1, 0, -1):
+        last, before = coefficients[:, index, None] + 2.0 * x * last - before, last
+    residual = jnp.abs(values - (coefficients[:, 0, None] + x * last - before))
+    return residual, jnp.any(~(residual <= allowed[:, None]), axis=(1, 2))
+
+
+@functools.lru_cache(maxsize=64)
+def _compiled(family: Family, rows: int) -> Callable:
+    """The right-hand side along cubics, for rows of times."""
+
+    def value(t: Any, s: Any, a0: Any, a1: Any, a2: Any, a3: Any, leaves: Any) -> Any:
+        return family.field(t, a0 + s * (a1 + s * (a2 + s * a3)), leaves)
+
+    row = jax.vmap(value, (0, 0, *5 * [None]))
+    every = jax.vmap(row, (*6 * [0], None))
+    _, leaves, *_ = family.inputs()
+    times, state = abstract((rows, _ROW)), abstract((rows, int(np.prod(family.shape))))
+    return jax.jit(every).lower(times, times, *4 * [state], leaves).compile()

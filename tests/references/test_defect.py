@@ -1,0 +1,183 @@
+"""What a right-hand side does between the steps of the solvers."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.errors import ReferenceRefused
+from ropeode.problems.ensemble import Ensemble
+from ropeode.problems.problem import Problem
+from ropeode.references.compute import reference
+from ropeode.references.defect import look_between
+from ropeode.references.solvers import scipy_solver
+from ropeode.references.solvers.solver import SCIPY_DOP853
+
+TS = np.linspace(0.0, 10.0, 6)
+# Of a state that is found to be right to some units of rounding.
+BOUNDS = {"state": np.full(len(TS), 1e-15)}
+
+
+def _pulses(t, y, args):
+    """A turn of two numbers; a rectangular pulse in time, and one in the second number."""
+    height, start, end, level, width = args
+    kick = jnp.where((t > start) & (t < end), height, 0.0)
+    there = jnp.where(jnp.abs(y[1] - level) < width, 1.0, 0.0)
+    return jnp.stack([y[1] + there, -y[0] + kick])
+
+
+def _two_that_cancel(t, y, args):
+    height, start, end, *_ = args
+    width = end - start
+
+    def pulse(centre):
+        return height * jnp.exp(-(((t - centre) / width) ** 2))
+
+    return jnp.stack([y[1], -y[0] + pulse(start) - pulse(start + 10 * width)])
+
+
+def _roots(t, y, args):
+    return -jnp.sqrt(y)
+
+
+def _corners(t, y, args):
+    drive = jnp.interp(t, jnp.arange(12.0), jnp.array(6 * [1.0, -1.0]))
+    return drive - jnp.sign(y - 0.1) * y
+
+
+def _holes(t, y, args):
+    _, start, end, *_ = args
+    return jnp.where((t == start) | (t == end), jnp.nan, jnp.where(t < start, -y, y))
+
+
+def _needles(t, y, args):
+    """A needle of a tenth of the spacing every 1e-3, at places without order, from 1 on."""
+    height, *_ = args
+    which = jnp.floor(t * 1e3)
+    place = 1e-3 * (which + jnp.abs(jnp.sin(12345.678 * which)) % 0.9)
+    hit = (t > place) & (t < place + 1e-6) & (t > 1.0)
+    return jnp.stack([y[1], -y[0] + jnp.where(hit, height, 0.0)])
+
+
+EQUATIONS = {
+    each.__name__: each for each in (_pulses, _two_that_cancel, _needles, _roots, _corners, _holes)
+}
+
+
+def rhs(t, y, args):
+    """One of `EQUATIONS`, so that one compilation serves all."""
+    which, numbers = args
+    return jax.lax.switch(which, list(EQUATIONS.values()), t, y, numbers)
+
+
+def turn(height=0.0, start=0.0, end=0.0, level=9.0, width=0.0, equation=_pulses, **more):
+    which = np.int64(list(EQUATIONS.values()).index(equation))
+    args = which, (height, start, end, level, width)
+    return Problem(**{"rhs": rhs, "y0": [1.0, 0.5], "ts": TS, "args": args, **more})
+
+
+@pytest.fixture(scope="module")
+def path():
+    """The steps of a solver that has seen no pulse."""
+    run = scipy_solver.solve(turn(), SCIPY_DOP853, 1e-13, 1e-13, max_steps=1000)
+    assert run.path is not None
+    np.testing.assert_array_equal(run.path.states[-1], run.states[-1])
+    return run.path
+
+
+def test_nothing_is_found_in_what_is_smooth(path):
+    found = look_between(turn(), path, BOUNDS)
+    assert found.sampling.times >= 2**20
+    assert found.sampling.spacing <= 10.0 / 2**20
+    assert len(found.times) == len(found.stops) == 0
+
+
+def test_what_lasts_longer_than_the_spacing_is_found_wherever_it_is(path):
+    width = 1.001 * look_between(turn(), path, BOUNDS).sampling.spacing
+    random = np.random.default_rng(3)
+    places = [*random.uniform(0.0, 10.0 - width, 20), 1e-9, 10.0 - 1.001 * width, TS[2] - width / 2]
+    for start in places:
+        found = look_between(turn(1e-3, start, start + width), path, BOUNDS)
+        # Two, where it is in two steps.
+        assert 1 <= len(found.times) <= 2
+        for at, lasting in zip(found.times, found.widths, strict=True):
+            assert start < at < start + width
+            assert lasting < 2 * width
+            # A run that stops there, and closer and closer to it, sees it.
+            assert np.sum(np.abs(found.stops - at) < width) > 3
+
+
+def test_what_depends_on_the_state_is_found(path):
+    for level in (0.3, -0.8, 1.0):
+        found = look_between(turn(level=level, width=1e-5), path, BOUNDS)
+        crossings = np.sum(np.diff(np.sign(path.states[:, 1] - level)) != 0)
+        assert len(found.times) == crossings > 0
+
+
+def test_what_is_less_than_the_bound_is_left_alone(path):
+    brief = turn(1.0, 3.3, 3.3 + 1e-4)
+    assert len(look_between(brief, path, BOUNDS).times) == 1
+    assert len(look_between(brief, path, {"state": np.full(len(TS), 0.1)}).times) == 0
+
+
+def test_the_certificate_says_what_was_seen():
+    start, width = 5.3, 2e-5
+    known = reference(turn(1.0, start, start + width))
+    assert known.horizon == 6.0
+    assert "near t = 5.300" in known.certificate.horizon_reason
+    assert known.certificate.sampling.times > 2**20
+    assert known.certificate.witnesses[-1].role == "close look"
+    free = reference(turn()).states
+    assert np.all(np.abs(known.states - free)[: known.trusted, 0] <= known.bound())
+    with pytest.raises(ReferenceRefused, match=r"near t = 1\.300.* declare jump_times"):
+        reference(turn(1.0, 1.3, 1.3 + width))
+    # What changes the solution by less than the accuracy widens the bound instead.
+    width *= 10
+    told = reference(turn(1.0, start, start + width), accuracy=1e-2)
+    assert told.horizon is None
+    truth = reference(turn(1.0, start, start + width, jump_times=[start, start + width]))
+    assert truth.horizon is None
+    missed = np.max(np.abs(told.states - truth.states), axis=1)
+    assert 0.5 * width < missed[-1] <= told.bound()[-1] < 5 * width
+
+
+def test_two_pulses_that_cancel_are_no_fault():
+    """Both are seen, and a run that sees them ends where the others do."""
+    cancelling = turn(1.0, 5.3, 5.3001, equation=_two_that_cancel)
+    known = reference(cancelling, accuracy=1e-6)
+    assert known.certificate.witnesses[-1].role == "close look"
+    assert known.horizon is None
+    assert known.bound()[-1] > 1e-8
+
+
+def test_a_hole_in_the_right_hand_side_is_not_trusted():
+    known = reference(turn(np.nan, 5.3, 5.3 + 2e-5))
+    assert known.horizon == 6.0
+    # Close to zero a root may be asked for less than nothing, off the solution only.
+    ts = np.linspace(0.0, 1.99999, 6)
+    assert reference(turn(equation=_roots, y0=[1.0, 1.5], ts=ts)).horizon is None
+
+
+def test_a_member_of_an_ensemble_is_looked_at_like_any_problem():
+    kicked = turn(1.0, 5.3, 5.3 + 2e-5)
+    members = reference(Ensemble.of([turn(), kicked, turn(level=0.6)]))
+    assert [member.horizon for member in members] == [None, 6.0, None]
+    assert all(member.certificate.sampling.times > 2**20 for member in members)
+
+
+def test_corners_that_the_solvers_resolve_are_no_fault():
+    assert reference(turn(equation=_corners)).horizon is None
+
+
+def test_times_are_never_on_a_jump():
+    holes = turn(0.0, 2.5, 6.0, equation=_holes, jump_times=[2.5, 6.0])
+    assert reference(holes).horizon is None
+
+
+def test_where_one_needle_was_hit_there_may_be_others():
+    """Of many needles a tenth is hit; what they do together is not what was seen."""
+    needles = turn(1e-3, equation=_needles)
+    with pytest.raises(ReferenceRefused, match="solvers step over it"):
+        reference(needles, accuracy=1e-3)
