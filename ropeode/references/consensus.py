@@ -30,6 +30,7 @@ from ropeode.references.ladder import (
     other_runs,
     recall,
     solve_independent,
+    solve_other,
     solve_primary,
     step_budget,
 )
@@ -107,8 +108,8 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
     bare_rungs = tuple(rung.without_states() for rung in rungs)
     del rungs, tightest
     others = []
-    for role, options in other_runs(problem, problem).items():
-        run = solve_primary(problem, method, primary.rtol, progress, **options)
+    for role, options in other_runs(problem, problem, primary):
+        run = solve_other(problem, method, primary.rtol, role, options, progress)
         witnesses.append(witness(problem, primary, run, role))
         others.append(run.without_states())
     return Primary(

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.problems.traced import compiled
 from ropeode.progress import Progress
 from ropeode.references.certificate import Role
 from ropeode.references.solvers import diffrax_solver
@@ -30,6 +32,11 @@ _MOST_STEPS_PER_DIGIT = 2.5
 _STEPS, _STEPS_PER_FRAME = 100_000, 4_000
 _SHORT_STEPS_PER_FRAME = 32
 _FEWEST_SHORT_STEPS = 1000
+# Of the two runs with moved roundings. See `solvers.rounding` for why these two.
+_ROUNDING_SEEDS = (1, 2)
+_LOOSEST_ROUNDING = 1e-9
+# Random states at which it is seen what is held fixed.
+_PROBES = 3
 # A ladder that needs more memory than this keeps the states of two rungs only.
 _MOST_BYTES_KEPT = 2**28
 
@@ -127,35 +134,73 @@ def climb(
     return rungs
 
 
-def neighbour(problem: Problem) -> np.ndarray:
+def neighbour(problem: Problem, states: np.ndarray) -> np.ndarray:
     """The initial state with each component moved by one unit of rounding, up or down.
 
-    Zeros move up by a unit of rounding of the largest component, because a solution that is
-    not unique would otherwise agree with itself. In a mechanical problem zeros stay, unless all
-    components are zero: a node that is pinned or at rest would begin to drift.
+    Zeros move up, because a solution that is not unique, or an unstable balance, would otherwise
+    agree with itself: by a unit of rounding of the largest initial component; in a mechanical
+    problem of the largest position or velocity on the way. There what is held fixed stays.
+
+    Arguments:
+        problem: what is solved.
+        states: its solution, ``(times, *y0.shape)``.
     """
     y0 = problem.y0
     up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
     moved = np.nextafter(y0, np.where(up, np.inf, -np.inf))
-    stays = problem.mechanics is not None and np.any(y0)
-    from_zero = 0.0 if stays else np.finfo(np.float64).eps * problem.scale
-    return np.where(y0 == 0.0, from_zero, moved)
+    sizes: Any = problem.scale
+    if problem.mechanics is not None and not np.all(y0):
+        sizes = np.max(np.abs(states), axis=(0, *range(2, states.ndim)), keepdims=True)[0]
+        sizes = np.where(_held(problem), 0.0, np.where(sizes > 0, sizes, problem.scale))
+    return np.where(y0 == 0.0, np.finfo(np.float64).eps * sizes, moved)
 
 
-def other_runs(problem: Problem, solved: Problem) -> dict[Role, dict[str, Any]]:
+@in_float64
+def _held(problem: Problem) -> np.ndarray:
+    """Of a mechanical problem, which components have no acceleration wherever they are."""
+    draw = np.random.default_rng(5).normal(size=(_PROBES, *problem.y0.shape))
+    states = problem.y0 * (1.0 + 0.1 * draw) + 0.1 * problem.scale * draw
+    times = np.linspace(problem.ts[0], problem.ts[-1], _PROBES)
+    rates = compiled(problem.rhs)
+    slopes = [rates(t, y, problem.args)[1] for t, y in zip(times, states, strict=True)]
+    return np.all(np.asarray(slopes) == 0.0, axis=0)
+
+
+def other_runs(
+    problem: Problem, solved: Problem, primary: Solution
+) -> list[tuple[Role, dict[str, Any]]]:
     """The witnesses of the primary solver that are not rungs: what `solve_primary` takes.
 
     Arguments:
         problem: that of the reference.
         solved: the same one, or with sample times inside its frames.
+        primary: the run that the witnesses are compared with.
     """
-    return {
-        "neighbour": {"y0": neighbour(solved)},
-        "short steps": {
-            "max_steps": 2 * step_budget(solved),
-            "longest_steps": short_steps(problem, solved.ts),
-        },
+    short = {
+        "max_steps": 2 * step_budget(solved),
+        "longest_steps": short_steps(problem, solved.ts),
     }
+    limit = independent_budget(solved, primary)
+    return [
+        ("neighbour", {"y0": neighbour(solved, primary.states)}),
+        ("short steps", short),
+        *(("rounding", {"rounding_seed": seed, "max_steps": limit}) for seed in _ROUNDING_SEEDS),
+    ]
+
+
+def solve_other(
+    problem: Problem,
+    method: Method,
+    rtol: float,
+    role: Role,
+    options: dict[str, Any],
+    progress: Progress,
+) -> Solution:
+    """One of `other_runs`. What rounding keeps from its end gets there at a looser tolerance."""
+    run = solve_primary(problem, method, rtol, progress, **options)
+    while role == "rounding" and run.failure and run.rtol < _LOOSEST_ROUNDING:
+        run = solve_primary(problem, method, 100 * run.rtol, progress, **options)
+    return run
 
 
 def recall(problem: Problem, method: Method, rung: Solution, progress: Progress) -> Solution:

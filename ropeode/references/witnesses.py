@@ -63,7 +63,8 @@ def witness_runs(
     method = method_of(reference)
     problem = problem or reference.problem
     primary = primary or primary_solution(reference)
-    options = other_runs(reference.problem, problem)
+    others = other_runs(reference.problem, problem, primary)
+    options = {role: iter([more for kind, more in others if kind == role]) for role, _ in others}
     next_tighter = primary
     for witness in reference.certificate.witnesses:
         role = witness.role
@@ -79,7 +80,11 @@ def witness_runs(
             run = solve_independent(problem, method, next_tighter, primary, progress)
         else:
             run = solve_primary(
-                problem, method, witness.tolerance, progress, **options.get(role, {})
+                problem,
+                method,
+                witness.tolerance,
+                progress,
+                **next(options.get(role, iter(())), {}),
             )
         if role == "tighter" and next_tighter is primary:
             next_tighter = run.without_states()

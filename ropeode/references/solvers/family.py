@@ -60,6 +60,7 @@ class Family:
             number,
             abstract((), np.int64),
             abstract((self.times - 1,)),
+            abstract((), np.int64),
         )
 
 

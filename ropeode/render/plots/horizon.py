@@ -23,6 +23,7 @@ _LOOKS = {
     "tighter": {"color": COLOURS[2]},
     "short steps": {"color": COLOURS[3]},
     "neighbour": {"color": COLOURS[4]},
+    "rounding": {"color": COLOURS[5]},
     "independent": {"color": COLOURS[1]},
     "reference": {"color": COLOURS[0], "linewidth": 1.8},
 }
