@@ -317,3 +317,17 @@ def test_programs_are_found_again_by_the_function():
     first, second = PythonRhs(pendulum), PythonRhs(pendulum)
     assert first != second
     assert repr(first) != repr(second)
+
+
+def test_a_program_that_computes_something_else_is_not_used():
+    """For a thirtieth of the span: what tells JAX that it cannot trace this is caught."""
+
+    def rhs(t, y):
+        try:
+            if 0.4 < t < 0.435:
+                return 2.0 * y
+        except TypeError:
+            pass
+        return y
+
+    assert Problem.from_scipy(rhs, (0.0, 1.0), START).in_python
