@@ -157,6 +157,7 @@ class Outcome:
         broken: the exception that should not have been; None if there was none.
         samples: inside the trust horizon and known, the start left out.
         beyond: samples that are not trusted.
+        horizon: why they are not; None if there are none.
         unknown: samples inside the trust horizon that the truth did not reach.
         misses: samples where the error of any quantity exceeds its bound.
         tightness: bound over true error at the last sample, first quantity; None without error.
@@ -172,6 +173,7 @@ class Outcome:
     broken: str | None = None
     samples: int = 0
     beyond: int = 0
+    horizon: str | None = None
     unknown: int = 0
     misses: int = 0
     tightness: float | None = None
@@ -434,7 +436,8 @@ def compare(seed: int, warp: float, trial: Trial) -> Outcome:
         outcome = dataclasses.replace(outcome, doubt=doubt)
     seconds = round(middle - began, 3), round(time.perf_counter() - middle, 3)
     beyond = len(problem.ts) - found.trusted
-    return dataclasses.replace(outcome, beyond=beyond, seconds=seconds)
+    why = found.certificate.horizon_reason
+    return dataclasses.replace(outcome, beyond=beyond, horizon=why, seconds=seconds)
 
 
 def _held_against(
@@ -601,6 +604,8 @@ def kinds_of(family: str) -> list[str]:
 
 def described(trial: Trial, outcome: Outcome) -> str:
     found = f"{outcome.misses} samples; worst is {outcome.where}; unknown {outcome.unknown}"
+    if outcome.beyond:
+        found += f"; {outcome.beyond} samples beyond the horizon: {outcome.horizon}"
     return (
         f"{trial.index}: {trial.code}, rtol={trial.rtol!r}, level={trial.level!r}\n"
         f"    {outcome.refused or outcome.broken or found}"
@@ -646,6 +651,7 @@ def main() -> None:
         ("Refused", lambda outcome: outcome.refused),
         ("Broken", lambda outcome: outcome.broken),
         ("Truth not known to the end", lambda outcome: outcome.unknown),
+        ("With a horizon", lambda outcome: outcome.beyond and not outcome.misses),
     ):
         chosen = [trial for trial in trials if interesting(known[trial.index])]
         print(f"\n{title}: {len(chosen)}")

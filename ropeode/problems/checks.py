@@ -14,8 +14,9 @@ from ropeode.problems.signatures import check_signature
 from ropeode.problems.traced import compiled, traced
 from ropeode.validation import bad_value, finite_numbers
 
-# Where else a function with other parameters may belong.
+# Where else a function with other parameters, or in NumPy, may belong.
 _OTHERS = {"rhs": ", or use Problem.from_scipy(rhs, ts, y0), which takes rhs(t, y, *args) in NumPy"}
+_IN_NUMPY = {"rhs": "; or hand rhs(t, y, *args) to Problem.from_scipy, which takes NumPy"}
 
 
 def run(*each: Callable[[], Any]) -> list[Any]:
@@ -272,5 +273,5 @@ def _traced(name: str, signature: str, function: Any, inputs: tuple) -> tuple[Ca
         raise UserCodeError(
             f"{name}: raised {type(error).__name__} when it was tried on the initial state; "
             f"allowed: a function {signature} in JAX. Fix: correct the error above; use "
-            "jax.numpy, and no Python `if` on values; Problem.from_scipy takes NumPy as it is."
+            f"jax.numpy, and no Python `if` on values{_IN_NUMPY.get(name, '')}."
         ) from error

@@ -51,29 +51,28 @@ class _Array(np.lib.mixins.NDArrayOperatorsMixin):
         return own
 
     def __array_function__(self, function: Any, types: Any, args: Any, named: Any) -> Any:
-        library = jnp.linalg if function.__module__ == "numpy.linalg" else jnp
-        same = getattr(library, function.__name__)
-        return _dressed(
-            same(*map(_bare, args), **{key: _bare(each) for key, each in named.items()})
-        )
+        # As in numpy.linalg.norm.
+        where = [*function.__module__.split(".")[1:], function.__name__]
+        same: Any = functools.reduce(getattr, where, jnp)
+        options = {key: _bare(each) for key, each in named.items()}
+        return _dressed(same(*map(_bare, args), **options))
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             # NumPy asks for ways to the numbers, and there are none.
             raise AttributeError(name)
-        # A function of an array of objects is a method of each to NumPy.
-        found = getattr(self.value, name, None) or functools.partial(getattr(jnp, name), self.value)
+        if not hasattr(self.value, name):
+            # A function of an array of objects is a method of each to NumPy.
+            return lambda: _dressed(getattr(jnp, name)(self.value))
+        found = getattr(self.value, name)
         if not callable(found):
             return _dressed(found)
         return lambda *given, **named: _dressed(found(*map(_bare, given), **named))
 
     def __getitem__(self, key: Any) -> _Array:
-        # JAX would take the last entry where NumPy raises.
-        np.empty(self.shape)[key]
         return _Array(self.value[key])
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        np.empty(self.shape)[key]
         self.value = self.value.at[key].set(_bare(value))
 
     def __len__(self) -> int:

@@ -82,7 +82,7 @@ class PythonRhs:
                 return _derivative(self.function(t, own, *self.bound, *plain), y.shape)
         except RopeodeError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise UserCodeError(
                 f"rhs: it raised {type(error).__name__}: {' '.join(str(error).split())} at "
                 f"t = {t:g}, y = {' '.join(str(y).split())}; allowed: a function that returns "

@@ -22,6 +22,8 @@ from ropeode.validation import bad_value, check_whole
 # A traced function must agree with itself in NumPy so closely, relative to its largest component:
 # both round, and what they compute may cancel.
 _SAME = 1e-9
+# At so many times and states.
+_PROBES = 64
 # A function that counts its calls shows it within so many, unless they take longer than so long.
 _CALLS, _SECONDS = 150, 0.5
 
@@ -93,15 +95,17 @@ def _state(y0: Any) -> np.ndarray:
 
 def _probes(ts: np.ndarray, y0: np.ndarray) -> list[tuple[float, np.ndarray]]:
     """Times and states at which a function is tried; the first is the start."""
-    draws = np.random.default_rng(4).normal(size=(4, *y0.shape))
+    draws = np.random.default_rng(4).normal(size=(_PROBES, *y0.shape))
     size = np.max(np.abs(y0)) or 1.0
     near = [y0 * (1.0 + 0.1 * draw) + 0.01 * size * draw for draw in draws]
-    times = np.interp([0.31, 0.55, 0.78, 1.0], [0.0, 1.0], ts[[0, -1]]).tolist()
+    times = np.linspace(ts[0], ts[-1], _PROBES).tolist()
     return [(float(ts[0]), y0), *zip(times, near, strict=True)]
 
 
 def _values(own: PythonRhs, args: Any, probes: list[tuple[float, np.ndarray]]) -> list[Any]:
-    """What a function returns in Python; None where it raises, which it may anywhere but at y0.
+    """What a function returns in Python; None where it takes too long, or raises.
+
+    It may raise anywhere but at the start: nobody knows whether the solution goes there.
 
     Raises:
         UserCodeError: it raises at the start, returns something that is no derivative, or keeps
@@ -116,7 +120,8 @@ def _values(own: PythonRhs, args: Any, probes: list[tuple[float, np.ndarray]]) -
         values: list[Any] = [first]
         for t, y in probes[1:]:
             try:
-                values.append(own.evaluated(t, y, args))
+                late = time.perf_counter() - started > _SECONDS
+                values.append(None if late else own.evaluated(t, y, args))
             except UserCodeError:
                 values.append(None)
         for _ in range(_CALLS):

@@ -29,7 +29,14 @@ RELATIVE_ACCURACY = 1e-8
 FINEST_ACCURACY = 1e-12
 
 Role = Literal[
-    "looser", "tighter", "neighbour", "short steps", "independent", "close look", "fewer digits"
+    "looser",
+    "tighter",
+    "neighbour",
+    "short steps",
+    "rounding",
+    "independent",
+    "close look",
+    "fewer digits",
 ]
 Level = Literal["consensus", "extended"]
 
@@ -51,9 +58,10 @@ class Witness:
         tolerance: its relative tolerance.
         role: `tighter` and `looser` are runs of the primary solver, `independent` is another
             solver, `neighbour` is the primary solver started one unit of rounding away, `short
-            steps` cannot step over what lasts longer than 1/32 of a frame, `close look` ends its
-            steps where the right-hand side does something between those of the others, and
-            `fewer digits` checks a reference in extended precision.
+            steps` cannot step over what lasts longer than 1/32 of a frame, `rounding` is the
+            primary solver with each rounded number of the right-hand side moved by a unit, `close
+            look` ends its steps where the right-hand side does something between those of the
+            others, and `fewer digits` checks a reference in extended precision.
         steps: how many (diffrax counts rejected ones, SciPy does not).
         seconds: to run, without compiling.
         differences: its distance from the reference at each sample, for each quantity.

@@ -36,7 +36,7 @@ from ropeode.references.ladder import (
     recall,
     solve_closely,
     solve_independent,
-    solve_primary,
+    solve_other,
 )
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
@@ -124,8 +124,8 @@ def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress
     bare_rungs = tuple(rung.without_states() for rung in rungs)
     del rungs, tightest
     others = []
-    for role, more in other_runs(problem, solved, primary).items():
-        run = solve_primary(solved, method, primary.rtol, budget, **more)
+    for role, more in other_runs(problem, solved, primary):
+        run = solve_other(solved, method, primary.rtol, role, more, budget)
         witnesses.append(witness(problem, primary, run, role))
         others.append(run.without_states())
     return Primary(

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import ReferenceRefused
+from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.problems.traced import compiled
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.defect import Findings
@@ -37,8 +39,13 @@ _SHORT_STEPS_PER_FRAME = 32
 _MOST_STEPS_IN_PYTHON = 10_000
 _FEWEST_SHORT_STEPS = 1000
 _FEWEST_RUNGS = 3
-# The neighbour, short steps, and others that take as long as a few runs of the ladder.
-_RUNS_AFTER_THE_LADDER = 6
+# The neighbour, short steps, moved roundings, and what takes as long as a few runs of the ladder.
+_RUNS_AFTER_THE_LADDER = 8
+# Of the two runs with moved roundings. See `solvers.rounding` for why these two.
+_ROUNDING_SEEDS = (1, 2)
+_LOOSEST_ROUNDING = 1e-9
+# Random states at which it is seen what is held fixed.
+_PROBES = 3
 # A ladder that needs more memory than this keeps the states of two rungs only.
 _MOST_BYTES_KEPT = 2**28
 
@@ -186,35 +193,72 @@ def climb(
     return problem, rungs
 
 
-def neighbour(problem: Problem) -> np.ndarray:
+def neighbour(problem: Problem, states: np.ndarray) -> np.ndarray:
     """The initial state with each component moved by one unit of rounding, up or down.
 
-    Zeros move up by a unit of rounding of the largest component, because a solution that is
-    not unique would otherwise agree with itself. In a mechanical problem zeros stay, unless all
-    components are zero: a node that is pinned or at rest would begin to drift.
+    Zeros move up, because a solution that is not unique, or an unstable balance, would otherwise
+    agree with itself: by a unit of rounding of the largest initial component; in a mechanical
+    problem of the largest position or velocity on the way. There what is held fixed stays.
+
+    Arguments:
+        problem: what is solved.
+        states: its solution, ``(times, *y0.shape)``.
     """
     y0 = problem.y0
     up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
     moved = np.nextafter(y0, np.where(up, np.inf, -np.inf))
-    stays = problem.mechanics is not None and np.any(y0)
-    from_zero = 0.0 if stays else np.finfo(np.float64).eps * problem.scale
-    return np.where(y0 == 0.0, from_zero, moved)
+    sizes: Any = problem.scale
+    if problem.mechanics is not None and not np.all(y0):
+        sizes = np.max(np.abs(states), axis=(0, *range(2, states.ndim)), keepdims=True)[0]
+        sizes = np.where(_held(problem), 0.0, np.where(sizes > 0, sizes, problem.scale))
+    return np.where(y0 == 0.0, np.finfo(np.float64).eps * sizes, moved)
 
 
-def other_runs(problem: Problem, solved: Problem, like: Solution) -> dict[Role, dict[str, Any]]:
+@in_float64
+def _held(problem: Problem) -> np.ndarray:
+    """Of a mechanical problem, which components have no acceleration wherever they are."""
+    draw = np.random.default_rng(5).normal(size=(_PROBES, *problem.y0.shape))
+    states = problem.y0 * (1.0 + 0.1 * draw) + 0.1 * problem.scale * draw
+    times = np.linspace(problem.ts[0], problem.ts[-1], _PROBES)
+    rates = compiled(problem.rhs)
+    slopes = [rates(t, y, problem.args)[1] for t, y in zip(times, states, strict=True)]
+    return np.all(np.asarray(slopes) == 0.0, axis=0)
+
+
+def other_runs(
+    problem: Problem, solved: Problem, primary: Solution
+) -> list[tuple[Role, dict[str, Any]]]:
     """The witnesses of the primary solver that are not rungs: what `solve_primary` takes.
 
     Arguments:
         problem: that of the reference.
         solved: the same one, or with other sample times.
-        like: the run that becomes the reference. None of the others should take many more steps.
+        primary: the run that the witnesses are compared with. None of them should take many more
+            steps.
     """
-    most, longest = 4 * like.steps + 1000, short_steps(problem, solved.ts)
-    short = math.ceil(np.sum(np.diff(solved.ts) / longest))
-    return {
-        "neighbour": {"y0": neighbour(solved), "max_steps": most},
-        "short steps": {"longest_steps": longest, "max_steps": most + 4 * short},
-    }
+    most, longest = 4 * primary.steps + 1000, short_steps(problem, solved.ts)
+    short = most + 4 * math.ceil(np.sum(np.diff(solved.ts) / longest))
+    limit = independent_steps(primary)
+    return [
+        ("neighbour", {"y0": neighbour(solved, primary.states), "max_steps": most}),
+        ("short steps", {"longest_steps": longest, "max_steps": short}),
+        *(("rounding", {"rounding_seed": seed, "max_steps": limit}) for seed in _ROUNDING_SEEDS),
+    ]
+
+
+def solve_other(
+    problem: Problem,
+    method: Method,
+    rtol: float,
+    role: Role,
+    options: dict[str, Any],
+    budget: Budget,
+) -> Solution:
+    """One of `other_runs`. What rounding keeps from its end gets there at a looser tolerance."""
+    run = solve_primary(problem, method, rtol, budget, **options)
+    while role == "rounding" and run.failure and run.rtol < _LOOSEST_ROUNDING:
+        run = solve_primary(problem, method, 100 * run.rtol, budget, **options)
+    return run
 
 
 def recall(problem: Problem, method: Method, rung: Solution, budget: Budget) -> Solution:

@@ -88,7 +88,8 @@ def witness_runs(
     # Where the solvers stopped, they stop at the last sample before.
     problem = problem or reference.problem.until(len(reference.states))
     primary = primary or primary_solution(reference)
-    options = other_runs(reference.problem, problem, primary)
+    others = other_runs(reference.problem, problem, primary)
+    options = {role: iter([more for kind, more in others if kind == role]) for role, _ in others}
     budget = budget or budget_of(reference)
     next_tighter = independent = primary
     for witness in reference.certificate.witnesses:
@@ -114,7 +115,8 @@ def witness_runs(
             findings = look_between(problem, independent.path, bounds)
             run = solve_closely(problem, method, independent, findings, budget)
         else:
-            run = solve_primary(problem, method, witness.tolerance, budget, **options.get(role, {}))
+            more = next(options.get(role, iter(())), {})
+            run = solve_primary(problem, method, witness.tolerance, budget, **more)
         if role == "tighter" and next_tighter is primary:
             next_tighter = run.without_states()
         if role == "independent":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import sys
 import threading
 
 import jax
@@ -158,6 +159,8 @@ def writes_to_the_state(t, y):
         (lambda t, y: np.array([y[1], -np.sin(y[0])]), (), True),
         (lambda t, y: np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y * np.cos(t), (), True),
         (lambda t, y: np.sin(np.array([y[1], -y[0]])), (), True),
+        (lambda t, y: (np.reshape(y, (1, 2)).T * t)[:, 0], (), True),
+        (lambda t, y: np.fft.ifft(1j * np.fft.fft(y)).real * t, (), True),
         (lambda t, y: np.where(y > t, np.roll(y, 1), 0.0) / np.linalg.norm(y), (), True),
         (filled(np.zeros_like), (), True),
         (lambda t, y: added_to(y), (), True),
@@ -188,6 +191,21 @@ def test_functions_of_many_kinds(function, args, traced):
     assert np.max(np.abs(states[-1] - y)) < 1e-13
 
 
+def test_what_a_function_returns_is_copied():
+    """Also where no program copies it."""
+    rhs = PythonRhs(writes_to_its_own())
+    first = rhs.in_numpy(0.0, np.array([1.0, 2.0]), ())
+    rhs.in_numpy(0.0, np.array([3.0, 4.0]), ())
+    assert first.tolist() == [2.0, -math.sin(1.0)]
+
+
+def test_jax_inside_a_function_in_python_computes_in_float64():
+    """In threads of XLA too, which know nothing of the mode of the caller's; nor does this one."""
+    assert not jax.config.jax_enable_x64  # type: ignore[attr-defined]
+    rhs = PythonRhs(lambda t, y: [float(jnp.sin(y[0] / 3.0))])
+    assert abs(rhs.in_numpy(0.0, np.array([1.0]), ())[0] - math.sin(1.0 / 3.0)) < 1e-15
+
+
 def counting():
     calls = [0]
 
@@ -208,6 +226,7 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (ivp(lambda t, y: random.random() * y), "not deterministic: at the same t and y"),
         (ivp(counting()), "not deterministic"),
         (ivp(lambda t, y: 1 / 0), "ZeroDivisionError: division by zero at t = 0, y ="),
+        (ivp(lambda t, y: sys.exit(3)), "it raised SystemExit: 3"),
         (ivp(lambda t, y: y[:1]), r"shape \(1,\); allowed: .* \(2,\)"),
         (ivp(lambda t, y: "word"), "it returned str"),
         (ivp(lambda t, y: None), "it returned NoneType"),
@@ -225,7 +244,10 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (lambda: Problem(lambda t, y: y, [1.0], [0, 1]), r"write `def rhs\(t, y, args\):`, or use"),
         (lambda: Problem(lambda y: y, [1.0], [0, 1]), r"rhs: a function of \(y\) given"),
         (lambda: Problem(lambda y, t, p: y, [1.0], [0, 1]), "order of odeint"),
-        (lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]), "from_scipy takes NumPy"),
+        (
+            lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]),
+            "to Problem.from_scipy",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_met_with_what_to_write(make, words):
@@ -295,3 +317,17 @@ def test_programs_are_found_again_by_the_function():
     first, second = PythonRhs(pendulum), PythonRhs(pendulum)
     assert first != second
     assert repr(first) != repr(second)
+
+
+def test_a_program_that_computes_something_else_is_not_used():
+    """For a thirtieth of the span: what tells JAX that it cannot trace this is caught."""
+
+    def rhs(t, y):
+        try:
+            if 0.4 < t < 0.435:
+                return 2.0 * y
+        except TypeError:
+            pass
+        return y
+
+    assert Problem.from_scipy(rhs, (0.0, 1.0), START).in_python

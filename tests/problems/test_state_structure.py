@@ -157,10 +157,14 @@ def test_ensembles_of_trees(as_dict):
         assert np.allclose(runs[i].tree["x"], simulate(alone, "rk4", 4).tree["x"], atol=1e-14)
         again = Ensemble.of([as_dict, alone])
         assert again[1].unravel(again[1].y0)["x"].shape == (2, 2)
+    # The same equations, with other names for their parts.
     other = Problem(
-        lambda t, y, args: {"a": y["b"], "b": -y["a"]}, {"a": X, "b": V}, TS, {"stiffness": 2.0}
+        lambda t, y, args: {"a": -args["stiffness"] * y["b"], "b": y["a"]},
+        {"a": V, "b": X},
+        TS,
+        {"stiffness": STIFFNESS},
     )
-    with pytest.raises(InputError, match="differ in their"):
+    with pytest.raises(InputError, match="differ in their states"):
         Ensemble.of([as_dict, other])
     with pytest.raises(InputError, match=r"y0: .* given; allowed: the"):
         Ensemble.varying(as_dict, y0={"x": x})

@@ -16,8 +16,10 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import optimistix
+from jax import lax
 
 from ropeode.references.solvers.family import Family
+from ropeode.references.solvers.rounding import change_by_rounding
 from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, Solver
 
 _ROOT_RTOL = 1e-9
@@ -25,6 +27,8 @@ _ROOT_RTOL = 1e-9
 # asks for later. It asks for ten times a step that a sample time has cut to one unit. Rounding
 # leaves a step of five units as it is when nine tenths of it are tried.
 _FIRST_STEP, _SHORTEST_STEP = 10.0, 8.0
+# Plain loops of JAX. diffrax chooses them itself where `ForwardMode` meets a solver of its own.
+_LOOPS = "lax"
 
 
 def _kvaerno5(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
@@ -37,11 +41,107 @@ def _kvaerno5(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
     """
     root_rtol: Any = jnp.maximum(rtol, _ROOT_RTOL)
     newton = optimistix.Newton(rtol=root_rtol, atol=root_rtol / rtol * atol)
-    return diffrax.Kvaerno5(root_finder=newton)
+    return diffrax.Kvaerno5(root_finder=newton, scan_kind=_LOOPS)
+
+
+class _Increment(diffrax.AbstractTerm):
+    """The term of ``z = y - base - carry``; its `args` are these two and those of the term.
+
+    Arguments:
+        term: that of y.
+        change: ``change(t, y, args)``, what is added to its vector field.
+    """
+
+    term: diffrax.AbstractTerm
+    change: Callable
+
+    def vf(self, t: Any, y: Any, args: Any) -> Any:
+        """The vector field at ``base + (carry + z)``."""
+        base, carry, args = args
+        here = base + (carry + y)
+        return self.term.vf(t, here, args) + self.change(t, here, args)
+
+    def contr(self, t0: Any, t1: Any, **more: Any) -> Any:
+        """The term's own control."""
+        return self.term.contr(t0, t1, **more)
+
+    def prod(self, vf: Any, control: Any) -> Any:
+        """The term's own product."""
+        return self.term.prod(vf, control)
+
+
+class _Ends(diffrax.AbstractLocalInterpolation):
+    """The states at the ends of a step. Sample times are nowhere else."""
+
+    t0: Any
+    t1: Any
+    y0: Any
+    y1: Any
+
+    def evaluate(self, t0: Any, t1: Any = None, left: bool = True) -> Any:
+        """The state at the end that `t0` is."""
+        del t1, left
+        return jnp.where(t0 > self.t0, self.y1, self.y0)
+
+
+class _Compensated(diffrax.AbstractAdaptiveSolver):
+    """A solver that keeps what rounding takes from the state, and adds it in the next step.
+
+    Each step starts from zero and computes the increment of the state, which is then added by
+    an exact sum of two numbers. So motion far below a unit in the last place of the state is
+    not lost, however many steps it takes. See Hairer, Lubich, Wanner, Geometric Numerical
+    Integration, section VIII.5.
+
+    Arguments:
+        solver: that of the steps.
+        change: what is added to the vector field in each step, as for `_Increment`.
+    """
+
+    solver: diffrax.AbstractSolver
+    change: Callable
+
+    interpolation_cls = _Ends
+    term_structure = property(lambda self: self.solver.term_structure)
+
+    def order(self, terms: Any) -> Any:
+        """That of the solver."""
+        return self.solver.order(terms)
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> tuple:
+        """Start with nothing lost."""
+        return jnp.zeros_like(y0), self.solver.init(terms, t0, t1, y0, args)
+
+    def step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any
+    ) -> tuple:
+        """One step of the solver from zero, added to the state."""
+        carry, inner = solver_state
+        increment, error, _, inner, result = self.solver.step(
+            _Increment(terms, self.change),
+            t0,
+            t1,
+            jnp.zeros_like(y0),
+            (y0, carry, args),
+            inner,
+            made_jump,
+        )
+        y1, carry = _two_sum(y0, carry + increment)
+        return y1, error, {"y0": y0, "y1": y1}, (carry, inner), result
+
+    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
+        """The vector field."""
+        return self.solver.func(terms, t0, y0, args)
+
+
+def _two_sum(a: Any, b: Any) -> tuple[Any, Any]:
+    """A sum, and what rounding takes from it; see Knuth, The Art of Computer Programming, 4.2.2."""
+    total = a + b
+    from_b = total - a
+    return total, (a - (total - from_b)) + (b - from_b)
 
 
 SOLVERS: dict[Solver, Callable[[Any, Any], diffrax.AbstractSolver]] = {
-    DOPRI8: lambda rtol, atol: diffrax.Dopri8(),
+    DOPRI8: lambda rtol, atol: diffrax.Dopri8(scan_kind=_LOOPS),
     KVAERNO5: _kvaerno5,
 }
 
@@ -79,7 +179,7 @@ class _StepLimit(_Wrapper):
         *inputs, (count, inner) = inputs
         *choice, inner, result = self.controller.adapt_step_size(*inputs, inner)
         count = count + 1
-        spent = (count >= self.limit) & diffrax.is_okay(result)
+        spent = (count >= self.limit) & diffrax.is_successful(result)
         result = diffrax.RESULTS.where(spent, diffrax.RESULTS.max_steps_reached, result)
         return *choice, (count, inner), result
 
@@ -90,10 +190,18 @@ class _Frames(_Wrapper):
     `ClipStepSizeController(step_ts=...)` compares each step with all sample times, which takes
     much longer than the step itself where they are thousands. `PIDController(dtmax=...)` knows
     one length for all frames, and `dtmin` one for all times: here a run ends where the inner
-    controller asks for a step that hardly changes `t` in floating-point numbers.
+    controller asks for a step that hardly changes `t` in floating-point numbers. At the last
+    sample time it ends by an event, as diffrax calls that.
+
+    Arguments:
+        controller: the inner one.
+        ts: the sample times.
+        ends: where the last step before each of them ends: there, or just before a jump there.
+        longest: the longest step for each frame.
     """
 
     ts: Any
+    ends: Any
     longest: Any
 
     def init(self, *inputs: Any) -> tuple:
@@ -108,10 +216,11 @@ class _Frames(_Wrapper):
         *inputs, (frame, inner) = inputs
         keep, t0, t1, made_jump, inner, result = self.controller.adapt_step_size(*inputs, inner)
         # Also where it is NaN.
-        too_short = ~(t1 - t0 >= _SHORTEST_STEP * _spacing(t0)) & diffrax.is_okay(result)
+        too_short = ~(t1 - t0 >= _SHORTEST_STEP * _spacing(t0)) & diffrax.is_successful(result)
         result = diffrax.RESULTS.where(too_short, diffrax.RESULTS.dt_min_reached, result)
-        # No step passes a sample time. One that ends at a jump there ends just before it.
-        frame = frame + (self.ts[frame + 1] <= jnp.nextafter(t0, jnp.inf))
+        arrived = (t0 >= self.ts[-1]) & diffrax.is_okay(result)
+        result = diffrax.RESULTS.where(arrived, diffrax.RESULTS.event_occurred, result)
+        frame = frame + (self.ends[frame + 1] <= t0)
         return keep, t0, self._shortened(t0, t1, frame), made_jump, (frame, inner), result
 
     def _shortened(self, t0: Any, t1: Any, frame: Any) -> Any:
@@ -139,24 +248,48 @@ def solution_of(family: Family) -> Callable:
         `failure`, the steps, the states at the sample times, flat, and the time reached.
     """
 
+    def field(t: Any, y: Any, inputs: Any) -> Any:
+        leaves, _ = inputs
+        return family.field(t, y, leaves)
+
+    def change(t: Any, y: Any, inputs: Any) -> Any:
+        leaves, seed = inputs
+        # No derivative: that of the vector field is the one of the right-hand side as it is.
+        return lax.cond(
+            seed > 0,
+            lambda t, y: change_by_rounding(lambda y: family.field(t, y, leaves), y, seed),
+            lambda t, y: jnp.zeros_like(y),
+            *lax.stop_gradient((t, y)),
+        )
+
     def run(
-        y0: Any, leaves: Any, ts: Any, jump_ts: Any, rtol: Any, atol: Any, limit: Any, longest: Any
+        y0: Any,
+        leaves: Any,
+        ts: Any,
+        jump_ts: Any,
+        rtol: Any,
+        atol: Any,
+        limit: Any,
+        longest: Any,
+        seed: Any,
     ) -> Any:
-        controller = _Frames(diffrax.PIDController(rtol=rtol, atol=atol), ts, longest)
+        ends = jnp.where(jnp.isin(ts, jump_ts), jnp.nextafter(ts, -jnp.inf), ts)
+        controller = _Frames(diffrax.PIDController(rtol=rtol, atol=atol), ts, ends, longest)
         if family.jumps:
             controller = diffrax.ClipStepSizeController(controller, jump_ts=jump_ts)
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(family.field),
-            SOLVERS[family.solver](rtol, atol),
+            diffrax.ODETerm(field),
+            _Compensated(SOLVERS[family.solver](rtol, atol), change),
             ts[0],
-            ts[-1],
+            # Beyond the end, where diffrax would lengthen a step that ends shortly before it.
+            2 * ts[-1] - ts[0] + 1e3 * _spacing(jnp.abs(ts[-1])),
             None,
             y0,
-            leaves,
+            (leaves, seed),
             saveat=diffrax.SaveAt(
                 subs=(
                     diffrax.SubSaveAt(ts=ts),
-                    diffrax.SubSaveAt(t1=True, fn=lambda t, y, leaves: t),
+                    diffrax.SubSaveAt(t1=True, fn=lambda t, y, inputs: t),
                 )
             ),
             stepsize_controller=_StepLimit(controller, limit),
@@ -181,6 +314,6 @@ def failure(result: Any) -> str:
     reason = jax.tree.unflatten(jax.tree.structure(diffrax.RESULTS.successful), [result])
     if reason == diffrax.RESULTS.dt_min_reached:
         return "the step size has become too small"
-    if diffrax.is_successful(reason):
+    if diffrax.is_okay(reason):
         return "the state is not finite"
     return str(diffrax.RESULTS[reason]).strip().split(". ")[0]

@@ -30,6 +30,7 @@ def solve(
     seconds: float = np.inf,
     longest_steps: np.ndarray | None = None,
     y0: np.ndarray | None = None,
+    rounding_seed: int = 0,
 ) -> Solution:
     """Solve with diffrax in float64.
 
@@ -46,6 +47,8 @@ def solve(
         longest_steps: no step that starts in a frame may be longer than its entry,
             ``(frames,)``, in units of time.
         y0: initial state; by default the problem's.
+        rounding_seed: where it is not 0, each number that the right-hand side rounds is moved by
+            a unit in the last place; each seed gives other directions. See `rounding`.
     """
     start = problem.y0 if y0 is None else y0
     longest = np.full(problem.frames, np.inf) if longest_steps is None else longest_steps
@@ -69,6 +72,7 @@ def solve(
                 np.broadcast_to(np.float64(atol), start.shape).reshape(-1),
                 np.int64(limit),
                 np.pad(longest, (0, spare), mode="edge"),
+                np.int64(rounding_seed),
             )
         )
         affordable = (seconds - whole.seconds) / this.seconds * limit

@@ -60,6 +60,7 @@ class Family:
             abstract((int(np.prod(self.shape)),)),
             abstract((), np.int64),
             abstract((self.times - 1,)),
+            abstract((), np.int64),
         )
 
 

@@ -20,6 +20,7 @@ from ropeode.references.solvers.family import Family, abstract
 
 # What decides what a trace looks like, beside the right-hand side.
 _PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "lineax", "optimistix")
+_MODULES = ("diffrax_program", "rounding")
 _folder: Path | None = None
 _compiling = threading.Lock()
 
@@ -88,10 +89,10 @@ def _key(family: Family) -> str:
 
     function = with_slope if family.solver.implicit else family.field
     y0, leaves, *_ = family.inputs()
-    own = importlib.util.find_spec("ropeode.references.solvers.diffrax_program")
+    own = [importlib.util.find_spec(f"ropeode.references.solvers.{name}") for name in _MODULES]
     parts = (
         *(f"{name} {metadata.version(name)}" for name in _PACKAGES),
-        Path(str(own and own.origin)).read_text(),
+        *(Path(str(each and each.origin)).read_text() for each in own),
         jax.default_backend(),
         str(family.solver),
         repr(family.inputs()),

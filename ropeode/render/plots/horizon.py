@@ -24,6 +24,7 @@ _LOOKS = {
     "short steps": {"color": COLOURS[3]},
     "close look": {"color": COLOURS[5]},
     "neighbour": {"color": COLOURS[4]},
+    "rounding": {"color": COLOURS[5]},
     "independent": {"color": COLOURS[1]},
     "reference": {"color": COLOURS[0], "linewidth": 1.8},
 }
