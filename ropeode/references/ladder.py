@@ -35,6 +35,8 @@ _MOST_STEPS_PER_DIGIT = 2.5
 # A solver that has needed so many steps counts as the wrong one for a problem.
 _STEPS, _STEPS_PER_FRAME = 100_000, 4_000
 _SHORT_STEPS_PER_FRAME = 32
+# Where that is more steps than this, each frame has fewer, but still several.
+_MOST_SHORT_STEPS, _FEWEST_SHORT_STEPS_PER_FRAME = 200_000, 4
 # Ten thousand take two seconds.
 _MOST_STEPS_IN_PYTHON = 10_000
 _FEWEST_SHORT_STEPS = 1000
@@ -89,7 +91,9 @@ def short_steps(problem: Problem, ts: np.ndarray) -> np.ndarray:
     Returns:
         The longest step for each interval of `ts`, ``(times - 1,)``.
     """
-    parts = max(_SHORT_STEPS_PER_FRAME, _FEWEST_SHORT_STEPS / problem.frames)
+    in_many = max(_MOST_SHORT_STEPS / problem.frames, _FEWEST_SHORT_STEPS_PER_FRAME)
+    parts = min(_SHORT_STEPS_PER_FRAME, in_many)
+    parts = max(parts, _FEWEST_SHORT_STEPS / problem.frames)
     frame = np.searchsorted(problem.ts, ts[:-1], side="right") - 1
     return np.diff(problem.ts)[frame] / parts
 
