@@ -30,6 +30,7 @@ from ropeode.references.ladder import (
     climb,
     other_runs,
     recall,
+    short_steps,
     solve_closely,
     solve_independent,
     solve_other,
@@ -77,7 +78,15 @@ def consensus_reference(
     independent = solve_independent(
         problem, primary.method, primary.next_tighter, primary.run, progress
     )
-    return certified(primary, independent, options, progress)
+    # Not above: heyoka is an extra.
+    from ropeode.references.extended.witness import run_beyond_float64
+
+    beyond = None
+    # Taylor series are an explicit method.
+    if primary.method is EXPLICIT:
+        longest = short_steps(problem, problem.ts)
+        beyond = run_beyond_float64(problem, primary.run, longest, progress)
+    return certified(primary, independent, options, progress, beyond)
 
 
 def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Primary:
@@ -127,9 +136,20 @@ def primary_runs(problem: Problem, rtol: float | None, progress: Progress) -> Pr
 
 
 def certified(
-    primary: Primary, independent: Solution, options: ReferenceOptions, progress: Progress
+    primary: Primary,
+    independent: Solution,
+    options: ReferenceOptions,
+    progress: Progress,
+    beyond: Solution | None = None,
 ) -> Reference:
     """The reference with its certificate.
+
+    Arguments:
+        primary: the runs of the primary solver.
+        independent: that of another one.
+        options: of the reference.
+        progress: called before a run that looks closely.
+        beyond: a run with more digits, if there is one.
 
     Raises:
         ReferenceRefused: not even the first sample can be trusted; says why.
@@ -137,6 +157,9 @@ def certified(
     problem, run = primary.problem, primary.run
     witnesses = [*primary.witnesses, witness(problem, run, independent, "independent")]
     every = [*primary.rungs, *primary.others, independent]
+    if beyond is not None:
+        witnesses.append(witness(problem, run, beyond, "more digits"))
+        every.append(beyond)
     drift = problem.drift(run.states)
     estimated = bounds(problem, run, witnesses, drift)
     bound, accuracy = estimated[problem.quantities[0]], options.accuracy
@@ -192,7 +215,7 @@ def certified(
             stiff=primary.method is IMPLICIT,
             seconds=sum(each.seconds for each in every),
             compile_seconds=sum(each.compile_seconds for each in every),
-            versions=versions(*_PACKAGES),
+            versions=versions(*_PACKAGES, *(["heyoka"] if beyond else [])),
             sampling=findings.sampling,
         ),
     )

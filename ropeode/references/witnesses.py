@@ -17,6 +17,7 @@ from ropeode.references.ladder import (
     Method,
     independent_budget,
     other_runs,
+    short_steps,
     solve_closely,
     solve_independent,
     solve_primary,
@@ -80,6 +81,14 @@ def witness_runs(
 
             budget = independent_budget(problem, next_tighter)
             (run,) = dop853.solve([problem], [next_tighter.rtol], max_steps=[budget])
+        elif role == "more digits":
+            # Not above: heyoka is an extra.
+            from ropeode.references.extended.witness import run_beyond_float64
+
+            longest = short_steps(reference.problem, problem.ts)
+            run = run_beyond_float64(problem, primary, longest, progress)
+            if run is None:
+                continue
         elif role == "independent":
             run = solve_independent(problem, method, next_tighter, primary, progress)
         elif role == "close look":

@@ -74,7 +74,9 @@ def test_everything_is_recorded(small_rope):
     assert made.level == "consensus"
     assert made.solver == DOPRI8
     assert (made.rtol, made.atol) == (1e-13, 1e-13 * 400)
-    assert {w.role for w in made.witnesses} == set(get_args(Role)) - {"close look", "fewer digits"}
+    # A run with more digits is there where heyoka is.
+    expected = set(get_args(Role)) - {"close look", "more digits", "fewer digits"}
+    assert {w.role for w in made.witnesses} - {"more digits"} == expected
     assert [w.solver for w in made.witnesses if w.role == "independent"] == [SCIPY_DOP853]
     for w in made.witnesses:
         assert w.steps > 0
