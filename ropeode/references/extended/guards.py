@@ -203,6 +203,7 @@ def _traced(rhs: Any, inputs: tuple, structure: Any) -> Any:
     return jax.make_jaxpr(rhs)(t, y, jax.tree.unflatten(structure, leaves))
 
 
+@in_float64
 def traced_once(problem: Problem) -> Any:
     """The right-hand side as a jaxpr, the same object for all problems that share it."""
     leaves, structure = jax.tree.flatten(problem.args)
