@@ -57,5 +57,7 @@ def _parts(traced: ClosedJaxpr | Jaxpr) -> Iterator[bytes]:
 
 
 def _number(value: Any) -> bytes:
+    if jax.numpy.issubdtype(getattr(value, "dtype", float), jax.dtypes.prng_key):
+        value = jax.random.key_data(value)
     array = np.asarray(value)
     return f"{array.dtype}{array.shape}".encode() + array.tobytes()

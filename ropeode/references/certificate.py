@@ -35,6 +35,7 @@ Role = Literal[
     "short steps",
     "rounding",
     "independent",
+    "more digits",
     "close look",
     "fewer digits",
 ]
@@ -61,7 +62,8 @@ class Witness:
             steps` cannot step over what lasts longer than 1/32 of a frame, `rounding` is the
             primary solver with each rounded number of the right-hand side moved by a unit, `close
             look` ends its steps where the right-hand side does something between those of the
-            others, and `fewer digits` checks a reference in extended precision.
+            others, `more digits` is a run beyond float64, and `fewer digits` checks a reference in
+            extended precision.
         steps: how many (diffrax counts rejected ones, SciPy does not).
         seconds: to run, without compiling.
         differences: its distance from the reference at each sample, for each quantity.
@@ -96,7 +98,8 @@ class Certificate:
     """What is claimed of a reference, and the evidence.
 
     Arguments:
-        level: `consensus`: the witnesses are float64 runs. `extended`: two runs in extended
+        level: `consensus`: the reference and its witnesses are float64 runs, but for one of `more
+            digits` where heyoka is installed and that is cheap. `extended`: two runs in extended
             precision agree, and the states are those of the finer one, rounded to float64.
         solver: the primary solver.
         rtol: its relative tolerance.

@@ -62,9 +62,9 @@ def reference(
     The primary solver, diffrax Dopri8, runs on a ladder of tolerances until rounding makes
     tighter ones useless. The last run but one is the reference. The witnesses are the other
     rungs, a run from a neighbouring initial state, a run with steps too short to miss much, two
-    whose right-hand side rounds in other directions, and SciPy's DOP853. A problem for which the
-    explicit solver needs too many steps counts as stiff; diffrax Kvaerno5 and SciPy's Radau solve
-    it instead.
+    whose right-hand side rounds in other directions, SciPy's DOP853, and, where heyoka is installed
+    and that is cheap, a run with more digits. A problem for which the explicit solver needs too
+    many steps counts as stiff; diffrax Kvaerno5 and SciPy's Radau solve it instead.
 
     At the level `extended`, Taylor series (heyoka) solve the problem twice, with as many digits
     as it needs; see `ropeode.references.extended.solution`.

@@ -34,6 +34,7 @@ from ropeode.references.ladder import (
     climb,
     other_runs,
     recall,
+    short_steps,
     solve_closely,
     solve_independent,
     solve_other,
@@ -81,7 +82,7 @@ def consensus_reference(
 ) -> Reference:
     """A reference of level `consensus`, as `ropeode.reference` describes it and raises."""
     primary = primary_runs(problem, options, progress)
-    return certified(primary, independent_run(primary), options)
+    return certified(primary, independent_run(primary), options, _run_beyond_float64(primary))
 
 
 def independent_run(primary: Primary) -> Solution:
@@ -89,6 +90,17 @@ def independent_run(primary: Primary) -> Solution:
     return solve_independent(
         primary.solved, primary.method, primary.next_tighter, primary.run, primary.budget
     )
+
+
+def _run_beyond_float64(primary: Primary) -> Solution | None:
+    """A run with more digits, where that is cheap; Taylor series are an explicit method."""
+    if primary.method is not EXPLICIT:
+        return None
+    # Not above: heyoka is an extra.
+    from ropeode.references.extended.witness import run_beyond_float64
+
+    longest = short_steps(primary.problem, primary.solved.ts)
+    return run_beyond_float64(primary.solved, primary.run, longest, primary.budget.progress)
 
 
 def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress) -> Primary:
@@ -142,8 +154,19 @@ def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress
     )
 
 
-def certified(primary: Primary, independent: Solution, options: ReferenceOptions) -> Reference:
+def certified(
+    primary: Primary,
+    independent: Solution,
+    options: ReferenceOptions,
+    beyond: Solution | None = None,
+) -> Reference:
     """The reference with its certificate.
+
+    Arguments:
+        primary: the runs of the primary solver.
+        independent: that of another one.
+        options: of the reference.
+        beyond: a run with more digits, if there is one.
 
     Raises:
         ReferenceRefused: not even the first sample can be trusted; says why.
@@ -151,6 +174,9 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
     problem, run = primary.problem, primary.run
     witnesses = [*primary.witnesses, witness(problem, run, independent, "independent")]
     every = [*primary.rungs, *primary.others, independent]
+    if beyond is not None:
+        witnesses.append(witness(problem, run, beyond, "more digits"))
+        every.append(beyond)
     drift = problem.drift(run.states)
     estimated = bounds(problem, run, witnesses, drift)
     bound, accuracy = estimated[problem.quantities[0]], options.accuracy
@@ -210,7 +236,7 @@ def certified(primary: Primary, independent: Solution, options: ReferenceOptions
             stiff=primary.method is IMPLICIT,
             seconds=sum(each.seconds for each in every),
             compile_seconds=sum(each.compile_seconds for each in every),
-            versions=versions(*_PACKAGES),
+            versions=versions(*_PACKAGES, *(["heyoka"] if beyond else [])),
             sampling=findings.sampling,
         ),
     )

@@ -20,6 +20,7 @@ from ropeode.references.ladder import (
     independent_steps,
     is_long,
     other_runs,
+    short_steps,
     solve_closely,
     solve_independent,
     solve_primary,
@@ -106,6 +107,14 @@ def witness_runs(
                 [next_tighter.rtol * budget.scale],
                 max_steps=[independent_steps(next_tighter)],
             )
+        elif role == "more digits":
+            # Not above: heyoka is an extra.
+            from ropeode.references.extended.witness import run_beyond_float64
+
+            longest = short_steps(reference.problem, problem.ts)
+            run = run_beyond_float64(problem, primary, longest, budget.progress)
+            if run is None:
+                continue
         elif role == "independent":
             run = solve_independent(problem, method, next_tighter, primary, budget)
         elif role == "close look":

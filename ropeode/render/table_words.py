@@ -121,7 +121,8 @@ def reference_words(table: AccuracyTable) -> str:
     """The reference and its bound, in the quantity of the errors."""
     reference, quantity = table.reference, table.norm.quantity
     certificate = reference.certificate
-    independent = [w for w in certificate.witnesses if w.role in ("independent", "fewer digits")]
+    others = ("independent", "more digits", "fewer digits")
+    independent = [w for w in certificate.witnesses if w.role in others]
     inside = slice(reference.trusted)
     agreeing = ", ".join(
         f"{w.solver} {_agreement(table, w.differences[quantity][inside])}" for w in independent

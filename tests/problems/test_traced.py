@@ -209,6 +209,18 @@ def test_functions_with_derivatives_of_their_own_beside_other_primitives():
     np.testing.assert_allclose(found, [2.0 - np.sin(1.0), 2.0 - np.sin(2.0)], rtol=1e-15)
 
 
+def test_keys_of_random_numbers_are_numbers():
+    def of(seed):
+        key = jax.random.key(seed)
+        with jax.enable_x64(True):
+            return Traced(
+                "rhs", lambda t, y, a: y * jax.random.normal(key), (0.0, np.ones(2), None)
+            )
+
+    assert of(1) == of(1)
+    assert of(1) != of(2)
+
+
 def test_tables_are_looked_up_by_time():
     def rhs(t, y, args):
         return args["rate"][jnp.floor(t).astype(int)] * y

@@ -74,7 +74,9 @@ def test_everything_is_recorded(small_rope):
     assert made.level == "consensus"
     assert made.solver == DOPRI8
     assert (made.rtol, made.atol) == (1e-13, 1e-13 * 400)
-    assert {w.role for w in made.witnesses} == set(get_args(Role)) - {"close look", "fewer digits"}
+    # A run with more digits is there where heyoka is.
+    expected = set(get_args(Role)) - {"close look", "more digits", "fewer digits"}
+    assert {w.role for w in made.witnesses} - {"more digits"} == expected
     assert [w.solver for w in made.witnesses if w.role == "independent"] == [SCIPY_DOP853]
     for w in made.witnesses:
         assert w.steps > 0
@@ -249,7 +251,7 @@ def test_what_has_no_solution_is_refused(equation, y0):
     with pytest.raises(ReferenceRefused, match=f"no reference for '{equation}'"):
         reference(problem, progress=lambda text, fraction: runs.append(text))
     # A solver that is stuck uses up its steps, and nobody tries all tolerances with it.
-    assert len(runs) <= 12
+    assert len(runs) <= 13
 
 
 def test_a_neighbour_differs_in_each_component():

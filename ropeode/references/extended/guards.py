@@ -9,6 +9,7 @@ What changes and changes back within one step is not seen.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -63,23 +64,18 @@ class Guards:
     """
 
     def __init__(self, problem: Problem, traced: Any, t: float, y: np.ndarray):
-        self.names: list[str] = []
+        self._leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(problem.args)]
+        self._traced, self._steers = traced, steers(traced)
         self.choices: list[np.ndarray] = []
-        self._angles: list[bool] = []
-        self._steers = steers(traced)
-        leaves = [Value(jnp.asarray(leaf), False) for leaf in jax.tree.leaves(problem.args)]
-
-        def watch(t: Any, y: Any, before: Sequence[np.ndarray]) -> list[Any]:
-            watched = _Watch(before)
-            walk(traced, [Value(t, True), Value(y, True), *leaves], watched)
-            self.names, self._angles = watched.names, watched.angles
-            return watched.choices
-
-        self._watch_one = watch
-        self._watch = jax.jit(jax.vmap(lambda t, y: watch(t, y, self.choices)))
         if self._steers:
             self.choices = self.at(t, y)
-        jax.eval_shape(self._watch, np.array([t]), y[None])
+            watched, self._watch = _watching(traced, self.choices)
+        else:
+            watched, self._watch = _watching_once(traced)
+        leaves = [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in self._leaves]
+        if not watched:
+            jax.eval_shape(self._watch, np.array([t]), y[None], leaves)
+        self.names, self._angles = watched[0].names, watched[0].angles
         if self.names and not self._steers:
             self.choices = self.at(t, y)
 
@@ -88,8 +84,9 @@ class Guards:
         """The choices at another time and state."""
         if self._steers:
             # Step by step, since branches and loops follow numbers.
-            choices = self._watch_one(jnp.asarray(t, dtype=float), jnp.asarray(y), ())
-            return [np.asarray(each) for each in choices]
+            watched = _Watch(())
+            _follow(self._traced, watched, jnp.asarray(t, dtype=float), y, self._leaves)
+            return [np.asarray(each) for each in watched.choices]
         return [each[0] for each in next(self._choices_at([t], y[None]))]
 
     @in_float64
@@ -121,7 +118,9 @@ class Guards:
             y = states[first : first + _BLOCK]
             # The last state fills the block up, so that all blocks are equally long.
             rows = np.minimum(np.arange(_BLOCK), len(t) - 1)
-            yield [np.asarray(each)[: len(t)] for each in self._watch(t[rows], y[rows])]
+            yield [
+                np.asarray(each)[: len(t)] for each in self._watch(t[rows], y[rows], self._leaves)
+            ]
 
 
 class _Watch:
@@ -166,6 +165,50 @@ class _Watch:
         self.names.append(name)
         self.choices.append(choice)
         self.angles.append(angles)
+
+
+def _follow(traced: Any, watched: _Watch, t: Any, y: Any, leaves: Sequence[Any]) -> None:
+    args = [Value(leaf, False) for leaf in leaves]
+    walk(traced, [Value(t, True), Value(jnp.asarray(y), True), *args], watched)
+
+
+def _watching(traced: Any, before: Sequence[np.ndarray]) -> tuple[list[_Watch], Any]:
+    """A compiled function of times, states and args that returns the choices.
+
+    Returns:
+        A list that holds what was watched once the function has been traced, and the function.
+    """
+    seen: list[_Watch] = []
+
+    def watch(t: Any, y: Any, leaves: Sequence[Any]) -> list[Any]:
+        watched = _Watch(before)
+        _follow(traced, watched, t, y, leaves)
+        seen.append(watched)
+        return watched.choices
+
+    return seen, jax.jit(jax.vmap(watch, in_axes=(0, 0, None)))
+
+
+@functools.lru_cache(maxsize=64)
+def _watching_once(traced: Any) -> tuple[list[_Watch], Any]:
+    """The same, once for each jaxpr."""
+    return _watching(traced, ())
+
+
+@functools.lru_cache(maxsize=64)
+def _traced(rhs: Any, inputs: tuple, structure: Any) -> Any:
+    t, y, *leaves = (
+        jax.ShapeDtypeStruct(each.shape, each.dtype, weak_type=each.weak_type) for each in inputs
+    )
+    return jax.make_jaxpr(rhs)(t, y, jax.tree.unflatten(structure, leaves))
+
+
+@in_float64
+def traced_once(problem: Problem) -> Any:
+    """The right-hand side as a jaxpr, the same object for all problems that share it."""
+    leaves, structure = jax.tree.flatten(problem.args)
+    inputs = tuple(jax.typeof(leaf) for leaf in (0.0, problem.y0, *leaves))
+    return _traced(problem.rhs, inputs, structure)
 
 
 def just_after(problem: Problem, t: float, y: np.ndarray) -> tuple[float, np.ndarray]:

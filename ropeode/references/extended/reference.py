@@ -32,6 +32,9 @@ from ropeode.validation import bad_value
 
 # Groups of runs are so many times further apart than one run is from the next, in the median.
 _GROUPED = 1000.0
+# Runs that are apart for reasons of their own: looser rungs pass by what the reference has seen,
+# the neighbour leaves an unstable balance, moved roundings show what a right-hand side cancels.
+_OF_THEIR_OWN = ("looser", "neighbour", "rounding")
 # Fewer runs form no groups.
 _FEWEST = 5
 _PARTED = "some float64 solvers see something there that others pass by"
@@ -200,8 +203,7 @@ class _Evidence:
             spread[k] = np.median(np.diff(ways)) if len(ways) >= _FEWEST else np.inf
         spread = np.maximum.accumulate(spread)
         for run, series in zip(self.witnesses, apart, strict=True):
-            # What looser rungs pass by, the reference may have seen.
-            if run.role != "looser":
+            if run.role not in _OF_THEIR_OWN:
                 in_each_step = run.tolerance * run.steps * size
                 parted = np.isfinite(series) & (
                     series > _GROUPED * np.maximum(spread, in_each_step)

@@ -19,6 +19,8 @@ from ropeode.validation import check_positive, check_whole
 QUADRUPLE = 113
 # Steps of high order last several radians; their parts are like the steps of other solvers.
 _PARTS = 16
+# That of the x87's numbers, which are by far the fastest beyond float64.
+HARDWARE = 64
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -28,7 +30,8 @@ class ExtendedRun:
     Arguments:
         precision: of all its numbers, in bits of the significand.
         tolerance: relative, of one step.
-        states: ``(times, *state)`` at the sample times that were reached, as `heyoka.real`.
+        states: ``(times, *state)`` at the sample times that were reached, as `heyoka.real`, or
+            as `numpy.longdouble` where it has the precision.
         steps: how many.
         seconds: to run.
         compile_seconds: to translate and compile.
@@ -64,6 +67,8 @@ def solve(
     precision: int = QUADRUPLE,
     tolerance: float | None = None,
     time_limit: float = np.inf,
+    max_steps: float = np.inf,
+    longest_steps: np.ndarray | None = None,
     stops: np.ndarray | None = None,
     progress: Progress = silent,
 ) -> ExtendedRun:
@@ -79,6 +84,9 @@ def solve(
         precision: of all numbers, in bits of the significand, 53 or more.
         tolerance: relative error of one step; by default one unit of rounding.
         time_limit: seconds after which the run ends where it is; checked after each step.
+        max_steps: after which it ends.
+        longest_steps: the longest step in each frame, ``(times - 1,)``; as long as the tolerance
+            allows where there is none.
         stops: the sample times at which steps end; at the others the state is that of the step's
             Taylor polynomial, which is within the tolerance all along the step. The last sample
             time is always a stop.
@@ -95,7 +103,10 @@ def solve(
     tolerance = check_positive("tolerance", tolerance, example="1e-33")
     progress(f"reference: heyoka Taylor with {precision} bits", None)
     stops = problem.ts if stops is None else np.append(stops, problem.ts[-1])
-    run = _Run(problem, precision, tolerance, time.perf_counter() + time_limit, stops)
+    deadline = time.perf_counter() + time_limit
+    if longest_steps is None:
+        longest_steps = np.full(problem.frames, np.inf)
+    run = _Run(problem, precision, tolerance, deadline, max_steps, longest_steps, stops)
     run.to_the_end()
     states = np.stack(run.samples).reshape(-1, *problem.y0.shape)
     return ExtendedRun(
@@ -119,6 +130,8 @@ class _Run:
     precision: int
     tolerance: float
     deadline: float
+    max_steps: float
+    longest_steps: np.ndarray
     stops: np.ndarray
     steps: int = 0
     seconds: float = 0.0
@@ -155,10 +168,9 @@ class _Run:
         taylor = library.taylor_adaptive(
             translation.system,
             state,
-            time=library.real(start, self.precision),
-            tol=library.real(self.tolerance, self.precision),
-            fp_type=library.real,
-            prec=self.precision,
+            time=self._number(start),
+            tol=self._number(self.tolerance),
+            **self._kind(),
             # Otherwise some problems of four components take minutes to compile.
             compact_mode=True,
         )
@@ -169,8 +181,10 @@ class _Run:
         stops = sorted({end, *self.stops[(self.stops > start) & (self.stops < end)].tolist()})
         steps: list[tuple[float, np.ndarray]] = []
         for stop in stops:
-            target = library.real(stop, self.precision)
-            why = self._advance(taylor, target, steps)
+            target = self._number(stop)
+            frame = int(np.searchsorted(ts, stop)) - 1
+            longest = float(self.longest_steps[frame])
+            why = self._advance(taylor, target, longest, steps)
             arrived = taylor.time == target and np.all(np.isfinite(taylor.state))
             if arrived and stop in ts:
                 self.samples.append(taylor.state.copy())
@@ -186,7 +200,7 @@ class _Run:
         return taylor.state.copy()
 
     def _advance(
-        self, taylor: Any, target: Any, steps: list[tuple[float, np.ndarray]]
+        self, taylor: Any, target: Any, longest: float, steps: list[tuple[float, np.ndarray]]
     ) -> str | None:
         """Step to a time and record each step's end; return why it stopped early, if it did."""
         shortest = 2.0**-self.precision * float(self.problem.ts[-1] - self.problem.ts[0])
@@ -195,21 +209,26 @@ class _Run:
         def each_step(taylor: Any) -> bool:
             self._read_off(taylor, target)
             steps.append((float(taylor.time), taylor.state.astype(np.float64)))
-            self._keep_parts(taylor)
+            if self.precision != HARDWARE:  # A witness takes other steps; nobody looks between.
+                self._keep_parts(taylor)
             if abs(float(taylor.last_h)) < shortest and taylor.time != target:
                 reasons.append("its steps become too short")
             elif time.perf_counter() >= self.deadline:
                 reasons.append("the time limit")
+            elif self.steps + len(steps) >= self.max_steps:
+                reasons.append("too many steps")
             return not reasons
 
-        taylor.propagate_until(target, callback=each_step, write_tc=True)
+        taylor.propagate_until(
+            target, max_delta_t=self._number(longest), callback=each_step, write_tc=True
+        )
         return reasons[0] if reasons else None
 
     def _read_off(self, taylor: Any, target: Any) -> None:
         """Record the samples inside the last step."""
         ts = self.problem.ts
         while (t := ts[len(self.samples)]) < target and t <= taylor.time:
-            taylor.update_d_output(heyoka().real(float(t), self.precision))
+            taylor.update_d_output(self._number(float(t)))
             self.samples.append(taylor.d_output.copy())
 
     def _keep_parts(self, taylor: Any) -> None:
@@ -254,5 +273,22 @@ class _Run:
         )
 
     def _exactly(self, array: np.ndarray) -> np.ndarray:
-        real = heyoka().real
-        return np.array([real(float(entry), self.precision) for entry in array])
+        return np.array([self._number(float(entry)) for entry in array])
+
+    def _number(self, value: float) -> Any:
+        """A float64 number in the precision of the run, without rounding."""
+        if self.precision == HARDWARE and in_hardware():
+            return np.longdouble(value)
+        return heyoka().real(value, self.precision)
+
+    def _kind(self) -> dict[str, Any]:
+        """What heyoka calls numbers of this precision."""
+        if self.precision == HARDWARE and in_hardware():
+            # Five times as fast to compile, three times as slow to run: most runs are short.
+            return {"fp_type": np.longdouble, "opt_level": 0}
+        return {"fp_type": heyoka().real, "prec": self.precision}
+
+
+def in_hardware() -> bool:
+    """Whether the processor computes with a significand of 64 bits."""
+    return np.finfo(np.longdouble).nmant + 1 == HARDWARE

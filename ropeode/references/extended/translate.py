@@ -16,7 +16,7 @@ from ropeode.references.extended import heyoka, rules
 from ropeode.references.extended.arrays import constants, floats, objects
 from ropeode.references.extended.choices import by_choice, choosing, chosen
 from ropeode.references.extended.entries import OF_ONE, OF_ONE_COMPLEX
-from ropeode.references.extended.guards import Guards, chooses, just_after, looked_at
+from ropeode.references.extended.guards import Guards, chooses, just_after, looked_at, traced_once
 from ropeode.references.extended.jaxprs import Value, bind, is_complex, is_float, refuse, walk
 
 # Bits that constants have beyond the precision of the solution.
@@ -128,7 +128,7 @@ def translate(
     library = heyoka()
     start = float(problem.ts[0]) if t is None else t
     state = problem.y0 if y is None else np.asarray(y, dtype=np.float64)
-    traced = jax.make_jaxpr(problem.rhs)(start, state, problem.args)
+    traced = traced_once(problem)
     guards = Guards(problem, traced, *just_after(problem, start, state))
     translation = Translation(
         problem,

@@ -74,11 +74,10 @@ def software(level: str = "consensus") -> Mapping[str, str]:
         level: of the references; extended ones are computed by heyoka.
     """
     versions = {name: metadata.version(name) for name in PACKAGES}
-    if level == "extended":
-        try:
-            versions["heyoka"] = metadata.version("heyoka")
-        except metadata.PackageNotFoundError:
-            versions["heyoka"] = "not installed"
+    try:
+        versions["heyoka"] = metadata.version("heyoka")
+    except metadata.PackageNotFoundError:
+        versions["heyoka"] = "not installed"
     return {
         **versions,
         "python": platform.python_version(),
