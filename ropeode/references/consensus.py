@@ -181,7 +181,7 @@ def certified(
     estimated = bounds(problem, run, witnesses, drift)
     bound, accuracy = estimated[problem.quantities[0]], options.accuracy
     if accuracy is None:
-        moved = _resolved_motion(problem, run.states, bound)
+        moved = _resolved_motion(problem, run.states, bound, independent)
         accuracy = default_accuracy(problem, moved, 1e4 * (options.rtol or 0.0))
     trusted, why = trusted_samples(
         problem, primary.rungs, primary.from_tightest, bound, witnesses, accuracy
@@ -248,12 +248,18 @@ def _first_failure(primary: Primary, runs: Sequence[Solution]) -> str:
     return failures[0] if failures else f"the time limit of {primary.budget.seconds:g} s is spent"
 
 
-def _resolved_motion(problem: Problem, states: np.ndarray, bound: np.ndarray) -> float:
+def _resolved_motion(
+    problem: Problem, states: np.ndarray, bound: np.ndarray, independent: Solution
+) -> float:
     """The motion up to the last sample at which the bound leaves it three digits.
 
-    Past a pole it has none.
+    Past a pole it has none. What comes back at each sample has moved between them.
     """
-    farthest = motion(problem, states)
+    farthest, path = motion(problem, states), independent.path
+    assert path is not None
+    between = motion(problem, path.states.reshape(-1, *problem.y0.shape))
+    last = np.searchsorted(path.times, problem.ts[: len(states)], side="right") - 1
+    farthest = np.maximum(farthest, between[last])
     resolved = np.append(bound[: len(farthest)] <= 1e-3 * farthest, False)
     return float(farthest[max(int(np.argmin(resolved)) - 1, 0)])
 

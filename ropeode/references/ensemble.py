@@ -13,7 +13,7 @@ from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.consensus import Primary, certified, independent_run, primary_runs
-from ropeode.references.ladder import EXPLICIT, independent_steps
+from ropeode.references.ladder import EXPLICIT, independent_rtol, independent_steps
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
@@ -86,10 +86,11 @@ def _independent(primaries: Sequence[Primary]) -> Iterator[Solution]:
         return each.method is EXPLICIT and not each.problem.jump_times and whole
 
     together = [each for each in primaries if goes_together(each)]
+    rtols = [independent_rtol(each.method, each.next_tighter) for each in together]
     runs = dop853.solve(
         [each.problem for each in together],
-        [each.next_tighter.rtol for each in together],
-        [each.next_tighter.atol for each in together],
+        rtols,
+        [rtol * each.budget.scale for rtol, each in zip(rtols, together, strict=True)],
         max_steps=[independent_steps(each.next_tighter) for each in together],
     )
     remaining = iter(runs)

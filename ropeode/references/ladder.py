@@ -46,6 +46,7 @@ _RUNS_AFTER_THE_LADDER = 8
 # Of the two runs with moved roundings. See `solvers.rounding` for why these two.
 _ROUNDING_SEEDS = (1, 2)
 _LOOSEST_ROUNDING = 1e-9
+_LOOSEST_PATH = 1e-10
 # Random states at which it is seen what is held fixed.
 _PROBES = 3
 # A ladder that needs more memory than this keeps the states of two rungs only.
@@ -280,10 +281,19 @@ def independent_steps(like: Solution) -> int:
     return 10 * like.steps + 1000
 
 
+def independent_rtol(method: Method, tightest: Solution) -> float:
+    """The relative tolerance of the independent run: that of the next tighter rung, or tighter.
+
+    The right-hand side is evaluated along that run, between its steps. There it is close to the
+    solution only where the steps are short.
+    """
+    return min(tightest.rtol, _LOOSEST_PATH) if method is EXPLICIT else tightest.rtol
+
+
 def solve_independent(
     problem: Problem, method: Method, tightest: Solution, looser: Solution, budget: Budget
 ) -> Solution:
-    """The SciPy solver at the tolerance of `tightest`; at that of `looser` if it gets stuck.
+    """The SciPy solver at `independent_rtol`; at the tolerance of `looser` if it gets stuck.
 
     Where it would take many steps, each with a dozen calls from Python, the same method is
     compiled.
@@ -291,10 +301,11 @@ def solve_independent(
     # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
     from ropeode.references.solvers import compiled_dop853, scipy_solver
 
-    for like in (tightest, looser):
+    tries = (independent_rtol(method, tightest), tightest), (looser.rtol, looser)
+    for rtol, like in tries:
         solver = OWN_DOP853 if is_long(problem, method, tightest) else method.independent
-        budget.progress(f"reference: {solver} at {like.rtol:.0e}", None)
-        tolerances = like.rtol, like.rtol * budget.scale
+        budget.progress(f"reference: {solver} at {rtol:.0e}", None)
+        tolerances = rtol, rtol * budget.scale
         limits = {"max_steps": independent_steps(like), "seconds": budget.left}
         if solver == OWN_DOP853:
             run = compiled_dop853.solve(problem, *tolerances, **limits)

@@ -7,7 +7,9 @@ rounding.
 
 The solution between two ends of a step is the cubic through the states and slopes there. It need
 not be accurate: the same one is used for the nodes and for the other times. The defect y' - f would
-show the cubic's error instead, above all where a problem is stiff.
+show the cubic's error instead, above all where a problem is stiff. Only at the start of a step is
+it looked at: what a Taylor series passes by may last longer than the part of its step that is
+looked into here, and then is smooth there.
 """
 
 from __future__ import annotations
@@ -141,11 +143,14 @@ class Sampler:
 
     def _look_into(self, steps: np.ndarray, negligible: np.ndarray) -> Block:
         curves = self._curves(steps)
-        coefficients, allowed = self._smooth_part(steps, curves)
-        found: list[tuple[np.ndarray, ...]] = []
+        coefficients, allowed, defect = self._smooth_part(steps, curves)
+        defect = np.where(defect <= allowed, 0.0, np.nan_to_num(defect, nan=np.inf))
+        size = np.max(defect / negligible, axis=1)
+        at = size > 0
+        found: list[tuple[np.ndarray, ...]] = [(steps[at], self.low[steps[at]], size[at])]
         rows = np.repeat(np.arange(len(steps)), self.parts[steps])
         part = np.concatenate([np.arange(count) for count in self.parts[steps]])
-        added = np.zeros_like(negligible)
+        added = defect * self._length[steps, None]
         for first in range(0, len(rows), self._rows):
             block = np.arange(first, first + self._rows)
             real, block = block < len(rows), np.minimum(block, len(rows) - 1)
@@ -170,9 +175,9 @@ class Sampler:
             at = size > 0
             found.append((np.broadcast_to(step[:, None], t.shape)[at], t[at], size[at]))
         share = np.max(added / negligible, axis=1)
-        if not found:
-            return Block(share, np.empty(0, dtype=int), np.empty(0), np.empty(0))
-        return Block(share, *(np.concatenate(each) for each in zip(*found, strict=True)))
+        step, t, size = (np.concatenate(each) for each in zip(*found, strict=True))
+        order = np.lexsort((t, step))
+        return Block(share, step[order], t[order], size[order])
 
     def _curves(self, steps: np.ndarray) -> tuple[np.ndarray, ...]:
         """The cubics through states and slopes at the ends of steps, by powers of s."""
@@ -184,17 +189,18 @@ class Sampler:
 
     def _smooth_part(
         self, steps: np.ndarray, curves: tuple[np.ndarray, ...]
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The polynomials through the values at the nodes, and what is no difference from them.
 
         Returns:
-            Chebyshev coefficients, ``(steps, nodes, numbers)``, and ``(steps, numbers)``.
+            Chebyshev coefficients, ``(steps, nodes, numbers)``; ``(steps, numbers)``; and the
+            defect of the solution at the start of each step, ``(steps, numbers)``.
         """
         # Apart in floating-point numbers as well.
         apart = np.maximum(_APART, 4.0 / self._numbers_in[steps])[:, None, None]
         triples = _TRIPLES[:, None] + apart * np.array([-1.0, 0.0, 1.0])
         s = np.empty((len(steps), _ROW))
-        s[:, :_NODES], s[:, _NODES:] = _CHEBYSHEV, 0.5
+        s[:, :_NODES], s[:, -1] = _CHEBYSHEV, 0.0
         s[:, _NODES : _NODES + triples[0].size] = triples.reshape(len(steps), -1)
         t = self._inside(steps, s)
         values = self._evaluate(t, s, curves)
@@ -210,7 +216,8 @@ class Sampler:
         moved = np.abs(self._evaluate(np.nextafter(t, -np.inf), s, nudged) - values)
         noise = np.maximum(bend, np.max(moved, axis=1))
         largest = np.max(np.abs(nodes), axis=1)
-        return coefficients, _NOISE * noise + _ROUNDING * _EPS * largest
+        defect = np.abs(values[:, -1] - self._path.slopes[steps, 0])
+        return coefficients, _NOISE * noise + _ROUNDING * _EPS * largest, defect
 
     def _inside(self, step: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Times at parts of steps."""

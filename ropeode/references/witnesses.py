@@ -17,6 +17,7 @@ from ropeode.references.ladder import (
     EXPLICIT,
     IMPLICIT,
     Method,
+    independent_rtol,
     independent_steps,
     is_long,
     other_runs,
@@ -101,10 +102,11 @@ def witness_runs(
             # Not above: it imports SciPy's solvers, which takes long.
             from ropeode.references.solvers import dop853
 
+            rtol = independent_rtol(method, next_tighter)
             (run,) = dop853.solve(
                 [problem],
-                [next_tighter.rtol],
-                [next_tighter.rtol * budget.scale],
+                [rtol],
+                [rtol * budget.scale],
                 max_steps=[independent_steps(next_tighter)],
             )
         elif role == "more digits":

@@ -300,7 +300,9 @@ def _moved(x: Any, salt: _Salt, where: Any = True) -> Any:
     if not _is_float(x):
         return x
     bits = lax.bitcast_convert_type(x, np.uint64)
-    next_bits = jnp.where(_up(bits, salt), bits + _ONE, bits - _ONE)
+    # Two units in the run that turns directions: an even function of what is lost sees no turn.
+    units = _ONE + (salt.turns >> np.uint64(63))
+    next_bits = jnp.where(_up(bits, salt), bits + units, bits - units)
     stays = (x == 0.0) | ~(jnp.abs(x) < np.inf)
     return jnp.where(where & ~stays, lax.bitcast_convert_type(next_bits, np.float64), x)
 

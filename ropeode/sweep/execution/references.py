@@ -28,6 +28,7 @@ _SCHEMA = "ropeode.sweep-reference/3"
 _NOT_KEPT: Mapping[str, Any] = {
     "drift": {},
     "witnesses": (),
+    "sampling": None,
     "seconds": np.nan,
     "compile_seconds": np.nan,
 }
