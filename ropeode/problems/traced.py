@@ -19,6 +19,8 @@ from ropeode.validation import bad_value
 
 # A function with a derivative of its own for reverse mode; it has none for forward mode.
 _OWN_REVERSE = "custom_vjp_call"
+# Calls of Python that convert their arrays in threads of XLA, where float64 mode is off.
+_CALLBACKS = ("pure_callback", "io_callback")
 _TOO_COARSE = ("float32", "float16", "bfloat16", "complex64")
 # A float32 has 24 bits. A number with so few as this may well be what was meant.
 _PLAIN_BITS = 16
@@ -37,7 +39,7 @@ class Traced:
         inputs: for which it is traced; only their shapes and dtypes count.
 
     Raises:
-        InputError: it computes in float32.
+        InputError: it computes in float32, or calls Python.
         Exception: whatever the function raises.
     """
 
@@ -57,6 +59,7 @@ class Traced:
         # The user's own arrays may be written to later.
         constants = [np.array(c) if isinstance(c, np.ndarray) else c for c in traced.consts]
         self.jaxpr = _for_forward_mode(ClosedJaxpr(traced.jaxpr, constants))
+        _refuse_callbacks(name, self.jaxpr)
         _require_float64(name, self.jaxpr)
         self._operations = jaxpr_as_fun(self.jaxpr)
         self._digest = digest(self.jaxpr)
@@ -188,6 +191,20 @@ def _inside(value: Any) -> Any:
         # A named tuple takes its fields one by one.
         return type(value)(*inside) if hasattr(value, "_fields") else type(value)(inside)
     return _for_forward_mode(value) if isinstance(value, ClosedJaxpr) else value
+
+
+def _refuse_callbacks(name: str, traced: ClosedJaxpr) -> None:
+    """Raises:
+    InputError: it calls Python.
+    """
+    for equation in equations(traced):
+        if equation.primitive.name in _CALLBACKS:
+            raise bad_value(
+                name,
+                _Words(f"{equation.primitive.name!r}{_place(equation)}"),
+                "operations of JAX",
+                "hand a function in NumPy to Problem.from_scipy(fun, ts, y0), which calls it",
+            )
 
 
 def _require_float64(name: str, traced: ClosedJaxpr) -> None:

@@ -258,6 +258,14 @@ def test_float32_in_the_function_is_refused(rhs):
         Problem(rhs, [1.0], TS)
 
 
+def test_calls_of_python_are_refused():
+    def rhs(t, y, args):
+        return jax.pure_callback(np.sin, jax.ShapeDtypeStruct(y.shape, y.dtype), y)
+
+    with pytest.raises(InputError, match="rhs: 'pure_callback' in line .*Problem.from_scipy"):
+        Problem(rhs, [1.0], TS)
+
+
 @pytest.mark.parametrize("coarse", [np.float32([0.1]), np.float16([0.1]), OUTSIDE])
 def test_float32_in_the_input_is_refused(coarse):
     def rhs(t, y, args):

@@ -96,7 +96,9 @@ def change_by_rounding(function: Callable, y: Any, seed: Any) -> Any:
         edge of the domain of a root.
     """
     salt = _Salt.of(seed)
-    start = Pair(y, _moved(y, salt.at("input")))
+    # Two units in the run that turns directions: an even function of the state sees no turn.
+    units = _ONE + (salt.turns >> np.uint64(63))
+    start = Pair(y, _moved(y, salt.at("input"), units=units))
     (value,) = _evaluated(jax.make_jaxpr(function)(y), salt, [start])
     change = lax.sub(value.moved, value.plain)
     return jnp.where(jnp.isfinite(change), change, 0.0)
@@ -293,15 +295,13 @@ def _scan(params: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
 _LOOPS: dict[str, Callable] = {"cond": _cond, "while": _while, "scan": _scan}
 
 
-def _moved(x: Any, salt: _Salt, where: Any = True) -> Any:
-    """Numbers moved by a unit in the last place, where that is asked for."""
+def _moved(x: Any, salt: _Salt, where: Any = True, units: Any = _ONE) -> Any:
+    """Numbers moved by units in the last place, where that is asked for."""
     if jnp.iscomplexobj(x):
         return lax.complex(_moved(lax.real(x), salt, where), _moved(lax.imag(x), salt, where))
     if not _is_float(x):
         return x
     bits = lax.bitcast_convert_type(x, np.uint64)
-    # Two units in the run that turns directions: an even function of what is lost sees no turn.
-    units = _ONE + (salt.turns >> np.uint64(63))
     next_bits = jnp.where(_up(bits, salt), bits + units, bits - units)
     stays = (x == 0.0) | ~(jnp.abs(x) < np.inf)
     return jnp.where(where & ~stays, lax.bitcast_convert_type(next_bits, np.float64), x)

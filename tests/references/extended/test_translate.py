@@ -365,10 +365,6 @@ def test_what_constants_make_is_not_rounded_to_float64():
     assert abs(exact_value(expression) - Fraction(1, 3)) < Fraction(1, 2**300)
 
 
-def sine_of(y):
-    return jax.pure_callback(np.sin, jax.ShapeDtypeStruct((3,), float), y)
-
-
 def drawn_by(t):
     return jax.random.normal(jax.random.fold_in(jax.random.key(0), jnp.floor(t).astype(int)), (3,))
 
@@ -381,7 +377,6 @@ def drawn_by(t):
         ("eigh", lambda t, y, a: jnp.linalg.eigvalsh(jnp.diag(y))),
         ("while", lambda t, y, a: jax.lax.while_loop(lambda z: z[0] < 1, lambda z: z + 1e-3, y)),
         ("scan", lambda t, y, a: jax.lax.fori_loop(0, 30, lambda i, z: z * 0.5, y)),
-        ("pure_callback", lambda t, y, a: sine_of(y)),
         ("nextafter", lambda t, y, a: jnp.nextafter(y, 1.0)),
         ("reduce_precision", lambda t, y, a: jax.lax.reduce_precision(y, 8, 7)),
         ("asin", lambda t, y, a: jnp.real(jnp.arcsin(y + 1j))),
