@@ -53,6 +53,13 @@ def _holes(t, y, args):
     return jnp.where((t == start) | (t == end), jnp.nan, jnp.where(t < start, -y, y))
 
 
+def _grows(t, y, args):
+    """A window in the first number, through which it grows."""
+    height, low, high, *_ = args
+    pushed = jnp.where((y[0] > low) & (y[0] < high), height, 0.0)
+    return jnp.stack([2.5 * y[0], y[1] + pushed])
+
+
 def _needles(t, y, args):
     """A needle of a tenth of the spacing in each hundredth, at places without order."""
     height, *_ = args
@@ -62,7 +69,8 @@ def _needles(t, y, args):
 
 
 EQUATIONS = {
-    each.__name__: each for each in (_pulses, _two_that_cancel, _needles, _roots, _corners, _holes)
+    each.__name__: each
+    for each in (_pulses, _two_that_cancel, _needles, _roots, _corners, _holes, _grows)
 }
 
 
@@ -183,3 +191,25 @@ def test_where_one_needle_was_hit_there_may_be_others():
     ts = np.linspace(0.0, 2.5, 6)
     with pytest.raises(ReferenceRefused, match="solvers step over it"):
         reference(turn(1e-3, equation=_needles, ts=ts), accuracy=1e-3)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_windows_in_the_state_are_found_where_tolerances_are_loose(rtol):
+    """A window of a few thousandths of the state: the path must be nearer to the solution."""
+    for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3), (1.0, 5.1, 2e-3)):
+        ts = np.array([0.0, 0.74])
+        problem = turn(height, low, low + width, equation=_grows, y0=[1.0, -0.4], ts=ts)
+        try:
+            known = reference(problem, rtol=rtol)
+        except ReferenceRefused:
+            continue
+        inside = np.exp(0.74 - np.log([low, low + width]) / 2.5)
+        exact = -0.4 * np.exp(0.74) + height * (inside[0] - inside[1])
+        assert abs(known.states[-1, 1] - exact) <= known.bound()[-1]
+
+
+def test_motion_between_the_samples_counts():
+    """Whole turns between the samples: seen there only, nothing moves at all."""
+    known = reference(turn(ts=2.0 * np.pi * np.arange(6)))
+    assert known.horizon is None
+    assert known.certificate.accuracy == pytest.approx(2.118e-8, rel=0.01)

@@ -209,3 +209,25 @@ def test_a_pulse_that_both_runs_step_over_ends_it():
     assert known.certificate.sampling.times > 2**20
     with pytest.raises(ReferenceRefused, match="for 'problem'"):
         reference(pulsed(0.64), level="extended", time_limit=NEVER)
+
+
+@pytest.mark.parametrize("width", [1.3e-3, 2.6e-3, 5.2e-3])
+@pytest.mark.usefixtures("alone")
+def test_pulses_longer_than_the_parts_of_a_step_are_found(width, monkeypatch):
+    """In a part they are smooth, and the Taylor series of the step has not a trace of them."""
+
+    def rhs(t, y, args):
+        pulse = args["height"] * jnp.exp(-(((t - 0.6113) / args["width"]) ** 2))
+        return 0.5687 * (33.0 * y - 20.0) + pulse
+
+    # As near to an unstable balance as float64 numbers are.
+    args = {"height": 5.7e-11, "width": width}
+    problem = Problem(rhs, [20.0 / 33.0], [0.0, 2.077], args)
+    monkeypatch.setattr(module, "default_accuracy", lambda *_: 1e-3)
+    try:
+        known = reference(problem, level="extended")
+    except ReferenceRefused:
+        return
+    told = dataclasses.replace(problem, jump_times=0.6113 + width * np.array([-8.0, 0.0, 8.0]))
+    apart = known.states - reference(told, level="extended").states
+    assert abs(apart[-1, 0]) <= known.bound()[-1]
