@@ -23,6 +23,7 @@ from ropeode.references.solvers.solver import Solver
 SAFETY_FACTOR = 3.0
 # Units of rounding below which a difference of two float64 runs means nothing.
 ROUNDING_UNITS = 4.0
+_EPS = float(np.finfo(np.float64).eps)
 # The default accuracy, of how far the solution moves; and, of the initial state's scale, the
 # finest: what hardly moves cannot be known to 1e-8 of its motion.
 RELATIVE_ACCURACY = 1e-8
@@ -48,6 +49,10 @@ class Reason(enum.StrEnum):
     UNSETTLED = "tightening the tolerance does not settle the result"
     STOPPED = "a solver got no further"
     INACCURATE = "the estimated bound exceeds the accuracy asked for"
+    COARSE = (
+        "the right-hand side changes within a unit in the last place of the state or the time; "
+        "let both be smaller numbers"
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -192,27 +197,41 @@ def versions(*packages: str) -> Mapping[str, str]:
     return own | {"python": platform.python_version()}
 
 
+def smallest(problem: Problem, quantity: str) -> float:
+    """A size that is nothing to any solver: a unit of rounding of a unit of rounding.
+
+    What seems to rest may well move by so little.
+    """
+    natural = problem.scale / (np.ptp(problem.ts) if quantity == "velocity" else 1.0)
+    return ROUNDING_UNITS * _EPS**2 * natural
+
+
 def bounds(
     problem: Problem,
     primary: Solution,
     witnesses: Sequence[Witness],
-    drift: Mapping[str, np.ndarray],
+    *more: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """The estimated error bound of the primary at each sample, for each quantity.
 
     Three times the running maximum of the largest difference from any witness that is at
     least as good as the primary, plus a few units of rounding of the largest value so far.
     The looser runs are left out: they are further from the truth than the primary, so that a
-    difference shows their own error. Where the problem has constraints, the distance from
-    them counts like a difference: at least half of it is error.
+    difference shows their own error.
+
+    Arguments:
+        problem: what was solved.
+        primary: the run that becomes the reference.
+        witnesses: the other runs.
+        more: series of quantities at the samples that count like differences. Of the distance from
+            a problem's constraints at least half is error.
     """
     result = {}
     for quantity in problem.quantities:
         differences = [w.differences[quantity] for w in witnesses if w.role != "looser"]
-        if quantity in drift:
-            differences.append(padded(drift[quantity], problem))
+        differences += [padded(each[quantity], problem) for each in more if quantity in each]
         values = np.abs(problem.quantity(quantity, primary.states)).max(axis=(1, 2))
-        rounding = ROUNDING_UNITS * np.finfo(np.float64).eps * padded(values, problem)
+        rounding = ROUNDING_UNITS * _EPS * padded(values, problem) + smallest(problem, quantity)
         result[quantity] = np.maximum.accumulate(
             SAFETY_FACTOR * np.max(differences, axis=0) + rounding
         )

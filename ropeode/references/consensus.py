@@ -202,11 +202,21 @@ def certified(
     inside = problem.until(trusted)
     assert independent.path is not None
     findings = look_between(inside, independent.path.until(inside.ts[-1]), estimated)
+    coarse = {name: series for name, series in findings.unresolved.items() if np.any(series)}
+    if coarse:
+        estimated = bounds(problem, run, witnesses, drift, coarse)
+        bound = estimated[problem.quantities[0]]
+        seen = int(np.argmin(np.append(bound[:trusted] <= accuracy, False)))
+        if seen < trusted:
+            trusted, reason = seen, Reason.COARSE
+        if trusted < 2:
+            raise ReferenceRefused(f"no reference for {problem.name!r}: {reason}.", reason)
     if len(findings.times):
         closer = solve_closely(inside, primary.method, independent, findings, primary.budget)
         witnesses.append(witness(problem, run, closer, "close look"))
         every.append(closer)
-        before, estimated = estimated, bounds(problem, run, witnesses, drift)
+        before = estimated
+        estimated = bounds(problem, run, witnesses, drift, coarse)
         bound, apart = estimated[problem.quantities[0]], witnesses[-1].differences
         seen = findings.trusted(inside.ts, apart, before, bound, accuracy)
         if seen < trusted:

@@ -9,19 +9,22 @@ for a run whose steps end there to say.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.certificate import Sampling
-from ropeode.references.residuals import Sampler
+from ropeode.references.certificate import Sampling, distances
+from ropeode.references.residuals import Block, Sampler
 from ropeode.references.solvers.solution import Path
 
 # Around a single time, a run looks at distances that halve so often.
 _HALVINGS = 20
 _ISOLATED, _MOST_STOPS = 4, 6
+# A right-hand side that is so far from straight within rounding errors, in units of its largest
+# values, is not well known between two floating-point numbers, or not at all.
+_BENT, _UNKNOWN = 1e-3, 0.1
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -36,6 +39,8 @@ class Findings:
         shares: what it may add to a number of the state, in units of what is negligible.
         needles: those of the times at which it was seen with few neighbours, if any.
         stops: times at which a run should end its steps, to see it.
+        unresolved: for each quantity, by how much the solution may differ up to each sample
+            because the right-hand side changes within a unit in the last place of its arguments.
     """
 
     sampling: Sampling
@@ -44,6 +49,7 @@ class Findings:
     shares: np.ndarray
     needles: np.ndarray
     stops: np.ndarray
+    unresolved: Mapping[str, np.ndarray]
 
     def trusted(
         self,
@@ -123,7 +129,21 @@ def look_between(problem: Problem, path: Path, bounds: Mapping[str, np.ndarray])
         shares=share[suspects],
         needles=np.array(needles),
         stops=np.unique(np.concatenate([[], *stops])),
+        unresolved=_unresolved(problem, path, found),
     )
+
+
+def _unresolved(problem: Problem, path: Path, found: Sequence[Block]) -> dict[str, np.ndarray]:
+    """See `Findings`; zero where the right-hand side is straight, up to its own small noise."""
+    bend = np.concatenate([block.bend for block in found])
+    largest = np.max(np.concatenate([block.largest for block in found]), axis=0, initial=0.0)
+    bend = np.where(bend > _BENT * largest, bend, 0.0)
+    bend = np.where(bend > _UNKNOWN * largest, np.maximum(bend, 2.0 * largest), bend)
+    lengths = np.diff(path.times)[:, None]
+    added = np.concatenate([np.zeros((1, len(largest))), np.cumsum(bend * lengths, axis=0)])
+    last = np.searchsorted(path.times, problem.ts, side="right") - 1
+    states = added[last].reshape(-1, *problem.y0.shape)
+    return distances(problem, states, np.zeros_like(states))
 
 
 def _around_the_largest(t: np.ndarray, size: np.ndarray, spacing: float) -> np.ndarray:
@@ -152,7 +172,9 @@ def _stops(sampler: Sampler, step: int, t: np.ndarray, run: np.ndarray) -> np.nd
     some = t[np.linspace(0, len(t) - 1, min(len(t), _MOST_STOPS)).astype(int)]
     width = run[-1] - run[0] + sampler.spacing[step]
     middle = (run[-1] + run[0]) / 2
-    stops = [some, middle + width * np.linspace(-1.5, 1.5, 2 * _MOST_STOPS + 1)]
+    # If a node is what was hit, it spoils the polynomial, and the rest is found off it.
+    nodes = sampler.nodes(step)
+    stops = [some, nodes, middle + width * np.linspace(-1.5, 1.5, 2 * _MOST_STOPS + 1)]
     if len(run) <= _ISOLATED:
         away = width * 2.0 ** -np.arange(_HALVINGS)
         stops += [run, *(at + sign * away for at in run[[0, -1]] for sign in (-1, 1))]

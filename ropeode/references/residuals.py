@@ -48,6 +48,8 @@ _APART = 2.0**-26
 _NOISE, _ROUNDING = 30.0, 64.0
 _EPS = float(np.finfo(np.float64).eps)
 _TINY = float(np.finfo(np.float64).tiny)
+# Steps in which it is looked within rounding errors, and how far these are doubled.
+_BENT_STEPS, _MOST_DOUBLINGS = 64, 6.0
 # A step of fewer floating-point numbers is not looked into.
 _SHORTEST = 4096
 # What all findings together may add to a number of the state: units of its rounding, or so much of
@@ -66,12 +68,17 @@ class Block:
         step: the index of the step of each time at which something was found.
         t: that time.
         size: how large it is there.
+        bend: how far values of the right-hand side are from a straight line within rounding errors
+            of its arguments, ``(steps, numbers)``.
+        largest: its largest values, ``(steps, numbers)``.
     """
 
     share: np.ndarray
     step: np.ndarray
     t: np.ndarray
     size: np.ndarray
+    bend: np.ndarray
+    largest: np.ndarray
 
 
 class Sampler:
@@ -113,6 +120,8 @@ class Sampler:
         inside = np.where(self._looked_into, self.parts * _ROW, 1)
         self.spacing = self._length / inside
         self.times = int(np.sum(inside))
+        self._every = max(1, steps // _BENT_STEPS)
+        self._last_bent = np.zeros((1, numbers))
 
     def blocks(self) -> Iterator[Block]:
         """The findings of all steps, some at a time."""
@@ -143,7 +152,7 @@ class Sampler:
 
     def _look_into(self, steps: np.ndarray, negligible: np.ndarray) -> Block:
         curves = self._curves(steps)
-        coefficients, allowed, defect = self._smooth_part(steps, curves)
+        coefficients, allowed, defect, bend, largest = self._smooth_part(steps, curves)
         defect = np.where(defect <= allowed, 0.0, np.nan_to_num(defect, nan=np.inf))
         size = np.max(defect / negligible, axis=1)
         at = size > 0
@@ -177,7 +186,7 @@ class Sampler:
         share = np.max(added / negligible, axis=1)
         step, t, size = (np.concatenate(each) for each in zip(*found, strict=True))
         order = np.lexsort((t, step))
-        return Block(share, step[order], t[order], size[order])
+        return Block(share, step[order], t[order], size[order], bend, largest)
 
     def _curves(self, steps: np.ndarray) -> tuple[np.ndarray, ...]:
         """The cubics through states and slopes at the ends of steps, by powers of s."""
@@ -189,12 +198,13 @@ class Sampler:
 
     def _smooth_part(
         self, steps: np.ndarray, curves: tuple[np.ndarray, ...]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, ...]:
         """The polynomials through the values at the nodes, and what is no difference from them.
 
         Returns:
-            Chebyshev coefficients, ``(steps, nodes, numbers)``; ``(steps, numbers)``; and the
-            defect of the solution at the start of each step, ``(steps, numbers)``.
+            Chebyshev coefficients, ``(steps, nodes, numbers)``; the rest is ``(steps, numbers)``:
+            what is no difference, the defect of the solution at the start of each step, and
+            `bend` and `largest` of `Block`.
         """
         # Apart in floating-point numbers as well.
         apart = np.maximum(_APART, 4.0 / self._numbers_in[steps])[:, None, None]
@@ -217,7 +227,43 @@ class Sampler:
         noise = np.maximum(bend, np.max(moved, axis=1))
         largest = np.max(np.abs(nodes), axis=1)
         defect = np.abs(values[:, -1] - self._path.slopes[steps, 0])
-        return coefficients, _NOISE * noise + _ROUNDING * _EPS * largest, defect
+        allowed = _NOISE * noise + _ROUNDING * _EPS * largest
+        return coefficients, allowed, defect, self._bent(steps, t, s, curves, values), largest
+
+    def _bent(
+        self,
+        steps: np.ndarray,
+        t: np.ndarray,
+        s: np.ndarray,
+        curves: tuple[np.ndarray, ...],
+        values: np.ndarray,
+    ) -> np.ndarray:
+        """How far values are from a straight line within a few rounding errors, for each step.
+
+        It is looked at in a few steps, and holds until the next of them.
+        """
+        some = np.flatnonzero(steps % self._every == 0)
+        if len(some):
+            draw = np.random.default_rng(steps[0])
+            # Of many sizes: what turns around between two floating-point numbers may look still.
+            units = 2.0 ** draw.uniform(0.0, _MOST_DOUBLINGS, size=(len(some), 1))
+            shift = units * _EPS * curves[0][some] * draw.choice([-1.0, 1.0], curves[0][some].shape)
+            late = units * np.spacing(np.abs(t[some]))
+
+            def nudged(by: float) -> np.ndarray:
+                here = [curves[0][some] + by * shift, *(each[some] for each in curves[1:])]
+                return self._evaluate(t[some] + by * late, s[some], here)
+
+            bent = np.max(np.abs(nudged(1.0) + nudged(-1.0) - 2.0 * values[some]), axis=1)
+            bent = np.concatenate([self._last_bent, bent])
+            self._last_bent = bent[-1:]
+        else:
+            bent = self._last_bent
+        return bent[np.searchsorted(some, np.arange(len(steps)), side="right")]
+
+    def nodes(self, step: int) -> np.ndarray:
+        """The times of the nodes of a step."""
+        return self._inside(np.array([step]), _CHEBYSHEV)[0]
 
     def _inside(self, step: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Times at parts of steps."""

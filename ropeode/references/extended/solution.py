@@ -11,7 +11,7 @@ import numpy as np
 
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.certificate import SAFETY_FACTOR, distances
+from ropeode.references.certificate import SAFETY_FACTOR, distances, smallest
 from ropeode.references.extended.taylor import ExtendedRun, solve
 from ropeode.validation import check_positive, check_whole
 
@@ -19,7 +19,7 @@ from ropeode.validation import check_positive, check_whole
 _BITS_APART = 24
 # Bits that the first pair has beyond the digits, enough for problems that lose little.
 _BITS_TO_SPARE = 20
-_MOST_BITS = 4096
+_MOST_BITS = 1000
 # Where the runs are further apart than this, relative to the state, the growth has ended.
 _SATURATED = 1e-3
 
@@ -140,7 +140,9 @@ class _Pair:
             states=self.states,
             bounds={
                 quantity: np.maximum.accumulate(
-                    rounding[quantity] + SAFETY_FACTOR * self.differences[quantity]
+                    rounding[quantity]
+                    + SAFETY_FACTOR * self.differences[quantity]
+                    + smallest(self.problem, quantity)
                 )
                 for quantity in self.problem.quantities
             },
