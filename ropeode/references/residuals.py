@@ -249,12 +249,14 @@ class Sampler:
             units = 2.0 ** draw.uniform(0.0, _MOST_DOUBLINGS, size=(len(some), 1))
             shift = units * _EPS * curves[0][some] * draw.choice([-1.0, 1.0], curves[0][some].shape)
             late = units * np.spacing(np.abs(t[some]))
+            low, high = self.low[steps[some], None], self.high[steps[some], None]
 
             def nudged(by: float) -> np.ndarray:
                 here = [curves[0][some] + by * shift, *(each[some] for each in curves[1:])]
-                return self._evaluate(t[some] + by * late, s[some], here)
+                return self._evaluate(np.clip(t[some] + by * late, low, high), s[some], here)
 
-            bent = np.max(np.abs(nudged(1.0) + nudged(-1.0) - 2.0 * values[some]), axis=1)
+            # Not the largest: a corner or a jump may be near one of the times.
+            bent = np.median(np.abs(nudged(1.0) + nudged(-1.0) - 2.0 * values[some]), axis=1)
             bent = np.concatenate([self._last_bent, bent])
             self._last_bent = bent[-1:]
         else:

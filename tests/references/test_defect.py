@@ -55,9 +55,9 @@ def _holes(t, y, args):
 
 def _grows(t, y, args):
     """A window in the first number, through which it grows."""
-    height, low, high, *_ = args
+    height, low, high, rate, own = args
     pushed = jnp.where((y[0] > low) & (y[0] < high), height, 0.0)
-    return jnp.stack([2.5 * y[0], y[1] + pushed])
+    return jnp.stack([rate * y[0], own * y[1] + pushed])
 
 
 def _needles(t, y, args):
@@ -193,19 +193,25 @@ def test_where_one_needle_was_hit_there_may_be_others():
         reference(turn(1e-3, equation=_needles, ts=ts), accuracy=1e-3)
 
 
+def covered(numbers, span, y0, **options):
+    """Whether the bound covers what `_grows` does to the second number, or there is none."""
+    height, low, high, rate, own = numbers
+    ts = np.array([0.0, span])
+    problem = turn(*numbers, equation=_grows, y0=[1.0, y0], ts=ts)
+    try:
+        known = reference(problem, **options)
+    except ReferenceRefused:
+        return True
+    late = np.exp(own * (span - np.log([low, high]) / rate))
+    exact = y0 * np.exp(own * span) + height / own * (late[0] - late[1])
+    return abs(known.states[-1, 1] - exact) <= known.bound()[-1]
+
+
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 def test_windows_in_the_state_are_found_where_tolerances_are_loose(rtol):
     """A window of a few thousandths of the state: the path must be nearer to the solution."""
     for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3), (1.0, 5.1, 2e-3)):
-        ts = np.array([0.0, 0.74])
-        problem = turn(height, low, low + width, equation=_grows, y0=[1.0, -0.4], ts=ts)
-        try:
-            known = reference(problem, rtol=rtol)
-        except ReferenceRefused:
-            continue
-        inside = np.exp(0.74 - np.log([low, low + width]) / 2.5)
-        exact = -0.4 * np.exp(0.74) + height * (inside[0] - inside[1])
-        assert abs(known.states[-1, 1] - exact) <= known.bound()[-1]
+        assert covered((height, low, low + width, 2.5, 1.0), 0.74, -0.4, rtol=rtol)
 
 
 def test_motion_between_the_samples_counts():
@@ -213,3 +219,34 @@ def test_motion_between_the_samples_counts():
     known = reference(turn(ts=2.0 * np.pi * np.arange(6)))
     assert known.horizon is None
     assert known.certificate.accuracy == pytest.approx(2.118e-8, rel=0.01)
+
+
+def test_a_window_that_a_node_hits_is_found():
+    """It spoils the polynomial of its step, so that all is off it but the window itself."""
+    window = (1.2089052726877827, 1.2089872370944925)
+    numbers = (61286.55863275827, *window, 0.44646090280592166, 0.807577811618335)
+    assert covered(numbers, 2.0084368246778497, -1.0793797669842606)
+
+
+def _clock(t, y, args):
+    rate, start = args
+    return jnp.stack([jnp.ones(()), rate * jnp.cos(rate * (y[0] - start))])
+
+
+@pytest.mark.parametrize(
+    ("clock", "rate", "span", "rtol"),
+    [
+        (1385171085775.8655, 1184138.80307, 9.737e-6, 1.3e-10),
+        (37684936176977.78, 62719.552039613, 1.383e-4, None),
+        (874060145502.8757, 4682680.6816, 3.866e-6, 8e-8),
+    ],
+)
+def test_what_changes_between_two_numbers_of_the_state_is_not_known(clock, rate, span, rtol):
+    """The clock stands still: its last place is many turns, or nearly whole ones."""
+    problem = Problem(_clock, [clock, 0.1], np.linspace(0.0, span, 17), (rate, clock))
+    try:
+        known = reference(problem, rtol=rtol)
+    except ReferenceRefused:
+        return
+    apart = np.abs(known.states[:, 1] - 0.1 - np.sin(rate * problem.ts[: len(known.states)]))
+    assert np.all(apart[: known.trusted] <= known.bound())
