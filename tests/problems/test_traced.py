@@ -67,7 +67,14 @@ def inside_jit():
     return read, lambda t, y, args: jax.jit(lambda y: -read.rate * y)(y)
 
 
-READERS = (in_a_closure, in_an_array, as_an_object, as_a_method, inside_jit)
+READERS = (
+    in_a_closure,
+    as_an_object,
+    as_a_method,
+    # Programs of their own.
+    pytest.param(in_an_array, marks=pytest.mark.slow),
+    pytest.param(inside_jit, marks=pytest.mark.slow),
+)
 
 
 @pytest.mark.parametrize("make", READERS)

@@ -207,7 +207,9 @@ def covered(numbers, span, y0, **options):
     return abs(known.states[-1, 1] - exact) <= known.bound()[-1]
 
 
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize(
+    "rtol", [1e-6, *(pytest.param(rtol, marks=pytest.mark.slow) for rtol in (1e-4, 1e-8))]
+)
 def test_windows_in_the_state_are_found_where_tolerances_are_loose(rtol):
     """A window of a few thousandths of the state: the path must be nearer to the solution."""
     for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3), (1.0, 5.1, 2e-3)):

@@ -56,7 +56,7 @@ def test_a_pole_before_the_first_sample_is_a_refusal_after_one_run(monkeypatch):
     assert steps[0][1] < 2000
 
 
-@pytest.mark.parametrize("y0", [0.7, 1.6])
+@pytest.mark.parametrize("y0", [0.7, pytest.param(1.6, marks=pytest.mark.slow)])
 def test_where_it_chatters_no_run_but_the_first_tries_to_go_on(monkeypatch, y0):
     """y' = -sign(y) comes to zero, and jumps back and forth from then on."""
     steps = steps_of(monkeypatch)
