@@ -140,7 +140,8 @@ class Sampler:
             steps: by index.
             sizes: the largest of each number up to the end of each step.
         """
-        frame = np.searchsorted(self._ts, self._path.times[steps + 1])
+        # Of the sample before: what is missed in a frame may grow up to its end.
+        frame = np.searchsorted(self._ts, self._path.times[steps], side="right") - 1
         halves = np.split(sizes, len(self._bounds), axis=1)
         allowed = []
         for half, bound in zip(halves, self._bounds.values(), strict=True):
