@@ -202,9 +202,8 @@ def certified(
     inside = problem.until(trusted)
     assert independent.path is not None
     findings = look_between(inside, independent.path.until(inside.ts[-1]), estimated)
-    coarse = {name: series for name, series in findings.unresolved.items() if np.any(series)}
-    if coarse:
-        estimated = bounds(problem, run, witnesses, drift, coarse)
+    if findings.unresolved:
+        estimated = bounds(problem, run, witnesses, drift, findings.unresolved)
         bound = estimated[problem.quantities[0]]
         seen = int(np.argmin(np.append(bound[:trusted] <= accuracy, False)))
         if seen < trusted:
@@ -216,7 +215,7 @@ def certified(
         witnesses.append(witness(problem, run, closer, "close look"))
         every.append(closer)
         before = estimated
-        estimated = bounds(problem, run, witnesses, drift, coarse)
+        estimated = bounds(problem, run, witnesses, drift, findings.unresolved)
         bound, apart = estimated[problem.quantities[0]], witnesses[-1].differences
         seen = findings.trusted(inside.ts, apart, before, bound, accuracy)
         if seen < trusted:

@@ -39,8 +39,8 @@ class Findings:
         shares: what it may add to a number of the state, in units of what is negligible.
         needles: those of the times at which it was seen with few neighbours, if any.
         stops: times at which a run should end its steps, to see it.
-        unresolved: for each quantity, by how much the solution may differ up to each sample
-            because the right-hand side changes within a unit in the last place of its arguments.
+        unresolved: by how much a quantity may differ up to each sample because the right-hand side
+            changes within a unit in the last place of its arguments; only where it does.
     """
 
     sampling: Sampling
@@ -134,7 +134,7 @@ def look_between(problem: Problem, path: Path, bounds: Mapping[str, np.ndarray])
 
 
 def _unresolved(problem: Problem, path: Path, found: Sequence[Block]) -> dict[str, np.ndarray]:
-    """See `Findings`; zero where the right-hand side is straight, up to its own small noise."""
+    """See `Findings`; a right-hand side that is straight, up to small noise, adds nothing."""
     bend = np.concatenate([block.bend for block in found])
     largest = np.max(np.concatenate([block.largest for block in found]), axis=0, initial=0.0)
     bend = np.where(bend > _BENT * largest, bend, 0.0)
@@ -143,7 +143,8 @@ def _unresolved(problem: Problem, path: Path, found: Sequence[Block]) -> dict[st
     added = np.concatenate([np.zeros((1, len(largest))), np.cumsum(bend * lengths, axis=0)])
     last = np.searchsorted(path.times, problem.ts, side="right") - 1
     states = added[last].reshape(-1, *problem.y0.shape)
-    return distances(problem, states, np.zeros_like(states))
+    every = distances(problem, states, np.zeros_like(states))
+    return {quantity: series for quantity, series in every.items() if np.any(series)}
 
 
 def _around_the_largest(t: np.ndarray, size: np.ndarray, spacing: float) -> np.ndarray:

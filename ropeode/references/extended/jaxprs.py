@@ -11,19 +11,8 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.problems.traced import equations
+from ropeode.references.solvers.rounding import CALLS
 
-# Primitives that call another traced function with their own inputs.
-_CALLS = {
-    "jit",
-    "pjit",
-    "closed_call",
-    "core_call",
-    "checkpoint",
-    "remat2",
-    "custom_jvp_call",
-    "custom_vjp_call",
-    "custom_vjp_call_jaxpr",
-}
 # A loop of more rounds is not unrolled.
 _MOST_ROUNDS = 1000
 
@@ -97,7 +86,7 @@ def walk(traced: Any, inputs: Iterable[Value], domain: Domain) -> list[Value]:
             continue
         inputs = [read(variable) for variable in equation.invars]
         name, params = equation.primitive.name, equation.params
-        if name in _CALLS:
+        if name in CALLS:
             results = walk(params.get("jaxpr", params.get("call_jaxpr")), inputs, domain)
         elif name in _CONTROL:
             results = _CONTROL[name](equation, inputs, domain)

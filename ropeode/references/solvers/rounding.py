@@ -73,7 +73,7 @@ _SUMS = _names(
     """
 )
 # Primitives that call another traced function with their own inputs.
-_CALLS = _names(
+CALLS = _names(
     """
     checkpoint closed_call core_call custom_jvp_call custom_vjp_call custom_vjp_call_jaxpr
     jit pjit remat2
@@ -174,7 +174,7 @@ def _evaluated(traced: Any, salt: _Salt, inputs: Sequence[Pair]) -> list[Pair]:
 def _applied(equation: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
     """The results of one primitive."""
     name, params = equation.primitive.name, equation.params
-    if name in _CALLS:
+    if name in CALLS:
         inner = next(params[key] for key in ("jaxpr", "call_jaxpr", "fun_jaxpr") if key in params)
         return _evaluated(inner, salt, inputs)
     if name in _LOOPS:
