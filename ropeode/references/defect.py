@@ -9,7 +9,7 @@ for a run whose steps end there to say.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -97,40 +97,94 @@ class Findings:
         )
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Look:
+    """What was seen at times inside some steps.
+
+    Arguments:
+        share: what it may add to a number of the state, in units of what is negligible,
+            ``(steps,)``.
+        step: the index of the step of each time, in order.
+        t: that time.
+        size: how large it is there.
+        low: the start of each step.
+        high: its end.
+        spacing: how far its times are apart.
+        nodes: the times at which a step, by its index, has nodes.
+    """
+
+    share: np.ndarray
+    step: np.ndarray
+    t: np.ndarray
+    size: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    spacing: np.ndarray
+    nodes: Callable[[int], np.ndarray] = lambda step: np.empty(0)
+
+
 @in_float64
-def look_between(problem: Problem, path: Path, bounds: Mapping[str, np.ndarray]) -> Findings:
+def look_between(
+    problem: Problem, path: Path, bounds: Mapping[str, np.ndarray], others: Sequence[Look] = ()
+) -> Findings:
     """Look for what a right-hand side does between the ends of a run's steps.
 
-    Arguments are those of `Sampler`.
+    Arguments:
+        problem: of `Sampler`, as are the next two.
+        path: see there.
+        bounds: see there.
+        others: what was seen in another way.
     """
     sampler = Sampler(problem, path, bounds)
     with np.errstate(all="ignore"):
         found = list(sampler.blocks())
-    share = np.concatenate([block.share for block in found])
-    suspects = _suspects(share)
-    times, widths, needles, stops = [], [], [], []
-    step, t, size = (
-        np.concatenate([getattr(block, name) for block in found]) for name in ("step", "t", "size")
+    look = Look(
+        *(
+            np.concatenate([getattr(block, name) for block in found])
+            for name in ("share", "step", "t", "size")
+        ),
+        low=sampler.low,
+        high=sampler.high,
+        spacing=sampler.spacing,
+        nodes=sampler.nodes,
     )
-    for index in suspects:
-        inside = slice(*np.searchsorted(step, [index, index + 1]))
-        at, sizes = t[inside], size[inside]
-        spacing = float(sampler.spacing[index])
-        run = _around_the_largest(at, sizes, spacing)
-        times.append(at[np.argmax(sizes)])
-        widths.append(run[-1] - run[0] + spacing)
-        if len(run) <= _ISOLATED:
-            needles.append(times[-1])
-        stops.append(_stops(sampler, index, at, run))
+    places = [place for each in (look, *others) for place in _places(each)]
+    places.sort(key=lambda place: place.t)
     return Findings(
         sampling=Sampling(times=sampler.times, spacing=float(np.max(sampler.spacing))),
-        times=np.array(times),
-        widths=np.array(widths),
-        shares=share[suspects],
-        needles=np.array(needles),
-        stops=np.unique(np.concatenate([[], *stops])),
+        times=np.array([place.t for place in places]),
+        widths=np.array([place.width for place in places]),
+        shares=np.array([place.share for place in places]),
+        needles=np.array([place.t for place in places if place.isolated]),
+        stops=np.unique(np.concatenate([[], *(place.stops for place in places)])),
         unresolved=_unresolved(problem, path, found),
     )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Place:
+    """A step in which something was seen: see `Findings`."""
+
+    t: float
+    width: float
+    share: float
+    isolated: bool
+    stops: np.ndarray
+
+
+def _places(look: Look) -> Iterator[_Place]:
+    for index in _suspects(look.share):
+        inside = slice(*np.searchsorted(look.step, [index, index + 1]))
+        at, sizes = look.t[inside], look.size[inside]
+        spacing = float(look.spacing[index])
+        run = _around_the_largest(at, sizes, spacing)
+        yield _Place(
+            t=at[np.argmax(sizes)],
+            width=run[-1] - run[0] + spacing,
+            share=float(look.share[index]),
+            isolated=len(run) <= _ISOLATED,
+            stops=_stops(look, index, at, run),
+        )
 
 
 def _unresolved(problem: Problem, path: Path, found: Sequence[Block]) -> dict[str, np.ndarray]:
@@ -161,23 +215,23 @@ def _suspects(share: np.ndarray) -> np.ndarray:
     return np.sort(order[kept])
 
 
-def _stops(sampler: Sampler, step: int, t: np.ndarray, run: np.ndarray) -> np.ndarray:
+def _stops(look: Look, step: int, t: np.ndarray, run: np.ndarray) -> np.ndarray:
     """Where a run should end its steps, to see what was found in a step.
 
     Arguments:
-        sampler: what found it.
+        look: what was seen.
         step: its index.
         t: the times at which something was found in it.
         run: those in a row at which it is large.
     """
     some = t[np.linspace(0, len(t) - 1, min(len(t), _MOST_STOPS)).astype(int)]
-    width = run[-1] - run[0] + sampler.spacing[step]
+    width = run[-1] - run[0] + look.spacing[step]
     middle = (run[-1] + run[0]) / 2
     # If a node is what was hit, it spoils the polynomial, and the rest is found off it.
-    nodes = sampler.nodes(step)
+    nodes = look.nodes(step)
     stops = [some, nodes, middle + width * np.linspace(-1.5, 1.5, 2 * _MOST_STOPS + 1)]
     if len(run) <= _ISOLATED:
         away = width * 2.0 ** -np.arange(_HALVINGS)
         stops += [run, *(at + sign * away for at in run[[0, -1]] for sign in (-1, 1))]
     every = np.concatenate(stops)
-    return every[(every > sampler.low[step]) & (every < sampler.high[step])]
+    return every[(every > look.low[step]) & (every < look.high[step])]

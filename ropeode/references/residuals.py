@@ -7,9 +7,7 @@ rounding.
 
 The solution between two ends of a step is the cubic through the states and slopes there. It need
 not be accurate: the same one is used for the nodes and for the other times. The defect y' - f would
-show the cubic's error instead, above all where a problem is stiff. Only at the start of a step is
-it looked at: what a Taylor series passes by may last longer than the part of its step that is
-looked into here, and then is smooth there.
+show the cubic's error instead, above all where a problem is stiff.
 """
 
 from __future__ import annotations
@@ -54,8 +52,8 @@ _BENT_STEPS, _MOST_DOUBLINGS = 64, 6.0
 _SHORTEST = 4096
 # What all findings together may add to a number of the state: units of its rounding, or so much of
 # the bound. The least size is that of a part of the largest number.
-_ROUNDINGS, _SHARE, _SMALLEST = 4.0, 0.03, 1e-6
-_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+_ROUNDINGS, SHARE, _SMALLEST = 4.0, 0.03, 1e-6
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -148,26 +146,23 @@ class Sampler:
             # Solvers do not resolve what is much smaller than the largest number.
             size = np.maximum(half, _SMALLEST * np.max(half, axis=1, keepdims=True))
             rounding = np.maximum(_ROUNDINGS * _EPS * size, _TINY)
-            allowed.append(np.maximum(rounding, _SHARE * bound[frame, None]))
+            allowed.append(np.maximum(rounding, SHARE * bound[frame, None]))
         return np.concatenate(allowed, axis=1)
 
     def _look_into(self, steps: np.ndarray, negligible: np.ndarray) -> Block:
         curves = self._curves(steps)
-        coefficients, allowed, defect, bend, largest = self._smooth_part(steps, curves)
-        defect = np.where(defect <= allowed, 0.0, np.nan_to_num(defect, nan=np.inf))
-        size = np.max(defect / negligible, axis=1)
-        at = size > 0
-        found: list[tuple[np.ndarray, ...]] = [(steps[at], self.low[steps[at]], size[at])]
+        coefficients, allowed, bend, largest = self._smooth_part(steps, curves)
+        found: list[tuple[np.ndarray, ...]] = [(steps[:0], self.low[:0], self.low[:0])]
         rows = np.repeat(np.arange(len(steps)), self.parts[steps])
         part = np.concatenate([np.arange(count) for count in self.parts[steps]])
-        added = defect * self._length[steps, None]
+        added = np.zeros_like(negligible)
         for first in range(0, len(rows), self._rows):
             block = np.arange(first, first + self._rows)
             real, block = block < len(rows), np.minimum(block, len(rows) - 1)
             row = rows[block]
             step = steps[row]
             # The times of a step are evenly spaced; those of the next begin elsewhere.
-            phase = (step * _GOLDEN + 0.5) % 1.0
+            phase = (step * GOLDEN + 0.5) % 1.0
             place = (part[block] * _ROW + phase)[:, None] + np.arange(_ROW)
             s = place / (self.parts[step] * _ROW)[:, None]
             t = self._inside(step, s)
@@ -204,14 +199,13 @@ class Sampler:
 
         Returns:
             Chebyshev coefficients, ``(steps, nodes, numbers)``; the rest is ``(steps, numbers)``:
-            what is no difference, the defect of the solution at the start of each step, and
-            `bend` and `largest` of `Block`.
+            what is no difference, and `bend` and `largest` of `Block`.
         """
         # Apart in floating-point numbers as well.
         apart = np.maximum(_APART, 4.0 / self._numbers_in[steps])[:, None, None]
         triples = _TRIPLES[:, None] + apart * np.array([-1.0, 0.0, 1.0])
         s = np.empty((len(steps), _ROW))
-        s[:, :_NODES], s[:, -1] = _CHEBYSHEV, 0.0
+        s[:, :_NODES], s[:, -1] = _CHEBYSHEV, 0.5
         s[:, _NODES : _NODES + triples[0].size] = triples.reshape(len(steps), -1)
         t = self._inside(steps, s)
         values = self._evaluate(t, s, curves)
@@ -227,9 +221,8 @@ class Sampler:
         moved = np.abs(self._evaluate(np.nextafter(t, -np.inf), s, nudged) - values)
         noise = np.maximum(bend, np.max(moved, axis=1))
         largest = np.max(np.abs(nodes), axis=1)
-        defect = np.abs(values[:, -1] - self._path.slopes[steps, 0])
         allowed = _NOISE * noise + _ROUNDING * _EPS * largest
-        return coefficients, allowed, defect, self._bent(steps, t, s, curves, values), largest
+        return coefficients, allowed, self._bent(steps, t, s, curves, values), largest
 
     def _bent(
         self,

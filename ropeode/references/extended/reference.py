@@ -23,6 +23,7 @@ from ropeode.references.certificate import (
 )
 from ropeode.references.consensus import consensus_reference
 from ropeode.references.defect import look_between
+from ropeode.references.extended.defects import negligible
 from ropeode.references.extended.solution import ExtendedSolution, extended_solution
 from ropeode.references.extended.taylor import ExtendedRun, solve
 from ropeode.references.options import ReferenceOptions
@@ -101,8 +102,12 @@ def extended_reference(
         short = trusted == solution.agreed
         reason = solution.failure if short else Reason.INACCURATE
     inside = problem.until(trusted)
-    assert solution.fine.path is not None
-    findings = look_between(inside, solution.fine.path.until(inside.ts[-1]), bounds)
+    fine = solution.fine
+    assert fine.path is not None
+    assert fine.defects is not None
+    small = negligible(solution.differences, bounds, trusted)
+    looks = [fine.defects.look(inside, small)]
+    findings = look_between(inside, fine.path.until(inside.ts[-1]), bounds, looks)
     closer = []
     if len(findings.times):
         run = solve(

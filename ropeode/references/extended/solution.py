@@ -6,6 +6,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +14,14 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import SAFETY_FACTOR, distances, smallest
 from ropeode.references.extended.taylor import ExtendedRun, solve
+from ropeode.references.ladder import neighbour
 from ropeode.validation import check_positive, check_whole
 
 # The finer run of a pair has so many bits more, and a tolerance that is finer by as much.
 _BITS_APART = 24
 # Bits that the first pair has beyond the digits, enough for problems that lose little.
 _BITS_TO_SPARE = 20
+_FLOAT64 = 53
 _MOST_BITS = 1000
 # Where the runs are further apart than this, relative to the state, the growth has ended.
 _SATURATED = 1e-3
@@ -61,7 +64,9 @@ def extended_solution(
 ) -> ExtendedSolution:
     """Solve twice in extended precision, with more and more bits until the two runs agree.
 
-    The precisions of the two runs differ by 24 bits, and their tolerances likewise. If the runs
+    The precisions of the two runs differ by 24 bits, and their tolerances likewise. The coarser
+    one starts from the neighbour of the initial state, a unit in the last place of its numbers
+    away, so that an unstable balance does not agree with itself. If the runs
     do not agree to the requested digits, the loss shows how many bits the next pair needs.
 
     Arguments:
@@ -79,21 +84,23 @@ def extended_solution(
     time_limit = check_positive("time_limit", time_limit, example="60")
     began = time.perf_counter()
 
-    def run(precision: int) -> ExtendedRun:
-        left = max(began + time_limit - time.perf_counter(), 0.0)
-        return solve(problem, precision=precision, time_limit=left, progress=progress)
+    moved = neighbour(problem, problem.y0[None]) - problem.y0
 
-    coarse = run(math.ceil(digits * math.log2(10)) + _BITS_TO_SPARE)
+    def run(precision: int, **options: Any) -> ExtendedRun:
+        left = max(began + time_limit - time.perf_counter(), 0.0)
+        return solve(problem, precision=precision, time_limit=left, progress=progress, **options)
+
+    bits = math.ceil(digits * math.log2(10)) + _BITS_TO_SPARE
     best: _Pair | None = None
     while True:
-        pair = _Pair(problem, digits, coarse, run(coarse.precision + _BITS_APART))
+        coarse = run(bits, shift=2.0 ** (_FLOAT64 - bits) * moved)
+        pair = _Pair(problem, digits, coarse, run(bits + _BITS_APART, looked_into=True))
         if best is None or pair.agreed >= best.agreed:
             best = pair
-        needed = pair.bits_needed()
+        bits = pair.bits_needed()
         out_of_time = time.perf_counter() >= began + time_limit
-        if pair.agreed == pair.reached or out_of_time or needed > _MOST_BITS:
+        if pair.agreed == pair.reached or out_of_time or bits > _MOST_BITS:
             break
-        coarse = pair.fine if needed <= pair.fine.precision else run(needed)
     return best.solution(time.perf_counter() - began, out_of_time)
 
 
@@ -131,7 +138,7 @@ class _Pair:
         # Errors that grow exponentially take the same number of bits in each frame.
         lost *= span[self.reached - 1] / span[last]
         needed = math.ceil(self.digits * math.log2(10) + 1.1 * max(lost, 0.0)) + 8
-        return max(needed, self.coarse.precision + 1)
+        return max(needed, self.fine.precision)
 
     def solution(self, seconds: float, out_of_time: bool) -> ExtendedSolution:
         """The result of the pair."""

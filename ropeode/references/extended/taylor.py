@@ -11,6 +11,7 @@ import numpy as np
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.extended import heyoka
+from ropeode.references.extended.defects import Defects, compiled_rates
 from ropeode.references.extended.translate import Translation, translate
 from ropeode.references.solvers.solution import Path
 from ropeode.validation import check_positive, check_whole
@@ -37,7 +38,9 @@ class ExtendedRun:
         compile_seconds: to translate and compile.
         choices: primitives that chose a branch by the state, and kept it.
         failure: why it did not reach the last sample time; None if it did.
-        path: its steps, each in a few parts short enough to be looked into, in float64.
+        path: its steps, each in a few parts short enough to be looked into, in float64; only if
+            the run is looked into, as are the defects.
+        defects: how far its steps are from solving the equation.
     """
 
     precision: int
@@ -49,6 +52,7 @@ class ExtendedRun:
     choices: tuple[str, ...] = ()
     failure: str | None = None
     path: Path | None = None
+    defects: Defects | None = None
 
     @property
     def rounded(self) -> np.ndarray:
@@ -70,6 +74,8 @@ def solve(
     max_steps: float = np.inf,
     longest_steps: np.ndarray | None = None,
     stops: np.ndarray | None = None,
+    shift: np.ndarray | None = None,
+    looked_into: bool = False,
     progress: Progress = silent,
 ) -> ExtendedRun:
     """Solve with Taylor series whose order follows from the tolerance.
@@ -90,6 +96,8 @@ def solve(
         stops: the sample times at which steps end; at the others the state is that of the step's
             Taylor polynomial, which is within the tolerance all along the step. The last sample
             time is always a stop.
+        shift: what is added to the initial state, in float64, of its shape.
+        looked_into: whether to keep what its steps do between their ends.
         progress: called at the start.
 
     Raises:
@@ -107,6 +115,10 @@ def solve(
     if longest_steps is None:
         longest_steps = np.full(problem.frames, np.inf)
     run = _Run(problem, precision, tolerance, deadline, max_steps, longest_steps, stops)
+    if shift is not None:
+        run.samples[0] = run.samples[0] + run.exactly(shift.reshape(-1))
+    if looked_into:
+        run.defects = Defects(problem)
     run.to_the_end()
     states = np.stack(run.samples).reshape(-1, *problem.y0.shape)
     return ExtendedRun(
@@ -118,7 +130,8 @@ def solve(
         compile_seconds=run.compile_seconds,
         choices=tuple(sorted(run.choices)),
         failure=run.failure,
-        path=run.path(),
+        path=run.path() if looked_into else None,
+        defects=run.defects,
     )
 
 
@@ -138,9 +151,10 @@ class _Run:
     compile_seconds: float = 0.0
     choices: set[str] = dataclasses.field(default_factory=set)
     failure: str | None = None
+    defects: Defects | None = None
 
     def __post_init__(self) -> None:
-        self.samples = [self._exactly(self.problem.y0.reshape(-1))]
+        self.samples = [self.exactly(self.problem.y0.reshape(-1))]
         self.parts: list[tuple] = []
 
     def path(self) -> Path:
@@ -162,18 +176,21 @@ class _Run:
         """Solve a piece without jumps, keep its samples, and return the state at its end."""
         began = time.perf_counter()
         library, shape = heyoka(), self.problem.y0.shape
-        rounded = state.astype(np.float64).reshape(shape)
+        # What is chosen at the start does not hang on a shift that is below all rounding.
+        first_piece = start == self.problem.ts[0]
+        rounded = self.problem.y0 if first_piece else state.astype(np.float64).reshape(shape)
         translation = translate(self.problem, self.precision, t=start, y=rounded)
         self.choices.update(translation.guards.names)
         taylor = library.taylor_adaptive(
             translation.system,
             state,
-            time=self._number(start),
-            tol=self._number(self.tolerance),
+            time=self.number(start),
+            tol=self.number(self.tolerance),
             **self._kind(),
             # Otherwise some problems of four components take minutes to compile.
             compact_mode=True,
         )
+        rates = compiled_rates(translation, self._kind()) if self.defects else None
         self.compile_seconds += time.perf_counter() - began
 
         began = time.perf_counter()
@@ -181,10 +198,10 @@ class _Run:
         stops = sorted({end, *self.stops[(self.stops > start) & (self.stops < end)].tolist()})
         steps: list[tuple[float, np.ndarray]] = []
         for stop in stops:
-            target = self._number(stop)
+            target = self.number(stop)
             frame = int(np.searchsorted(ts, stop)) - 1
             longest = float(self.longest_steps[frame])
-            why = self._advance(taylor, target, longest, steps)
+            why = self._advance(taylor, rates, target, longest, steps)
             arrived = taylor.time == target and np.all(np.isfinite(taylor.state))
             if arrived and stop in ts:
                 self.samples.append(taylor.state.copy())
@@ -200,7 +217,12 @@ class _Run:
         return taylor.state.copy()
 
     def _advance(
-        self, taylor: Any, target: Any, longest: float, steps: list[tuple[float, np.ndarray]]
+        self,
+        taylor: Any,
+        rates: Any,
+        target: Any,
+        longest: float,
+        steps: list[tuple[float, np.ndarray]],
     ) -> str | None:
         """Step to a time and record each step's end; return why it stopped early, if it did."""
         shortest = 2.0**-self.precision * float(self.problem.ts[-1] - self.problem.ts[0])
@@ -209,8 +231,9 @@ class _Run:
         def each_step(taylor: Any) -> bool:
             self._read_off(taylor, target)
             steps.append((float(taylor.time), taylor.state.astype(np.float64)))
-            if self.precision != HARDWARE:  # A witness takes other steps; nobody looks between.
+            if self.defects:
                 self._keep_parts(taylor)
+                self.defects.keep(taylor, rates)
             if abs(float(taylor.last_h)) < shortest and taylor.time != target:
                 reasons.append("its steps become too short")
             elif time.perf_counter() >= self.deadline:
@@ -220,7 +243,7 @@ class _Run:
             return not reasons
 
         taylor.propagate_until(
-            target, max_delta_t=self._number(longest), callback=each_step, write_tc=True
+            target, max_delta_t=self.number(longest), callback=each_step, write_tc=True
         )
         return reasons[0] if reasons else None
 
@@ -228,7 +251,7 @@ class _Run:
         """Record the samples inside the last step."""
         ts = self.problem.ts
         while (t := ts[len(self.samples)]) < target and t <= taylor.time:
-            taylor.update_d_output(self._number(float(t)))
+            taylor.update_d_output(self.number(float(t)))
             self.samples.append(taylor.d_output.copy())
 
     def _keep_parts(self, taylor: Any) -> None:
@@ -272,10 +295,10 @@ class _Run:
             "another branch than at the start, so that it is not one smooth function"
         )
 
-    def _exactly(self, array: np.ndarray) -> np.ndarray:
-        return np.array([self._number(float(entry)) for entry in array])
+    def exactly(self, array: np.ndarray) -> np.ndarray:
+        return np.array([self.number(float(entry)) for entry in array])
 
-    def _number(self, value: float) -> Any:
+    def number(self, value: float) -> Any:
         """A float64 number in the precision of the run, without rounding."""
         if self.precision == HARDWARE and in_hardware():
             return np.longdouble(value)

@@ -301,7 +301,7 @@ def test_what_a_step_passes_over_is_found_in_its_parts():
     bounds = {"state": np.full(len(ts), 1e-16)}
     for centre, found in ((-1.0, 0), (6.4, 1), (14.321, 1)):
         problem = Problem(kicked, [1.0, 0.0], ts, args=centre)
-        path = solve(problem).path
+        path = solve(problem, looked_into=True).path
         turned = np.stack([np.cos(path.times), -np.sin(path.times)], axis=1)
         # Times have a unit of rounding of 3.6e-15.
         np.testing.assert_allclose(path.states, turned, rtol=0, atol=1e-14)

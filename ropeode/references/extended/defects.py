@@ -1,0 +1,135 @@
+"""How far the polynomials of a Taylor series' steps are from solving the equation, in all digits.
+
+Evaluated in float64, a right-hand side says nothing of what is below its rounding. Where errors
+grow by many orders of magnitude, which extended precision is for, that may be what decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ropeode.problems.problem import Problem
+from ropeode.references.defect import Look
+from ropeode.references.extended import heyoka
+from ropeode.references.residuals import GOLDEN, SHARE
+
+# The numbers that are evaluated in all, and limits for the times: over the span, and in a step.
+_NUMBERS, _FEWEST_TIMES, _MOST_TIMES, _FEWEST_IN_A_STEP = 2**17, 2**12, 2**15, 16
+# So many times at once.
+_BLOCK = 1024
+
+
+class Defects:
+    """The defects ``y' - f(t, y)`` of a run under way, at many times inside its steps.
+
+    Arguments:
+        problem: what is solved.
+    """
+
+    def __init__(self, problem: Problem):
+        self._span = float(problem.ts[-1] - problem.ts[0])
+        self._times = min(max(_NUMBERS // problem.y0.size, _FEWEST_TIMES), _MOST_TIMES)
+        self._ends: list[tuple[float, float]] = []
+        self._t: list[np.ndarray] = []
+        self._sizes: list[np.ndarray] = []
+
+    def keep(self, taylor: Any, rates: Any) -> None:
+        """Look into the last step.
+
+        Arguments:
+            taylor: heyoka's integrator, with the coefficients of that step.
+            rates: the right-hand side, compiled.
+        """
+        h, end = taylor.last_h, taylor.time
+        count = max(_FEWEST_IN_A_STEP, int(np.ceil(self._times * float(h) / self._span)))
+        phase = (len(self._ends) * GOLDEN + 0.5) % 1.0
+        places = (np.arange(count) + phase) / count
+        blocks = np.split(places, np.arange(_BLOCK, count, _BLOCK))
+        found = [self._defects(taylor.tc.T, block, h, end, rates) for block in blocks]
+        self._ends.append((float(end - h), float(end)))
+        self._t.append(float(end) - (1.0 - places) * float(h))
+        self._sizes.append(np.concatenate(found))
+
+    def _defects(
+        self, coefficients: np.ndarray, places: np.ndarray, h: Any, end: Any, rates: Any
+    ) -> np.ndarray:
+        """Their sizes at parts of a step, ``(times, numbers)``."""
+        since = places.astype(type(h)) * h
+        powers = np.empty((len(coefficients), len(places)), dtype=type(h))
+        powers[0] = since * 0 + 1
+        for k in range(1, len(powers)):
+            powers[k] = powers[k - 1] * since
+        orders = np.arange(1.0, len(coefficients)).astype(type(h))
+        slopes = (orders[:, None] * coefficients[1:]).T @ powers[:-1]
+        values = rates(coefficients.T @ powers, time=(end - h) + since)
+        return np.nan_to_num(np.abs(slopes - values).T.astype(np.float64), nan=np.inf)
+
+    def look(self, problem: Problem, negligible: Mapping[str, np.ndarray]) -> Look:
+        """What these defects add to the state.
+
+        Arguments:
+            problem: as far as the solution is trusted.
+            negligible: by how much each quantity may be moved in the frame after each sample.
+        """
+        low, high = np.reshape(self._ends, (-1, 2)).T
+        inside = np.flatnonzero(high <= problem.ts[-1])
+        low, high = low[inside], high[inside]
+        counts = np.array([len(self._t[step]) for step in inside], dtype=int)
+        spacing = (high - low) / counts
+        frame = np.searchsorted(problem.ts, low, side="right") - 1
+        per = problem.y0.size // len(negligible)
+        small = np.stack([series[frame] for series in negligible.values()], axis=1)
+        small = np.repeat(small, per, axis=1)
+        share = np.array(
+            [
+                np.max(np.sum(self._sizes[step], axis=0) * spacing[k] / small[k])
+                for k, step in enumerate(inside)
+            ]
+        )
+        sizes = [np.max(self._sizes[step] / small[k], axis=1) for k, step in enumerate(inside)]
+        return Look(
+            share=share,
+            step=np.repeat(np.arange(len(inside)), counts),
+            t=np.concatenate([[], *(self._t[step] for step in inside)]),
+            size=np.concatenate([[], *sizes]),
+            low=low,
+            high=high,
+            spacing=spacing,
+        )
+
+
+def compiled_rates(translation: Any, kind: Mapping[str, Any]) -> Any:
+    """A translated right-hand side as a function of many states and times.
+
+    Arguments:
+        translation: the right-hand side.
+        kind: what heyoka calls the numbers.
+    """
+    return heyoka().cfunc(translation.derivatives, translation.variables, compact_mode=True, **kind)
+
+
+def negligible(
+    differences: Mapping[str, np.ndarray], bounds: Mapping[str, np.ndarray], count: int
+) -> dict[str, np.ndarray]:
+    """What may disturb each quantity from each sample on, and never matters.
+
+    Two runs differ by disturbances far below float64's rounding. As their difference grows from
+    one sample to a later one, so does any other disturbance.
+
+    Arguments:
+        differences: of the two runs, for each quantity at each sample.
+        bounds: of the error of each quantity at each sample.
+        count: how many samples are trusted.
+    """
+    allowed = {quantity: SHARE * bound[:count] for quantity, bound in bounds.items()}
+    apart = {quantity: differences[quantity][:count] for quantity in bounds}
+    with np.errstate(all="ignore"):
+        times = np.min([allowed[q] / apart[q] for q in bounds], axis=0)
+    times = np.minimum.accumulate(np.where(np.isnan(times), np.inf, times)[::-1])[::-1]
+    return {
+        q: np.where(apart[q] > 0, np.minimum(allowed[q], times * apart[q]), allowed[q])
+        for q in bounds
+    }

@@ -1,0 +1,89 @@
+"""What is far below float64's rounding, and what decides where errors grow by many digits."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.extended.defects import negligible
+from ropeode.references.extended.solution import extended_solution
+from ropeode.references.extended.taylor import solve
+
+pytest.importorskip("heyoka", reason="heyoka is an extra")
+
+TS = np.linspace(0.0, 12.0, 4)
+CENTRE, WIDTH = 7.77, 1e-3
+
+
+def turn(t, y, args):
+    """A rotation, with a pulse of any height."""
+    pulse = args * jnp.exp(-(((t - CENTRE) / WIDTH) ** 2))
+    return jnp.stack([y[1], pulse - y[0]])
+
+
+@pytest.fixture(scope="module")
+def hanging():
+    problem = Rope(num_nodes=3, damping=0.2).problem(frames=2)
+    return problem, extended_solution(problem, time_limit=1e9)
+
+
+def test_a_pulse_far_below_rounding_is_found():
+    height = 1e-24
+    problem = Problem(turn, [1.0, 0.0], TS, args=height)
+    run = solve(problem, looked_into=True)
+    area = height * WIDTH * np.sqrt(np.pi)
+    for units in (0.5, 2.0):
+        look = run.defects.look(problem, {"state": np.full(4, units * area)})
+        assert np.sum(look.share > 1e-3) == 1
+        # Its whole area is seen, and nothing else.
+        np.testing.assert_allclose(np.sum(look.share), 1 / units, rtol=1e-3)
+        assert abs(look.t[np.argmax(look.size)] - CENTRE) < WIDTH
+    # Where the solution is not trusted, it does not matter.
+    short = run.defects.look(problem.until(2), {"state": np.full(2, area)})
+    assert np.sum(short.share) < 1e-6
+
+
+def test_steps_solve_the_equation_to_the_tolerance_of_the_run(hanging):
+    """Up to what the forces of a stiff rope lose when they cancel."""
+    problem, run = hanging[0], hanging[1].fine
+    look = run.defects.look(problem, {"position": np.ones(3), "velocity": np.ones(3)})
+    moved = np.ptp(problem.ts) * np.max(np.abs(run.path.slopes))
+    assert 0.0 < np.sum(look.share) < 1e6 * run.tolerance * moved
+    assert len(look.t) > 2**12
+    assert np.all(np.bincount(look.step) >= 16)
+    inside = (look.t > look.low[look.step]) & (look.t < look.high[look.step])
+    assert np.all(inside)
+
+
+def test_what_grows_later_matters_now():
+    grown = 1e-30 * np.array([1.0, 1e-3, 1e3, 1e6, 1e4])
+    apart = {"position": grown, "velocity": 10 * grown}
+    bounds = {"position": np.full(5, 1e-15), "velocity": np.full(5, 1.0)}
+    found = negligible(apart, bounds, 5)
+    share = 0.03 * 1e-15
+    np.testing.assert_allclose(found["position"], share * np.array([1e-6, 1e-9, 1e-3, 1.0, 1.0]))
+    np.testing.assert_allclose(found["velocity"][:4], 10 * found["position"][:4])
+    # What is not trusted does not matter.
+    np.testing.assert_allclose(negligible(apart, bounds, 2)["position"], share)
+
+
+def test_an_unstable_balance_does_not_agree_with_itself():
+    """From exactly zero nothing grows, but in the coarser run, which starts a little beside it."""
+    problem = Problem(lambda t, y, a: 3.0 * y * (1.0 - y), [0.0], np.arange(21.0))
+    known = extended_solution(problem, time_limit=1e9)
+    assert known.agreed == 21
+    np.testing.assert_array_equal(known.states, 0.0)
+    growth = known.differences["state"][1:] / known.differences["state"][:-1]
+    np.testing.assert_allclose(growth, np.exp(3.0), rtol=1e-6)
+    # 26 digits are lost.
+    assert known.coarse.precision > 60 + 86
+
+
+def test_what_is_held_stays(hanging):
+    _, known = hanging
+    velocities = (known.coarse.states - known.fine.states)[:, 1].astype(float)
+    np.testing.assert_array_equal(velocities[:, :, 0], 0.0)
+    assert np.all(velocities[:, :, 1:] != 0.0)
