@@ -19,7 +19,7 @@ from ropeode.references.residuals import GOLDEN, SHARE
 # The numbers that are evaluated in all, and limits for the times: over the span, and in a step.
 _NUMBERS, _FEWEST_TIMES, _MOST_TIMES, _FEWEST_IN_A_STEP = 2**17, 2**12, 2**15, 16
 # So many times at once.
-_BLOCK = 1024
+_BLOCK = 256
 
 
 class Defects:
@@ -35,6 +35,7 @@ class Defects:
         self._ends: list[tuple[float, float]] = []
         self._t: list[np.ndarray] = []
         self._sizes: list[np.ndarray] = []
+        self._room: _Room | None = None
 
     def keep(self, taylor: Any, rates: Any) -> None:
         """Look into the last step.
@@ -47,25 +48,15 @@ class Defects:
         count = max(_FEWEST_IN_A_STEP, int(np.ceil(self._times * float(h) / self._span)))
         phase = (len(self._ends) * GOLDEN + 0.5) % 1.0
         places = (np.arange(count) + phase) / count
-        blocks = np.split(places, np.arange(_BLOCK, count, _BLOCK))
-        found = [self._defects(taylor.tc.T, block, h, end, rates) for block in blocks]
+        if self._room is None:
+            self._room = _Room(taylor.tc)
+        found = [
+            self._room.defects(taylor.tc, places[first : first + _BLOCK], h, end, rates)
+            for first in range(0, count, _BLOCK)
+        ]
         self._ends.append((float(end - h), float(end)))
         self._t.append(float(end) - (1.0 - places) * float(h))
         self._sizes.append(np.concatenate(found))
-
-    def _defects(
-        self, coefficients: np.ndarray, places: np.ndarray, h: Any, end: Any, rates: Any
-    ) -> np.ndarray:
-        """Their sizes at parts of a step, ``(times, numbers)``."""
-        since = places.astype(type(h)) * h
-        powers = np.empty((len(coefficients), len(places)), dtype=type(h))
-        powers[0] = since * 0 + 1
-        for k in range(1, len(powers)):
-            powers[k] = powers[k - 1] * since
-        orders = np.arange(1.0, len(coefficients)).astype(type(h))
-        slopes = (orders[:, None] * coefficients[1:]).T @ powers[:-1]
-        values = rates(coefficients.T @ powers, time=(end - h) + since)
-        return np.nan_to_num(np.abs(slopes - values).T.astype(np.float64), nan=np.inf)
 
     def look(self, problem: Problem, negligible: Mapping[str, np.ndarray]) -> Look:
         """What these defects add to the state.
@@ -99,6 +90,45 @@ class Defects:
             high=high,
             spacing=spacing,
         )
+
+
+class _Room:
+    """Arrays of the run's numbers that are used again and again.
+
+    NumPy frees the memory of an array, but not what heyoka's numbers hold outside of it.
+
+    Arguments:
+        coefficients: of some step, ``(numbers, order + 1)``.
+    """
+
+    def __init__(self, coefficients: np.ndarray):
+        numbers, terms = coefficients.shape
+        kind = coefficients.dtype
+        self._orders = np.arange(1.0, terms).astype(kind)
+        self._derived = np.zeros((numbers, terms - 1), kind)
+        self._times = np.zeros((3, _BLOCK), kind)
+        self._powers = np.ones(terms * _BLOCK, kind)
+        self._results = np.zeros((3, numbers * _BLOCK), kind)
+
+    def defects(
+        self, coefficients: np.ndarray, places: np.ndarray, h: Any, end: Any, rates: Any
+    ) -> np.ndarray:
+        """Their sizes at parts of a step, ``(times, numbers)``, in float64."""
+        count, (numbers, terms) = len(places), coefficients.shape
+        place, since, t = self._times[:, :count]
+        powers = self._powers[: terms * count].reshape(terms, count)
+        states, slopes, values = self._results[:, : numbers * count].reshape(3, numbers, count)
+        place[:], powers[0] = places, 1.0
+        np.multiply(place, h, out=since)
+        np.add(since, end - h, out=t)
+        for k in range(1, terms):
+            np.multiply(powers[k - 1], since, out=powers[k])
+        np.multiply(coefficients[:, 1:], self._orders, out=self._derived)
+        np.matmul(coefficients, powers, out=states)
+        np.matmul(self._derived, powers[:-1], out=slopes)
+        rates(states, outputs=values, time=t)
+        np.subtract(slopes, values, out=slopes)
+        return np.nan_to_num(np.abs(slopes.T.astype(np.float64)), nan=np.inf)
 
 
 def compiled_rates(translation: Any, kind: Mapping[str, Any]) -> Any:
