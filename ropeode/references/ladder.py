@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import ReferenceRefused
-from ropeode.precision import in_float64
+from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
-from ropeode.problems.traced import compiled
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.defect import Findings
@@ -47,8 +46,6 @@ _RUNS_AFTER_THE_LADDER = 8
 _ROUNDING_SEEDS = (1, 2)
 _LOOSEST_ROUNDING = 1e-9
 _LOOSEST_PATH = 1e-10
-# Random states at which it is seen what is held fixed.
-_PROBES = 3
 # A ladder that needs more memory than this keeps the states of two rungs only.
 _MOST_BYTES_KEPT = 2**28
 
@@ -215,19 +212,8 @@ def neighbour(problem: Problem, states: np.ndarray) -> np.ndarray:
     sizes: Any = problem.scale
     if problem.mechanics is not None and not np.all(y0):
         sizes = np.max(np.abs(states), axis=(0, *range(2, states.ndim)), keepdims=True)[0]
-        sizes = np.where(_held(problem), 0.0, np.where(sizes > 0, sizes, problem.scale))
+        sizes = np.where(free_coordinates(problem), np.where(sizes > 0, sizes, problem.scale), 0.0)
     return np.where(y0 == 0.0, np.finfo(np.float64).eps * sizes, moved)
-
-
-@in_float64
-def _held(problem: Problem) -> np.ndarray:
-    """Of a mechanical problem, which components have no acceleration wherever they are."""
-    draw = np.random.default_rng(5).normal(size=(_PROBES, *problem.y0.shape))
-    states = problem.y0 * (1.0 + 0.1 * draw) + 0.1 * problem.scale * draw
-    times = np.linspace(problem.ts[0], problem.ts[-1], _PROBES)
-    rates = compiled(problem.rhs)
-    slopes = [rates(t, y, problem.args)[1] for t, y in zip(times, states, strict=True)]
-    return np.all(np.asarray(slopes) == 0.0, axis=0)
 
 
 def other_runs(
