@@ -106,6 +106,13 @@ def change_by_rounding(function: Callable, y: Any, seed: Any) -> Any:
     return jnp.where(jnp.isfinite(change), change, 0.0)
 
 
+def change_if_asked(function: Callable, y: Any, seed: Any) -> Any:
+    """`change_by_rounding` where the seed is not 0; nothing where it is."""
+    return lax.cond(
+        seed > 0, lambda y: change_by_rounding(function, y, seed), lambda y: jnp.zeros_like(y), y
+    )
+
+
 class Pair(NamedTuple):
     """What a variable of the traced function holds.
 
