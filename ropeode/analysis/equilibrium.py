@@ -13,6 +13,7 @@ from scipy.integrate import BDF
 from scipy.linalg import null_space
 
 from ropeode.precision import in_float64
+from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Acceleration, Problem
 from ropeode.validation import bad_value
 
@@ -117,21 +118,6 @@ def frequencies(problem: Problem, y: np.ndarray) -> np.ndarray:
             "take it from hanging_equilibrium(problem)",
         )
     return np.sqrt(np.maximum(np.sort(at.modes(free)), 0.0))
-
-
-@in_float64
-def free_coordinates(problem: Problem) -> np.ndarray:
-    """Which coordinates can move at all, as truth values of the shape of the positions.
-
-    A coordinate whose acceleration is exactly zero in a state without any symmetry is held.
-
-    Arguments:
-        problem: a mechanical problem.
-    """
-    mechanics = problem.require_mechanics("problem")
-    x0, v0 = problem.y0
-    x, v = np.random.default_rng(4).normal(size=(2, *x0.shape)) * problem.scale
-    return np.asarray(mechanics.acceleration(problem.ts[0], x0 + x, v0 + v, problem.args)) != 0.0
 
 
 class _Still:

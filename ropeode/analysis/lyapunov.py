@@ -13,8 +13,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from scipy import special
 
-from ropeode.analysis.equilibrium import free_coordinates
 from ropeode.precision import in_float64
+from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.ladder import EXPLICIT, IMPLICIT, step_budget

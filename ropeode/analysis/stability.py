@@ -10,8 +10,9 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from scipy import linalg
 
-from ropeode.analysis.equilibrium import free_coordinates, hanging_equilibrium
+from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.precision import in_float64
+from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
 from ropeode.simulation import step_size
 from ropeode.simulation.method import method_of

@@ -5,15 +5,16 @@ from __future__ import annotations
 import contextlib
 import functools
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal, jaxpr_as_fun
 
 from ropeode.errors import call_user_code
+from ropeode.problems.nested_jaxprs import equations, evaluated
 from ropeode.problems.traced_digest import digest
 from ropeode.validation import bad_value
 
@@ -148,48 +149,27 @@ def _as(leaf: Any, like: jax.ShapeDtypeStruct) -> Any:
     return leaf if same else jnp.asarray(leaf, like.dtype)
 
 
-def equations(traced: ClosedJaxpr | Jaxpr) -> Iterator[JaxprEqn]:
-    """All equations of a jaxpr, and of the jaxprs in them."""
-    for equation in traced.eqns:
-        yield equation
-        for value in equation.params.values():
-            for each in value if isinstance(value, (tuple, list)) else (value,):
-                if isinstance(each, (ClosedJaxpr, Jaxpr)):
-                    yield from equations(each)
-
-
 def _for_forward_mode(traced: ClosedJaxpr) -> ClosedJaxpr:
     """The same function, without derivatives of its own that work in reverse mode only."""
     if not any(equation.primitive.name == _OWN_REVERSE for equation in equations(traced)):
         return traced
-    return jax.make_jaxpr(functools.partial(_entered, traced))(*traced.in_avals)
+    return jax.make_jaxpr(lambda *inputs: evaluated(traced, inputs, _entered))(*traced.in_avals)
 
 
-def _entered(traced: ClosedJaxpr, *inputs: Any) -> list[Any]:
-    values: dict[Any, Any] = dict(zip(traced.jaxpr.constvars, traced.consts, strict=True))
-    values.update(zip(traced.jaxpr.invars, inputs, strict=True))
-
-    def read(variable: Any) -> Any:
-        return variable.val if isinstance(variable, Literal) else values[variable]
-
-    for equation in traced.eqns:
-        given, params = map(read, equation.invars), equation.params
-        if equation.primitive.name == _OWN_REVERSE:
-            results = _entered(params["call_jaxpr"], *given)
-        else:
-            inner = {name: _inside(value) for name, value in params.items()}
-            primitive = equation.primitive
-            results = primitive.bind(*given, **primitive.get_bind_params(inner))
-            results = results if primitive.multiple_results else [results]
-        values.update(zip(equation.outvars, results, strict=True))
-    return [read(variable) for variable in traced.jaxpr.outvars]
+def _entered(equation: JaxprEqn, inputs: list[Any]) -> list[Any]:
+    primitive, params = equation.primitive, equation.params
+    if primitive.name == _OWN_REVERSE:
+        return evaluated(params["call_jaxpr"], inputs, _entered)
+    inner = {name: _for_forward_mode_inside(value) for name, value in params.items()}
+    results = primitive.bind(*inputs, **primitive.get_bind_params(inner))
+    return results if primitive.multiple_results else [results]
 
 
-def _inside(value: Any) -> Any:
+def _for_forward_mode_inside(value: Any) -> Any:
     if isinstance(value, (tuple, list)):
-        inside = map(_inside, value)
+        parts = map(_for_forward_mode_inside, value)
         # A named tuple takes its fields one by one.
-        return type(value)(*inside) if hasattr(value, "_fields") else type(value)(inside)
+        return type(value)(*parts) if hasattr(value, "_fields") else type(value)(parts)
     return _for_forward_mode(value) if isinstance(value, ClosedJaxpr) else value
 
 

@@ -19,12 +19,15 @@ class Budget:
         seconds: that all runs may take together. Compiling does not count, so that what was
             compiled before does not change a result.
         progress: called before each run, with what it is.
+        samples: how many sample times the whole problem has. Programs are compiled for them, and
+            serve what is left of the problem where a run ends early.
         spent: seconds that the runs have taken so far.
     """
 
     scale: Any
     seconds: float = math.inf
     progress: Progress = silent
+    samples: int = 0
     spent: float = 0.0
 
     @property

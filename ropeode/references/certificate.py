@@ -227,11 +227,13 @@ def bounds(
             a problem's constraints at least half is error.
     """
     result = {}
+    # SciPy's steps are not compensated: each may lose as much.
+    units = ROUNDING_UNITS * (1 + (primary.steps if primary.solver.library == "SciPy" else 0))
     for quantity in problem.quantities:
         differences = [w.differences[quantity] for w in witnesses if w.role != "looser"]
         differences += [padded(each[quantity], problem) for each in more if quantity in each]
         values = np.abs(problem.quantity(quantity, primary.states)).max(axis=(1, 2))
-        rounding = ROUNDING_UNITS * _EPS * padded(values, problem) + smallest(problem, quantity)
+        rounding = units * _EPS * padded(values, problem) + smallest(problem, quantity)
         result[quantity] = np.maximum.accumulate(
             SAFETY_FACTOR * np.max(differences, axis=0) + rounding
         )

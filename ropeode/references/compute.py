@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from typing import Any, overload
+from typing import Unpack, overload
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.certificate import Level
 from ropeode.references.consensus import consensus_reference
 from ropeode.references.ensemble import Outcome, or_refused, side_by_side
-from ropeode.references.options import DIGITS, TIME_LIMIT, ReferenceOptions
+from ropeode.references.options import More, ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.threads import cores
 from ropeode.validation import check_whole, complaint
@@ -25,12 +24,8 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
-    atol: Any = None,
-    level: Level = "consensus",
-    digits: int = DIGITS,
-    time_limit: float = TIME_LIMIT,
-    dense: bool = False,
     progress: Progress = silent,
+    **more: Unpack[More],
 ) -> Reference: ...
 @overload
 def reference(
@@ -38,24 +33,16 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
-    atol: Any = None,
-    level: Level = "consensus",
-    digits: int = DIGITS,
-    time_limit: float = TIME_LIMIT,
-    dense: bool = False,
     progress: Progress = silent,
+    **more: Unpack[More],
 ) -> list[Reference | ReferenceRefused]: ...
 def reference(
     problem: Problem | Ensemble,
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
-    atol: Any = None,
-    level: Level = "consensus",
-    digits: int = DIGITS,
-    time_limit: float = TIME_LIMIT,
-    dense: bool = False,
     progress: Progress = silent,
+    **more: Unpack[More],
 ) -> Reference | list[Reference | ReferenceRefused]:
     """Solve a problem, and say how far the solution can be trusted.
 
@@ -64,7 +51,8 @@ def reference(
     rungs, a run from a neighbouring initial state, a run with steps too short to miss much, two
     whose right-hand side rounds in other directions, SciPy's DOP853, and, where heyoka is installed
     and that is cheap, a run with more digits. A problem for which the explicit solver needs too
-    many steps counts as stiff; diffrax Kvaerno5 and SciPy's Radau solve it instead.
+    many steps counts as stiff; diffrax Kvaerno5 and SciPy's Radau solve it instead, or SciPy's BDF
+    and Radau, where there are more than 300 unknowns and the Jacobian is sparse.
 
     At the level `extended`, Taylor series (heyoka) solve the problem twice, with as many digits
     as it needs; see `ropeode.references.extended.solution`.
@@ -78,18 +66,21 @@ def reference(
             (of the state, for a problem that is not mechanical); by default 1e-8 (or 1e4 times
             `rtol`, if that is more) of how far a node (or component) moves.
         rtol: relative tolerance of the reference; by default the tightest that still helps.
-        atol: absolute tolerance of the reference at that `rtol` (at 1e-13 where `rtol` is left
-            to the ladder, whose other runs keep the ratio of the two): one number, or an array of
-            the state's shape, for components of very different size. By default `rtol` times
-            the largest component of the initial state.
-        level: `consensus` of float64 solvers, or `extended` precision, which needs heyoka.
-        digits: to which the two runs in extended precision must agree.
-        time_limit: in seconds, for all runs together, without compiling. Where it does not
-            suffice, the horizon ends earlier, or the reference is refused; where it does, the
-            result does not depend on it.
-        dense: compute the states between the samples as well; see
-            `ropeode.references.dense.dense_output`.
         progress: called before each run, with what it is.
+        more: options by name:
+
+            - `atol`: absolute tolerance of the reference at that `rtol` (at 1e-13 where `rtol` is
+              left to the ladder, whose other runs keep the ratio of the two): one number, or an
+              array of the state's shape, for components of very different size. By default
+              `rtol` times the largest component of the initial state.
+            - `level`: `consensus` of float64 solvers (the default), or `extended` precision, which
+              needs heyoka.
+            - `digits`: to which the two runs in extended precision must agree; 18 by default.
+            - `time_limit`: in seconds, for all runs together, without compiling; 60 by default.
+              Where it does not suffice, the horizon ends earlier, or the reference is refused;
+              where it does, the result does not depend on it.
+            - `dense`: compute the states between the samples as well; see
+              `ropeode.references.dense.dense_output`.
 
     Returns:
         The reference. For an ensemble, a list that holds for each member its reference, or the
@@ -99,15 +90,7 @@ def reference(
         InputError: an argument cannot be used.
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
-    options = ReferenceOptions(
-        accuracy=accuracy,
-        rtol=rtol,
-        atol=atol,
-        level=level,
-        digits=digits,
-        time_limit=time_limit,
-        dense=dense,
-    )
+    options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **more)
     if isinstance(problem, Ensemble):
         return list(_each(problem, options, cores(), progress))
     return _reference(problem, options, progress)
@@ -118,13 +101,9 @@ def each_reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
-    atol: Any = None,
-    level: Level = "consensus",
-    digits: int = DIGITS,
-    time_limit: float = TIME_LIMIT,
-    dense: bool = False,
     workers: int | None = None,
     progress: Progress = silent,
+    **more: Unpack[More],
 ) -> Iterator[Outcome]:
     """The references of an ensemble's members, one after the other, in its order.
 
@@ -139,13 +118,10 @@ def each_reference(
         ensemble: what to solve.
         accuracy: as for `ropeode.reference`, for all members.
         rtol: as for `ropeode.reference`, for all members.
-        atol: as for `ropeode.reference`, for all members.
-        level: as for `ropeode.reference`; `extended` solves the members one by one.
-        digits: as for `ropeode.reference`.
-        time_limit: as for `ropeode.reference`, for each member.
-        dense: as for `ropeode.reference`; it also solves the members one by one.
         workers: how many threads; by default as many as there are processors.
         progress: called now and then, with how many members are done.
+        more: options by name, as for `ropeode.reference`. At the level `extended`, and with
+            `dense`, the members are solved one by one.
 
     Yields:
         For each member its reference, or the `ReferenceRefused` that says why it has none.
@@ -153,15 +129,7 @@ def each_reference(
     Raises:
         InputError: an argument cannot be used.
     """
-    options = ReferenceOptions(
-        accuracy=accuracy,
-        rtol=rtol,
-        atol=atol,
-        level=level,
-        digits=digits,
-        time_limit=time_limit,
-        dense=dense,
-    )
+    options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **more)
     count = cores() if workers is None else check_whole("workers", workers, at_least=1, example="2")
     return _each(ensemble, options, count, progress)
 
@@ -170,6 +138,7 @@ def reference_for(
     problem: Problem | Reference,
     options: ReferenceOptions = ReferenceOptions(),  # noqa: B008
     progress: Progress = silent,
+    **more: Unpack[More],
 ) -> Reference:
     """A reference itself, or a new one of a problem.
 

@@ -29,7 +29,7 @@ from ropeode.references.first_rung import first_rung
 from ropeode.references.hints import coarse_times, hints, unresolved_motion
 from ropeode.references.ladder import (
     EXPLICIT,
-    IMPLICIT,
+    METHODS,
     Method,
     climb,
     other_runs,
@@ -111,7 +111,8 @@ def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress
         ReferenceRefused: the ladder is too short, or the time does not suffice.
     """
     rtol = options.rtol
-    budget = Budget(options.tolerance_scale(problem), options.time_limit, progress)
+    scale, samples = options.tolerance_scale(problem), len(problem.ts)
+    budget = Budget(scale, options.time_limit, progress, samples)
     method, solved, rungs = _ladder(problem, rtol, budget)
     primary_index = len(rungs) - 2 if rtol is None else 2
     if not 0 < primary_index < len(rungs) - 1 or len(rungs[-1].states) < 2:
@@ -242,7 +243,7 @@ def certified(
             horizon=float(problem.ts[trusted]) if trusted < len(problem.ts) else None,
             horizon_reason=reason,
             witnesses=tuple(_inside(w, problem, trusted) for w in witnesses),
-            stiff=primary.method is IMPLICIT,
+            stiff=primary.method is not EXPLICIT,
             seconds=sum(each.seconds for each in every),
             compile_seconds=sum(each.compile_seconds for each in every),
             versions=versions(*_PACKAGES, *(["heyoka"] if beyond else [])),
@@ -284,7 +285,7 @@ def _ladder(
         around = [100 * rtol, 10 * rtol, rtol, rtol / 10, rtol / 100]
         return [tolerance for tolerance in around if tolerance > 0.99 * TIGHTEST_RTOL]
 
-    ladders = {method: tolerances(method) for method in (EXPLICIT, IMPLICIT)}
+    ladders = {method: tolerances(method) for method in METHODS}
     method, solved, first = first_rung(problem, ladders, budget)
     return method, *climb(solved, method, first, ladders[method][1:], budget)
 

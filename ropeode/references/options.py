@@ -35,15 +35,24 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(each) for each in value) if isinstance(value, list) else value
 
 
-class Asked(TypedDict, total=False):
-    """The fields of `ReferenceOptions` that a study of a problem takes by name."""
-
-    accuracy: float | None
-    rtol: float | None
+class _Named(TypedDict, total=False):
     atol: Any
     level: Level
     digits: int
     time_limit: float
+
+
+class Asked(_Named, total=False):
+    """The fields of `ReferenceOptions` that a study of a problem takes by name."""
+
+    accuracy: float | None
+    rtol: float | None
+
+
+class More(_Named, total=False):
+    """The fields of `ReferenceOptions` that `reference` takes by name only."""
+
+    dense: bool
 
 
 class ReferenceOptions(Input):

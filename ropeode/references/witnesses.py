@@ -14,8 +14,7 @@ from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.defect import look_between
 from ropeode.references.ladder import (
-    EXPLICIT,
-    IMPLICIT,
+    METHODS,
     Method,
     independent_rtol,
     independent_steps,
@@ -33,7 +32,8 @@ from ropeode.references.solvers.solver import OWN_DOP853
 
 def method_of(reference: Reference) -> Method:
     """The solvers of a reference of level `consensus`."""
-    return IMPLICIT if reference.certificate.stiff else EXPLICIT
+    solver = reference.certificate.solver
+    return next(method for method in METHODS if method.primary == solver)
 
 
 def budget_of(
@@ -50,7 +50,7 @@ def budget_of(
     # A quotient is rounded, and the default must be found again to the last bit.
     if not np.array_equal(certificate.atol, certificate.rtol * scale):
         scale = np.asarray(certificate.atol) / certificate.rtol
-    return Budget(scale, seconds, progress)
+    return Budget(scale, seconds, progress, samples=len(reference.problem.ts))
 
 
 def primary_solution(reference: Reference) -> Solution:

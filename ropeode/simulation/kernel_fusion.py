@@ -16,8 +16,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax.experimental.xla_metadata import set_xla_metadata
-from jax.extend.core import ClosedJaxpr, Jaxpr, jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 
+from ropeode.problems.nested_jaxprs import equations, inside
 from ropeode.simulation.transposes import COMPONENTWISE
 
 # What XLA's emitter for one function makes code for by itself. Others call into libraries, or
@@ -64,19 +65,9 @@ def in_one_kernel(loop: Callable, *inputs: Any) -> Any:
     return jax.tree.unflatten(jax.tree.structure(shape), results)
 
 
-def _can_be_one(traced: ClosedJaxpr | Jaxpr) -> bool:
+def _can_be_one(traced: ClosedJaxpr) -> bool:
     """Whether all that is computed is on the list."""
-    inner = traced.jaxpr if isinstance(traced, ClosedJaxpr) else traced
-    for equation in inner.eqns:
-        name = equation.primitive.name
-        held = [
-            each
-            for value in equation.params.values()
-            for each in (value if isinstance(value, (tuple, list)) else (value,))
-            if isinstance(each, (ClosedJaxpr, Jaxpr))
-        ]
-        if name not in _PRIMITIVES and not (name in _CONTAINERS and held):
-            return False
-        if not all(map(_can_be_one, held)):
-            return False
-    return True
+    return all(
+        (name := each.primitive.name) in _PRIMITIVES or (name in _CONTAINERS and inside(each))
+        for each in equations(traced)
+    )

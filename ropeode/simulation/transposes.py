@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+
+from ropeode.problems.nested_jaxprs import evaluated, inside
 
 # What acts on each component alike; all operands have one shape, or are single numbers.
 # fmt: off
@@ -27,7 +28,7 @@ COMPONENTWISE = frozenset((
 ))
 # fmt: on
 # These hold a function, which is looked into.
-_CALLS = {"jit": "jaxpr", "pjit": "jaxpr", "custom_jvp_call": "call_jaxpr"}
+_CALLS = ("jit", "pjit", "custom_jvp_call")
 
 
 class _Turned(NamedTuple):
@@ -64,7 +65,7 @@ def on_stored(function: Callable, shape: tuple[int, ...]) -> Callable:
                 strict=True,
             )
         ]
-        results = _evaluated(traced, leaves)
+        results = evaluated(traced, leaves, _applied)
         stored = [
             _stored(each) if np.shape(view) == shape else _plain(each)
             for each, view in zip(results, jax.tree.leaves(out), strict=True)
@@ -82,20 +83,6 @@ def _stored(value: Any) -> Any:
     return value.stored if isinstance(value, _Turned) else jnp.transpose(value)
 
 
-def _evaluated(traced: ClosedJaxpr, inputs: list[Any]) -> list[Any]:
-    jaxpr: Jaxpr = traced.jaxpr
-    values: dict[Any, Any] = dict(zip(jaxpr.constvars, traced.consts, strict=True))
-    values.update(zip(jaxpr.invars, inputs, strict=True))
-
-    def read(variable: Any) -> Any:
-        return variable.val if isinstance(variable, Literal) else values[variable]
-
-    for equation in jaxpr.eqns:
-        results = _applied(equation, [read(each) for each in equation.invars])
-        values.update(zip(equation.outvars, results, strict=True))
-    return [read(each) for each in jaxpr.outvars]
-
-
 def _applied(equation: Any, operands: list[Any]) -> list[Any]:
     """The results of one operation."""
     name, params = equation.primitive.name, equation.params
@@ -108,7 +95,7 @@ def _applied(equation: Any, operands: list[Any]) -> list[Any]:
         stored = [each if np.ndim(each) == 0 else _stored(each) for each in operands]
         return [_Turned(each) for each in _bound(equation, stored, params)]
     if name in _CALLS:
-        return _evaluated(params[_CALLS[name]], operands)
+        return evaluated(inside(equation)[0], operands, _applied)
     return _bound(equation, [_plain(each) for each in operands], params)
 
 

@@ -10,16 +10,19 @@ import pytest
 
 from ropeode import InputError, Problem, ReferenceRefused, reference
 from ropeode.references import first_rung
+from ropeode.references.certificate import bounds, witness
 from ropeode.references.hints import coarse_times, hints, remarks
 from ropeode.references.options import ReferenceOptions
-from ropeode.references.solvers import diffrax_solver
+from ropeode.references.solvers import diffrax_solver, jacobian_pattern, scipy_solver
+from ropeode.references.solvers.jacobian_pattern import sparsity
 from ropeode.references.solvers.solution import Solution
-from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, OWN_DOP853
+from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, OWN_DOP853, SCIPY_BDF, SCIPY_RADAU
 from ropeode.references.witnesses import witness_runs
 from ropeode.render.reference import summary
 from tests.references.scalar_problems import scalar
 
 TS = np.linspace(0.0, 2.5, 6)
+EPS64 = np.finfo(np.float64).eps
 
 
 def steps_of(monkeypatch):
@@ -278,10 +281,68 @@ def diffusion(points, end):
 
 
 @pytest.mark.slow
-def test_a_large_stiff_problem_is_refused_early():
-    with pytest.raises(ReferenceRefused, match="not tried with more than 300 unknowns") as refused:
-        reference(diffusion(2000, 0.1))
-    assert "time_limit" in str(refused.value)
+def test_a_large_stiff_problem():
+    points = 2000
+    known = reference(diffusion(points, 0.1))
+    assert known.horizon is None
+    assert_true(known, points)
+
+
+@pytest.fixture
+def forty_are_large(monkeypatch):
+    """Problems of 40 unknowns are as large as those of 2000; Dopri8 gets 30 steps."""
+    for module in (first_rung, scipy_solver):
+        monkeypatch.setattr(module, "MOST_DENSE", 20)
+    monkeypatch.setattr(first_rung, "_MOST_STEPS_IF_LARGE", 30)
+    monkeypatch.setattr(first_rung, "_IMPLICIT_PART", 0.1)
+    monkeypatch.setattr(jacobian_pattern, "_DENSE", 0.1)
+
+
+def test_a_sparse_jacobian(forty_are_large):
+    known = reference(diffusion(40, 0.1))
+    assert (known.certificate.solver, known.certificate.stiff) == (SCIPY_BDF, True)
+    assert known.horizon is None
+    assert_true(known, 40)
+    again = dict(witness_runs(known))
+    for each in known.certificate.witnesses:
+        assert each.solver == (SCIPY_RADAU if each.role == "independent" else SCIPY_BDF)
+        assert again[each.role].steps > 0
+    apart = np.max(np.abs(again["rounding"].states - known.states))
+    assert 0.0 < apart < known.bound()[-1]
+
+
+def test_steps_that_are_not_compensated_raise_the_floor_of_the_bound():
+    problem, states = diffusion(40, 0.1), np.ones((2, 40))
+    floors = []
+    for solver in (KVAERNO5, SCIPY_BDF):
+        run = Solution(solver, 1e-9, 1e-9, states, steps=1000, seconds=0.0)
+        floors.append(bounds(problem, run, [witness(problem, run, run, "tighter")])["state"][-1])
+    np.testing.assert_allclose(floors, [4 * EPS64, 4004 * EPS64])
+
+
+def coupled():
+    problem = diffusion(40, 0.1)
+    return Problem(lambda t, y, args: problem.rhs(t, y, args) - jnp.mean(y), problem.y0, problem.ts)
+
+
+def test_the_pattern_of_a_jacobian(forty_are_large):
+    pattern = sparsity(diffusion(40, 0.1)).toarray()
+    np.testing.assert_array_equal(pattern, np.tri(40, k=1) - np.tri(40, k=-2))
+    assert sparsity(coupled()) is None
+
+
+@pytest.mark.slow
+def test_a_large_problem_whose_jacobian_is_not_sparse(forty_are_large):
+    with pytest.raises(ReferenceRefused, match="only where the right-hand side is in JAX"):
+        reference(coupled(), time_limit=1e-3)
+
+
+def assert_true(known, points):
+    """The first mode of the discrete equation decays, and keeps its shape."""
+    rate = (2 * (points + 1) * np.sin(np.pi / 2 / (points + 1))) ** 2
+    ts = known.problem.ts
+    exact = np.exp(-rate * ts)[:, None] * known.problem.y0
+    assert np.all(np.max(np.abs(known.states - exact), axis=1) <= known.bound())
 
 
 @pytest.mark.slow

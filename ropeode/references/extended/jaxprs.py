@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.problems.traced import equations
+from ropeode.problems.nested_jaxprs import equations, evaluated, inside
 from ropeode.references.solvers.rounding import CALLS
 
 # A loop of more rounds is not unrolled.
@@ -71,29 +71,16 @@ def walk(traced: Any, inputs: Iterable[Value], domain: Domain) -> list[Value]:
 
     Calls are entered, loops are unrolled, and of conditional branches one is taken.
     """
-    jaxpr = getattr(traced, "jaxpr", traced)
-    constants = [Value(domain.constant(c), False) for c in getattr(traced, "consts", ())]
-    values = dict(zip(jaxpr.invars, inputs, strict=True))
-    values.update(zip(jaxpr.constvars, constants, strict=True))
 
-    def read(variable: Any) -> Value:
-        if hasattr(variable, "val"):
-            return Value(domain.constant(variable.val), False)
-        return values[variable]
-
-    for equation in jaxpr.eqns:
-        if not equation.outvars:
-            continue
-        inputs = [read(variable) for variable in equation.invars]
-        name, params = equation.primitive.name, equation.params
+    def apply(equation: Any, inputs: list[Value]) -> list[Value]:
+        name = equation.primitive.name
         if name in CALLS:
-            results = walk(params.get("jaxpr", params.get("call_jaxpr")), inputs, domain)
-        elif name in _CONTROL:
-            results = _CONTROL[name](equation, inputs, domain)
-        else:
-            results = _applied(equation, inputs, domain)
-        values.update(zip(equation.outvars, results, strict=True))
-    return [read(variable) for variable in jaxpr.outvars]
+            return walk(inside(equation)[0], inputs, domain)
+        if name in _CONTROL:
+            return _CONTROL[name](equation, inputs, domain)
+        return _applied(equation, inputs, domain) if equation.outvars else []
+
+    return evaluated(traced, inputs, apply, lambda c: Value(domain.constant(c), False))
 
 
 def steers(traced: Any) -> bool:

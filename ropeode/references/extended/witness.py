@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import InputError
+from ropeode.problems.nested_jaxprs import inside
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.references.extended.guards import traced_once
@@ -87,16 +88,10 @@ def _operations(jaxpr: Any) -> float:
     total = 0.0
     for equation in jaxpr.eqns:
         name, params = equation.primitive.name, equation.params
-        inner = [
-            _operations(getattr(each, "jaxpr", each))
-            for param in params.values()
-            for each in (param if isinstance(param, (tuple, list)) else (param,))
-            if hasattr(getattr(each, "jaxpr", each), "eqns")
-        ]
         if name == "while":
             return math.inf
-        if inner:
-            total += params.get("length", 1) * max(inner)
+        if inner := inside(equation):
+            total += params.get("length", 1) * max(map(_operations, inner))
         elif name not in MOVES:
             size = sum(math.prod(variable.aval.shape) for variable in equation.outvars)
             shape = equation.invars[0].aval.shape if name in _COUNTED else ()

@@ -19,7 +19,7 @@ import optimistix
 from jax import lax
 
 from ropeode.references.solvers.family import Family
-from ropeode.references.solvers.rounding import change_by_rounding
+from ropeode.references.solvers.rounding import change_if_asked
 from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, Solver
 
 _ROOT_RTOL = 1e-9
@@ -255,12 +255,8 @@ def solution_of(family: Family) -> Callable:
     def change(t: Any, y: Any, inputs: Any) -> Any:
         leaves, seed = inputs
         # No derivative: that of the vector field is the one of the right-hand side as it is.
-        return lax.cond(
-            seed > 0,
-            lambda t, y: change_by_rounding(lambda y: family.field(t, y, leaves), y, seed),
-            lambda t, y: jnp.zeros_like(y),
-            *lax.stop_gradient((t, y)),
-        )
+        t, y = lax.stop_gradient((t, y))
+        return change_if_asked(lambda y: family.field(t, y, leaves), y, seed)
 
     def run(
         y0: Any,

@@ -31,6 +31,7 @@ def solve(
     longest_steps: np.ndarray | None = None,
     y0: np.ndarray | None = None,
     rounding_seed: int = 0,
+    room: int = 0,
 ) -> Solution:
     """Solve with diffrax in float64.
 
@@ -49,12 +50,14 @@ def solve(
         y0: initial state; by default the problem's.
         rounding_seed: where it is not 0, each number that the right-hand side rounds is moved by
             a unit in the last place; each seed gives other directions. See `rounding`.
+        room: the program is one for so many sample times, or more. Of a problem that was cut short,
+            this is the number before, so that none is compiled anew.
     """
     start = problem.y0 if y0 is None else y0
     longest = np.full(problem.frames, np.inf) if longest_steps is None else longest_steps
     samples = len(problem.ts)
     # Powers of four, so that few programs serve all numbers of samples.
-    spare = 4 ** math.ceil((samples - 1).bit_length() / 2) - samples
+    spare = 4 ** math.ceil((max(samples, room) - 1).bit_length() / 2) - samples
     started = time.perf_counter()
     program, fresh = compiled(Family.of(problem, solver, samples + spare))
     compile_seconds = time.perf_counter() - started

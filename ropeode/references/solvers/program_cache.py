@@ -20,7 +20,11 @@ from ropeode.references.solvers.family import Family, abstract
 
 # What decides what a trace looks like, beside the right-hand side.
 _PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "lineax", "optimistix")
-_MODULES = ("diffrax_program", "rounding")
+_MODULES = (
+    "ropeode.references.solvers.diffrax_program",
+    "ropeode.references.solvers.rounding",
+    "ropeode.problems.nested_jaxprs",
+)
 _folder: Path | None = None
 _compiling = threading.Lock()
 
@@ -89,7 +93,7 @@ def _key(family: Family) -> str:
 
     function = with_slope if family.solver.implicit else family.field
     y0, leaves, *_ = family.inputs()
-    own = [importlib.util.find_spec(f"ropeode.references.solvers.{name}") for name in _MODULES]
+    own = map(importlib.util.find_spec, _MODULES)
     parts = (
         *(f"{name} {metadata.version(name)}" for name in _PACKAGES),
         *(Path(str(each and each.origin)).read_text() for each in own),

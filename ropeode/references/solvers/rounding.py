@@ -26,6 +26,8 @@ import numpy as np
 from jax import lax
 from jax.extend.core import jaxpr_as_fun
 
+from ropeode.problems.nested_jaxprs import evaluated, inside
+
 _EPS = np.finfo(np.float64).eps
 _ONE, _HALF, _MANTISSA = np.uint64(1), np.uint64(2**63), np.uint64(2**52 - 1)
 # Odd numbers without a pattern, those of the hash functions splitmix64 and murmur3.
@@ -104,6 +106,13 @@ def change_by_rounding(function: Callable, y: Any, seed: Any) -> Any:
     return jnp.where(jnp.isfinite(change), change, 0.0)
 
 
+def change_if_asked(function: Callable, y: Any, seed: Any) -> Any:
+    """`change_by_rounding` where the seed is not 0; nothing where it is."""
+    return lax.cond(
+        seed > 0, lambda y: change_by_rounding(function, y, seed), lambda y: jnp.zeros_like(y), y
+    )
+
+
 class Pair(NamedTuple):
     """What a variable of the traced function holds.
 
@@ -157,26 +166,18 @@ class _Salt(NamedTuple):
 
 def _evaluated(traced: Any, salt: _Salt, inputs: Sequence[Pair]) -> list[Pair]:
     """The results of a jaxpr, closed or without constants."""
-    jaxpr = getattr(traced, "jaxpr", traced)
-    values = dict(zip(jaxpr.invars, inputs, strict=True))
-    constants = zip(jaxpr.constvars, getattr(traced, "consts", ()), strict=True)
-    values.update({variable: Pair(constant, constant) for variable, constant in constants})
 
-    def read(variable: Any) -> Pair:
-        return Pair(variable.val, variable.val) if hasattr(variable, "val") else values[variable]
+    def apply(equation: Any, inputs: list[Pair]) -> Sequence[Pair]:
+        return _applied(equation, salt, inputs)
 
-    for equation in jaxpr.eqns:
-        results = _applied(equation, salt, [read(each) for each in equation.invars])
-        values.update(zip(equation.outvars, results, strict=True))
-    return [read(variable) for variable in jaxpr.outvars]
+    return evaluated(traced, inputs, apply, lambda constant: Pair(constant, constant))
 
 
 def _applied(equation: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
     """The results of one primitive."""
     name, params = equation.primitive.name, equation.params
     if name in CALLS:
-        inner = next(params[key] for key in ("jaxpr", "call_jaxpr", "fun_jaxpr") if key in params)
-        return _evaluated(inner, salt, inputs)
+        return _evaluated(inside(equation)[0], salt, inputs)
     if name in _LOOPS:
         return _LOOPS[name](params, salt, inputs)
     plain = _bound(equation, [each.plain for each in inputs])

@@ -2,25 +2,40 @@
 
 from __future__ import annotations
 
+import functools
+import sys
 import time
 from collections.abc import Callable, Collection
 from typing import Any
 
 import jax
 import numpy as np
-from scipy.integrate import DOP853, Radau
+from scipy.integrate import BDF, DOP853, Radau
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.problems.python_rhs import PythonRhs
+from ropeode.references.solvers.family import Family, abstract
+from ropeode.references.solvers.jacobian_pattern import sparsity
+from ropeode.references.solvers.rounding import change_if_asked
 from ropeode.references.solvers.solution import Path, Solution, finite_samples
-from ropeode.references.solvers.solver import SCIPY_DOP853, SCIPY_RADAU, Solver
+from ropeode.references.solvers.solver import (
+    MOST_DENSE,
+    SCIPY_BDF,
+    SCIPY_DOP853,
+    SCIPY_RADAU,
+    Solver,
+)
 from ropeode.references.solvers.stopwatch import Stopwatch
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
 
-SOLVERS: dict[Solver, Callable[..., DOP853 | Radau]] = {SCIPY_DOP853: DOP853, SCIPY_RADAU: Radau}
+SOLVERS: dict[Solver, Callable[..., Any]] = {
+    SCIPY_DOP853: DOP853,
+    SCIPY_RADAU: Radau,
+    SCIPY_BDF: BDF,
+}
 
 
 @in_float64
@@ -30,8 +45,11 @@ def solve(
     rtol: float,
     atol: float | np.ndarray,
     *,
-    max_steps: int,
+    max_steps: int = sys.maxsize,
     seconds: float = np.inf,
+    longest_steps: np.ndarray | None = None,
+    y0: np.ndarray | None = None,
+    rounding_seed: int = 0,
     stops: Collection[float] = (),
 ) -> Solution:
     """Solve with SciPy, each sample time being the end of a step.
@@ -41,19 +59,20 @@ def solve(
     right-hand side is never evaluated on or beyond the piece's jumps.
 
     Arguments are those of `diffrax_solver.solve`; the solver is one of `SOLVERS`, and steps end
-    at `stops` too, which lie inside the span.
+    at `stops` too, which lie inside the span. Roundings are moved for large stiff problems only.
     """
     started = time.perf_counter()
-    field, jacobian = _compiled(problem, with_jacobian=solver.implicit)
+    field, jacobian = _compiled(problem, solver.implicit, rounding_seed)
     compile_seconds = time.perf_counter() - started
 
     stopwatch = Stopwatch()
     shape, ts, jumps = problem.y0.shape, problem.ts, set(problem.jump_times)
     ends = sorted({*ts[1:], *jumps, *stops})
     first, last = ts[0], ts[-1]
-    y = problem.y0.reshape(-1)
+    y = (problem.y0 if y0 is None else y0).reshape(-1)
     states = np.full((len(ts), *shape), np.nan)
-    states[0] = problem.y0
+    states[0] = y.reshape(shape)
+    longest = np.full(len(ts) - 1, np.inf) if longest_steps is None else longest_steps
     flat_atol = np.broadcast_to(atol, shape).reshape(-1)
     steps, failure, run, sample, ran_out = 0, None, None, 1, False
     path = []
@@ -72,22 +91,22 @@ def solve(
                 ) -> np.ndarray:
                     return field(min(max(t, low), high), y)
 
-                def slope(
-                    t: float, y: np.ndarray, low: float = low, high: float = high
-                ) -> np.ndarray:
+                def slope(t: float, y: np.ndarray, low: float = low, high: float = high) -> Any:
                     return jacobian(min(max(t, low), high), y)
 
-                jac = {"jac": slope} if solver.implicit else {}
+                jac = {}
+                if solver.implicit:
+                    jac = {"jac": slope} if callable(jacobian) else {"jac_sparsity": jacobian}
                 run = SOLVERS[solver](inside, at, y, stop, rtol=rtol, atol=flat_atol, **jac)
-            run.t_bound, run.status = stop, "running"
+            run.t_bound, run.status, run.max_step = stop, "running", longest[sample - 1]
             while run.status == "running" and steps < max_steps and not ran_out:
-                before, slope_before = run.t, run.f
+                before, slope_before = run.t, getattr(run, "f", None)
                 message = run.step()
                 ran_out = stopwatch.seconds > seconds
                 steps += 1
                 if not np.all(np.isfinite(run.y)):
                     run.status, message = "failed", "the state is not finite"
-                elif run.t > before:
+                elif run.t > before and slope_before is not None:
                     path.append((run.t, run.y, slope_before, run.f))
             if run.status != "finished":
                 reason = "its time was up" if ran_out else f"{max_steps} steps did not suffice"
@@ -115,12 +134,17 @@ def solve(
     )
 
 
-def _compiled(problem: Problem, *, with_jacobian: bool) -> tuple[Callable, Callable]:
-    """The right-hand side on flat NumPy arrays, and its Jacobian.
+def _compiled(problem: Problem, with_jacobian: bool, seed: int) -> tuple[Callable, Any]:
+    """The right-hand side on flat NumPy arrays, and its Jacobian, or the pattern of a large one.
 
-    The problem's numbers are compiled in: converting them at each call took half its time.
+    The problem's numbers are compiled in: converting them at each call took half its time. Not so
+    where the state is large, and many runs share one program.
     """
     own = problem.rhs
+    if with_jacobian and problem.y0.size > MOST_DENSE and not problem.in_python:
+        program = _with_rounding(Family.of(problem, SCIPY_BDF, 1))
+        numbers = jax.device_put((jax.tree.leaves(problem.args), seed))
+        return lambda t, y: np.asarray(program(np.float64(t), y, *numbers)), sparsity(problem)
     if isinstance(own, PythonRhs):
         return (
             lambda t, y: own.evaluated(float(t), y, problem.args),
@@ -136,3 +160,15 @@ def _compiled(problem: Problem, *, with_jacobian: bool) -> tuple[Callable, Calla
 
     slope = numpy_function(jax.jacfwd(field, argnums=1)) if with_jacobian else field
     return numpy_function(field), slope
+
+
+@functools.lru_cache(maxsize=16)
+def _with_rounding(family: Family) -> Callable:
+    def field(t: Any, y: Any, leaves: Any, seed: Any) -> Any:
+        def at(y: Any) -> Any:
+            return family.field(t, y, leaves)
+
+        return at(y) + change_if_asked(at, y, seed)
+
+    y, leaves, *_ = family.inputs()
+    return jax.jit(field).lower(abstract(()), y, leaves, abstract((), np.int64)).compile()

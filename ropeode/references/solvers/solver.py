@@ -33,13 +33,16 @@ class Solver:
     @property
     def implicit(self) -> bool:
         """Whether it solves equations in each step, and needs a derivative for that."""
-        return self in (KVAERNO5, SCIPY_RADAU)
+        return self in (KVAERNO5, SCIPY_RADAU, SCIPY_BDF)
 
 
 DOPRI8 = Solver("diffrax", "Dopri8")
 KVAERNO5 = Solver("diffrax", "Kvaerno5")
 SCIPY_DOP853 = Solver("SciPy", "DOP853")
 SCIPY_RADAU = Solver("SciPy", "Radau")
+SCIPY_BDF = Solver("SciPy", "BDF")
+# Implicit solvers factor dense matrices up to so many unknowns, and sparse ones above.
+MOST_DENSE = 300
 # Many problems side by side; see `ropeode.references.solvers.dop853`.
 OWN_DOP853 = Solver("ropeode", "DOP853")
 
