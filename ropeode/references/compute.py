@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from typing import Unpack, overload
+from typing import Any, Unpack, overload
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
+from ropeode.references.certificate import Level
 from ropeode.references.consensus import consensus_reference
 from ropeode.references.ensemble import Outcome, or_refused, side_by_side
-from ropeode.references.options import More, ReferenceOptions
+from ropeode.references.options import DIGITS, TIME_LIMIT, More, ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.threads import cores
 from ropeode.validation import check_whole, complaint
@@ -41,8 +42,12 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
+    atol: Any = None,
+    level: Level = "consensus",
+    digits: int = DIGITS,
+    time_limit: float = TIME_LIMIT,
+    dense: bool = False,
     progress: Progress = silent,
-    **more: Unpack[More],
 ) -> Reference | list[Reference | ReferenceRefused]:
     """Solve a problem, and say how far the solution can be trusted.
 
@@ -66,21 +71,18 @@ def reference(
             (of the state, for a problem that is not mechanical); by default 1e-8 (or 1e4 times
             `rtol`, if that is more) of how far a node (or component) moves.
         rtol: relative tolerance of the reference; by default the tightest that still helps.
+        atol: absolute tolerance of the reference at that `rtol` (at 1e-13 where `rtol` is left
+            to the ladder, whose other runs keep the ratio of the two): one number, or an array of
+            the state's shape, for components of very different size. By default `rtol` times
+            the largest component of the initial state.
+        level: `consensus` of float64 solvers, or `extended` precision, which needs heyoka.
+        digits: to which the two runs in extended precision must agree.
+        time_limit: in seconds, for all runs together, without compiling. Where it does not
+            suffice, the horizon ends earlier, or the reference is refused; where it does, the
+            result does not depend on it.
+        dense: compute the states between the samples as well; see
+            `ropeode.references.dense.dense_output`.
         progress: called before each run, with what it is.
-        more: options by name:
-
-            - `atol`: absolute tolerance of the reference at that `rtol` (at 1e-13 where `rtol` is
-              left to the ladder, whose other runs keep the ratio of the two): one number, or an
-              array of the state's shape, for components of very different size. By default
-              `rtol` times the largest component of the initial state.
-            - `level`: `consensus` of float64 solvers (the default), or `extended` precision, which
-              needs heyoka.
-            - `digits`: to which the two runs in extended precision must agree; 18 by default.
-            - `time_limit`: in seconds, for all runs together, without compiling; 60 by default.
-              Where it does not suffice, the horizon ends earlier, or the reference is refused;
-              where it does, the result does not depend on it.
-            - `dense`: compute the states between the samples as well; see
-              `ropeode.references.dense.dense_output`.
 
     Returns:
         The reference. For an ensemble, a list that holds for each member its reference, or the
@@ -90,7 +92,15 @@ def reference(
         InputError: an argument cannot be used.
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
-    options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **more)
+    options = ReferenceOptions(
+        accuracy=accuracy,
+        rtol=rtol,
+        atol=atol,
+        level=level,
+        digits=digits,
+        time_limit=time_limit,
+        dense=dense,
+    )
     if isinstance(problem, Ensemble):
         return list(_each(problem, options, cores(), progress))
     return _reference(problem, options, progress)
