@@ -52,7 +52,7 @@ _BENT_STEPS, _MOST_DOUBLINGS = 64, 6.0
 _SHORTEST = 4096
 # What all findings together may add to a number of the state: units of its rounding, or so much of
 # the bound. The least size is that of a part of the largest number.
-_ROUNDINGS, SHARE, _SMALLEST = 4.0, 0.03, 1e-6
+_ROUNDINGS, _SHARE, _SMALLEST = 4.0, 0.03, 1e-6
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -146,7 +146,7 @@ class Sampler:
             # Solvers do not resolve what is much smaller than the largest number.
             size = np.maximum(half, _SMALLEST * np.max(half, axis=1, keepdims=True))
             rounding = np.maximum(_ROUNDINGS * _EPS * size, _TINY)
-            allowed.append(np.maximum(rounding, SHARE * bound[frame, None]))
+            allowed.append(np.maximum(rounding, _SHARE * bound[frame, None]))
         return np.concatenate(allowed, axis=1)
 
     def _look_into(self, steps: np.ndarray, negligible: np.ndarray) -> Block:

@@ -14,12 +14,13 @@ import numpy as np
 from ropeode.problems.problem import Problem
 from ropeode.references.defect import Look
 from ropeode.references.extended import heyoka
-from ropeode.references.residuals import GOLDEN, SHARE
+from ropeode.references.residuals import GOLDEN
 
 # The numbers that are evaluated in all, and limits for the times: over the span, and in a step.
 _NUMBERS, _FEWEST_TIMES, _MOST_TIMES, _FEWEST_IN_A_STEP = 2**17, 2**12, 2**15, 16
 # So many times at once.
 _BLOCK = 256
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 class Defects:
@@ -58,12 +59,16 @@ class Defects:
         self._t.append(float(end) - (1.0 - places) * float(h))
         self._sizes.append(np.concatenate(found))
 
-    def look(self, problem: Problem, negligible: Mapping[str, np.ndarray]) -> Look:
-        """What these defects add to the state.
+    def look(self, problem: Problem, differences: Mapping[str, np.ndarray]) -> Look:
+        """What these defects add to the state, in units of what two runs differ by at the time.
+
+        All that is less grows no more than that difference does, which is looked at anyway. A
+        polynomial that solves the equation to the run's tolerance adds far less. So what adds
+        more was not resolved, even if only its foot was hit.
 
         Arguments:
             problem: as far as the solution is trusted.
-            negligible: by how much each quantity may be moved in the frame after each sample.
+            differences: of this run from a coarser one, for each quantity at each sample.
         """
         low, high = np.reshape(self._ends, (-1, 2)).T
         inside = np.flatnonzero(high <= problem.ts[-1])
@@ -71,9 +76,8 @@ class Defects:
         counts = np.array([len(self._t[step]) for step in inside], dtype=int)
         spacing = (high - low) / counts
         frame = np.searchsorted(problem.ts, low, side="right") - 1
-        per = problem.y0.size // len(negligible)
-        small = np.stack([series[frame] for series in negligible.values()], axis=1)
-        small = np.repeat(small, per, axis=1)
+        small = np.stack([series[frame] for series in differences.values()], axis=1)
+        small = np.maximum(np.repeat(small, problem.y0.size // len(differences), axis=1), _TINY)
         share = np.array(
             [
                 np.max(np.sum(self._sizes[step], axis=0) * spacing[k] / small[k])
@@ -139,27 +143,3 @@ def compiled_rates(translation: Any, kind: Mapping[str, Any]) -> Any:
         kind: what heyoka calls the numbers.
     """
     return heyoka().cfunc(translation.derivatives, translation.variables, compact_mode=True, **kind)
-
-
-def negligible(
-    differences: Mapping[str, np.ndarray], bounds: Mapping[str, np.ndarray], count: int
-) -> dict[str, np.ndarray]:
-    """What may disturb each quantity from each sample on, and never matters.
-
-    Two runs differ by disturbances far below float64's rounding. As their difference grows from
-    one sample to a later one, so does any other disturbance.
-
-    Arguments:
-        differences: of the two runs, for each quantity at each sample.
-        bounds: of the error of each quantity at each sample.
-        count: how many samples are trusted.
-    """
-    allowed = {quantity: SHARE * bound[:count] for quantity, bound in bounds.items()}
-    apart = {quantity: differences[quantity][:count] for quantity in bounds}
-    with np.errstate(all="ignore"):
-        times = np.min([allowed[q] / apart[q] for q in bounds], axis=0)
-    times = np.minimum.accumulate(np.where(np.isnan(times), np.inf, times)[::-1])[::-1]
-    return {
-        q: np.where(apart[q] > 0, np.minimum(allowed[q], times * apart[q]), allowed[q])
-        for q in bounds
-    }

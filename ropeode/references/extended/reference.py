@@ -23,7 +23,6 @@ from ropeode.references.certificate import (
 )
 from ropeode.references.consensus import consensus_reference
 from ropeode.references.defect import look_between
-from ropeode.references.extended.defects import negligible
 from ropeode.references.extended.solution import ExtendedSolution, extended_solution
 from ropeode.references.extended.taylor import ExtendedRun, solve
 from ropeode.references.options import ReferenceOptions
@@ -105,8 +104,7 @@ def extended_reference(
     fine = solution.fine
     assert fine.path is not None
     assert fine.defects is not None
-    small = negligible(solution.differences, bounds, trusted)
-    looks = [fine.defects.look(inside, small)]
+    looks = [fine.defects.look(inside, solution.differences)]
     findings = look_between(inside, fine.path.until(inside.ts[-1]), bounds, looks)
     closer = []
     if len(findings.times):

@@ -8,7 +8,6 @@ import pytest
 
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.extended.defects import negligible
 from ropeode.references.extended.solution import extended_solution
 from ropeode.references.extended.taylor import solve
 
@@ -56,18 +55,6 @@ def test_steps_solve_the_equation_to_the_tolerance_of_the_run(hanging):
     assert np.all(np.bincount(look.step) >= 16)
     inside = (look.t > look.low[look.step]) & (look.t < look.high[look.step])
     assert np.all(inside)
-
-
-def test_what_grows_later_matters_now():
-    grown = 1e-30 * np.array([1.0, 1e-3, 1e3, 1e6, 1e4])
-    apart = {"position": grown, "velocity": 10 * grown}
-    bounds = {"position": np.full(5, 1e-15), "velocity": np.full(5, 1.0)}
-    found = negligible(apart, bounds, 5)
-    share = 0.03 * 1e-15
-    np.testing.assert_allclose(found["position"], share * np.array([1e-6, 1e-9, 1e-3, 1.0, 1.0]))
-    np.testing.assert_allclose(found["velocity"][:4], 10 * found["position"][:4])
-    # What is not trusted does not matter.
-    np.testing.assert_allclose(negligible(apart, bounds, 2)["position"], share)
 
 
 def test_an_unstable_balance_does_not_agree_with_itself():
