@@ -113,6 +113,7 @@ def solve(
 def _few_steps(problem: Problem, solver: Solver) -> int:
     """Steps of a run that shows how long a step takes, and costs little in itself."""
     if not solver.implicit:
-        return 4096
+        # The right-hand side may cost as much as the product of a matrix and the state.
+        return max(64, int(4096 * min(1.0, 100.0 / problem.y0.size)))
     # Each step factors matrices of the state's size.
     return max(4, int(4096 * min(1.0, (20.0 / problem.y0.size) ** 3)))
