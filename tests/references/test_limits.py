@@ -182,6 +182,19 @@ def test_bad_tolerances(atol):
         ReferenceOptions(atol=atol)
 
 
+def test_options_say_what_would_be_allowed():
+    for given, words in (
+        ({"atol": np.inf}, "atol: inf given; .* Fix: for example 1e-20"),
+        ({"atol": {"x": 1.0}}, "atol: {'x': 1.0} given; .* one number for each component"),
+        ({"level": "extended", "digits": 301}, "digits: 301 given; .* whole number from 1 to 300"),
+    ):
+        with pytest.raises(InputError, match=words):
+            ReferenceOptions(**given)
+    problem = scalar("decay", 1.0, np.linspace(0.0, 50.0, 6))
+    with pytest.raises(InputError, match="atol: 1e\\+300 given; .* finite when divided by rtol"):
+        reference(problem, atol=1e300)
+
+
 def test_no_tolerance_in_extended_precision():
     with pytest.raises(InputError, match="atol.*none with level 'extended'"):
         ReferenceOptions(atol=1e-20, level="extended")
@@ -225,17 +238,18 @@ def test_twenty_thousand_frames():
 @pytest.mark.parametrize("samples", [2, 101])
 def test_a_hundred_thousand_units_of_time(samples):
     problem = oscillator(np.linspace(0.0, 1e5, samples))
-    known = reference(problem)
+    # The work is allowed; how long it takes depends on the machine.
+    known = reference(problem, time_limit=600.0)
     assert known.horizon is None
-    assert known.certificate.witnesses[-1].solver == OWN_DOP853
+    assert OWN_DOP853 in [witness.solver for witness in known.certificate.witnesses]
     assert np.all(np.abs(known.states[:, 0] - np.cos(problem.ts)) <= known.bound())
 
 
 @pytest.mark.slow
 def test_what_takes_too_long_ends_where_the_time_does():
-    problem = oscillator(np.linspace(0.0, 1e7, 1001))
+    problem = oscillator(np.linspace(0.0, 1e7, 10001))
     known = reference(problem, accuracy=1e-6, time_limit=5.0)
-    assert 2 <= known.trusted < 1001
+    assert 2 <= known.trusted < 10001
     assert "the time limit of 5 s is spent" in known.certificate.horizon_reason
     inside = problem.ts[: known.trusted]
     assert np.all(np.abs(known.states[: known.trusted, 0] - np.cos(inside)) <= known.bound())
