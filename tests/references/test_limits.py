@@ -11,7 +11,7 @@ import pytest
 from ropeode import InputError, Problem, ReferenceRefused, reference
 from ropeode.references import first_rung
 from ropeode.references.certificate import bounds, witness
-from ropeode.references.hints import coarse_times, hints, remarks
+from ropeode.references.hints import coarse_times, hints, remarks, unresolved_motion
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.solvers import diffrax_solver, jacobian_pattern, scipy_solver
 from ropeode.references.solvers.jacobian_pattern import sparsity
@@ -211,6 +211,14 @@ def test_a_bound_larger_than_the_motion_is_told():
     with pytest.raises(ReferenceRefused, match="which is not resolved by a bound of"):
         reference(problem, accuracy=1e-8)
     assert remarks(reference(scalar("follows", 1.7e9, TS, 0.0))) == ()
+
+
+def test_of_what_rests_nothing_is_told():
+    problem = scalar("decay", 1.0, TS)
+    still, bound = np.ones((2, 1)), np.full(2, 1e-16)
+    assert unresolved_motion(problem, still, bound) == ""
+    moved = still - [[0.0], [0.5]]
+    assert "moves by 5.0e-01 only" in unresolved_motion(problem, moved, np.ones(2))
 
 
 def test_times_that_are_large_are_told_of_what_is_trusted():
