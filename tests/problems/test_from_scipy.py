@@ -401,4 +401,8 @@ def test_a_program_that_computes_something_else_is_not_used():
             pass
         return y
 
-    assert Problem.from_scipy(rhs, (0.0, 1.0), START).in_python
+    def of_arrays(t, y):
+        return y if isinstance(y, np.ndarray) else [y[0], y[1], y[0]]
+
+    for function in (rhs, of_arrays):
+        assert Problem.from_scipy(function, (0.0, 1.0), START).in_python
