@@ -124,6 +124,13 @@ def in_one_line(error: Exception) -> str:
     return text if isinstance(error, RopeodeError) else f"{type(error).__name__}: {text}"
 
 
+def shortly(error: BaseException) -> str:
+    """The type of an exception and the first line of its message, cut if it is long."""
+    text = next((line.strip() for line in str(error).splitlines() if line.strip()), "no message")
+    text = f"{type(error).__name__}: {text.rstrip('.')}"
+    return text if len(text) <= _LONGEST_TEXT_SHOWN else text[: _LONGEST_TEXT_SHOWN - 3] + "..."
+
+
 def unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
     """The complaint about a name that does not exist, with the nearest that does."""
     names = list(allowed)

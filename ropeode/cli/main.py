@@ -85,6 +85,9 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(BAD_INPUT, error.problems, debug)
     except RopeodeError as error:
         return _fail(FAILED, [str(error)], debug)
+    except MemoryError as error:
+        why = f"memory: {error}; allowed: what fits into it. Fix: ask for fewer frames or draws."
+        return _fail(BAD_INPUT, [why], debug)
     except BrokenPipeError:
         # The reader (a pager, `head`) has gone; let nothing be flushed to it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -12,7 +12,7 @@ from ropeode.errors import InputError, RopeodeError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.signatures import check_signature
 from ropeode.problems.traced import compiled, traced
-from ropeode.validation import bad_value, finite_numbers
+from ropeode.validation import bad_value, finite_numbers, shortly
 
 # Where else a function with other parameters, or in NumPy, may belong.
 _OTHERS = {"rhs": ", or use Problem.from_scipy(rhs, ts, y0), which takes rhs(t, y, *args) in NumPy"}
@@ -44,8 +44,13 @@ def run(*each: Callable[[], Any]) -> list[Any]:
     return results
 
 
-def real_array(name: str, value: Any) -> np.ndarray:
+def real_array(name: str, value: Any, example: str = "[1.0, 0.0]") -> np.ndarray:
     """`value` as a new float64 array of finite numbers.
+
+    Arguments:
+        name: of the value, for messages.
+        value: to be checked.
+        example: of one that can be used.
 
     Raises:
         InputError: it is empty, not real, or not finite.
@@ -56,12 +61,15 @@ def real_array(name: str, value: Any) -> np.ndarray:
     except (TypeError, ValueError):
         array = np.asarray(None)
     if array.dtype.kind not in "iuf" or array.size == 0:
-        raise bad_value(name, value, allowed, "give numbers, such as [1.0, 0.0]")
+        raise bad_value(name, value, allowed, f"give numbers, such as {example}")
+    if np.ma.is_masked(value):
+        raise bad_value(name, value, allowed, "fill the masked entries")
     float64_only(name, array)
     array = np.array(array, dtype=np.float64)
     if not np.all(np.isfinite(array)):
         where = np.argwhere(~np.isfinite(array))[0].tolist()
-        raise bad_value(name, value, allowed, f"correct entry {where}, which is not finite")
+        fix = f"correct entry {where}, which is not finite" if where else f"for example {example}"
+        raise bad_value(name, value, allowed, fix)
     return array
 
 
@@ -71,10 +79,10 @@ def sample_times(value: Any) -> np.ndarray:
     Raises:
         InputError: it is not.
     """
-    ts = real_array("ts", value)
+    ts = real_array("ts", value, "[0, 1, 2]")
     if ts.ndim != 1 or len(ts) < 2:
         raise bad_value("ts", value, "at least two sample times", "for example ts = [0, 1, 2]")
-    later = np.diff(ts) > 0
+    later = ts[1:] > ts[:-1]
     if not np.all(later):
         i = int(np.argmin(later))
         raise bad_value(
@@ -83,6 +91,9 @@ def sample_times(value: Any) -> np.ndarray:
             "increasing sample times",
             f"sort them and drop repeats; entries {i} and {i + 1} are out of order",
         )
+    if ts[-1] / 2 - ts[0] / 2 > np.finfo(np.float64).max / 2:
+        fix = "choose another unit of time"
+        raise bad_value("ts", value, "a span that is a number in float64", fix)
     return ts
 
 
@@ -114,6 +125,25 @@ def callable_or_none(name: str, value: Any) -> None:
     """
     if value is not None and not callable(value):
         raise bad_value(name, value, "a function", "give a function or leave it out")
+
+
+def energy(function: Any) -> None:
+    """Raises:
+    InputError: it is neither None nor a function of the right arguments.
+    """
+    callable_or_none("energy", function)
+    if function is not None:
+        check_signature("energy", function, ["t", "y", "args"], "")
+
+
+def name_and_parameters(name: Any, parameters: Any) -> None:
+    """Raises:
+    InputError: they are no text, or no mapping.
+    """
+    if not isinstance(name, str):
+        raise bad_value("name", name, "a text", 'for example name="pendulum"')
+    if not isinstance(parameters, Mapping):
+        raise bad_value("parameters", parameters, "a dict", "for example {'strength': 1.3}")
 
 
 def float64_only(name: str, array: np.ndarray) -> None:
@@ -271,7 +301,7 @@ def _traced(name: str, signature: str, function: Any, inputs: tuple) -> tuple[Ca
         raise
     except Exception as error:
         raise UserCodeError(
-            f"{name}: raised {type(error).__name__} when it was tried on the initial state; "
+            f"{name}: raised {shortly(error)} when it was tried on the initial state; "
             f"allowed: a function {signature} in JAX. Fix: correct the error above; use "
             f"jax.numpy, and no Python `if` on values{_IN_NUMPY.get(name, '')}."
         ) from error

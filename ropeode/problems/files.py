@@ -12,12 +12,16 @@ import numpy as np
 
 from ropeode.errors import InputError, call_user_code
 from ropeode.files import read_text
+from ropeode.problems.keywords import refuse_others
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope_input import RopeInput
 from ropeode.problems.scipy_form import sample_times_of
-from ropeode.problems.signatures import required
+from ropeode.problems.signatures import TIMES, required
 from ropeode.validation import bad_value, unknown
+
+# What may stand beside a right-hand side in a file.
+_BESIDE = ("y0", "t_span", "ts", "args")
 
 
 def load_problem(where: str, *, folder: Path | None = None, frames: int | None = None) -> Problem:
@@ -53,10 +57,12 @@ def problem_in_file(where: str, folder: Path | None = None) -> Any:
     """
     found = named_in_file(where, folder)
     parameters = (required(found) if is_function(found) else None) or []
-    if len(parameters) < 2 or not {"t", "time"} & {*parameters[:2]}:
-        return found
     beside = vars(sys.modules["ropeode_user_problem"])
     times = next((name for name in ("ts", "t_span") if name in beside), "t_span")
+    named = {*TIMES} & {*parameters[:2]} or {"y0", times} <= {*beside}
+    if len(parameters) < 2 or not named:
+        return found
+    refuse_others({name: beside[name] for name in ("event", "events") if name in beside}, _BESIDE)
     if missing := [name for name in ("y0", times) if name not in beside]:
         lines = {"y0": "y0 = [1.0, 0.0]", "t_span": "t_span = (0.0, 10.0)"}
         raise bad_value(
@@ -68,7 +74,7 @@ def problem_in_file(where: str, folder: Path | None = None) -> Any:
         )
     in_jax = parameters[2:] == ["args"]
 
-    def problem(frames: int = 20) -> Problem:
+    def problem(frames: int | None = None) -> Problem:
         given = found, beside[times], beside["y0"], beside.get("args")
         if not in_jax:
             return Problem.from_scipy(*given, frames=frames)

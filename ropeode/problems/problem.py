@@ -12,9 +12,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.errors import InputError
+from ropeode.errors import InputError, call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems import checks
+from ropeode.problems.keywords import refuse_others
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.scipy_form import scipy_form
@@ -24,6 +25,9 @@ from ropeode.validation import bad_value
 
 Rhs = Callable[[Any, Any, Any], Any]
 Acceleration = Callable[[Any, Any, Any, Any], Any]
+
+# The fields of a problem that its other constructors hand on.
+_MORE = ("name", "energy", "exact", "jump_times", "constraints", "parameters")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,12 +113,19 @@ class Problem:
     mechanics: Mechanics | None = None
     structure: StateStructure | None = None
 
+    def __new__(cls, *values: Any, **named: Any) -> Problem:
+        """A problem before its checks; words that are none of its fields are refused by name."""
+        del values
+        refuse_others(named, [each.name for each in dataclasses.fields(cls)])
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         checks.run(
             self._set_state,
             lambda: self._set("ts", checks.sample_times(self.ts)),
             lambda: checks.callable_or_none("exact", self.exact),
-            lambda: checks.callable_or_none("energy", self.energy),
+            lambda: checks.energy(self.energy),
+            lambda: checks.name_and_parameters(self.name, self.parameters),
         )
         self._set("jump_times", checks.jump_times(self.jump_times, self.ts))
         self._set("args", checks.numeric_pytree("args", self.args))
@@ -230,6 +241,7 @@ class Problem:
             InputError: an argument cannot be used, or `damping` is not what the
                 acceleration does.
         """
+        refuse_others(more, (*_MORE, "damping", "links", "node_axis", "in_turn"))
         if is_tree(x0):
             fix = "write them as one, or use Problem(rhs, {'x': x0, 'v': v0}, ts)"
             raise bad_value("x0", x0, "one array of positions", fix)
@@ -274,11 +286,11 @@ class Problem:
     def from_scipy(
         cls,
         fun: Callable,
-        t_span_or_ts: Any,
-        y0: Any,
+        t_span_or_ts: Any = None,
+        y0: Any = None,
         args: Any = (),
         *,
-        frames: int = 20,
+        frames: int | None = None,
         **more: Any,
     ) -> Problem:
         """A problem written for `scipy.integrate.solve_ivp`, in NumPy.
@@ -294,7 +306,7 @@ class Problem:
             y0: the initial state, ``(n,)``.
             args: a tuple of what `fun` takes after `t` and `y`; numbers among them become `args`
                 of the problem if all are numbers or arrays.
-            frames: of a span.
+            frames: of a span; 20 by default.
             more: `name`, `energy`, `exact`, `jump_times`, `constraints` and `parameters` of
                 `Problem`.
 
@@ -302,6 +314,7 @@ class Problem:
             InputError: an argument cannot be used.
             UserCodeError: `fun` raised, or the same arguments gave different results.
         """
+        refuse_others(more, _MORE)
         return cls(**{**scipy_form(fun, t_span_or_ts, y0, args, frames), **more})
 
     @property
@@ -418,7 +431,8 @@ class Problem:
         if self.energy is None:
             raise bad_value("energy", None, "a function energy(t, y, args)", "pass energy=...")
         # The function as it is now: what it reads besides its arguments may have changed.
-        energy = traced("energy", self.energy, (self.ts[0], self.y0, self.args))
+        inputs = self.ts[0], self.y0, self.args
+        energy = call_user_code("energy", traced, "energy", self.energy, inputs)
         every = _for_each_state(energy)
         return np.asarray(every(self.ts[: len(states)], states, self.args))
 
@@ -447,6 +461,22 @@ class Problem:
         """The size of the initial state's largest component; 1 where all are zero."""
         largest = float(np.max(np.abs(self.y0), initial=0.0))
         return largest if largest > 0 else 1.0
+
+
+def require_problem(given: Any) -> None:
+    """Raises:
+    InputError: it is no problem.
+    """
+    if isinstance(given, Problem):
+        return
+    fix = "write Problem(rhs, y0, ts) for a right-hand side in JAX"
+    if isinstance(given, str):
+        fix = "from ropeode.problems.files import load_problem, and write load_problem(...)"
+    elif callable(getattr(given, "problem", None)):
+        fix = "hand over its problem, as in rope.problem(frames=20)"
+    elif callable(given):
+        fix += ", or Problem.from_scipy(fun, (t0, t1), y0) for one in NumPy"
+    raise bad_value("problem", given, "a Problem", fix)
 
 
 def _again(functions: Any) -> Any:

@@ -24,7 +24,7 @@ from jax.experimental.buffer_callback import buffer_callback
 
 from ropeode import callbacks
 from ropeode.errors import RopeodeError, UserCodeError
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, shortly, shown
 
 # A function may write to arrays of its own before it returns them, which are the same in all
 # threads. Whoever calls one holds this.
@@ -79,15 +79,16 @@ class PythonRhs:
         plain = structure.unflatten(map(_plain, leaves)) or ()
         try:
             with _one_at_a_time, jax.enable_x64(True):
-                return _derivative(self.function(t, own, *self.bound, *plain), y.shape)
+                value = self.function(t, own, *self.bound, *plain)
         except RopeodeError:
             raise
         except (Exception, SystemExit) as error:
             raise UserCodeError(
-                f"rhs: it raised {type(error).__name__}: {' '.join(str(error).split())} at "
-                f"t = {t:g}, y = {' '.join(str(y).split())}; allowed: a function that returns "
-                "numbers wherever the solution goes. Fix: mend the error above, or end earlier."
+                f"rhs: it raised {shortly(error)} at {_place(t, y)}; allowed: a function that "
+                "returns numbers wherever the solution goes. Fix: mend the error above, or end "
+                "earlier."
             ) from error
+        return _derivative(value, t, y)
 
     def slopes(self, t: float, y: np.ndarray, args: Any) -> np.ndarray:
         """Its derivatives by the components of the state, which are counted by the last axis."""
@@ -119,25 +120,39 @@ def python_rhs(function: Callable, bound: tuple[Any, ...]) -> PythonRhs:
     return _kept.setdefault(key, PythonRhs(function, bound))
 
 
+def _place(t: float, y: np.ndarray) -> str:
+    """Where the function was evaluated, for messages."""
+    return f"t = {t:g}, y = {' '.join(str(y).split())}"
+
+
 def _plain(leaf: Any) -> Any:
     """A number as Python's own, as the function's author handed it over."""
     return np.asarray(leaf).item() if np.ndim(leaf) == 0 else np.array(leaf)
 
 
-def _derivative(value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """What the function returned, copied: it may return an array that it writes to again."""
-    array = np.array(value)
-    if array.dtype.kind not in "iuf" or array.shape != shape:
+def _derivative(value: Any, t: float, y: np.ndarray) -> np.ndarray:
+    """What the function returned, copied: it may return an array that it writes to again.
+
+    Of a state of one number, SciPy takes the derivative as a number too.
+    """
+    try:
+        array = np.array(value)
+    except (TypeError, ValueError):
+        array = np.array(None)
+    if array.shape == () and y.shape == (1,):
+        array = array.reshape(1)
+    if array.dtype.kind not in "iuf" or array.shape != y.shape:
         what = f"numbers of type {array.dtype}, shape {array.shape}"
+        what = what if array.dtype.kind in "iufbc" else f"{shown(value)} ({type(value).__name__})"
+        fix = "return one number for each component of y"
         raise UserCodeError(
-            f"rhs: it returned {what if array.dtype.kind in 'iufbc' else type(value).__name__}; "
-            f"allowed: real numbers in the shape of the state, {shape}. Fix: return one number for "
-            "each component of y."
+            f"rhs: it returned {what} at {_place(t, y)}; allowed: real numbers in the shape of the "
+            f"state, {y.shape}. Fix: {fix}{', with `return`' if value is None else ''}."
         )
     if array.dtype.kind == "f" and array.dtype.itemsize < 8:
         raise UserCodeError(
-            f"rhs: it returned numbers of type {array.dtype}; allowed: float64. Fix: remove casts "
-            "and 32-bit arrays."
+            f"rhs: it returned numbers of type {array.dtype} at {_place(t, y)}; allowed: float64. "
+            "Fix: remove casts and 32-bit arrays."
         )
     return array.astype(np.float64, copy=False)
 

@@ -16,12 +16,15 @@ from ropeode.precision import in_float64
 from ropeode.problems import checks
 from ropeode.problems.numpy_tracing import with_numpy
 from ropeode.problems.python_rhs import PythonRhs, python_rhs
-from ropeode.problems.signatures import check_signature
+from ropeode.problems.signatures import check_signature, required
+from ropeode.problems.state_structure import is_tree
 from ropeode.validation import bad_value, check_whole
 
 # A traced function must agree with itself in NumPy so closely, relative to its largest component:
 # both round, and what they compute may cancel.
 _SAME = 1e-9
+# A span is divided into so many frames, and no more than fit into memory.
+_FRAMES, _MOST_FRAMES = 20, 10**8
 # At so many times and states.
 _PROBES = 64
 # A function that counts its calls shows it within so many, unless they take longer than so long.
@@ -29,7 +32,9 @@ _CALLS, _SECONDS = 150, 0.5
 
 
 @in_float64
-def scipy_form(fun: Callable, t_span_or_ts: Any, y0: Any, args: Any, frames: int) -> dict[str, Any]:
+def scipy_form(
+    fun: Callable, t_span_or_ts: Any, y0: Any, args: Any, frames: int | None
+) -> dict[str, Any]:
     """What `Problem.from_scipy`, which describes arguments and exceptions, hands to `Problem`."""
     if not callable(fun):
         raise bad_value("fun", fun, "a function fun(t, y, *args)", "hand over the function itself")
@@ -39,8 +44,7 @@ def scipy_form(fun: Callable, t_span_or_ts: Any, y0: Any, args: Any, frames: int
         lambda: _state(y0),
     )
     names = ["t", "y", *(f"a{i}" for i in range(len(given)))]
-    other = "" if given else ", or hand over what else it takes: args=(...,)"
-    check_signature("fun", fun, names, other)
+    check_signature("fun", fun, names, _what_else(fun, len(given)))
     numeric = all(np.asarray(leaf).dtype.kind in "iufb" for leaf in jax.tree.leaves(given))
     # Words, functions and other objects are no arguments of a program.
     bound = () if numeric else given
@@ -64,31 +68,60 @@ def _arguments(args: Any) -> tuple[Any, ...]:
     if args is None:
         return ()
     if not isinstance(args, (tuple, list)):
-        fix = "write args=(value,), with the comma"
+        fix = "write args=(value,), with the comma; a method of solve_ivp has no place here"
+        fix = fix if isinstance(args, str) else fix.partition(";")[0]
         raise bad_value("args", args, "a tuple of what fun takes after t and y", fix)
     return tuple(args)
 
 
-def sample_times_of(given: Any, frames: int) -> np.ndarray:
+def _what_else(fun: Callable, given: int) -> str:
+    """What to write where a function does not take so many arguments behind `t` and `y`."""
+    takes = required(fun) or []
+    if len(takes) > 2 + given:
+        return f", or hand over what else it takes ({', '.join(takes[2:])}): args=(...,)"
+    return ", or hand over no more than it takes in args" if given else ""
+
+
+def sample_times_of(given: Any, frames: int | None) -> np.ndarray:
     """Sample times; a span of two times is divided into frames.
 
+    Arguments:
+        given: the times.
+        frames: of a span; 20 where that is None.
+
     Raises:
-        InputError: they are neither.
+        InputError: they are neither, or a span of fewer floating-point numbers than frames, or
+            frames are given with sample times.
     """
-    times = checks.real_array("ts", given)
-    if times.ndim == 1 and len(times) == 2:
-        if times[1] < times[0]:
-            fix = "solve for -t: `lambda t, y: -np.asarray(fun(-t, y))` over the span (-t0, -t1)"
-            raise bad_value("ts", given, "a span that begins at its smaller time", fix)
-        count = check_whole("frames", frames, at_least=1, example="20")
-        times = np.linspace(times[0], times[1], count + 1)
-    return checks.sample_times(times)
+    times = checks.real_array("ts", given, "the span (0, 10), or the sample times [0, 1, 2]")
+    if np.shape(times) != (2,):
+        if frames is not None:
+            fix = "leave it out, or hand over the span alone"
+            raise bad_value("frames", frames, "none with sample times", fix)
+        return checks.sample_times(times)
+    if times[1] < times[0]:
+        fix = "solve for -t: `lambda t, y: -np.asarray(fun(-t, y))` over the span (-t0, -t1)"
+        raise bad_value("ts", given, "a span that begins at its smaller time", fix)
+    checks.sample_times(times)
+    count = check_whole("frames", _FRAMES if frames is None else frames, at_least=1, example="20")
+    resolution = np.spacing(np.max(np.abs(times)))
+    if count > min(_MOST_FRAMES, (times[1] - times[0]) / resolution):
+        allowed = (
+            f"at most {_MOST_FRAMES:.0e}, and no more than there are floating-point numbers in the "
+            f"span (times near {times[1]:g} have a resolution of {resolution:.1e})"
+        )
+        raise bad_value("frames", count, allowed, "ask for fewer, or count the time from 0")
+    return np.linspace(times[0], times[1], count + 1)
 
 
 def _state(y0: Any) -> np.ndarray:
+    if is_tree(y0) and y0 is not None:
+        fix = "write Problem(rhs, y0, ts) with rhs(t, y, args) in JAX, which takes pytrees"
+        raise bad_value("y0", y0, "an array of one axis", fix)
     state = checks.real_array("y0", y0)
     if state.ndim != 1:
         fix = "ravel it, and reshape y inside fun, as for solve_ivp"
+        fix = fix if state.ndim else f"write [{state.item()!r}]"
         raise bad_value("y0", f"shape {state.shape}", "an array of one axis", fix)
     return state
 
@@ -154,7 +187,9 @@ def _in_jax(function: Callable, bound: tuple[Any, ...], call: Callable) -> Calla
         return function(t, y, *bound, *args)
 
     def rhs(t: Any, y: Any, args: Any) -> Any:
-        return jnp.asarray(call(whole, t, y, *(args or ())), dtype=float)
+        slope = jnp.asarray(call(whole, t, y, *(args or ())), dtype=float)
+        # Of a state of one number, SciPy takes the derivative as a number too.
+        return slope.reshape(y.shape) if slope.ndim == 0 and y.shape == (1,) else slope
 
     return rhs
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from ropeode.errors import InputError
 
-_TIMES = ("t", "time")
+TIMES = ("t", "time", "tau")
 
 
 def positional(function: Callable) -> list[inspect.Parameter] | None:
@@ -47,19 +47,41 @@ def check_signature(what: str, function: Callable, wanted: Sequence[str], exampl
     try:
         inspect.signature(function).bind(*wanted)
     except TypeError:
-        fix = f"write `def {_name(function)}({', '.join(wanted)}):`"
+        fix = f"write `def {_name(function, what)}({', '.join(wanted)}):`"
+        if words := _required_words(function):
+            given = ", ".join(f"{name}=..." for name in words)
+            fix = f"hand over `functools.partial({_name(function, what)}, {given})`"
         raise InputError(
-            f"{what}: a function of ({', '.join(names)}) given; allowed: one of "
+            f"{what}: a function of {_parameters(function)} given; allowed: one of "
             f"({', '.join(wanted)}). Fix: {fix}{example}."
         ) from None
-    if [*wanted[:2]] == ["t", "y"] and [name in _TIMES for name in names[:2]] == [False, True]:
-        fix = f"hand over `lambda t, y, *args: {_name(function)}(y, t, *args)`"
+    if [*wanted[:2]] == ["t", "y"] and [name in TIMES for name in names[:2]] == [False, True]:
+        fix = f"hand over `lambda t, y, *args: {_name(function, what)}(y, t, *args)`"
         raise InputError(
             f"{what}: a function of ({', '.join(names)}) given, the order of odeint; allowed: one "
             f"of ({', '.join(wanted)}). Fix: {fix}, or exchange the parameters."
         )
 
 
-def _name(function: Callable) -> str:
-    name = getattr(function, "__name__", "rhs")
-    return name if name.isidentifier() else "rhs"
+def _parameters(function: Callable) -> str:
+    """All that a function takes, without types and defaults."""
+    signature = inspect.signature(function)
+    plain = [
+        each.replace(annotation=each.empty, default=each.empty)
+        if each.default is each.empty
+        else each.replace(annotation=each.empty)
+        for each in signature.parameters.values()
+    ]
+    return str(signature.replace(parameters=plain, return_annotation=signature.empty))
+
+
+def _required_words(function: Callable) -> list[str]:
+    """The names of the parameters without a default that are given by name only."""
+    every = inspect.signature(function).parameters.values()
+    words = [each for each in every if each.kind is each.KEYWORD_ONLY]
+    return [each.name for each in words if each.default is each.empty]
+
+
+def _name(function: Callable, what: str) -> str:
+    name = getattr(function, "__name__", what)
+    return name if name.isidentifier() else what

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 import types
 from collections.abc import Callable
 from typing import Any
@@ -25,6 +26,7 @@ _CALLBACKS = ("pure_callback", "io_callback")
 _TOO_COARSE = ("float32", "float16", "bfloat16", "complex64")
 # A float32 has 24 bits. A number with so few as this may well be what was meant.
 _PLAIN_BITS = 16
+_OWN = os.path.dirname(os.path.dirname(__file__)) + os.sep
 
 
 class Traced:
@@ -241,6 +243,6 @@ def _place(equation: JaxprEqn) -> str:
     """Where the user's code has an operation."""
     frames = getattr(equation.source_info.traceback, "frames", [])
     for frame in frames:
-        if "site-packages" not in frame.file_name and "ropeode" not in frame.file_name:
+        if "site-packages" not in frame.file_name and not frame.file_name.startswith(_OWN):
             return f" in line {frame.line_num} of {frame.file_name}"
     return ""

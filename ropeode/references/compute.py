@@ -8,7 +8,7 @@ from typing import Any, Unpack, overload
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import Level
 from ropeode.references.consensus import consensus_reference
@@ -48,6 +48,7 @@ def reference(
     time_limit: float = TIME_LIMIT,
     dense: bool = False,
     progress: Progress = silent,
+    **others: Any,
 ) -> Reference | list[Reference | ReferenceRefused]:
     """Solve a problem, and say how far the solution can be trusted.
 
@@ -83,6 +84,7 @@ def reference(
         dense: compute the states between the samples as well; see
             `ropeode.references.dense.dense_output`.
         progress: called before each run, with what it is.
+        others: none; what `solve_ivp` takes is met with what to write instead.
 
     Returns:
         The reference. For an ensemble, a list that holds for each member its reference, or the
@@ -100,9 +102,11 @@ def reference(
         digits=digits,
         time_limit=time_limit,
         dense=dense,
+        **others,
     )
     if isinstance(problem, Ensemble):
         return list(_each(problem, options, cores(), progress))
+    require_problem(problem)
     return _reference(problem, options, progress)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo, field_validator
 
 from ropeode.problems.checks import real_array
+from ropeode.problems.keywords import refuse_others
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Level
 from ropeode.validation import Input, Positive, WholePositive, bad_value, field
@@ -16,6 +17,8 @@ SMALLEST_RTOL = 1e-13
 LARGEST_RTOL = 1e-3
 # At the level `extended`: float64 has 16 digits, and two to spare.
 DIGITS = 18
+# Tolerances are numbers in float64.
+MOST_DIGITS = 300
 TIME_LIMIT = 60.0
 
 Rtol = Annotated[Positive, Field(ge=SMALLEST_RTOL, le=LARGEST_RTOL)]
@@ -25,7 +28,7 @@ def _atol(value: Any) -> Any:
     """None, or a number or array as plain numbers, which can be compared."""
     if value is None:
         return None
-    array = real_array("atol", value)
+    array = real_array("atol", value, "1e-20, or one number for each component")
     if not np.all(array > 0.0):
         raise bad_value("atol", value, "finite numbers > 0", "atol=1e-20")
     return _tuples(array.tolist())
@@ -84,7 +87,9 @@ class ReferenceOptions(Input):
         None, allowed="a finite number > 0, or an array of them", example="1e-20"
     )
     level: Level = field("consensus", allowed="consensus or extended", example='"extended"')
-    digits: WholePositive = field(DIGITS, allowed="a whole number >= 1", example="24")
+    digits: Annotated[WholePositive, Field(le=MOST_DIGITS)] = field(
+        DIGITS, allowed=f"a whole number from 1 to {MOST_DIGITS}", example="24"
+    )
     time_limit: Positive = field(TIME_LIMIT, allowed="a finite number > 0", example="600")
     dense: bool = field(False, allowed="true or false", example="true")
 
@@ -97,6 +102,10 @@ class ReferenceOptions(Input):
                 fix = "leave it out, or ask for digits"
                 raise bad_value(name, value, "none with level 'extended'", fix)
         return level
+
+    def __init__(self, *values: Any, **named: Any):
+        refuse_others(named, type(self).model_fields)
+        super().__init__(*values, **named)
 
     def tolerance_scale(self, problem: Problem) -> Any:
         """The absolute tolerance of each run, divided by its relative one.
@@ -116,4 +125,9 @@ class ReferenceOptions(Input):
                 f"one number, or an array of the state's shape, {problem.y0.shape}",
                 "give each component a tolerance",
             )
-        return np.asarray(self.atol) / (self.rtol or SMALLEST_RTOL)
+        with np.errstate(over="ignore"):
+            ratio = np.asarray(self.atol) / (self.rtol or SMALLEST_RTOL)
+        if not np.all(np.isfinite(ratio)):
+            allowed = "numbers that are finite when divided by rtol"
+            raise bad_value("atol", self.atol, allowed, "stay below the size of the state")
+        return ratio

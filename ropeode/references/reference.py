@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.norms import Norm, norm_for
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import Problem, require_problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.dense.polynomials import Dense
 from ropeode.validation import bad_value
@@ -103,5 +103,12 @@ class Reference:
 
 
 def problem_of(problem: Problem | Reference) -> Problem:
-    """The problem itself, or the problem that a reference solves."""
-    return problem.problem if isinstance(problem, Reference) else problem
+    """The problem itself, or the problem that a reference solves.
+
+    Raises:
+        InputError: it is neither.
+    """
+    if isinstance(problem, Reference):
+        return problem.problem
+    require_problem(problem)
+    return problem

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -29,12 +30,14 @@ def as_text(study: Horizon) -> str:
 
 def as_lines(study: Horizon) -> list[dict[str, Any]]:
     """One line for each sample: the bound, each run's error, and the digits lost."""
-    columns = {
-        "time": study.times,
-        "bound": study.bound,
-        **{f"{run.role} {run.solver} {run.tolerance:.0e}": run.errors for run in study.runs},
-        "digits lost in extended precision": study.lost,
-    }
+    columns = {"time": study.times, "bound": study.bound}
+    kinds: Counter[str] = Counter()
+    for run in study.runs:
+        kind = f"{run.role} {run.solver} {run.tolerance:.0e}"
+        kinds[kind] += 1
+        # There are two runs whose rounding is moved.
+        columns[kind if kinds[kind] == 1 else f"{kind}, {kinds[kind]}"] = run.errors
+    columns["digits lost in extended precision"] = study.lost
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in rows]
 

@@ -17,7 +17,7 @@ import numpy as np
 from ropeode.errors import call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems.ensemble import Ensemble, Numbers
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, silent
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method, method_of
@@ -70,6 +70,7 @@ def simulate(
     if isinstance(given, Ensemble):
         _check_memory(given)
         return _joined(list(simulate_chunks(given, stepper, steps_per_frame, progress=progress)))
+    require_problem(given)
     steps, given = _check_steps(steps_per_frame), given.up_to_date()
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))

@@ -344,6 +344,17 @@ def test_a_reference_of_another_rope_is_refused(run):
     assert len(done.stderr.splitlines()) == 1
 
 
+def test_what_does_not_fit_into_memory_is_no_fault_of_ropeode(monkeypatch, capsys):
+    def too_large():
+        raise MemoryError("Unable to allocate 7.28 TiB")
+
+    monkeypatch.setattr("ropeode.render.stepper_list.as_text", too_large)
+    assert main(["steppers"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("ropeode: memory: Unable to allocate 7.28 TiB; allowed: ")
+    assert "Traceback" not in error
+
+
 def test_a_fault_of_ropeode_is_none_of_its_answers(monkeypatch, capsys):
     """Exit codes 1 and 2 are verdicts; what is broken in here must not look like one."""
     monkeypatch.setattr("ropeode.render.stepper_list.as_text", lambda: 1 / 0)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import random
 import sys
 import threading
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ropeode import Ensemble, Problem, callbacks, reference, simulate
+from ropeode import Ensemble, Problem, Rope, accuracy_table, callbacks, reference, simulate
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.python_rhs import PythonRhs, python_rhs
@@ -227,19 +229,41 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (ivp(counting()), "not deterministic"),
         (ivp(lambda t, y: 1 / 0), "ZeroDivisionError: division by zero at t = 0, y ="),
         (ivp(lambda t, y: sys.exit(3)), "it raised SystemExit: 3"),
-        (ivp(lambda t, y: y[:1]), r"shape \(1,\); allowed: .* \(2,\)"),
-        (ivp(lambda t, y: "word"), "it returned str"),
-        (ivp(lambda t, y: None), "it returned NoneType"),
+        (ivp(lambda t, y: y[:1]), r"shape \(1,\) at t = 0, .*; allowed: .* \(2,\)"),
+        (ivp(lambda t, y: "word"), r"it returned 'word' \(str\) at t = 0, y = \[1. 0.\]"),
+        (ivp(lambda t, y: None), "it returned None .* with `return`"),
+        (ivp(lambda t, y: [y, 1.0]), r"it returned \[array.* \(list\)"),
+        (ivp(lambda t, y: 1.0), r"shape \(\) at t = 0, y = .*; allowed: .* \(2,\)"),
         (ivp(lambda t, y: 1j * y), "type complex128"),
-        (ivp(lambda t, y: y.astype(np.float32)), "type float32; allowed: float64"),
+        (ivp(lambda t, y: y.astype(np.float32)), "type float32 at t = 0, .*; allowed: float64"),
         (ivp(lambda t, y: y / 0.0 if t == 0 else y), "finite numbers at the initial state"),
-        (ivp(lambda y, t: y), r"order of odeint; .* `lambda t, y, \*args: rhs\(y, t, \*args\)`"),
-        (ivp(lambda t, y, k: y), r"a function of \(t, y, k\) given; .* args=\(\.\.\.,\)"),
-        (ivp(lambda t, y: y, args=(1,)), r"one of \(t, y, a0\)"),
+        (ivp(lambda y, t: y), r"order of odeint; .* `lambda t, y, \*args: fun\(y, t, \*args\)`"),
+        (ivp(lambda x, tau: x), "the order of odeint"),
+        (ivp(lambda t, y, k: y), r"a function of \(t, y, k\) given; .* \(k\): args=\(\.\.\.,\)"),
+        (ivp(lambda t, y: y, args=(1,)), r"one of \(t, y, a0\).* no more than it takes in args"),
+        (ivp(lambda t, y, *, k: y), r"of \(t, y, \*, k\) given; .* `functools.partial\(fun, k="),
         (ivp(lambda t, y, k: y, args=1), r"write args=\(value,\), with the comma"),
         (ivp(lambda t, y: y, span=(1, 0)), "begins at its smaller time. Fix: solve for -t"),
-        (ivp(lambda t, y: y, y0=[[1.0]]), "y0: .* one axis"),
+        (ivp(lambda t, y: y, args="RK45"), "args: 'RK45' given; .* a method of solve_ivp"),
+        (ivp(lambda t, y: y, span=(0, math.nan)), r"ts: \(0, nan\) given; .* entry \[1\]"),
+        (ivp(lambda t, y: y, span=None), r"ts: None given; .* the span \(0, 10\)"),
+        (ivp(lambda t, y: y, span=(0, 1, 1)), "ts: .* drop repeats; entries 1 and 2"),
+        (ivp(lambda t, y: y, span=(-1e308, 1e308)), "ts: .* a span that is a number in float64"),
+        (ivp(lambda t, y: y, span=(1e9, 1e9 + 1e-6)), "frames: 20 .* a resolution of 1.2e-07"),
+        (ivp(lambda t, y: y, frames=10**12), r"frames: .* at most 1e\+08"),
         (ivp(lambda t, y: y, frames=0), "frames: 0 given"),
+        (ivp(lambda t, y: y, span=(0, 1, 2), frames=3), "frames: 3 given; allowed: none with samp"),
+        (ivp(lambda t, y: y, y0=[[1.0]]), "y0: .* one axis"),
+        (lambda: Problem.from_scipy(pendulum, (0, 1), 1.0), r"y0: .* Fix: write \[1.0\]"),
+        (lambda: Problem.from_scipy(pendulum, (0, 1), {"x": 1.0}), r"y0: .* Problem\(rhs, y0, ts"),
+        (ivp(lambda t, y: y, name=3), "name: 3 given; allowed: a text"),
+        (ivp(lambda t, y: y, parameters=3), "parameters: 3 given; allowed: a dict"),
+        (ivp(lambda t, y: y, energy=lambda t, y: 1.0), r"energy: .* `def energy\(t, y, args\):`"),
+        (ivp(lambda t, y: y, mechanics=None), "keyword: 'mechanics' given, which does not exist"),
+        (
+            lambda: Problem.from_scipy(pendulum, (0, 1), np.ma.array([1.0, 2.0], mask=[0, 1])),
+            "y0: .* fill the masked entries",
+        ),
         (ivp(3), "fun: 3 given"),
         (lambda: Problem(lambda t, y: y, [1.0], [0, 1]), r"write `def rhs\(t, y, args\):`, or use"),
         (lambda: Problem(lambda y: y, [1.0], [0, 1]), r"rhs: a function of \(y\) given"),
@@ -253,6 +277,53 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
 def test_what_cannot_be_used_is_met_with_what_to_write(make, words):
     with np.errstate(all="ignore"), pytest.raises(InputError, match=words):
         make()
+
+
+OF_SCIPY = {*inspect.signature(solve_ivp).parameters} - {"fun", "y0", "args", "options"}
+OF_METHODS = {"rtol", "atol", "max_step", "first_step", "jac", "jac_sparsity", "lband", "min_step"}
+
+
+@pytest.mark.parametrize("keyword", sorted(OF_SCIPY | OF_METHODS | {"event"}))
+def test_keywords_of_scipy_are_met_with_what_to_write(keyword):
+    words = "docs/events.md" if keyword.startswith("event") else rf"{keyword}: 3 given; .* Fix: "
+    given = {keyword: 3}
+    with pytest.raises(InputError, match=words):
+        Problem.from_scipy(pendulum, (0.0, 2.0), START, (STRENGTH,), **given)
+    with pytest.raises(InputError, match=words):
+        Problem(pendulum_in_jax, START, [0.0, 2.0], STRENGTH, **given)
+    with pytest.raises(InputError, match=words):
+        Problem.second_order(lambda t, x, v, args: -x, 1.0, 0.0, [0.0, 2.0], **given)
+
+
+def test_a_reference_is_asked_for_an_event(in_python):
+    given: Any = {"event": lambda t, y: y[0]}
+    with pytest.raises(InputError, match=r"event: .* given; allowed: accuracy.* docs/events\.md"):
+        reference(in_python, **given)
+    with pytest.raises(InputError, match="keyword: 'tolerance' given, which does not exist"):
+        reference(in_python, tolerance=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (pendulum, r"or Problem\.from_scipy\(fun"),
+        ("rope", "load_problem"),
+        (Rope(), r"rope\.problem\(frames=20\)"),
+        (None, r"problem: None given; allowed: a Problem\. Fix: write Problem\("),
+    ],
+)
+def test_what_is_no_problem_is_met_with_how_to_make_one(given, words):
+    for solve in (reference, lambda each: simulate(each, "rk4", 4), accuracy_table):
+        with pytest.raises(InputError, match=words):
+            solve(given)
+
+
+@pytest.mark.parametrize("function", [lambda t, y: -y[0], lambda t, y: -math.exp(y[0])])
+@in_float64
+def test_the_derivative_of_one_number_may_be_a_number(function):
+    problem = Problem.from_scipy(function, (0.0, 1.0), [0.5])
+    slope = problem.rhs(0.0, problem.y0, None)
+    assert np.asarray(slope).tolist() == [function(0.0, problem.y0)]
 
 
 def test_an_exception_on_the_way_comes_out_as_it_is(in_python):
@@ -330,4 +401,8 @@ def test_a_program_that_computes_something_else_is_not_used():
             pass
         return y
 
-    assert Problem.from_scipy(rhs, (0.0, 1.0), START).in_python
+    def of_arrays(t, y):
+        return y if isinstance(y, np.ndarray) else [y[0], y[1], y[0]]
+
+    for function in (rhs, of_arrays):
+        assert Problem.from_scipy(function, (0.0, 1.0), START).in_python

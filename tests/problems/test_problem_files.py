@@ -49,6 +49,9 @@ def of_strength(t, y, strength):
 def in_jax(t, y, args):
     return jnp.stack([y[1], -args[0] * jnp.sin(y[0])])
 
+def of_angle(angle, y, strength):
+    return [y[1], -strength * y[0]]
+
 def odeint_order(y, t):
     return pendulum(t, y)
 
@@ -68,7 +71,7 @@ def test_right_hand_sides_with_what_stands_beside_them(tmp_path):
     assert problem.ts[[0, -1]].tolist() == [0.0, 5.0]
     assert loaded(tmp_path, "pendulum", frames=3).frames == 3
     beside = "y0, ts, args = [1.0, 0.0], [0.0, 1.0, 4.0], (2.0,)"
-    for name in ("of_strength", "in_jax"):
+    for name in ("of_strength", "in_jax", "of_angle"):
         problem = loaded(tmp_path, name, beside)
         assert problem.ts.tolist() == [0.0, 1.0, 4.0]
         assert not problem.in_python
@@ -83,6 +86,11 @@ def test_right_hand_sides_with_what_stands_beside_them(tmp_path):
         ("pendulum", "", r"add the line `y0 = .*` and add the line `t_span = \(0\.0, 10\.0\)`"),
         ("pendulum", "y0 = [1.0, 0.0]", r"has no t_span\. Fix: add the line `t_span = "),
         ("of_strength", "y0, t_span = [1.0, 0.0], (0, 5)", r"\(t, y, strength\) given; .* args="),
+        (
+            "pendulum",
+            "y0, ts, events = [1.0, 0.0], [0, 1], 3",
+            r"events: 3 given; .* docs/events\.md",
+        ),
         ("odeint_order", "y0, t_span = [1.0, 0.0], (0, 5)", "the order of odeint"),
         ("of_others", "", r"a function of \(mass, length\)' given; .* t and y, with y0 and t_span"),
     ],

@@ -162,6 +162,36 @@ def test_equal_functions_are_equal():
     assert Rope(num_nodes=3).problem(2).rhs == Rope(num_nodes=3).problem(2).rhs
 
 
+def test_what_computes_something_else_is_not_equal():
+    """In its operations, their order, their parameters, or what is inside of them."""
+    functions = [
+        lambda t, y, args: jnp.sin(y),
+        lambda t, y, args: jnp.cos(y),
+        lambda t, y, args: t - y,
+        lambda t, y, args: y - t,
+        lambda t, y, args: y**3,
+        lambda t, y, args: y**5,
+        lambda t, y, args: jax.lax.cond(t > 0, jnp.sin, jnp.tan, y),
+        lambda t, y, args: jax.lax.cond(t > 0, jnp.tan, jnp.sin, y),
+    ]
+    with jax.enable_x64(True):
+        every = [Traced("rhs", each, (0.0, np.ones(2), None)) for each in functions]
+    assert len({*every}) == len(functions)
+
+
+def test_an_array_that_is_written_to_makes_another_function():
+    rates = np.array([1.0, 2.0])
+
+    def now():
+        return Traced("rhs", lambda t, y, args: -(rates * y), (0.0, np.ones(2), None))
+
+    with jax.enable_x64(True):
+        before = now()
+        rates[:] = 3.0
+        assert now() != before
+        assert before(0.0, np.ones(2), None).tolist() == [-1.0, -2.0]
+
+
 def test_a_derivative_of_its_own_belongs_to_a_function():
     def of(slope):
         @jax.custom_jvp

@@ -10,7 +10,7 @@ import pytest
 from ropeode.errors import ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
-from ropeode.references import consensus
+from ropeode.references import consensus, defect
 from ropeode.references.compute import reference
 from ropeode.references.defect import look_between
 from ropeode.references.solvers import scipy_solver
@@ -115,6 +115,19 @@ def test_what_lasts_longer_than_the_spacing_is_found_wherever_it_is(path):
             assert lasting < 2 * width
             # A run that stops there, and closer and closer to it, sees it.
             assert np.sum(np.abs(found.stops - at) < width) > 3
+
+
+def test_what_is_small_is_found_too(path):
+    """Far above rounding, and adding a thousand times what is negligible."""
+    found = look_between(turn(1e-9, 3.3, 3.301), path, BOUNDS)
+    assert 1 <= len(found.times) <= 2
+    assert np.all((found.times > 3.3) & (found.times < 3.301))
+
+
+def test_what_is_negligible_in_each_step_may_not_be_together():
+    assert defect._suspects(np.array([0.4, 0.1, 0.5, 0.3])).tolist() == [2]
+    assert defect._suspects(np.array([0.1, 7.0, 0.2, 9.0])).tolist() == [1, 3]
+    assert defect._suspects(np.array([0.4, 0.1, 0.3])).tolist() == []
 
 
 def test_what_depends_on_the_state_is_found(path):

@@ -11,7 +11,7 @@ import pytest
 from ropeode import InputError, Problem, ReferenceRefused, reference
 from ropeode.references import first_rung
 from ropeode.references.certificate import bounds, witness
-from ropeode.references.hints import coarse_times, hints, remarks
+from ropeode.references.hints import coarse_times, hints, remarks, unresolved_motion
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.solvers import diffrax_solver, jacobian_pattern, scipy_solver
 from ropeode.references.solvers.jacobian_pattern import sparsity
@@ -182,6 +182,19 @@ def test_bad_tolerances(atol):
         ReferenceOptions(atol=atol)
 
 
+def test_options_say_what_would_be_allowed():
+    for given, words in (
+        ({"atol": np.inf}, "atol: inf given; .* Fix: for example 1e-20"),
+        ({"atol": {"x": 1.0}}, "atol: {'x': 1.0} given; .* one number for each component"),
+        ({"level": "extended", "digits": 301}, "digits: 301 given; .* whole number from 1 to 300"),
+    ):
+        with pytest.raises(InputError, match=words):
+            ReferenceOptions(**given)
+    problem = scalar("decay", 1.0, np.linspace(0.0, 50.0, 6))
+    with pytest.raises(InputError, match="atol: 1e\\+300 given; .* finite when divided by rtol"):
+        reference(problem, atol=1e300)
+
+
 def test_no_tolerance_in_extended_precision():
     with pytest.raises(InputError, match="atol.*none with level 'extended'"):
         ReferenceOptions(atol=1e-20, level="extended")
@@ -198,6 +211,14 @@ def test_a_bound_larger_than_the_motion_is_told():
     with pytest.raises(ReferenceRefused, match="which is not resolved by a bound of"):
         reference(problem, accuracy=1e-8)
     assert remarks(reference(scalar("follows", 1.7e9, TS, 0.0))) == ()
+
+
+def test_of_what_rests_nothing_is_told():
+    problem = scalar("decay", 1.0, TS)
+    still, bound = np.ones((2, 1)), np.full(2, 1e-16)
+    assert unresolved_motion(problem, still, bound) == ""
+    moved = still - [[0.0], [0.5]]
+    assert "moves by 5.0e-01 only" in unresolved_motion(problem, moved, np.ones(2))
 
 
 def test_times_that_are_large_are_told_of_what_is_trusted():
@@ -225,18 +246,19 @@ def test_twenty_thousand_frames():
 @pytest.mark.parametrize("samples", [2, 101])
 def test_a_hundred_thousand_units_of_time(samples):
     problem = oscillator(np.linspace(0.0, 1e5, samples))
-    known = reference(problem)
+    # The work is allowed; how long it takes depends on the machine.
+    known = reference(problem, time_limit=600.0)
     assert known.horizon is None
-    assert known.certificate.witnesses[-1].solver == OWN_DOP853
+    assert OWN_DOP853 in [witness.solver for witness in known.certificate.witnesses]
     assert np.all(np.abs(known.states[:, 0] - np.cos(problem.ts)) <= known.bound())
 
 
 @pytest.mark.slow
 def test_what_takes_too_long_ends_where_the_time_does():
     problem = oscillator(np.linspace(0.0, 1e7, 1001))
-    known = reference(problem, accuracy=1e-6, time_limit=5.0)
+    known = reference(problem, accuracy=1e-6, time_limit=20.0)
     assert 2 <= known.trusted < 1001
-    assert "the time limit of 5 s is spent" in known.certificate.horizon_reason
+    assert "the time limit of 20 s is spent" in known.certificate.horizon_reason
     inside = problem.ts[: known.trusted]
     assert np.all(np.abs(known.states[: known.trusted, 0] - np.cos(inside)) <= known.bound())
     with pytest.raises(ReferenceRefused, match="time_limit"):

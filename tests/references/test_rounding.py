@@ -31,6 +31,9 @@ LOSSES = {
     "1 - cos": lambda one, small: one - jnp.cos(1e8 * small),
     "cos - cos": lambda one, small: jnp.cos(1e8 * small) - jnp.cos(2e8 * small),
     "of one array": lambda one, small: jnp.diff(jnp.cos(1e8 * small * jnp.array([1.0, 2.0])))[0],
+    # Nothing else in these is moved: a product with 1.0 is exact.
+    "a product": lambda one, small: 0.3 * (3.0 * one) - 0.9,
+    "a quotient": lambda one, small: one / (3.0 * one) - 1 / 3,
     "a sum of many": lambda one, small: jnp.sum(jnp.stack([one, small, -one])),
     "a product of matrices": lambda one, small: jnp.stack([one, small, -one]) @ jnp.ones(3),
     "a mean": lambda one, small: jnp.mean(jnp.stack([one, small, -one])),
@@ -119,6 +122,14 @@ def test_what_is_exact_stays(name, changes):
         0 if "part" in name or name in ("a table", "comparisons", "from oneself") else 10 * EPS
     )
     assert np.max(np.abs(changes[name])) <= largest
+
+
+@in_float64
+def test_the_state_itself_is_moved():
+    """By two units in the runs that turn directions."""
+    for seed, units in ((1, 1), (2, 2)):
+        change = change_by_rounding(lambda y: y, np.array([3.0, 0.0]), seed)
+        assert np.abs(change).tolist() == [units * np.spacing(3.0), 0.0]
 
 
 @in_float64

@@ -9,6 +9,8 @@ import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ import pytest
 from ropeode.problems.problem import Problem
 from ropeode.render.data import SCHEMA
 from ropeode.render.formats import FORMATS
+from ropeode.render.horizon import as_lines as horizon_lines
 from ropeode.render.stepper_list import as_text as stepper_list
 from ropeode.steppers import STEPPERS
 from ropeode.study.accuracy_table import accuracy_table
@@ -209,3 +212,16 @@ def test_the_list_gives_orders_on_the_problems_that_steppers_are_for():
     assert rows["constraint-verlet:start=rest"] == ["1", "1", "0", "no"]
     assert rows["stormer-verlet:damping=per-step"] == ["2", "0", "0", "yes"]
     assert "    sweeps: 1, or more" in stepper_list().splitlines()
+
+
+def test_runs_of_the_same_kind_have_columns_of_their_own():
+    """Two witnesses differ only in how their rounding is moved."""
+    times = np.arange(2.0)
+    runs = [
+        SimpleNamespace(role="rounding", solver="Dopri8", tolerance=1e-13, errors=times + k)
+        for k in range(3)
+    ]
+    study: Any = SimpleNamespace(times=times, bound=times, runs=runs, lost=times)
+    last = list(horizon_lines(study)[-1].items())[2:-1]
+    name = "rounding Dopri8 1e-13"
+    assert last == [(name, 1.0), (f"{name}, 2", 2.0), (f"{name}, 3", 3.0)]
