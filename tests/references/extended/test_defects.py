@@ -8,6 +8,8 @@ import pytest
 
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.compute import reference
+from ropeode.references.extended import reference as module
 from ropeode.references.extended.solution import extended_solution
 from ropeode.references.extended.taylor import solve
 
@@ -74,3 +76,32 @@ def test_what_is_held_stays(hanging):
     velocities = (known.coarse.states - known.fine.states)[:, 1].astype(float)
     np.testing.assert_array_equal(velocities[:, :, 0], 0.0)
     assert np.all(velocities[:, :, 1:] != 0.0)
+
+
+def test_what_grows_by_many_digits_ends_the_trust(monkeypatch):
+    def rhs(t, y, args):
+        pulse = 1e-24 * jnp.exp(-(((t - args) / 1e-3) ** 2))
+        return jnp.stack([-y[0], 3.0 * y[1] + pulse])
+
+    monkeypatch.setattr(module, "_consensus", lambda *_: module._Evidence(None, None, ()))
+    problem = Problem(rhs, [1.0, 0.0], np.linspace(0.0, 20.0, 5), args=2.2)
+    known = reference(problem, level="extended", time_limit=1e9)
+    assert known.certificate.witnesses[-1].role == "close look"
+    assert known.horizon == 20.0
+    grown = 1e-27 * np.sqrt(np.pi) * np.exp(3.0 * (problem.ts - 2.2))
+    assert np.all(known.bound()[1:4] > grown[1:4])
+    assert "near t = 2.199" in known.certificate.horizon_reason
+
+
+def test_choices_at_the_start_do_not_hang_on_the_shift():
+    """Drag that is quadratic in the velocity, from rest: it moves down, but the shift is up."""
+    problem = Problem(
+        lambda t, y, a: jnp.stack([y[1], -9.81 - 0.1 * y[1] * jnp.abs(y[1])]),
+        [0.0, 0.0],
+        [0.0, 0.5, 1.0],
+    )
+    known = extended_solution(problem, time_limit=1e9)
+    assert known.agreed == 3
+    limit = np.sqrt(9.81 / 0.1)
+    exact = -limit * np.tanh(9.81 / limit * problem.ts)
+    np.testing.assert_allclose(known.states[:, 1], exact, rtol=4e-16, atol=0)
