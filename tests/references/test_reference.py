@@ -236,6 +236,7 @@ def test_what_most_runs_step_over_is_not_trusted(width, rtol):
     assert never_wrong(*narrow_pulse(width), rtol)
 
 
+@pytest.mark.usefixtures("looked_at_as_for_users")
 def test_a_needle_is_not_stepped_over():
     assert never_wrong(*narrow_pulse(1e-6), 1e-8)
 
