@@ -16,6 +16,8 @@ from ropeode.references.defect import look_between
 from ropeode.references.solvers import scipy_solver
 from ropeode.references.solvers.solver import SCIPY_DOP853
 
+pytestmark = pytest.mark.usefixtures("looked_at_as_for_users")
+
 TS = np.linspace(0.0, 10.0, 6)
 # Of a state that is found to be right to some units of rounding.
 BOUNDS = {"state": np.full(len(TS), 1e-15)}

@@ -229,13 +229,20 @@ def never_wrong(problem, exact, rtol):
 
 
 @pytest.mark.parametrize("width", [3e-2, 1e-2, 3e-3, 1e-3])
-@pytest.mark.parametrize("rtol", [None, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10])
+@pytest.mark.parametrize(
+    "rtol",
+    [
+        *(None, 1e-3, 1e-5, 1e-7, 1e-9),
+        *(pytest.param(rtol, marks=pytest.mark.slow) for rtol in (1e-4, 1e-6, 1e-8, 1e-10)),
+    ],
+)
 def test_what_most_runs_step_over_is_not_trusted(width, rtol):
     # Some rungs of the ladder see the pulse, others do not, and some none at all: then the
     # run with short steps does.
     assert never_wrong(*narrow_pulse(width), rtol)
 
 
+@pytest.mark.usefixtures("looked_at_as_for_users")
 def test_a_needle_is_not_stepped_over():
     assert never_wrong(*narrow_pulse(1e-6), 1e-8)
 

@@ -208,10 +208,12 @@ def creeping_variants():
         ts = start + np.arange(samples) * 2.0 ** draw.integers(-3, 4)
         moves = EPS * 10.0 ** draw.uniform(-3, -0.3, size=3) / (ts[1] - ts[0])
         y0 = draw.choice([-1, 1], 3) * 10.0 ** draw.uniform(-5, 16, 3)
+        # Each number of samples takes a program of its own.
+        marks = [] if samples in (2, 200) else pytest.mark.slow
         variants += [
-            (y0[0], ts, {"rate": moves[0]}),
-            (y0[1], ts, {"slope": moves[1] * y0[1]}),
-            (0.0, ts - start, {"slope": moves[2] * 1e16, "surge": 1e18}),
+            pytest.param(y0[0], ts, {"rate": moves[0]}, marks=marks),
+            pytest.param(y0[1], ts, {"slope": moves[1] * y0[1]}, marks=marks),
+            pytest.param(0.0, ts - start, {"slope": moves[2] * 1e16, "surge": 1e18}, marks=marks),
         ]
     return variants
 
@@ -304,7 +306,11 @@ def noisy(t, y, args):
 def noisy_variants():
     draw = np.random.default_rng(14)
     sizes = 10.0 ** draw.uniform((4, -18, -10), (13, -15.5, -7), size=(12, 3))
-    return [(3, 1e16, 0.0, 1e-8), *((which % 6, *each) for which, each in enumerate(sizes))]
+    first = [(which, *each) for which, each in enumerate(sizes[:6])]
+    second = [
+        pytest.param(which, *each, marks=pytest.mark.slow) for which, each in enumerate(sizes[6:])
+    ]
+    return [(3, 1e16, 0.0, 1e-8), *first, *second]
 
 
 @pytest.mark.parametrize(("which", "size", "small", "wave"), noisy_variants())

@@ -9,6 +9,7 @@ than all runs of a reference.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -252,6 +253,8 @@ def solution_of(family: Family) -> Callable:
         leaves, _ = inputs
         return family.field(t, y, leaves)
 
+    # diffrax traces a step three times, and its vector field with it; this part of it once.
+    @functools.partial(jax.jit, inline=True)
     def change(t: Any, y: Any, inputs: Any) -> Any:
         leaves, seed = inputs
         # No derivative: that of the vector field is the one of the right-hand side as it is.

@@ -115,6 +115,7 @@ def pulse(t, y, args):
     return jnp.exp(-(((t - centre) / width) ** 2)) / (width * np.sqrt(np.pi)) - y
 
 
+@pytest.mark.usefixtures("looked_at_as_for_users")
 def test_the_trust_ends_where_some_float64_runs_see_what_others_pass_by():
     """A pulse that the runs in extended precision pass by, as some of the others do."""
     ts = np.arange(11.0)
@@ -201,7 +202,7 @@ def pulsed(centre):
     return Problem(rhs, [1.0], np.arange(11.0), args=centre)
 
 
-@pytest.mark.usefixtures("alone")
+@pytest.mark.usefixtures("alone", "looked_at_as_for_users")
 def test_a_pulse_that_both_runs_step_over_ends_it():
     known = reference(pulsed(6.4), level="extended", time_limit=NEVER)
     assert known.horizon == 7.0
@@ -212,7 +213,7 @@ def test_a_pulse_that_both_runs_step_over_ends_it():
 
 
 @pytest.mark.parametrize("width", [1.3e-3, 2.6e-3, 5.2e-3])
-@pytest.mark.usefixtures("alone")
+@pytest.mark.usefixtures("alone", "looked_at_as_for_users")
 def test_pulses_longer_than_the_parts_of_a_step_are_found(width, monkeypatch):
     """In a part they are smooth, and the Taylor series of the step has not a trace of them."""
 

@@ -291,6 +291,7 @@ def test_arguments_are_checked(name, given):
         function(problem_named("forced"), **{name: given})
 
 
+@pytest.mark.usefixtures("looked_at_as_for_users")
 def test_what_a_step_passes_over_is_found_in_its_parts():
     """Its steps last several radians, and a polynomial of order 16 is right for a part of them."""
 
