@@ -84,8 +84,6 @@ def extended_solution(
     time_limit = check_positive("time_limit", time_limit, example="60")
     began = time.perf_counter()
 
-    moved = neighbour(problem, problem.y0[None]) - problem.y0
-
     def run(precision: int, **options: Any) -> ExtendedRun:
         left = max(began + time_limit - time.perf_counter(), 0.0)
         return solve(problem, precision=precision, time_limit=left, progress=progress, **options)
@@ -93,8 +91,10 @@ def extended_solution(
     bits = math.ceil(digits * math.log2(10)) + _BITS_TO_SPARE
     best: _Pair | None = None
     while True:
+        fine = run(bits + _BITS_APART, looked_into=True)
+        moved = neighbour(problem, fine.rounded) - problem.y0
         coarse = run(bits, shift=2.0 ** (_FLOAT64 - bits) * moved)
-        pair = _Pair(problem, digits, coarse, run(bits + _BITS_APART, looked_into=True))
+        pair = _Pair(problem, digits, coarse, fine)
         if best is None or pair.agreed >= best.agreed:
             best = pair
         bits = pair.bits_needed()
@@ -131,7 +131,7 @@ class _Pair:
     def bits_needed(self) -> int:
         """The precision at which a coarse run would agree to the end, by the loss of this one."""
         span = self.problem.ts - self.problem.ts[0]
-        last = int(np.flatnonzero(self.relative < _SATURATED)[-1])
+        last = int(np.max(np.flatnonzero(self.relative < _SATURATED), initial=0))
         if last == 0:
             return 2 * self.fine.precision
         lost = self.coarse.precision + math.log2(max(self.relative[last], 1e-300))

@@ -105,3 +105,12 @@ def test_choices_at_the_start_do_not_hang_on_the_shift():
     limit = np.sqrt(9.81 / 0.1)
     exact = -limit * np.tanh(9.81 / limit * problem.ts)
     np.testing.assert_allclose(known.states[:, 1], exact, rtol=4e-16, atol=0)
+
+
+def test_what_starts_from_rest_is_moved_by_a_part_of_its_own_speed():
+    problem = Problem.second_order(
+        lambda t, x, v, a: 1e-60 * x, [1.0], [0.0], np.linspace(0.0, 2.0, 3)
+    )
+    known = extended_solution(problem, time_limit=1e9)
+    assert known.agreed == 3
+    np.testing.assert_allclose(known.states[:, 1, 0], 1e-60 * problem.ts, rtol=2e-16)
