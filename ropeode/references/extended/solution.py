@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,6 +14,7 @@ from ropeode.progress import Progress, silent
 from ropeode.references.certificate import SAFETY_FACTOR, distances, smallest
 from ropeode.references.extended.taylor import ExtendedRun, solve
 from ropeode.references.ladder import neighbour
+from ropeode.references.solvers.stopwatch import Stopwatch
 from ropeode.validation import check_positive, check_whole
 
 # The finer run of a pair has so many bits more, and a tolerance that is finer by as much.
@@ -73,7 +73,8 @@ def extended_solution(
         problem: what to solve.
         digits: three times the difference of the runs is at most 10 to the minus `digits` of
             the quantity's largest component; float64 itself has 16.
-        time_limit: seconds for all runs together; a run that exceeds them is cut off.
+        time_limit: seconds for all runs together, by `Stopwatch`; a run that exceeds them is cut
+            off.
         progress: called before each run, with what it is.
 
     Raises:
@@ -82,10 +83,10 @@ def extended_solution(
     """
     digits = check_whole("digits", digits, at_least=1, example="18")
     time_limit = check_positive("time_limit", time_limit, example="60")
-    began = time.perf_counter()
+    watch = Stopwatch()
 
     def run(precision: int, **options: Any) -> ExtendedRun:
-        left = max(began + time_limit - time.perf_counter(), 0.0)
+        left = max(time_limit - watch.seconds, 0.0)
         return solve(problem, precision=precision, time_limit=left, progress=progress, **options)
 
     bits = math.ceil(digits * math.log2(10)) + _BITS_TO_SPARE
@@ -98,10 +99,10 @@ def extended_solution(
         if best is None or pair.agreed >= best.agreed:
             best = pair
         bits = pair.bits_needed()
-        out_of_time = time.perf_counter() >= began + time_limit
+        out_of_time = watch.seconds >= time_limit
         if pair.agreed == pair.reached or out_of_time or bits > _MOST_BITS:
             break
-    return best.solution(time.perf_counter() - began, out_of_time)
+    return best.solution(watch.seconds, out_of_time)
 
 
 class _Pair:

@@ -14,6 +14,7 @@ from ropeode.references.extended import heyoka
 from ropeode.references.extended.defects import Defects, compiled_rates
 from ropeode.references.extended.translate import Translation, translate
 from ropeode.references.solvers.solution import Path
+from ropeode.references.solvers.stopwatch import Stopwatch
 from ropeode.validation import check_positive, check_whole
 
 # The significand of IEEE quadruple precision.
@@ -89,7 +90,8 @@ def solve(
         problem: what to solve.
         precision: of all numbers, in bits of the significand, 53 or more.
         tolerance: relative error of one step; by default one unit of rounding.
-        time_limit: seconds after which the run ends where it is; checked after each step.
+        time_limit: seconds after which the run ends where it is (`Stopwatch`); looked at after each
+            step.
         max_steps: after which it ends.
         longest_steps: the longest step in each frame, ``(times - 1,)``; as long as the tolerance
             allows where there is none.
@@ -111,10 +113,10 @@ def solve(
     tolerance = check_positive("tolerance", tolerance, example="1e-33")
     progress(f"reference: heyoka Taylor with {precision} bits", None)
     stops = problem.ts if stops is None else np.append(stops, problem.ts[-1])
-    deadline = time.perf_counter() + time_limit
+    watch = Stopwatch()
     if longest_steps is None:
         longest_steps = np.full(problem.frames, np.inf)
-    run = _Run(problem, precision, tolerance, deadline, max_steps, longest_steps, stops)
+    run = _Run(problem, precision, tolerance, watch, time_limit, max_steps, longest_steps, stops)
     if shift is not None:
         run.samples[0] = run.samples[0] + run.exactly(shift.reshape(-1))
     if looked_into:
@@ -142,7 +144,8 @@ class _Run:
     problem: Problem
     precision: int
     tolerance: float
-    deadline: float
+    watch: Stopwatch
+    time_limit: float
     max_steps: float
     longest_steps: np.ndarray
     stops: np.ndarray
@@ -236,7 +239,7 @@ class _Run:
                 self.defects.keep(taylor, rates)
             if abs(float(taylor.last_h)) < shortest and taylor.time != target:
                 reasons.append("its steps become too short")
-            elif time.perf_counter() >= self.deadline:
+            elif self.watch.seconds >= self.time_limit:
                 reasons.append("the time limit")
             elif self.steps + len(steps) >= self.max_steps:
                 reasons.append("too many steps")
