@@ -179,9 +179,7 @@ class _Run:
         """Solve a piece without jumps, keep its samples, and return the state at its end."""
         began = time.perf_counter()
         library, shape = heyoka(), self.problem.y0.shape
-        # What is chosen at the start does not hang on a shift that is below all rounding.
-        first_piece = start == self.problem.ts[0]
-        rounded = self.problem.y0 if first_piece else state.astype(np.float64).reshape(shape)
+        rounded = state.astype(np.float64).reshape(shape)
         translation = translate(self.problem, self.precision, t=start, y=rounded)
         self.choices.update(translation.guards.names)
         taylor = library.taylor_adaptive(
