@@ -64,7 +64,10 @@ def real_array(name: str, value: Any, example: str = "[1.0, 0.0]") -> np.ndarray
         raise bad_value(name, value, allowed, f"give numbers, such as {example}")
     if np.ma.is_masked(value):
         raise bad_value(name, value, allowed, "fill the masked entries")
-    float64_only(name, array)
+    entries = value if isinstance(value, (list, tuple)) else array
+    for path, entry in jax.tree_util.tree_leaves_with_path(entries):
+        # NumPy widens those of a list.
+        float64_only(name + jax.tree_util.keystr(path), np.asarray(entry))
     array = np.array(array, dtype=np.float64)
     if not np.all(np.isfinite(array)):
         where = np.argwhere(~np.isfinite(array))[0].tolist()

@@ -311,8 +311,10 @@ def test_float32_in_the_input_is_refused(coarse):
     fine = Problem(rhs, [1.0], TS)
     with pytest.raises(InputError, match="y0: .*float64"):
         Problem(rhs, coarse, TS)
-    with pytest.raises(InputError, match="ts: .*float64"):
-        Problem(rhs, [1.0], [*coarse, *coarse + 1])
+    with pytest.raises(InputError, match=r"y0\[1\]: .*float64"):
+        Problem(rhs, [1.0, coarse[0]], TS)
+    with pytest.raises(InputError, match=r"ts\[1\]: .*float64"):
+        Problem(rhs, [1.0], [0, *coarse, *coarse + 1])
     with pytest.raises(InputError, match=r"args\['deep'\]\[1\]: .*float64"):
         Problem(rhs, [1.0], TS, {"deep": [1.0, coarse]})
     with pytest.raises(InputError, match="v0: .*float64"):

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from ropeode.errors import ReferenceRefused
+from ropeode.precision import in_float64
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.references import consensus, defect
 from ropeode.references.compute import reference
 from ropeode.references.defect import look_between
+from ropeode.references.residuals import Sampler
 from ropeode.references.solvers import scipy_solver
 from ropeode.references.solvers.solver import SCIPY_DOP853
 
@@ -130,6 +132,15 @@ def test_what_is_negligible_in_each_step_may_not_be_together():
     assert defect._suspects(np.array([0.4, 0.1, 0.5, 0.3])).tolist() == [2]
     assert defect._suspects(np.array([0.1, 7.0, 0.2, 9.0])).tolist() == [1, 3]
     assert defect._suspects(np.array([0.4, 0.1, 0.3])).tolist() == []
+
+
+def test_a_run_stops_at_a_node_that_was_hit(path):
+    """All of the step is off its polynomial then, but for the needle itself."""
+    for step in (3, 40):
+        at = in_float64(Sampler)(turn(), path, BOUNDS).nodes(step)[5]
+        low, high = at - 1e-9, at + 1e-9
+        found = look_between(turn(1.0, low, high), path, BOUNDS)
+        assert np.any((found.stops > low) & (found.stops < high))
 
 
 def test_what_depends_on_the_state_is_found(path):
