@@ -22,6 +22,8 @@ _BITS_APART = 24
 # Bits that the first pair has beyond the digits, enough for problems that lose little.
 _BITS_TO_SPARE = 20
 _FLOAT64 = 53
+# Of the time that is left, for the finer run of a pair; the other one gets as far in the rest.
+_SHARE = 0.55
 _MOST_BITS = 1000
 # Where the runs are further apart than this, relative to the state, the growth has ended.
 _SATURATED = 1e-3
@@ -85,16 +87,16 @@ def extended_solution(
     time_limit = check_positive("time_limit", time_limit, example="60")
     watch = Stopwatch()
 
-    def run(precision: int, **options: Any) -> ExtendedRun:
-        left = max(time_limit - watch.seconds, 0.0)
+    def run(precision: int, share: float, **options: Any) -> ExtendedRun:
+        left = share * max(time_limit - watch.seconds, 0.0)
         return solve(problem, precision=precision, time_limit=left, progress=progress, **options)
 
     bits = math.ceil(digits * math.log2(10)) + _BITS_TO_SPARE
     best: _Pair | None = None
     while True:
-        fine = run(bits + _BITS_APART, looked_into=True)
+        fine = run(bits + _BITS_APART, _SHARE, looked_into=True)
         moved = neighbour(problem, fine.rounded) - problem.y0
-        coarse = run(bits, shift=2.0 ** (_FLOAT64 - bits) * moved)
+        coarse = run(bits, 1.0, shift=2.0 ** (_FLOAT64 - bits) * moved)
         pair = _Pair(problem, digits, coarse, fine)
         if best is None or pair.agreed >= best.agreed:
             best = pair

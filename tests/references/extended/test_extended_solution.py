@@ -23,6 +23,8 @@ def test_more_bits_until_three_times_the_difference_has_the_digits(monkeypatch, 
         states = exact + error.reshape(-1, *[1] * problem.y0.ndim)
         # The finer run alone is looked into, and starts where the problem does.
         assert looked_into == (shift is None) == (len(runs) % 2 == 0)
+        # It leaves time enough for the other one.
+        assert 1e9 * (0.4 if looked_into else 0.99) < time_limit < 1e9 * (0.6 if looked_into else 1)
         runs.append(ExtendedRun(precision, 2.0**-precision, states, 1, 0.0, 0.0))
         return runs[-1]
 
