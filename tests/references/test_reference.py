@@ -128,6 +128,9 @@ def test_instability_ends_the_horizon():
     true = np.abs(known.states[:, 0] - np.sin(problem.ts))[: known.trusted]
     assert np.all(true <= known.bound())
     ends_with_the_accuracy(known)
+    bound = known.certificate.bounds["state"][2]
+    for accuracy, trusted in ((0.9 * bound, 2), (1.1 * bound, 3)):
+        assert reference(problem, accuracy=accuracy).trusted == trusted
 
 
 @pytest.mark.slow
