@@ -9,8 +9,8 @@ folder, and the test files that ought to notice are run there, up to the first f
 
 Faults that have a line in the output already are not tried again. Another checkout may have its
 files elsewhere: the fault is then written where its text is, and test files are found by their
-names. Where a line has been written differently, a fault lists what it said each time. Ten minutes
-for all faults, on one processor.
+names. Where a line has been written differently, a fault lists what it said each time. Half an hour
+for all faults, on one processor of a busy machine.
 """
 
 from __future__ import annotations
