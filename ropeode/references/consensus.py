@@ -202,7 +202,8 @@ def certified(
         )
     inside = problem.until(trusted)
     assert independent.path is not None
-    findings = look_between(inside, independent.path.until(inside.ts[-1]), estimated)
+    path = independent.path.until(inside.ts[-1])
+    findings = look_between(inside, path, estimated, progress=primary.budget.progress)
     if findings.unresolved:
         estimated = bounds(problem, run, witnesses, drift, findings.unresolved)
         bound = estimated[problem.quantities[0]]

@@ -15,6 +15,7 @@ import numpy as np
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
 from ropeode.references.certificate import Sampling, distances
 from ropeode.references.residuals import Block, Sampler
 from ropeode.references.solvers.solution import Path
@@ -125,7 +126,11 @@ class Look:
 
 @in_float64
 def look_between(
-    problem: Problem, path: Path, bounds: Mapping[str, np.ndarray], others: Sequence[Look] = ()
+    problem: Problem,
+    path: Path,
+    bounds: Mapping[str, np.ndarray],
+    others: Sequence[Look] = (),
+    progress: Progress = silent,
 ) -> Findings:
     """Look for what a right-hand side does between the ends of a run's steps.
 
@@ -134,10 +139,15 @@ def look_between(
         path: see there.
         bounds: see there.
         others: what was seen in another way.
+        progress: called with the part of the steps that was looked into.
     """
     sampler = Sampler(problem, path, bounds)
+    found, done = [], 0
     with np.errstate(all="ignore"):
-        found = list(sampler.blocks())
+        for block in sampler.blocks():
+            found.append(block)
+            done += len(block.share)
+            progress("reference: looking between the steps", done / len(sampler.spacing))
     look = Look(
         *(
             np.concatenate([getattr(block, name) for block in found])

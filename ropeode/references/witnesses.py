@@ -123,7 +123,7 @@ def witness_runs(
             assert independent.path is not None
             at = np.searchsorted(reference.problem.ts, problem.ts)
             bounds = {name: each[at] for name, each in reference.certificate.bounds.items()}
-            findings = look_between(problem, independent.path, bounds)
+            findings = look_between(problem, independent.path, bounds, progress=budget.progress)
             run = solve_closely(problem, method, independent, findings, budget)
         else:
             more = next(options.get(role, iter(())), {})

@@ -68,8 +68,13 @@ def test_frames_of_very_unequal_length_hide_nothing(rtol):
 
 
 def test_everything_is_recorded(small_rope):
-    said = []
-    known = reference(small_rope, progress=lambda text, fraction: said.append(text))
+    said, parts = [], []
+
+    def progress(text, fraction):
+        said.append(text)
+        parts.append(fraction)
+
+    known = reference(small_rope, progress=progress)
     made = known.certificate
     assert made.level == "consensus"
     assert made.solver == DOPRI8
@@ -88,6 +93,8 @@ def test_everything_is_recorded(small_rope):
     assert made.versions["diffrax"]
     assert any("Dopri8" in text for text in said)
     assert any("SciPy" in text for text in said)
+    assert "between the steps" in said[-1]
+    assert parts[-1] == 1.0
 
 
 def test_asked_tolerance_is_used(small_rope):

@@ -105,7 +105,7 @@ def extended_reference(
     assert fine.path is not None
     assert fine.defects is not None
     looks = [fine.defects.look(inside, solution.differences)]
-    findings = look_between(inside, fine.path.until(inside.ts[-1]), bounds, looks)
+    findings = look_between(inside, fine.path.until(inside.ts[-1]), bounds, looks, progress)
     closer = []
     if len(findings.times):
         run = solve(
