@@ -36,7 +36,7 @@ _MOST_STEPS_PER_DIGIT = 2.5
 _STEPS, _STEPS_PER_FRAME = 100_000, 4_000
 _SHORT_STEPS_PER_FRAME = 32
 # Where that is more steps than this, each frame has fewer, but still several.
-_MOST_SHORT_STEPS, _FEWEST_SHORT_STEPS_PER_FRAME = 200_000, 4
+_MOST_SHORT_STEPS, _FEWEST_SHORT_STEPS_PER_FRAME = 100_000, 4
 # Ten thousand take two seconds.
 _MOST_STEPS_IN_PYTHON = 10_000
 _FEWEST_SHORT_STEPS = 1000

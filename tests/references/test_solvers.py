@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.solvers import (
     compiled_dop853,
@@ -90,6 +91,17 @@ def test_each_frame_has_its_own_longest_step(jumps):
     assert run.failure is None
     # Steps grow by no more than a factor of ten at a time, at the start and after short ones.
     assert np.sum(steps) <= run.steps <= np.sum(steps) + 20
+
+
+def test_rounding_leaves_no_rest_of_a_frame():
+    """It would be a step of its own, after which others have to grow, or which ends the run."""
+    ts, steps = np.linspace(0.0, 700.0, 701), 7
+    problem = Problem(lambda t, y, args: -y, [1.0], ts)
+    run = diffrax_solver.solve(
+        problem, DOPRI8, 1e-6, 1e-6, max_steps=10**5, longest_steps=np.diff(ts) / steps
+    )
+    assert run.failure is None
+    assert 700 * steps <= run.steps <= 700 * steps + 10
 
 
 @pytest.mark.slow

@@ -28,6 +28,8 @@ _ROOT_RTOL = 1e-9
 # asks for later. It asks for ten times a step that a sample time has cut to one unit. Rounding
 # leaves a step of five units as it is when nine tenths of it are tried.
 _FIRST_STEP, _SHORTEST_STEP = 10.0, 8.0
+# A step is as much longer, in parts of itself, where it then reaches a sample.
+_REST = 1e-6
 # Plain loops of JAX. diffrax chooses them itself where `ForwardMode` meets a solver of its own.
 _LOOPS = "lax"
 
@@ -226,7 +228,10 @@ class _Frames(_Wrapper):
 
     def _shortened(self, t0: Any, t1: Any, frame: Any) -> Any:
         longest = jnp.maximum(t0 + self.longest[frame], jnp.nextafter(t0, jnp.inf))
-        return jnp.minimum(jnp.minimum(t1, longest), self.ts[frame + 1])
+        t1, end = jnp.minimum(t1, longest), self.ts[frame + 1]
+        # What rounding leaves before a sample would be a step of its own, too short to go on from.
+        rest = jnp.maximum(_REST * (t1 - t0), _SHORTEST_STEP * _spacing(t0))
+        return jnp.where(end - t1 <= rest, end, t1)
 
 
 def _spacing(t: Any) -> Any:
