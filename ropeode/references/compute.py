@@ -152,7 +152,6 @@ def reference_for(
     problem: Problem | Reference,
     options: ReferenceOptions = ReferenceOptions(),  # noqa: B008
     progress: Progress = silent,
-    **more: Unpack[More],
 ) -> Reference:
     """A reference itself, or a new one of a problem.
 

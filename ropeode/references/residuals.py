@@ -205,7 +205,7 @@ class Sampler:
         apart = np.maximum(_APART, 4.0 / self._numbers_in[steps])[:, None, None]
         triples = _TRIPLES[:, None] + apart * np.array([-1.0, 0.0, 1.0])
         s = np.empty((len(steps), _ROW))
-        s[:, :_NODES], s[:, -1] = _CHEBYSHEV, 0.5
+        s[:, :_NODES], s[:, _NODES:] = _CHEBYSHEV, 0.5
         s[:, _NODES : _NODES + triples[0].size] = triples.reshape(len(steps), -1)
         t = self._inside(steps, s)
         values = self._evaluate(t, s, curves)

@@ -83,7 +83,7 @@ def test_what_is_written_as_the_default_is_no_change(cases):
 @pytest.mark.parametrize("name", ["jax", "numpy", "python", "machine", "backend", "source"])
 def test_every_version_counts(cases, monkeypatch, name):
     other = {**software(), name: "another"}
-    monkeypatch.setattr(spec_module, "software", lambda level: other)
+    monkeypatch.setattr(spec_module, "software", lambda: other)
     case = only_case(VALUES)
     assert case.key != cases["plain"].key
     assert case.problem_key != cases["plain"].problem_key

@@ -13,7 +13,6 @@ import numpy as np
 
 from ropeode.problems.problem import Problem
 from ropeode.references.defect import Look
-from ropeode.references.extended import heyoka
 from ropeode.references.residuals import GOLDEN
 
 # The numbers that are evaluated in all, and limits for the times: over the span, and in a step.
@@ -133,13 +132,3 @@ class _Room:
         rates(states, outputs=values, time=t)
         np.subtract(slopes, values, out=slopes)
         return np.nan_to_num(np.abs(slopes.T.astype(np.float64)), nan=np.inf)
-
-
-def compiled_rates(translation: Any, kind: Mapping[str, Any]) -> Any:
-    """A translated right-hand side as a function of many states and times.
-
-    Arguments:
-        translation: the right-hand side.
-        kind: what heyoka calls the numbers.
-    """
-    return heyoka().cfunc(translation.derivatives, translation.variables, compact_mode=True, **kind)

@@ -68,8 +68,8 @@ def extended_solution(
 
     The precisions of the two runs differ by 24 bits, and their tolerances likewise. The coarser
     one starts from the neighbour of the initial state, a unit in the last place of its numbers
-    away, so that an unstable balance does not agree with itself. If the runs
-    do not agree to the requested digits, the loss shows how many bits the next pair needs.
+    away, so that an unstable balance does not agree with itself. If the runs do not agree to the
+    requested digits, the loss shows how many bits the next pair needs.
 
     Arguments:
         problem: what to solve.

@@ -11,7 +11,7 @@ import numpy as np
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.extended import heyoka
-from ropeode.references.extended.defects import Defects, compiled_rates
+from ropeode.references.extended.defects import Defects
 from ropeode.references.extended.translate import Translation, translate
 from ropeode.references.solvers.solution import Path
 from ropeode.references.solvers.stopwatch import Stopwatch
@@ -116,11 +116,18 @@ def solve(
     watch = Stopwatch()
     if longest_steps is None:
         longest_steps = np.full(problem.frames, np.inf)
-    run = _Run(problem, precision, tolerance, watch, time_limit, max_steps, longest_steps, stops)
-    if shift is not None:
-        run.samples[0] = run.samples[0] + run.exactly(shift.reshape(-1))
-    if looked_into:
-        run.defects = Defects(problem)
+    run = _Run(
+        problem,
+        precision,
+        tolerance,
+        watch,
+        time_limit,
+        max_steps,
+        longest_steps,
+        stops,
+        np.zeros_like(problem.y0) if shift is None else shift,
+        Defects(problem) if looked_into else None,
+    )
     run.to_the_end()
     states = np.stack(run.samples).reshape(-1, *problem.y0.shape)
     return ExtendedRun(
@@ -149,15 +156,17 @@ class _Run:
     max_steps: float
     longest_steps: np.ndarray
     stops: np.ndarray
+    shift: np.ndarray
+    defects: Defects | None
     steps: int = 0
     seconds: float = 0.0
     compile_seconds: float = 0.0
     choices: set[str] = dataclasses.field(default_factory=set)
     failure: str | None = None
-    defects: Defects | None = None
 
     def __post_init__(self) -> None:
-        self.samples = [self.exactly(self.problem.y0.reshape(-1))]
+        y0, shift = self.problem.y0.reshape(-1), self.shift.reshape(-1)
+        self.samples = [self._exactly(y0) + self._exactly(shift)]
         self.parts: list[tuple] = []
 
     def path(self) -> Path:
@@ -185,13 +194,15 @@ class _Run:
         taylor = library.taylor_adaptive(
             translation.system,
             state,
-            time=self.number(start),
-            tol=self.number(self.tolerance),
+            time=self._number(start),
+            tol=self._number(self.tolerance),
             **self._kind(),
             # Otherwise some problems of four components take minutes to compile.
             compact_mode=True,
         )
-        rates = compiled_rates(translation, self._kind()) if self.defects else None
+        rates = None
+        if self.defects:
+            rates = translation.compiled(translation.derivatives, **self._kind())
         self.compile_seconds += time.perf_counter() - began
 
         began = time.perf_counter()
@@ -199,7 +210,7 @@ class _Run:
         stops = sorted({end, *self.stops[(self.stops > start) & (self.stops < end)].tolist()})
         steps: list[tuple[float, np.ndarray]] = []
         for stop in stops:
-            target = self.number(stop)
+            target = self._number(stop)
             frame = int(np.searchsorted(ts, stop)) - 1
             longest = float(self.longest_steps[frame])
             why = self._advance(taylor, rates, target, longest, steps)
@@ -244,7 +255,7 @@ class _Run:
             return not reasons
 
         taylor.propagate_until(
-            target, max_delta_t=self.number(longest), callback=each_step, write_tc=True
+            target, max_delta_t=self._number(longest), callback=each_step, write_tc=True
         )
         return reasons[0] if reasons else None
 
@@ -252,7 +263,7 @@ class _Run:
         """Record the samples inside the last step."""
         ts = self.problem.ts
         while (t := ts[len(self.samples)]) < target and t <= taylor.time:
-            taylor.update_d_output(self.number(float(t)))
+            taylor.update_d_output(self._number(float(t)))
             self.samples.append(taylor.d_output.copy())
 
     def _keep_parts(self, taylor: Any) -> None:
@@ -296,10 +307,10 @@ class _Run:
             "another branch than at the start, so that it is not one smooth function"
         )
 
-    def exactly(self, array: np.ndarray) -> np.ndarray:
-        return np.array([self.number(float(entry)) for entry in array])
+    def _exactly(self, array: np.ndarray) -> np.ndarray:
+        return np.array([self._number(float(entry)) for entry in array])
 
-    def number(self, value: float) -> Any:
+    def _number(self, value: float) -> Any:
         """A float64 number in the precision of the run, without rounding."""
         if self.precision == HARDWARE and in_hardware():
             return np.longdouble(value)

@@ -51,6 +51,15 @@ class Translation:
         """What `heyoka.taylor_adaptive` takes."""
         return list(zip(self.variables, self.derivatives, strict=True))
 
+    def compiled(self, expressions: Sequence[Any], **kind: Any) -> Any:
+        """Expressions as a function of many states and times.
+
+        Arguments:
+            expressions: in the variables and the time.
+            kind: what heyoka calls the numbers.
+        """
+        return heyoka().cfunc(expressions, self.variables, compact_mode=True, **kind)
+
     def first_break(self, ts: Sequence[float], states: np.ndarray) -> tuple[int, str] | None:
         """The first state at which another function holds, and the primitive that chooses it.
 
@@ -78,15 +87,9 @@ class Translation:
         return self.others[key]
 
     def _agrees(self, other: Sequence[Any], t: float, y: np.ndarray) -> bool:
-        library, real = heyoka(), heyoka().real
+        real = heyoka().real
         bits = 2 * self.bits
-        both = library.cfunc(
-            [*self.derivatives, *other],
-            self.variables,
-            fp_type=real,
-            prec=bits,
-            compact_mode=True,
-        )
+        both = self.compiled([*self.derivatives, *other], fp_type=real, prec=bits)
         draw = np.random.default_rng(7).normal(size=(_TRIES, y.size))
         states = y.reshape(-1) * (1.0 + 0.1 * draw) + 0.01 * self.problem.scale * draw[::-1]
         compared = 0

@@ -68,12 +68,8 @@ def file_digest(what: str, path: Path) -> str:
 
 
 @functools.cache
-def software(level: str = "consensus") -> Mapping[str, str]:
-    """The versions of all software that computes a row, and the kind of machine.
-
-    Arguments:
-        level: of the references; extended ones are computed by heyoka.
-    """
+def software() -> Mapping[str, str]:
+    """The versions of all software that computes a row, and the kind of machine."""
     versions = {name: metadata.version(name) for name in PACKAGES}
     try:
         versions["heyoka"] = metadata.version("heyoka")

@@ -254,7 +254,7 @@ class SweepSpec:
             order_factors=fields.order_factors,
             largest_stable_dt=fields.largest_stable_dt,
             keep_references=self._design.count <= MOST_KEPT,
-            software=software(fields.level),
+            software=software(),
         )
 
 

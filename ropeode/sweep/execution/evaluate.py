@@ -72,7 +72,7 @@ def _grouped(cases: Iterable[Case], by: Callable[[Case], str]) -> dict[str, list
 
 def _factory(settings: Settings) -> ProblemFactory:
     """The factory of a task's problems; raises as `evaluate` does."""
-    here = software(str(settings.reference_options.get("level", "consensus")))
+    here = software()
     if different := [name for name in here if here[name] != settings.software.get(name)]:
         versions = ", ".join(
             f"{name} {here[name]} and not {settings.software.get(name)}" for name in different
