@@ -91,7 +91,7 @@ def extended_solution(
         left = share * max(time_limit - watch.seconds, 0.0)
         return solve(problem, precision=precision, time_limit=left, progress=progress, **options)
 
-    bits = math.ceil(digits * math.log2(10)) + _BITS_TO_SPARE
+    bits = max(math.ceil(digits * math.log2(10)) + _BITS_TO_SPARE, _FLOAT64)
     best: _Pair | None = None
     while True:
         fine = run(bits + _BITS_APART, _SHARE, looked_into=True)

@@ -107,6 +107,13 @@ def test_choices_at_the_start_do_not_hang_on_the_shift():
     np.testing.assert_allclose(known.states[:, 1], exact, rtol=4e-16, atol=0)
 
 
+def test_fewer_digits_than_float64_has_may_be_asked_for():
+    problem = Problem(lambda t, y, a: -y, [1.0], [0.0, 1.0, 2.0])
+    known = extended_solution(problem, digits=1, time_limit=1e9)
+    assert known.coarse.precision == 53
+    np.testing.assert_allclose(known.states[:, 0], np.exp(-problem.ts), rtol=1e-15)
+
+
 def test_what_starts_from_rest_is_moved_by_a_part_of_its_own_speed():
     problem = Problem.second_order(
         lambda t, x, v, a: 1e-60 * x, [1.0], [0.0], np.linspace(0.0, 2.0, 3)
