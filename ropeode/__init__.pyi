@@ -10,6 +10,7 @@ from . import simulation as simulation
 from . import steppers as steppers
 from . import study as study
 from . import sweep as sweep
+from . import theory as theory
 from .analysis.equilibrium import hanging_equilibrium as hanging_equilibrium
 from .analysis.errors import ErrorSeries as ErrorSeries
 from .analysis.errors import error_series as error_series

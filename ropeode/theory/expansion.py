@@ -1,0 +1,264 @@
+"""The expansion of a step in dt at single states: where it parts from the exact flow."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.theory.extrapolation import LADDER, RUNGS, coefficient
+from ropeode.theory.flow import flow
+from ropeode.theory.step_samples import StepSamples
+
+# The highest order that is looked for.
+HIGHEST = 10
+# A coefficient is known if it is so many times its error. If it is not, it counts as zero where its
+# error is at most this part of the solution's own coefficient.
+_CERTAIN, _RESOLVED = 10.0, 1e-5
+_EPS = float(np.finfo(np.float64).eps)
+# In roundings of its largest component: what a state may hold, how far a state is disturbed to see
+# what its rounding does to the right-hand side, and how closely two steps must be the same as one
+# after another.
+_ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
+# Steps of a method with memory, and how many of the first are left to its start.
+_STEPS, _SETTLED = 10, 3
+
+
+class Term(NamedTuple):
+    """A coefficient of the error's expansion, at each of several states.
+
+    Fields:
+        value: ``(states, *state)``.
+        error: of the largest component of each quantity, estimated, ``(quantities, states)``.
+        known: whether it is certainly not zero, ``(quantities, states)``.
+        zero: whether it is zero, as closely as rounding lets it be seen.
+    """
+
+    value: np.ndarray
+    error: np.ndarray
+    known: np.ndarray
+    zero: np.ndarray
+
+
+class Expansion:
+    """The error of n steps, ``sum of dt**p (start_p + n dt rate_p + ...)``, at several states.
+
+    At p = -1 there is a term for a step that is not the identity at dt = 0; at p = 0 for one that
+    solves another equation, ``y' = f + rate_0``; a method of order p begins with `start_p` and
+    `rate_p`. Of a one-step method ``dt**(p + 1) rate_p`` is the local error, and all starts are
+    zero.
+
+    Arguments:
+        samples: of the stepper on a problem.
+        t: times, ``(states,)``.
+        y: states, ``(states, *state)``.
+        longest: step that may be made, in the problem's unit of time.
+        rungs: how many of the ladder's are used, from the longest.
+
+    Attributes:
+        ladder: the longest step made at each state, ``(states,)``; not-a-number where the solution
+            is smooth over no time.
+        one_step: whether n steps are n times one step. If not, what the step carries remembers
+            more than the state.
+
+    Raises:
+        UserCodeError: the step raised.
+    """
+
+    @in_float64
+    def __init__(
+        self, samples: StepSamples, t: np.ndarray, y: np.ndarray, longest: float, rungs: int = RUNGS
+    ):
+        self.problem, self.t, self.y = samples.problem, t, y
+        exact = flow(samples.rates, t, y, longest)
+        steps = 1 if samples.carries_state else _STEPS
+        self.ladder = exact.length / steps
+        dt = self.ladder[:, None] * LADDER[:rungs]
+        states = samples.after(t, y, dt, steps)
+        self.one_step = steps == 1 or _is_one_step(samples, t, y, dt, states)
+        if self.one_step and steps > 1:
+            # One step may be as long as the solution is smooth.
+            self.ladder, dt = exact.length, dt * steps
+            states, steps = samples.after(t, y, dt, steps), 1
+        noise = _noise(samples, t, y, dt)
+        self._series = {}
+        for n in range(1, 2) if self.one_step else range(_SETTLED, steps + 1):
+            moved = exact.increments(n / steps * LADDER[:rungs])
+            errors = (states[:, :, n] - y[:, None]) - moved
+            self._series[n] = _Series(
+                self._functions(errors), self._functions(moved), noise.reshape(-1, rungs)
+            )
+
+    def rate(self, order: int) -> Term:
+        """The growth of the error of this order per unit of time."""
+        return self._term(order + 1, 1)
+
+    def start(self, order: int) -> Term:
+        """The error of this order at the start."""
+        return self._term(order, 0)
+
+    @functools.cached_property
+    def orders(self) -> np.ndarray:
+        """Of the first term of each quantity that is known not to be zero.
+
+        Returns:
+            ``(quantities, states)``; not-a-number where all terms are zero or lost in rounding.
+        """
+        orders = np.full((len(self.problem.quantities), len(self.t)), np.nan)
+        for order in range(-1, HIGHEST + 1):
+            known = self.start(order).known | self.rate(order).known
+            orders[np.isnan(orders) & known] = order
+        return orders
+
+    @functools.cached_property
+    def seen(self) -> int:
+        """The order up to which each quantity has terms that rounding does not hide at all states.
+
+        It is -2 where none has. What is not known to differ from zero up to there is zero.
+        """
+        for order in range(-1, HIGHEST + 1):
+            terms = self.start(order), self.rate(order)
+            if not all(np.all(np.any(term.zero | term.known, axis=1)) for term in terms):
+                return order - 1
+        return HIGHEST
+
+    @functools.cached_property
+    def order(self) -> int | None:
+        """Of the step at these states: that of the first term that is not zero at any of them.
+
+        None where rounding hides the terms before one is known; the order is then above `seen`.
+        """
+        if np.isnan(self.orders).all():
+            return None
+        lowest = int(np.nanmin(self.orders))
+        return lowest if self.seen >= lowest - 1 else None
+
+    def _term(self, power: int, growth: int) -> Term:
+        """The coefficient of ``dt**power n**growth``."""
+        shape = (len(self.problem.quantities), len(self.t))
+        if power < 0 or (self.one_step and not growth):
+            none = np.zeros(shape)
+            return Term(np.zeros_like(self.y), none, none > 0.0, none == 0.0)
+        if self.one_step:
+            value, error, natural = self._series[1][power]
+        else:
+            value, error, natural = _in_steps(self._series, power, growth)
+        known = _largest(value) > _CERTAIN * error
+        zero = error <= _RESOLVED * natural
+        unit = self.ladder**power
+        values = value.reshape(*shape, -1) / unit[:, None]
+        return Term(
+            np.moveaxis(values, 0, 1).reshape(self.y.shape),
+            error.reshape(shape) / unit,
+            known.reshape(shape),
+            (zero & ~known).reshape(shape),
+        )
+
+    def _functions(self, states: np.ndarray) -> np.ndarray:
+        """States ``(states, rungs, *state)`` as ``(quantities * states, rungs, components)``."""
+        return _by_quantity(self.problem, states).reshape(-1, states.shape[1], self._components)
+
+    @property
+    def _components(self) -> int:
+        return self.y[0].size // len(self.problem.quantities)
+
+
+class _Coefficient(NamedTuple):
+    """As `extrapolation.Coefficient`, and the size that is natural for it, ``(functions,)``."""
+
+    value: np.ndarray
+    error: np.ndarray
+    natural: np.ndarray
+
+
+class _Series:
+    """The coefficients of the error after a number of steps, one after the other.
+
+    Arguments:
+        errors: on the ladder, ``(functions, rungs, components)``.
+        moved: how far the solution moves, of the same shape.
+        noise: how far rounding moves an error, ``(functions, rungs)``.
+    """
+
+    def __init__(self, errors: np.ndarray, moved: np.ndarray, noise: np.ndarray):
+        self._errors, self._moved, self._noise = errors, moved, noise
+        self._found: list[_Coefficient] = []
+        self._zeros = np.zeros(len(errors), dtype=int)
+
+    def __getitem__(self, power: int) -> _Coefficient:
+        while len(self._found) <= power:
+            self._find(len(self._found))
+        return self._found[power]
+
+    def _find(self, power: int) -> None:
+        own = coefficient(self._errors, self._noise, power, self._zeros)
+        first = np.zeros_like(self._zeros)
+        sizes = [
+            _largest(coefficient(self._moved, self._noise, each, np.minimum(first + 1, each)).value)
+            for each in (power, power + 1)
+        ]
+        natural = np.maximum(*sizes) if power else _largest(self._moved[:, 0])
+        zero = (_largest(own.value) <= _CERTAIN * own.error) & (own.error <= _RESOLVED * natural)
+        self._zeros[zero & (self._zeros == power)] = power + 1
+        self._found.append(_Coefficient(own.value, own.error, natural))
+
+
+def _in_steps(series: dict[int, _Series], power: int, growth: int) -> _Coefficient:
+    """The coefficient of ``dt**power n**growth``.
+
+    At a fixed power of dt the error after n steps is a polynomial in n, once what the start has
+    set swinging has died away. Of polynomials of several degrees the one is taken whose estimated
+    error is smallest; what does not fit it counts as uncertainty.
+    """
+    every = [each[power] for each in series.values()]
+    values, errors = (np.stack([each[i] for each in every]) for i in range(2))
+    value, error = np.zeros_like(values[0]), np.full_like(errors[0], np.inf)
+    for degree in range(growth, len(series) - 1):
+        vandermonde = np.vander(list(series), degree + 1, increasing=True)
+        fit = np.linalg.pinv(vandermonde)
+        coefficients = np.tensordot(fit, values, 1)
+        rest = _largest(values - np.tensordot(vandermonde, coefficients, 1))
+        uncertain = np.tensordot(np.abs(fit[growth]), np.maximum(errors, np.max(rest, axis=0)), 1)
+        better = uncertain < error
+        value[better], error[better] = coefficients[growth][better], uncertain[better]
+    return _Coefficient(value, error, every[-1].natural)
+
+
+def _is_one_step(
+    samples: StepSamples, t: np.ndarray, y: np.ndarray, dt: np.ndarray, states: np.ndarray
+) -> bool:
+    """Whether the stepper may be stopped and started again at any state that it hands out."""
+    rungs = [0, dt.shape[1] // 2]
+    start, once, twice = (states[:, rungs, n] for n in range(3))
+    again = np.stack(
+        [
+            samples.after(t + dt[:, rung], once[:, i], dt[:, rung : rung + 1], 1)[:, 0, 1]
+            for i, rung in enumerate(rungs)
+        ],
+        axis=1,
+    )
+    close = _SAME * _EPS * np.max(np.abs(y))
+    return bool(np.all(np.abs(start - y[:, None]) <= close) and np.all(abs(again - twice) <= close))
+
+
+def _noise(samples: StepSamples, t: np.ndarray, y: np.ndarray, dt: np.ndarray) -> np.ndarray:
+    """How far rounding moves the error of a step, ``(quantities, states, rungs)``."""
+    near = y * (1.0 + _DISTURBANCE * _EPS * np.cos(np.arange(y.size)).reshape(y.shape))
+    uncertain = np.abs(samples.rates(t, near) - samples.rates(t, y))
+    size, rate = (_largest(_by_quantity(samples.problem, each[:, None])) for each in (y, uncertain))
+    return _ROUNDINGS * (_EPS * size + dt * rate / _DISTURBANCE)
+
+
+def _by_quantity(problem: Problem, states: np.ndarray) -> np.ndarray:
+    """States ``(states, rungs, *state)`` as ``(quantities, states, rungs, components)``."""
+    if problem.mechanics is None:
+        return states.reshape(1, *states.shape[:2], -1)
+    return np.moveaxis(states, 2, 0).reshape(2, *states.shape[:2], -1)
+
+
+def _largest(values: np.ndarray) -> np.ndarray:
+    """The largest of the components along the last axis."""
+    return np.max(np.abs(values), axis=-1, initial=0.0)

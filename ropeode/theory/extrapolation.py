@@ -1,0 +1,113 @@
+"""The first Taylor coefficients of a function of dt, from its values at small dt > 0."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+
+# The ladder of step sizes, each the last one divided by the root of two, and the largest number of
+# neighbours on it that one polynomial passes through.
+RUNGS, _RATIO, _MOST = 30, 2.0**-0.5, 10
+LADDER = _RATIO ** np.arange(RUNGS)
+# The extrapolation's own error is multiplied by this.
+_SAFETY = 2.0
+
+
+class Coefficient(NamedTuple):
+    """A Taylor coefficient of each of several functions, with its estimated error.
+
+    Fields:
+        value: ``(functions, components)``.
+        error: of the largest component of each, ``(functions,)``; infinite where the values show
+            no limit.
+        rung: the coarsest rung of the ladder that the value rests on, ``(functions,)``.
+    """
+
+    value: np.ndarray
+    error: np.ndarray
+    rung: np.ndarray
+
+    @property
+    def size(self) -> np.ndarray:
+        """The largest component of each, ``(functions,)``."""
+        return np.max(np.abs(self.value), axis=1, initial=0.0)
+
+
+def coefficient(
+    values: np.ndarray, noise: np.ndarray, power: int, zeros: np.ndarray
+) -> Coefficient:
+    """The coefficient of ``dt**power``, for the step sizes ``dt = LADDER``.
+
+    Polynomials pass through every few neighbours on the ladder. Of all of them the one is taken
+    whose estimated error is smallest: the difference from the polynomial of one degree less
+    through the finer rungs, and what the noise of the values makes of it (Hairer, Norsett,
+    Wanner, Solving Ordinary Differential Equations I, section II.9, for the scheme of Aitken and
+    Neville; the choice is that of C. Ridders, Adv. Eng. Softw. 4 (1982)).
+
+    Arguments:
+        values: at the first rungs, ``(functions, rungs, components)``; what is not finite is left
+            out.
+        noise: how far rounding moves a value, ``(functions, rungs)``.
+        power: of dt.
+        zeros: how many of the first coefficients of each function are known to be zero, at most
+            `power`, ``(functions,)``.
+    """
+    rungs = values.shape[1]
+    value = np.zeros((len(values), values.shape[2]))
+    error, rung = np.full(len(values), np.inf), np.zeros(len(values), dtype=int)
+    for known in np.unique(zeros):
+        own = np.flatnonzero(zeros == known)
+        table = _weights(power - int(known), rungs)
+        divided = LADDER[:rungs] ** int(known)
+        scaled = values[own] / divided[:, None]
+        usable = np.all(np.isfinite(scaled), axis=2)
+        limits = np.einsum("fr,srn->sfn", table.weights, np.where(usable[..., None], scaled, 0.0))
+        unusable = np.einsum("fr,sr->sf", table.weights != 0.0, ~usable) > 0
+        shift = np.max(np.abs(limits - limits[:, table.simpler]), axis=2, initial=0.0)
+        spread = np.einsum("fr,sr->sf", np.abs(table.weights), noise[own] / divided)
+        errors = np.where(unusable | ~table.judged, np.inf, _SAFETY * shift + spread)
+        best = np.argmin(errors, axis=1)
+        every = np.arange(len(own))
+        value[own], error[own] = limits[every, best], errors[every, best]
+        rung[own] = table.first[best]
+    return Coefficient(value, error, rung)
+
+
+class _Weights(NamedTuple):
+    """Linear forms in the values on the ladder.
+
+    Fields:
+        weights: ``(fits, RUNGS)``.
+        simpler: of each fit, the one through its finer rungs but the coarsest, ``(fits,)``.
+        judged: whether there is a simpler one, ``(fits,)``.
+        first: the coarsest rung of each, ``(fits,)``.
+    """
+
+    weights: np.ndarray
+    simpler: np.ndarray
+    judged: np.ndarray
+    first: np.ndarray
+
+
+@functools.cache
+def _weights(power: int, rungs: int) -> _Weights:
+    """The coefficients of ``dt**power`` of the polynomials through neighbours on the ladder."""
+    rows, place = [], {}
+    for count in range(power + 1, min(power + 1 + _MOST, rungs + 1)):
+        for first in range(rungs - count + 1):
+            nodes = LADDER[first : first + count]
+            row = np.zeros(rungs)
+            for i, node in enumerate(nodes):
+                others = np.delete(nodes, i)
+                # All terms of a coefficient of this product have one sign: nothing cancels.
+                product = np.atleast_1d(np.poly(others))[::-1]
+                row[first + i] = product[power] / np.prod(node - others)
+            place[first, count] = len(rows)
+            rows.append(row)
+    simpler = [place.get((first + 1, count - 1), 0) for first, count in place]
+    judged = [(first + 1, count - 1) in place for first, count in place]
+    return _Weights(
+        np.array(rows), np.array(simpler), np.array(judged), np.array([first for first, _ in place])
+    )

@@ -1,0 +1,72 @@
+"""The expansion of a step in dt, against terms that are known in closed form."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode import Problem
+from ropeode.simulation.method import method_of
+from ropeode.theory.expansion import Expansion
+from ropeode.theory.step_samples import StepSamples
+
+RATE = 0.3
+
+
+def swinging(t, x, v, args):
+    """A pendulum with damping and a drive, so that each term of y'' is there."""
+    return -jnp.sin(x) - RATE * v + 0.4 * jnp.cos(1.7 * t)
+
+
+PENDULUM = Problem.second_order(swinging, [1.1, -0.4], [0.3, 0.9], np.linspace(0.2, 2.2, 5))
+TIMES = np.array([0.2, 0.9, 1.7])
+STATES = np.array(
+    [[[1.1, -0.4], [0.3, 0.9]], [[0.2, 0.7], [-1.0, 0.4]], [[-2.0, 1.5], [0.6, -0.8]]]
+)
+
+
+def expanded(stepper, problem=PENDULUM, t=TIMES, y=STATES):
+    samples = StepSamples(problem, method_of(stepper, problem))
+    return Expansion(samples, t, y, longest=1.0)
+
+
+def second_derivatives(t, x, v):
+    a = np.asarray(-np.sin(x) - RATE * v) + 0.4 * np.cos(1.7 * t)
+    return a, -np.cos(x) * v - RATE * a - 0.4 * 1.7 * np.sin(1.7 * t)
+
+
+def euler(rhs, t, y, dt, args):
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+def velocity_of_the_last_step(acceleration, t, x, v, dt, args):
+    """The damping acts by a factor per step, and the velocity is a difference of positions."""
+    x_new = np.asarray(x) + (1.0 - 5e-5) * dt * v + dt**2 * acceleration(t, x, 0.0 * v, args)
+    return x_new, (x_new - x) / dt
+
+
+@pytest.mark.parametrize("step", ["explicit-euler", euler])
+def test_the_local_error_of_euler_is_half_the_second_derivative(step):
+    found = expanded(step)
+    a, jerk = (
+        np.stack(each)
+        for each in zip(*map(lambda t, y: second_derivatives(t, *y), TIMES, STATES), strict=True)
+    )
+    assert found.order == 1
+    np.testing.assert_allclose(found.rate(1).value, -0.5 * np.stack([a, jerk], axis=1), rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [("semi-implicit-euler", 1), ("rk4", 4), ("diffrax:Dopri5", 5), ("scipy:RK23", 3)],
+)
+def test_the_order_at_a_state_is_the_declared_one(name, order):
+    assert expanded(name).order == order
+
+
+def test_a_step_that_is_not_the_identity_says_what_it_multiplies():
+    found = expanded(velocity_of_the_last_step)
+    assert found.order == -1
+    np.testing.assert_allclose(found.rate(-1).value[:, 1], -5e-5 * STATES[:, 1], rtol=1e-7)
+    assert np.all(found.rate(-1).zero[0])
