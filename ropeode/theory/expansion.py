@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.theory.extrapolation import LADDER, RUNGS, coefficient
-from ropeode.theory.flow import flow
+from ropeode.theory.flow import short_flow
 from ropeode.theory.step_samples import StepSamples
 
 # The highest order that is looked for.
@@ -55,12 +56,13 @@ class Expansion:
         samples: of the stepper on a problem.
         t: times, ``(states,)``.
         y: states, ``(states, *state)``.
-        longest: step that may be made, in the problem's unit of time.
+        reach: how long the exact solution from each state is known, ``(states,)``.
+        increments: how far it moves in fractions of that, ``(fractions,)``:
+            ``(states, fractions, *state)``.
         rungs: how many of the ladder's are used, from the longest.
 
     Attributes:
-        ladder: the longest step made at each state, ``(states,)``; not-a-number where the solution
-            is smooth over no time.
+        ladder: the longest step made at each state, ``(states,)``.
         one_step: whether n steps are n times one step. If not, what the step carries remembers
             more than the state.
 
@@ -70,23 +72,28 @@ class Expansion:
 
     @in_float64
     def __init__(
-        self, samples: StepSamples, t: np.ndarray, y: np.ndarray, longest: float, rungs: int = RUNGS
+        self,
+        samples: StepSamples,
+        t: np.ndarray,
+        y: np.ndarray,
+        reach: np.ndarray,
+        increments: Callable[[np.ndarray], np.ndarray],
+        rungs: int = RUNGS,
     ):
         self.problem, self.t, self.y = samples.problem, t, y
-        exact = flow(samples.rates, t, y, longest)
         steps = 1 if samples.carries_state else _STEPS
-        self.ladder = exact.length / steps
+        self.ladder = reach / steps
         dt = self.ladder[:, None] * LADDER[:rungs]
         states = samples.after(t, y, dt, steps)
         self.one_step = steps == 1 or _is_one_step(samples, t, y, dt, states)
         if self.one_step and steps > 1:
             # One step may be as long as the solution is smooth.
-            self.ladder, dt = exact.length, dt * steps
+            self.ladder, dt = reach, dt * steps
             states, steps = samples.after(t, y, dt, steps), 1
         noise = _noise(samples, t, y, dt)
         self._series = {}
         for n in range(1, 2) if self.one_step else range(_SETTLED, steps + 1):
-            moved = exact.increments(n / steps * LADDER[:rungs])
+            moved = increments(n / steps * LADDER[:rungs])
             errors = (states[:, :, n] - y[:, None]) - moved
             self._series[n] = _Series(
                 self._functions(errors), self._functions(moved), noise.reshape(-1, rungs)
@@ -164,6 +171,22 @@ class Expansion:
     @property
     def _components(self) -> int:
         return self.y[0].size // len(self.problem.quantities)
+
+
+def expanded(samples: StepSamples, t: np.ndarray, y: np.ndarray, longest: float) -> Expansion:
+    """The expansion of a step at several states.
+
+    Arguments:
+        samples: of the stepper on a problem.
+        t: times, ``(states,)``.
+        y: states, ``(states, *state)``.
+        longest: step that may be made, in the problem's unit of time.
+
+    Raises:
+        UserCodeError: the step raised.
+    """
+    exact = short_flow(samples.rates, t, y, longest)
+    return Expansion(samples, t, y, exact.length, exact.increments)
 
 
 class _Coefficient(NamedTuple):

@@ -10,24 +10,23 @@ import numpy as np
 
 Rates = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
-# In how many parts a solution is found: a step shows its order best where it is a few times longer
-# than what one polynomial can follow to rounding.
-PANELS = 4
+# In how many parts a short time is divided: a step shows its order best where it is a few times
+# longer than what one polynomial can follow to rounding.
+_PANELS = 4
 # Stages of the collocation method, and how often its equations are iterated at most.
 _STAGES, _MOST_ITERATIONS = 16, 60
 # What counts as converged, and as a polynomial that has all digits of the solution.
 _CLOSE, _TAIL = 4e-16, 2e-15
-# No part of the longest time shorter than this is tried.
-_SHORTEST = 2.0**-60
+# No part of the longest time shorter than this is tried, and no more panels than this.
+_SHORTEST, _MOST_PANELS = 2.0**-60, 2**14
 
 
 class Flow(NamedTuple):
-    """Exact solutions through several states, over a short time.
+    """Exact solutions through several states, to rounding.
 
     Fields:
-        length: over which each is known, ``(states,)``; not-a-number where a solution is smooth
-            over no time.
-        slopes: the right-hand side at the collocation nodes of `PANELS` equal parts of it,
+        length: over which each is known, ``(states,)``; not-a-number where it is not.
+        slopes: the right-hand side at the collocation nodes of equal parts of it,
             ``(panels, states, nodes, *state)``.
     """
 
@@ -40,20 +39,21 @@ class Flow(NamedTuple):
         Arguments:
             fractions: from 0 to 1, ``(fractions,)``.
         """
-        moved = 0.0
-        for panel, slopes in enumerate(self.slopes):
-            ends = np.clip(PANELS * fractions - panel, 0.0, 1.0)
-            moved = moved + np.moveaxis(np.tensordot(slopes, _integrals(ends), (1, 1)), -1, 1)
+        panels = len(self.slopes)
+        weights = np.stack(
+            [_integrals(np.clip(panels * fractions - k, 0.0, 1.0)) for k in range(panels)]
+        )
+        moved = np.tensordot(weights, self.slopes, ((0, 2), (0, 2)))
         length = self.length.reshape(-1, *(1,) * (self.slopes.ndim - 2))
-        return moved * (length / PANELS)
+        return np.moveaxis(moved, 0, 1) * (length / panels)
 
 
-def flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float) -> Flow:
+def short_flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float) -> Flow:
     """The exact solutions through several states, each over a time in which it is smooth.
 
     By Gauss collocation (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I,
     section II.7), whose equations are solved by fixed-point iteration. The time is halved until
-    the iteration converges and the collocation polynomial shows the solution to rounding.
+    the iteration converges and the collocation polynomials show the solution to rounding.
 
     Arguments:
         rates: the right-hand side for many times and states, ``(many,)`` and ``(many, *state)``.
@@ -62,27 +62,53 @@ def flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float) -> Flow:
         longest: time, in the problem's unit.
     """
     length = np.full(len(t), np.nan)
-    slopes = np.full((PANELS, len(t), _STAGES, *y.shape[1:]), np.nan)
-    first = rates(t, y)
-    todo, tried = np.flatnonzero(_largest(first) < np.inf), float(longest)
+    slopes = np.full((_PANELS, len(t), _STAGES, *y.shape[1:]), np.nan)
+    todo, tried = np.flatnonzero(_largest(rates(t, y)) < np.inf), float(longest)
     while len(todo) and tried > longest * _SHORTEST:
-        now, k, done = y[todo], first[todo], np.ones(len(todo), dtype=bool)
-        found = []
-        for panel in range(PANELS):
-            start = t[todo] + tried * panel / PANELS
-            now, each, good = _panel(rates, start, now, k, tried / PANELS)
-            found.append(each)
-            k, done = each[:, -1], done & good
-            if not np.any(done):
-                break
-        else:
-            slopes[:, todo[done]], length[todo[done]] = np.stack(found)[:, done], tried
-        todo, tried = todo[~done], tried / 2.0
+        found, good = _chain(rates, t[todo], y[todo], np.full(len(todo), tried), _PANELS)
+        if found is not None:
+            slopes[:, todo[good]], length[todo[good]] = found[:, good], tried
+        todo, tried = todo[~good], tried / 2.0
     return Flow(length, slopes)
 
 
+def long_flow(rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray) -> Flow | None:
+    """The exact solutions through several states, each over a given time.
+
+    Arguments:
+        rates, t, y: as for `short_flow`.
+        length: time, ``(states,)``.
+
+    Returns:
+        None where a time holds too many parts in which the solution is smooth: it is stiff.
+    """
+    panels = _PANELS
+    while panels <= _MOST_PANELS:
+        found, good = _chain(rates, t, y, length, panels)
+        if found is not None and np.all(good):
+            return Flow(length, found)
+        panels *= 2
+    return None
+
+
+def _chain(
+    rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray, panels: int
+) -> tuple[np.ndarray | None, np.ndarray]:
+    """Slopes at the nodes of each panel, if any solution is good to the end; and which ones are."""
+    good, found = np.ones(len(t), dtype=bool), []
+    k = rates(t, y)
+    for panel in range(panels):
+        y, slopes, fine = _panel(rates, t + length * panel / panels, y, k, length / panels)
+        good &= fine
+        if not np.any(good):
+            return None, good
+        found.append(slopes)
+        k = slopes[:, -1]
+    return np.stack(found), good
+
+
 def _panel(
-    rates: Rates, t: np.ndarray, y: np.ndarray, k: np.ndarray, length: float
+    rates: Rates, t: np.ndarray, y: np.ndarray, k: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One step of collocation from several states: their ends, slopes, and whether they are good.
 
@@ -90,21 +116,26 @@ def _panel(
         k: a slope of each to begin with.
     """
     nodes, stage_weights, tail = _collocation()
-    times = (t[:, None] + length * nodes).ravel()
+    times = (t[:, None] + length[:, None] * nodes).ravel()
     size = _largest(y) + np.finfo(float).tiny
     slopes = np.repeat(k[:, None], _STAGES, axis=1)
+    long = length.reshape(-1, *(1,) * (slopes.ndim - 1))
     with np.errstate(all="ignore"):
         for _ in range(_MOST_ITERATIONS):
-            ahead = np.moveaxis(np.tensordot(slopes, stage_weights, (1, 1)), -1, 1)
-            stages = y[:, None] + length * ahead
+            stages = y[:, None] + long * _weighted(stage_weights, slopes)
             again = rates(times, stages.reshape(-1, *y.shape[1:])).reshape(slopes.shape)
             moved, slopes = length * _largest(again - slopes), again
             converged = moved <= _CLOSE * size
             if np.all(converged | ~np.isfinite(moved)):
                 break
-        rest = length * _largest(np.moveaxis(np.tensordot(slopes, tail, (1, 1)), -1, 1))
-        end = y + length * np.tensordot(slopes, _integrals(np.ones(1))[0], (1, 0))
+        rest = length * _largest(_weighted(tail, slopes))
+        end = y + (long * _weighted(_integrals(np.ones(1)), slopes))[:, 0]
     return end, slopes, converged & (rest <= _TAIL * size)
+
+
+def _weighted(weights: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Sums over the nodes, ``(states, sums, *state)``."""
+    return np.moveaxis(np.tensordot(weights, slopes, (1, 1)), 0, 1)
 
 
 def _largest(states: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import pytest
 
 from ropeode import Problem
 from ropeode.simulation.method import method_of
-from ropeode.theory.expansion import Expansion
+from ropeode.theory.expansion import expanded
 from ropeode.theory.step_samples import StepSamples
 
 RATE = 0.3
@@ -26,9 +26,9 @@ STATES = np.array(
 )
 
 
-def expanded(stepper, problem=PENDULUM, t=TIMES, y=STATES):
-    samples = StepSamples(problem, method_of(stepper, problem))
-    return Expansion(samples, t, y, longest=1.0)
+def expansion(stepper):
+    samples = StepSamples(PENDULUM, method_of(stepper, PENDULUM))
+    return expanded(samples, TIMES, STATES, longest=1.0)
 
 
 def second_derivatives(t, x, v):
@@ -48,7 +48,7 @@ def velocity_of_the_last_step(acceleration, t, x, v, dt, args):
 
 @pytest.mark.parametrize("step", ["explicit-euler", euler])
 def test_the_local_error_of_euler_is_half_the_second_derivative(step):
-    found = expanded(step)
+    found = expansion(step)
     a, jerk = (
         np.stack(each)
         for each in zip(*map(lambda t, y: second_derivatives(t, *y), TIMES, STATES), strict=True)
@@ -62,11 +62,11 @@ def test_the_local_error_of_euler_is_half_the_second_derivative(step):
     [("semi-implicit-euler", 1), ("rk4", 4), ("diffrax:Dopri5", 5), ("scipy:RK23", 3)],
 )
 def test_the_order_at_a_state_is_the_declared_one(name, order):
-    assert expanded(name).order == order
+    assert expansion(name).order == order
 
 
 def test_a_step_that_is_not_the_identity_says_what_it_multiplies():
-    found = expanded(velocity_of_the_last_step)
+    found = expansion(velocity_of_the_last_step)
     assert found.order == -1
     np.testing.assert_allclose(found.rate(-1).value[:, 1], -5e-5 * STATES[:, 1], rtol=1e-7)
     assert np.all(found.rate(-1).zero[0])
