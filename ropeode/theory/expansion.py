@@ -17,8 +17,9 @@ from ropeode.theory.step_samples import StepSamples
 # The highest order that is looked for.
 HIGHEST = 10
 # A coefficient is known if it is so many times its error. If it is not, it counts as zero where its
-# error is at most this part of the solution's own coefficient.
-_CERTAIN, _RESOLVED = 10.0, 1e-5
+# error is small beside the solution's own coefficient: by this factor up to the fourth, and by ten
+# times as much at each after that, for methods of high order have small error constants.
+_CERTAIN, _RESOLVED = 10.0, 1e-3
 _EPS = float(np.finfo(np.float64).eps)
 # In roundings of its largest component: what a state may hold, how far a state is disturbed to see
 # what its rounding does to the right-hand side, and how closely two steps must be the same as one
@@ -60,6 +61,7 @@ class Expansion:
         increments: how far it moves in fractions of that, ``(fractions,)``:
             ``(states, fractions, *state)``.
         rungs: how many of the ladder's are used, from the longest.
+        zeros: how many powers of dt are known to be missing from the error of n steps.
 
     Attributes:
         ladder: the longest step made at each state, ``(states,)``.
@@ -79,6 +81,7 @@ class Expansion:
         reach: np.ndarray,
         increments: Callable[[np.ndarray], np.ndarray],
         rungs: int = RUNGS,
+        zeros: int = 0,
     ):
         self.problem, self.t, self.y = samples.problem, t, y
         steps = 1 if samples.carries_state else _STEPS
@@ -96,7 +99,7 @@ class Expansion:
             moved = increments(n / steps * LADDER[:rungs])
             errors = (states[:, :, n] - y[:, None]) - moved
             self._series[n] = _Series(
-                self._functions(errors), self._functions(moved), noise.reshape(-1, rungs)
+                self._functions(errors), self._functions(moved), noise.reshape(-1, rungs), zeros
             )
 
     def rate(self, order: int) -> Term:
@@ -154,7 +157,7 @@ class Expansion:
         else:
             value, error, natural = _in_steps(self._series, power, growth)
         known = _largest(value) > _CERTAIN * error
-        zero = error <= _RESOLVED * natural
+        zero = error <= _resolved(power) * natural
         unit = self.ladder**power
         values = value.reshape(*shape, -1) / unit[:, None]
         return Term(
@@ -204,17 +207,18 @@ class _Series:
         errors: on the ladder, ``(functions, rungs, components)``.
         moved: how far the solution moves, of the same shape.
         noise: how far rounding moves an error, ``(functions, rungs)``.
+        zeros: how many of the first coefficients are known to be zero.
     """
 
-    def __init__(self, errors: np.ndarray, moved: np.ndarray, noise: np.ndarray):
-        self._errors, self._moved, self._noise = errors, moved, noise
+    def __init__(self, errors: np.ndarray, moved: np.ndarray, noise: np.ndarray, zeros: int):
+        self._errors, self._moved, self._noise, self._first = errors, moved, noise, zeros
         self._found: list[_Coefficient] = []
-        self._zeros = np.zeros(len(errors), dtype=int)
+        self._zeros = np.full(len(errors), zeros)
 
     def __getitem__(self, power: int) -> _Coefficient:
-        while len(self._found) <= power:
-            self._find(len(self._found))
-        return self._found[power]
+        while len(self._found) <= power - self._first:
+            self._find(self._first + len(self._found))
+        return self._found[power - self._first]
 
     def _find(self, power: int) -> None:
         own = coefficient(self._errors, self._noise, power, self._zeros)
@@ -224,9 +228,16 @@ class _Series:
             for each in (power, power + 1)
         ]
         natural = np.maximum(*sizes) if power else _largest(self._moved[:, 0])
-        zero = (_largest(own.value) <= _CERTAIN * own.error) & (own.error <= _RESOLVED * natural)
+        zero = (_largest(own.value) <= _CERTAIN * own.error) & (
+            own.error <= _resolved(power) * natural
+        )
         self._zeros[zero & (self._zeros == power)] = power + 1
         self._found.append(_Coefficient(own.value, own.error, natural))
+
+
+def _resolved(power: int) -> float:
+    """How small the error of a coefficient must be, beside the solution's own."""
+    return _RESOLVED * 10.0 ** -max(0, power - 4)
 
 
 def _in_steps(series: dict[int, _Series], power: int, growth: int) -> _Coefficient:

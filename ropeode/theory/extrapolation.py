@@ -9,10 +9,12 @@ import numpy as np
 
 # The ladder of step sizes, each the last one divided by the root of two, and the largest number of
 # neighbours on it that one polynomial passes through.
-RUNGS, _RATIO, _MOST = 30, 2.0**-0.5, 10
+RUNGS, _RATIO, _MOST = 30, 2.0**-0.5, 8
 LADDER = _RATIO ** np.arange(RUNGS)
 # The extrapolation's own error is multiplied by this.
 _SAFETY = 2.0
+# How many functions are extrapolated at once, which bounds the memory that it takes.
+_AT_ONCE = 256
 
 
 class Coefficient(NamedTuple):
@@ -54,25 +56,30 @@ def coefficient(
         zeros: how many of the first coefficients of each function are known to be zero, at most
             `power`, ``(functions,)``.
     """
-    rungs = values.shape[1]
-    value = np.zeros((len(values), values.shape[2]))
-    error, rung = np.full(len(values), np.inf), np.zeros(len(values), dtype=int)
+    value = np.empty((len(values), values.shape[2]))
+    error, rung = np.empty(len(values)), np.empty(len(values), dtype=int)
     for known in np.unique(zeros):
-        own = np.flatnonzero(zeros == known)
-        table = _weights(power - int(known), rungs)
-        divided = LADDER[:rungs] ** int(known)
-        scaled = values[own] / divided[:, None]
-        usable = np.all(np.isfinite(scaled), axis=2)
-        limits = np.einsum("fr,srn->sfn", table.weights, np.where(usable[..., None], scaled, 0.0))
-        unusable = np.einsum("fr,sr->sf", table.weights != 0.0, ~usable) > 0
-        shift = np.max(np.abs(limits - limits[:, table.simpler]), axis=2, initial=0.0)
-        spread = np.einsum("fr,sr->sf", np.abs(table.weights), noise[own] / divided)
-        errors = np.where(unusable | ~table.judged, np.inf, _SAFETY * shift + spread)
-        best = np.argmin(errors, axis=1)
-        every = np.arange(len(own))
-        value[own], error[own] = limits[every, best], errors[every, best]
-        rung[own] = table.first[best]
+        every = np.flatnonzero(zeros == known)
+        for own in np.array_split(every, -(-len(every) // _AT_ONCE)):
+            value[own], error[own], rung[own] = _best(
+                values[own], noise[own], power - int(known), int(known)
+            )
     return Coefficient(value, error, rung)
+
+
+def _best(values: np.ndarray, noise: np.ndarray, power: int, known: int) -> Coefficient:
+    """As `coefficient`, of functions of which the same number of coefficients is known."""
+    rungs = values.shape[1]
+    table, divided = _weights(power, rungs), LADDER[:rungs] ** known
+    scaled = values / divided[:, None]
+    usable = np.all(np.isfinite(scaled), axis=2)
+    limits = table.weights @ np.where(usable[..., None], scaled, 0.0)
+    unusable = ~usable @ (table.weights != 0.0).T
+    shift = np.max(np.abs(limits - limits[:, table.simpler]), axis=2, initial=0.0)
+    spread = (noise / divided) @ np.abs(table.weights).T
+    errors = np.where(unusable | ~table.judged, np.inf, _SAFETY * shift + spread)
+    best, every = np.argmin(errors, axis=1), np.arange(len(values))
+    return Coefficient(limits[every, best], errors[every, best], table.first[best])
 
 
 class _Weights(NamedTuple):

@@ -72,17 +72,20 @@ def short_flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float) -> Fl
     return Flow(length, slopes)
 
 
-def long_flow(rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray) -> Flow | None:
+def long_flow(
+    rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray, part: float
+) -> Flow | None:
     """The exact solutions through several states, each over a given time.
 
     Arguments:
         rates, t, y: as for `short_flow`.
         length: time, ``(states,)``.
+        part: of it, in which `short_flow` found that the solutions are smooth.
 
     Returns:
         None where a time holds too many parts in which the solution is smooth: it is stiff.
     """
-    panels = _PANELS
+    panels = int(np.ceil(_PANELS / part))
     while panels <= _MOST_PANELS:
         found, good = _chain(rates, t, y, length, panels)
         if found is not None and np.all(good):
