@@ -64,6 +64,7 @@ class Expansion:
         zeros: how many powers of dt are known to be missing from the error of n steps.
 
     Attributes:
+        reach: as given.
         ladder: the longest step made at each state, ``(states,)``.
         one_step: whether n steps are n times one step. If not, what the step carries remembers
             more than the state.
@@ -83,7 +84,7 @@ class Expansion:
         rungs: int = RUNGS,
         zeros: int = 0,
     ):
-        self.problem, self.t, self.y = samples.problem, t, y
+        self.problem, self.t, self.y, self.reach = samples.problem, t, y, reach
         steps = 1 if samples.carries_state else _STEPS
         self.ladder = reach / steps
         dt = self.ladder[:, None] * LADDER[:rungs]
@@ -93,14 +94,14 @@ class Expansion:
             # One step may be as long as the solution is smooth.
             self.ladder, dt = reach, dt * steps
             states, steps = samples.after(t, y, dt, steps), 1
-        noise = _noise(samples, t, y, dt)
-        self._series = {}
-        for n in range(1, 2) if self.one_step else range(_SETTLED, steps + 1):
-            moved = increments(n / steps * LADDER[:rungs])
-            errors = (states[:, :, n] - y[:, None]) - moved
-            self._series[n] = _Series(
-                self._functions(errors), self._functions(moved), noise.reshape(-1, rungs), zeros
-            )
+        every = range(1, 2) if self.one_step else range(_SETTLED, steps + 1)
+        moved = {n: increments(n / steps * LADDER[:rungs]) for n in every}
+        errors = {n: (states[:, :, n] - y[:, None]) - moved[n] for n in every}
+        noise = _noise(samples, t, y, dt, errors[every[0]]).reshape(-1, rungs)
+        self._series = {
+            n: _Series(self._functions(errors[n]), self._functions(moved[n]), noise, zeros)
+            for n in every
+        }
 
     def rate(self, order: int) -> Term:
         """The growth of the error of this order per unit of time."""
@@ -278,12 +279,26 @@ def _is_one_step(
     return bool(np.all(np.abs(start - y[:, None]) <= close) and np.all(abs(again - twice) <= close))
 
 
-def _noise(samples: StepSamples, t: np.ndarray, y: np.ndarray, dt: np.ndarray) -> np.ndarray:
-    """How far rounding moves the error of a step, ``(quantities, states, rungs)``."""
+def _noise(
+    samples: StepSamples, t: np.ndarray, y: np.ndarray, dt: np.ndarray, errors: np.ndarray
+) -> np.ndarray:
+    """How far rounding moves the error of a step, ``(quantities, states, rungs)``.
+
+    Arguments:
+        errors: of a step, ``(states, rungs, *state)``.
+    """
     near = y * (1.0 + _DISTURBANCE * _EPS * np.cos(np.arange(y.size)).reshape(y.shape))
     uncertain = np.abs(samples.rates(t, near) - samples.rates(t, y))
     size, rate = (_largest(_by_quantity(samples.problem, each[:, None])) for each in (y, uncertain))
-    return _ROUNDINGS * (_EPS * size + dt * rate / _DISTURBANCE)
+    noise = _EPS * size + dt * rate / _DISTURBANCE
+    if samples.problem.mechanics is not None:
+        # A velocity may be computed as a difference of positions, whose rounding is divided by dt.
+        # It is if the shortest steps show such errors at some state; at another, at rest, the
+        # position may not move at all, which looks exact.
+        difference = _EPS * size[0] / dt
+        shown = _largest(_by_quantity(samples.problem, errors)[1])[:, -1] / difference[:, -1]
+        noise[1] += min(1.0, float(np.nanmax(shown, initial=0.0))) * difference
+    return _ROUNDINGS * noise
 
 
 def _by_quantity(problem: Problem, states: np.ndarray) -> np.ndarray:

@@ -81,14 +81,13 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
     if order < 1:
         return "the step solves another equation"
     # A part of each frame, the same for all, in which the solution is smooth.
-    part = float(np.nanmin(local.ladder)) / float(np.max(frames))
+    part = float(np.nanmin(local.reach)) / float(np.max(frames))
     along = _local_errors(samples, times, states, order, part)
     if isinstance(along, str):
         return along
-    begin = expanded(samples, times[:1], states[:1], float(frames[0])).start(order).value[0]
+    begin = local.start(order).value[0]
     fine, coarse = (
-        _propagated(problem, times, begin, *(each[::stride] for each in along))
-        for stride in (1, 2)
+        _propagated(problem, times, begin, *(each[::stride] for each in along)) for stride in (1, 2)
     )
     size = float(np.max(np.abs(fine)))
     uncertain = float(np.max(np.abs(fine - coarse))) / size if size else 0.0
