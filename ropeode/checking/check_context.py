@@ -100,14 +100,14 @@ class Examination:
     @functools.cached_property
     def problems(self) -> dict[str, Problem]:
         """`convergence_problems` without the forces that the stepper cannot be told of."""
+        return {name: self.told(problem) for name, problem in convergence_problems().items()}
 
-        def told(problem: Problem) -> Problem:
-            args = problem.args
-            unknown = [force for force in self.cannot_be_told if np.any(getattr(args, force))]
-            none = {force: np.zeros_like(getattr(args, force)) for force in unknown}
-            return problem.changed(args=args._replace(**none)) if unknown else problem
-
-        return {name: told(problem) for name, problem in convergence_problems().items()}
+    def told(self, problem: Problem) -> Problem:
+        """A check rope without the forces that the stepper cannot be told of."""
+        args = problem.args
+        unknown = [force for force in self.cannot_be_told if np.any(getattr(args, force))]
+        none = {force: np.zeros_like(getattr(args, force)) for force in unknown}
+        return problem.changed(args=args._replace(**none)) if unknown else problem
 
     @property
     def cannot_be_told(self) -> dict[str, str]:

@@ -64,7 +64,8 @@ class Expansion:
         zeros: how many powers of dt are known to be missing from the error of n steps.
 
     Attributes:
-        reach: as given.
+        samples, reach: as given.
+        slopes: the right-hand side, ``(states, *state)``.
         ladder: the longest step made at each state, ``(states,)``.
         one_step: whether n steps are n times one step. If not, what the step carries remembers
             more than the state.
@@ -84,7 +85,9 @@ class Expansion:
         rungs: int = RUNGS,
         zeros: int = 0,
     ):
-        self.problem, self.t, self.y, self.reach = samples.problem, t, y, reach
+        self.samples, self.problem = samples, samples.problem
+        self.t, self.y, self.reach = t, y, reach
+        self.slopes = samples.rates(t, y)
         steps = 1 if samples.carries_state else _STEPS
         self.ladder = reach / steps
         dt = self.ladder[:, None] * LADDER[:rungs]

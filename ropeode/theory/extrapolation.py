@@ -43,8 +43,8 @@ def coefficient(
     """The coefficient of ``dt**power``, for the step sizes ``dt = LADDER``.
 
     Polynomials pass through every few neighbours on the ladder. Of all of them the one is taken
-    whose estimated error is smallest: the difference from the polynomial of one degree less
-    through the finer rungs, and what the noise of the values makes of it (Hairer, Norsett,
+    whose estimated error is smallest: the largest difference from polynomials through one rung
+    less or one rung further down, and what the noise of the values makes of it (Hairer, Norsett,
     Wanner, Solving Ordinary Differential Equations I, section II.9, for the scheme of Aitken and
     Neville; the choice is that of C. Ridders, Adv. Eng. Softw. 4 (1982)).
 
@@ -75,7 +75,10 @@ def _best(values: np.ndarray, noise: np.ndarray, power: int, known: int) -> Coef
     usable = np.all(np.isfinite(scaled), axis=2)
     limits = table.weights @ np.where(usable[..., None], scaled, 0.0)
     unusable = ~usable @ (table.weights != 0.0).T
-    shift = np.max(np.abs(limits - limits[:, table.simpler]), axis=2, initial=0.0)
+    shift = np.max(
+        [np.max(np.abs(limits - limits[:, other]), axis=2, initial=0.0) for other in table.others],
+        axis=0,
+    )
     spread = (noise / divided) @ np.abs(table.weights).T
     errors = np.where(unusable | ~table.judged, np.inf, _SAFETY * shift + spread)
     best, every = np.argmin(errors, axis=1), np.arange(len(values))
@@ -87,13 +90,14 @@ class _Weights(NamedTuple):
 
     Fields:
         weights: ``(fits, RUNGS)``.
-        simpler: of each fit, the one through its finer rungs but the coarsest, ``(fits,)``.
-        judged: whether there is a simpler one, ``(fits,)``.
+        others: of each fit, those that it is held against: without its coarsest rung, without its
+            finest, and one rung further down; ``(3, fits)``.
+        judged: whether all of them exist, ``(fits,)``.
         first: the coarsest rung of each, ``(fits,)``.
     """
 
     weights: np.ndarray
-    simpler: np.ndarray
+    others: np.ndarray
     judged: np.ndarray
     first: np.ndarray
 
@@ -113,8 +117,10 @@ def _weights(power: int, rungs: int) -> _Weights:
                 row[first + i] = product[power] / np.prod(node - others)
             place[first, count] = len(rows)
             rows.append(row)
-    simpler = [place.get((first + 1, count - 1), 0) for first, count in place]
-    judged = [(first + 1, count - 1) in place for first, count in place]
-    return _Weights(
-        np.array(rows), np.array(simpler), np.array(judged), np.array([first for first, _ in place])
-    )
+    others = [
+        [(first + 1, count - 1), (first, count - 1), (first + 1, count)] for first, count in place
+    ]
+    judged = [all(each in place for each in group) for group in others]
+    indices = [[place.get(each, 0) for each in group] for group in others]
+    first = [first for first, _ in place]
+    return _Weights(np.array(rows), np.array(indices).T, np.array(judged), np.array(first))

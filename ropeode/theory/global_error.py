@@ -132,7 +132,7 @@ def _local_errors(
     local = Expansion(samples, t, y, reach, increments, _RUNGS, zeros)
     rate = local.rate(order).value
     if not local.one_step:
-        rate = rate - _derivative(samples.problem)(t, y, local.start(order).value)
+        rate = rate - derivative(samples.problem)(t, y, local.start(order).value)
     # Where one frame ends the next begins.
     keep = np.r_[np.arange(len(t)) % len(places) < count]
     keep[-1] = True
@@ -149,13 +149,13 @@ def _propagated(
 ) -> np.ndarray:
     """The solution of ``e' = f_y e + rate`` at the sample times, ``(times, *state)``."""
     along = CubicSpline(t, np.stack([y, rate], axis=1))
-    derivative, shape = _derivative(problem), begin.shape
+    along_tangent, shape = derivative(problem), begin.shape
     scale = max(float(np.max(np.abs(rate))) * float(t[-1] - t[0]), float(np.max(np.abs(begin))))
 
     def slope(t: float, e: np.ndarray) -> np.ndarray:
         y, rate = along(t)
         tangent = e.reshape(1, *shape)
-        return (derivative(np.array([t]), y[None], tangent)[0] + rate).ravel()
+        return (along_tangent(np.array([t]), y[None], tangent)[0] + rate).ravel()
 
     solution = solve_ivp(
         slope,
@@ -169,14 +169,14 @@ def _propagated(
     return solution.y.T.reshape(-1, *shape)
 
 
-def _derivative(problem: Problem) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+def derivative(problem: Problem) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """The derivative of the right-hand side along tangents, for many times and states."""
-    along, args = _compiled_derivative(problem.rhs), problem.args
+    along, args = _compiledderivative(problem.rhs), problem.args
     return lambda t, y, tangent: np.asarray(along(t, y, tangent, args))
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled_derivative(rhs: Rhs) -> Callable:
+def _compiledderivative(rhs: Rhs) -> Callable:
     def along(t: Any, y: Any, tangent: Any, args: Any) -> Any:
         return jax.jvp(lambda y: rhs(t, y, args), (y,), (tangent,))[1]
 

@@ -7,15 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from ropeode.checking.check_context import Examination
-from ropeode.checking.diagnosis.diagnostic_ropes import weakly_damped
 from ropeode.checking.diagnosis.fitted_numbers import numbers_of
-from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, runs_of
+from ropeode.checking.diagnosis.limits import ObservedLimit, Runs
 from ropeode.checking.diagnosis.parameter_fit import fit_parameters
 from ropeode.checking.report import Diagnosis
 from ropeode.problems.problem import Problem
 
-_STEPS = (16, 32, 64, 128)
 _FEWEST_RUNS = 3
 # How far a rope with the fitted damping may be from the run, as a part of the motion.
 _CLOSE = 0.1
@@ -24,13 +21,6 @@ _SLOPE = 0.1
 _LEAST_HALF_WIDTH = 0.02
 # At the finest dt the damping rate times the span is at least this, so that it shows.
 _VISIBLE = 0.5
-
-
-def diagnose_damping_per_step(examination: Examination) -> Diagnosis | None:
-    """Test whether the damping rate of a stepper grows as 1/dt, on a rope that it hardly slows."""
-    problem = weakly_damped()
-    runs = runs_of(examination, problem, _STEPS)
-    return damping_rate_diagnosis(problem, runs, problem.quantities)
 
 
 def damping_rate_diagnosis(

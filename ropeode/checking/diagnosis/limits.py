@@ -8,29 +8,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ropeode.analysis.errors import differences
-from ropeode.checking.check_context import Examination
 from ropeode.checking.richardson import Limit, limit_of
 from ropeode.norms import NORMS
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
-from ropeode.simulation.trajectory import step_size
 
 # The step size and the states ``(times, *state)`` of each run.
 Runs = Sequence[tuple[float, np.ndarray]]
 
-# Steps per frame of the runs that are extrapolated.
-STEPS = (8, 12, 16, 24, 32, 48, 64, 96)
 # The uncertainty is at least this part of the motion: the fit's own solutions are no better.
 _FLOOR = 1e-9
 # A fit says something only if the limit's uncertainty is at most this part of the motion.
 _LARGEST_UNCERTAINTY = 3e-3
 # A motion this much smaller than the right one counts as a standstill.
 _STANDSTILL = 1e-2
-
-
-def runs_of(examination: Examination, problem: Problem, steps: Sequence[int] = STEPS) -> Runs:
-    """Runs of a check rope with several numbers of steps per frame."""
-    return [(step_size(problem, n), examination.run(problem, n)) for n in steps]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,11 +117,6 @@ def observe_limit(
         uncertainty[:, half] = each.reshape(-1, *(1,) * (limit.values.ndim - 1))
         orders[name] = limit.order
     return ObservedLimit(problem, states, uncertainty, orders)
-
-
-def stepper_limit(examination: Examination, problem: Problem) -> ObservedLimit | None:
-    """What the runs of a check rope tend to, as `observe_limit` has it."""
-    return observe_limit(problem, runs_of(examination, problem), problem.quantities)
 
 
 def _motion(limit: Limit) -> float:

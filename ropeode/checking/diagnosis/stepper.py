@@ -1,97 +1,96 @@
-"""What is wrong with a stepper that failed a check, as far as the evidence goes."""
+"""What is wrong with a stepper that failed a check, read off single steps."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import convergence_problems
-from ropeode.checking.diagnosis.damping_per_step import diagnose_damping_per_step
-from ropeode.checking.diagnosis.heterogeneous_parameters import diagnose_heterogeneity
-from ropeode.checking.diagnosis.in_place_updates import diagnose_in_place_updates
-from ropeode.checking.diagnosis.low_order_causes import diagnose_low_order
-from ropeode.checking.diagnosis.order_tests import outcome
+from ropeode.checking.diagnosis.equation import diagnose_equation
+from ropeode.checking.diagnosis.identity import diagnose_identity
+from ropeode.checking.diagnosis.low_order import diagnose_order_1
+from ropeode.checking.diagnosis.probe_states import expansions
 from ropeode.checking.diagnosis.single_precision import diagnose_single_precision
-from ropeode.checking.diagnosis.time_scaling import diagnose_time_scaling
-from ropeode.checking.diagnosis.wrong_parameters import diagnose_parameters
-from ropeode.checking.report import Convergence, Diagnosis
+from ropeode.checking.diagnosis.start import diagnose_start
+from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
+from ropeode.theory.expansion import HIGHEST, Expansion
 
 
 @in_float64
 def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
-    """Find by experiment what is wrong with a stepper that failed a check.
+    """Find what is wrong with a stepper that failed a check.
+
+    Its step is expanded in dt at random states of two ropes: at dt = 0 it must be the identity,
+    its derivative there must be the right-hand side, and the first term of its error must be of
+    the claimed order.
 
     Returns:
-        One diagnosis for each cause that the evidence singles out. If there is none, one of the
-        cause `unknown`, with what the evidence does say.
+        One diagnosis for each cause. If there is none, one of the cause `unknown`, with what is
+        right.
 
     Raises:
         UserCodeError: the step raised.
     """
-    convergences = {
-        name: examination.convergence(name)
-        for name, problem in convergence_problems().items()
-        if examination.refusal(problem) is None
-    }
-    # A declared order of 0 says that the method solves another problem on that rope.
-    wrong = [
-        name
-        for name, convergence in convergences.items()
-        if convergence.expected != 0 and outcome(convergence, 0) == "wrong"
-    ]
-    too_low = [
-        convergence.expected
-        for convergence in convergences.values()
-        if convergence.expected and outcome(convergence, convergence.expected) == "low"
-    ]
     single = diagnose_single_precision(examination)
     if single is not None:
         # Rounding to float32 looks like other mistakes; it has to be mended first.
         return (single,)
-    causes: list[Diagnosis | None] = []
-    if wrong:
-        causes.append(_diagnose_wrong_limit(examination))
-    if too_low:
-        causes += diagnose_low_order(examination, max(too_low))
-    elif not wrong:
-        causes.append(diagnose_in_place_updates(examination))
+    found = expansions(examination)
+    expected = max(
+        (examination.expected(problem) or 0 for problem in examination.problems.values()), default=0
+    )
+    start = diagnose_start(found, expected or 1)
+    if start is not None and start.evidence["order"] == 0:
+        from_rest = diagnose_start(expansions(examination, moving=False), expected)
+        return tuple(each for each in (start, from_rest) if each is not None)
+    identity = diagnose_identity(found)
+    causes = [identity, start]
+    if identity is None:
+        causes.append(diagnose_equation(found))
+    elif (kept := identity.evidence.get("kept")) is not None:
+        causes.append(diagnose_equation(found, np.array(kept)))
     named = tuple(cause for cause in causes if cause is not None)
-    return named or (_unknown(convergences, wrong),)
+    if named:
+        return named
+    order = _order(found)
+    low = diagnose_order_1(found) if order == 1 else None
+    if low is not None and (expected > 1 or low.cause == "in-place"):
+        return (low,)
+    return (_order_alone(found, order, expected),)
 
 
-def _diagnose_wrong_limit(examination: Examination) -> Diagnosis | None:
-    per_step = diagnose_damping_per_step(examination)
-    if per_step is not None:
-        return per_step
-    parameters = diagnose_parameters(examination)
-    if isinstance(parameters, Diagnosis):
-        return parameters
-    is_right_on_uniform_rope = parameters
-    if is_right_on_uniform_rope:
-        return diagnose_heterogeneity(examination)
-    return diagnose_time_scaling(examination)
+def _order(found: Sequence[Expansion]) -> int | None:
+    orders = [each.order for each in found if each.order is not None]
+    return min(orders) if orders else None
 
 
-def _unknown(convergences: dict[str, Convergence], wrong: list[str]) -> Diagnosis:
-    if wrong:
+def _order_alone(found: Sequence[Expansion], order: int | None, expected: int) -> Diagnosis:
+    """What is known of a step whose equation is right, and whose order has no known cause."""
+    states = sum(len(each.t) for each in found)
+    evidence = {"order": order, "expected": expected or None, "states": states}
+    if order is None:
+        seen = min(HIGHEST, *(each.seen for each in found))
         return Diagnosis(
             "unknown",
-            f"the stepper converges to a wrong solution on {', '.join(wrong)}; no change of "
-            "gravity, damping, stiffness, mass, rest length, initial velocity or time scale "
-            "explains it",
-            {"wrong": wrong},
+            f"at {states} random states the step solves the right equation, with an order above "
+            f"{seen}; rounding hides more",
+            evidence,
         )
-    observed = [
-        order.observed
-        for convergence in convergences.values()
-        for order in convergence.orders.values()
-    ]
-    orders = [order for order in observed if order is not None]
-    if len(orders) < len(observed):
-        return Diagnosis("unknown", "no cause stands out")
+    by_quantity = np.nanmin(np.concatenate([each.orders for each in found], axis=1), axis=1)
+    x, v = (int(each) for each in by_quantity)
+    orders = f"order {x}" if x == v else f"order {x} in positions and {v} in velocities"
+    if order < expected:
+        return Diagnosis(
+            "order",
+            f"the step solves the right equation, with local {orders} at all of {states} random "
+            f"states; order {expected} is expected",
+            evidence,
+        )
     return Diagnosis(
         "unknown",
-        f"no cause stands out; the stepper converges to the right solution on all "
-        f"{len(convergences)} ropes, with observed orders from {min(orders):.2f} to "
-        f"{max(orders):.2f}",
-        {"lowest_order": min(orders), "highest_order": max(orders)},
+        f"at {states} random states the step solves the right equation, with {orders}: what is "
+        "wrong shows at other states, times or step sizes, or after many steps",
+        evidence,
     )

@@ -1,0 +1,115 @@
+"""What a step does at dt = 0, where it should do nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ropeode.checking.diagnosis.probe_states import motion_of
+from ropeode.checking.report import Diagnosis
+from ropeode.theory.expansion import Expansion
+from ropeode.theory.projection import project
+
+# What may be left over, as a part of the state, and how close two numbers must be.
+_EXPLAINED, _CLOSE = 1e-6, 1e-6
+_NO_LIMIT = "so the runs have no limit as dt goes to 0"
+
+
+def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
+    """What a step adds to positions and velocities at dt = 0; None if it adds nothing."""
+    if not any(np.any(each.rate(-1).known) for each in expansions):
+        return None
+    change = [each.rate(-1).value for each in expansions]
+    positions, velocities = (
+        [
+            (motion.x[:, node], motion.v[:, node], each[:, half, node], motion.args, node)
+            for each, motion in zip(change, map(motion_of, expansions), strict=True)
+            for node in np.flatnonzero(motion.args.free)
+        ]
+        for half in (0, 1)
+    )
+    size = max(float(np.max(np.abs(each.y))) for each in expansions)
+    evidence: dict = {"size": max(float(np.max(np.abs(each))) for each in change) / size}
+    of_x, of_v = _coefficients(positions, size), _coefficients(velocities, size)
+    if of_x is None or of_v is None:
+        changed = np.max([np.max(np.abs(each), axis=(0, 1, 2)) for each in change], axis=0)
+        axes = "".join(
+            a for a, each in zip("xyz", changed, strict=True) if each > _EXPLAINED * size
+        )
+        where = "" if axes == "xyz" else f", along {' and '.join(axes)} alone"
+        line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
+        line += where
+        return Diagnosis("identity", f"{line}, {_NO_LIMIT}; x(t + 0) must be x(t)", evidence)
+    (xx, xv), (vx, vv) = (np.array(each).T for each in (of_x, of_v))
+    evidence |= {
+        "positions": {"times_position": _mean(xx), "times_velocity": _mean(xv)},
+        "velocities": {"times_position": _mean(vx), "times_velocity": _mean(vv)},
+    }
+    if _all(xx, -1.0) and _all(xv, 1.0) and _all(vx, 1.0) and _all(vv, -1.0):
+        line = "the step returns the velocities first: it must return positions, then velocities"
+        return Diagnosis("swapped", line, evidence)
+    texts = []
+    if _all(xx, -1.0):
+        texts.append("the new positions do not contain the old ones")
+    elif not _all(xx, 0.0):
+        texts.append(f"positions are multiplied by {_factor(xx)}")
+    if not _all(xv, 0.0):
+        texts.append(f"positions move by {_range(xv)} times the velocity, without dt")
+    if _all(vv, -1.0):
+        texts.append("the new velocities do not contain the old ones")
+    if not _all(vx, 0.0):
+        texts.append(f"velocities change by {_range(vx)} times the positions, without dt")
+    if _all(vv, -1.0) or _all(vv, 0.0):
+        return Diagnosis("identity", f"at dt = 0 {'; '.join(texts)}", evidence)
+    damping = np.array([args.damping[node] for *_, args, node in velocities])
+    share = (
+        ""
+        if not _all(vv / damping, _mean(vv / damping))
+        else (f": 1 - {-_mean(vv / damping):.6g} times the damping coefficient")
+    )
+    texts.append(
+        f"each step multiplies velocities by {_factor(vv)}{share}, whatever dt is, {_NO_LIMIT}; "
+        "let the factor depend on dt, as 1 - rate dt does"
+    )
+    evidence["lost_per_step"] = -_mean(vv)
+    evidence["kept"] = _by_rope(1.0 + vv, velocities, expansions)
+    return Diagnosis("damping-per-step", f"at dt = 0 {'; '.join(texts)}", evidence)
+
+
+def _coefficients(nodes: list[tuple], size: float) -> list[tuple[float, float]] | None:
+    """By which part of its position and of its velocity each node changes; None if by neither."""
+    found = []
+    for x, v, change, _, _ in nodes:
+        each = project(change.ravel(), np.stack([x.ravel(), v.ravel()]))
+        if each.rest > _EXPLAINED * size:
+            return None
+        found.append(tuple(map(float, each.coefficients)))
+    return found
+
+
+def _by_rope(values: np.ndarray, nodes: list[tuple], expansions: Sequence[Expansion]) -> list:
+    """Values of the free nodes of all ropes, as a row for each rope; 1 where a node is pinned."""
+    rows = np.ones((len(expansions), expansions[0].y.shape[2]))
+    ropes = {id(each.problem.args): i for i, each in enumerate(expansions)}
+    for value, (*_, args, node) in zip(values, nodes, strict=True):
+        rows[ropes[id(args)], node] = value
+    return rows.tolist()
+
+
+def _all(values: np.ndarray, value: float) -> bool:
+    return bool(np.all(np.abs(values - value) <= _CLOSE * (1.0 + abs(value))))
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.mean(values))
+
+
+def _factor(change: np.ndarray) -> str:
+    return _range(1.0 + change)
+
+
+def _range(values: np.ndarray) -> str:
+    if np.ptp(values) <= _CLOSE:
+        return f"{_mean(values):.10g}"
+    return f"{np.min(values):.6g} to {np.max(values):.6g}"

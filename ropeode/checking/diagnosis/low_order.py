@@ -1,0 +1,160 @@
+"""Why a step that solves the right equation is of order 1: which terms of dt^2 are off."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.checking.report import Diagnosis
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Acceleration
+from ropeode.theory.expansion import Expansion
+from ropeode.theory.projection import project
+
+# What may be left over of the local error, and how close coefficients must be.
+_EXPLAINED, _CLOSE = 1e-4, 1e-3
+# The terms of x'' and of v'' in the equation: the whole acceleration and what damping adds to it;
+# what the force's time, its own node's position, its neighbours' positions before and behind it in
+# the row, and the velocity change in it.
+_OF_X = ("force", "damping")
+_OF_V = ("time", "own position", "node before", "node behind", "velocity")
+
+
+def diagnose_order_1(expansions: Sequence[Expansion]) -> Diagnosis | None:
+    """Which terms of dt^2 are off, by the coefficients that they have in place of 1/2.
+
+    Returns:
+        None if they are off in no way that is known.
+    """
+    terms = [_terms(each) for each in expansions]
+    found: dict[str, dict[str, float]] = {}
+    for half, (quantity, names) in enumerate((("positions", _OF_X), ("velocities", _OF_V))):
+        target = np.concatenate([each.rate(1).value[:, half].ravel() for each in expansions])
+        fields = np.concatenate([each[half] for each in terms], axis=1)
+        projection = project(target, fields)
+        if projection.rest > _EXPLAINED * float(np.max(np.abs(fields))):
+            return None
+        found[quantity] = {
+            name: 0.5 + float(value)
+            for name, value, field in zip(names, projection.coefficients, fields, strict=True)
+            if np.any(field)
+        }
+    return _in_words(found)
+
+
+def _in_words(found: dict[str, dict[str, float]]) -> Diagnosis | None:
+    x, v = found["positions"], found["velocities"]
+    evidence = {"terms": found}
+    position, force = _common(x), _common(v)
+    wrong = {name for name, value in v.items() if not _is(value, 0.5)}
+    before, behind = v.get("node before", 0.5), v.get("node behind", 0.5)
+    if _is(position, 0.5) and wrong == {"velocity"}:
+        return Diagnosis(
+            "lagged-damping",
+            f"the damping takes the velocity {_when(v['velocity'])}; all other forces are right: "
+            "its term of dt^2 must have the factor 1/2, as with the mean of the old velocity and "
+            "the new one",
+            evidence,
+        )
+    if _is(position, 0.5) and wrong == {"time"}:
+        return Diagnosis(
+            "stage-time",
+            f"forces that depend on time are taken {_when(v['time'])}; all else is right: a stage "
+            "at t + c dt needs the force at t + c dt",
+            evidence,
+        )
+    if not _is(before, behind):
+        return Diagnosis(
+            "in-place",
+            "nodes are updated in place: the neighbour before a node in the row has moved when "
+            f"its force is computed (by {before:.3g} of dt^2 where 1/2 is right), the one behind "
+            f"has not ({behind:.3g}). Compute all forces before the first node moves",
+            evidence,
+        )
+    parts = []
+    if position is None or not _is(position, 0.5):
+        parts.append(_positions(x, position))
+    if force is not None and not _is(force, 0.5):
+        parts.append(f"the force is taken {_when(force)}")
+    elif wrong:
+        parts += _of_force({name: v[name] for name in v if name in wrong})
+    if not parts:
+        return None
+    return Diagnosis("order", f"the step is of order 1: {'; '.join(parts)}", evidence)
+
+
+def _of_force(wrong: dict[str, float]) -> list[str]:
+    """What the force takes at the wrong time."""
+    places = {name: value for name, value in wrong.items() if name not in ("time", "velocity")}
+    if len(places) == len(_OF_V) - 2 and (share := _common(places)) is not None:
+        wrong = {"positions": share, **{n: v for n, v in wrong.items() if n not in places}}
+    return [f"the force takes the {name} {_when(value)}" for name, value in wrong.items()]
+
+
+def _positions(x: dict[str, float], common: float | None) -> str:
+    if common is None:
+        return f"damping enters the positions with {x['damping']:.4g} dt^2 in place of 1/2 dt^2"
+    if _is(common, 0.0):
+        return "the half of dt^2 a is missing in the positions: x + dt v + dt^2/2 a"
+    if _is(common, 1.0):
+        return "the positions contain dt^2 a in place of dt^2/2 a, as x + dt v_new does"
+    return f"the positions contain {common:.4g} dt^2 a in place of dt^2/2 a"
+
+
+def _when(share: float) -> str:
+    """The time at which something is taken, from its factor of dt^2 in the velocities."""
+    if _is(share, 0.0):
+        return "of the beginning of the step alone"
+    if _is(share, 1.0):
+        return "of the end of the step alone"
+    return f"on average {share:.4g} dt after the beginning of the step, in place of dt/2"
+
+
+def _common(values: dict[str, float]) -> float | None:
+    """The one value of all; None if they differ."""
+    first, *others = values.values()
+    return first if all(_is(value, first) for value in others) else None
+
+
+def _is(value: float | None, other: float) -> bool:
+    return value is not None and abs(value - other) <= _CLOSE
+
+
+@in_float64
+def _terms(expansion: Expansion) -> tuple[np.ndarray, np.ndarray]:
+    """The terms of x'' and of v'' at all states, ``(terms, components)`` each."""
+    problem = expansion.problem
+    every = _compiled_terms(problem.require_mechanics("problem").acceleration)
+    x, v = expansion.y[:, 0], expansion.y[:, 1]
+    of_x, of_v = (np.moveaxis(each, 1, 0) for each in every(expansion.t, x, v, problem.args))
+    return of_x.reshape(len(_OF_X), -1), of_v.reshape(len(_OF_V), -1)
+
+
+@functools.lru_cache(maxsize=8)
+def _compiled_terms(acceleration: Acceleration) -> Callable:
+    """`_OF_X` and `_OF_V` of many states: ``(states, terms, nodes, dim)`` each."""
+
+    def terms(t: Any, x: Any, v: Any, args: Any) -> Any:
+        a, still = acceleration(t, x, v, args), acceleration(t, x, 0.0 * v, args)
+        by_time = jax.jvp(lambda t: acceleration(t, x, v, args), (t,), (1.0,))[1]
+        by_velocity = jax.jvp(lambda v: acceleration(t, x, v, args), (v,), (a,))[1]
+        # What each node's motion changes: (node, dim, moving node).
+        jacobian = jax.jacfwd(lambda x: acceleration(t, x, v, args))(x)
+        by_node = jnp.einsum("idjk,jk->idj", jacobian, v)
+        order = jnp.arange(len(x))
+        before, own, behind = (
+            jnp.sum(by_node * which[:, None, :], axis=2)
+            for which in (
+                order[:, None] > order,
+                order[:, None] == order,
+                order[:, None] < order,
+            )
+        )
+        return jnp.stack([still, a - still]), jnp.stack([by_time, own, before, behind, by_velocity])
+
+    return jax.jit(jax.vmap(terms, in_axes=(0, 0, 0, None)))

@@ -1,0 +1,77 @@
+"""Ropes and states at which a step is expanded: nothing is symmetric, equal, zero or at rest."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from ropeode.checking.check_context import Examination
+from ropeode.checking.check_ropes import CROOKED, check_rope
+from ropeode.problems.problem import Problem
+from ropeode.theory.expansion import Expansion, expanded
+from ropeode.theory.rope_terms import Motion
+from ropeode.theory.step_samples import StepSamples
+
+_STATES, _LONGEST = 12, 0.5
+
+
+@functools.cache
+def probe_ropes() -> tuple[Problem, ...]:
+    """Two ropes with different parameters, which tell a factor from a number of its own."""
+    first = check_rope(
+        "first",
+        CROOKED,
+        (0.0, 1.0),
+        mass=(0.8, 1.25, 0.6, 1.45, 0.95),
+        stiffness=(3.1, 4.4, 2.6, 5.3),
+        rest_length=(0.75, 1.35, 0.6, 1.15),
+        pinned=(1,),
+        gravity=(0.37, -0.81, 0.23),
+        damping=(0.21, 0.12, 0.43, 0.31, 0.26),
+        drive=(0.92, 0.71, -1.13),
+        frequency=2.3,
+    )
+    second = check_rope(
+        "second",
+        CROOKED,
+        (0.0, 1.0),
+        mass=(1.35, 0.7, 1.15, 0.55, 1.6),
+        stiffness=(2.2, 3.7, 5.1, 2.9),
+        rest_length=(1.25, 0.7, 0.95, 1.4),
+        pinned=(1,),
+        gravity=(-0.52, -0.67, 0.41),
+        damping=(0.33, 0.41, 0.17, 0.22, 0.38),
+        drive=(-0.64, 1.07, 0.83),
+        frequency=3.1,
+    )
+    return first, second
+
+
+def expansions(examination: Examination, moving: bool = True) -> list[Expansion]:
+    """The expansions of a step at random states of `probe_ropes`.
+
+    Arguments:
+        examination: of the stepper.
+        moving: whether the ropes move; if not, they are at rest.
+
+    Raises:
+        UserCodeError: the step raised.
+    """
+    found = []
+    for seed, rope in enumerate(probe_ropes()):
+        problem = examination.told(rope)
+        draw = np.random.default_rng(seed)
+        free = problem.args.free[:, None]
+        x = CROOKED + 0.25 * draw.normal(size=(_STATES, *CROOKED.shape)) * free
+        v = draw.normal(size=x.shape) * free * moving
+        t = draw.uniform(0.2, 2.0, _STATES)
+        samples = StepSamples(problem, examination.method)
+        found.append(expanded(samples, t, np.stack([x, v], axis=1), _LONGEST))
+    return found
+
+
+def motion_of(expansion: Expansion) -> Motion:
+    """The states of an expansion."""
+    x, v = expansion.y[:, 0], expansion.y[:, 1]
+    return Motion(expansion.problem.args, expansion.t, x, v)

@@ -1,0 +1,89 @@
+"""A two-step method whose start is wrong, while its steps are right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ropeode.checking.report import Diagnosis
+from ropeode.theory.expansion import Expansion
+from ropeode.theory.global_error import derivative
+from ropeode.theory.projection import project
+
+_EXPLAINED, _CLOSE = 1e-2, 1e-2
+_VERLET = "x(-dt) = x(0) - dt v(0) + dt^2/2 a(0) is right"
+
+
+def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis | None:
+    """What a start, or the state that is handed out, is off by below the expected order.
+
+    Returns:
+        None if the steps are off by no less, or the difference is none that is known.
+    """
+    if all(each.one_step for each in expansions):
+        return None
+    for order in range(-1, expected):
+        if any(np.any(each.start(order).known) for each in expansions):
+            break
+        if any(np.any(each.rate(order).known) for each in expansions):
+            return None
+    else:
+        return None
+    starts = np.concatenate([each.start(order).value for each in expansions])
+    slopes = np.concatenate([each.slopes for each in expansions])
+    v, a = slopes[:, 0].ravel(), slopes[:, 1].ravel()
+    of_x, of_v = (project(starts[:, half].ravel(), np.stack([v, a])) for half in (0, 1))
+    size = float(np.max(np.abs(starts)))
+    if max(of_x.rest, of_v.rest) > _EXPLAINED * size:
+        return None
+    evidence = {
+        "order": order,
+        **{
+            quantity: dict(zip(("velocity", "acceleration"), map(float, of), strict=True))
+            for quantity, of in (
+                ("positions", of_x.coefficients),
+                ("velocities", of_v.coefficients),
+            )
+        },
+    }
+    dt = f" dt^{order}" if order > 1 else " dt" if order else ""
+    texts = [
+        f"{quantity} are off by {value:.3g}{dt} times the {name}"
+        for quantity in ("positions", "velocities")
+        for name, value in evidence[quantity].items()
+        if abs(value) > _CLOSE
+    ]
+    if _is_handed_out(expansions, order):
+        late = {"positions": of_x.coefficients[0], "velocities": of_v.coefficients[1]}
+        if order == 1:
+            texts = [
+                f"{quantity} are those of {abs(by):.3g} dt {'later' if by > 0 else 'earlier'}"
+                for quantity, by in late.items()
+                if abs(by) > _CLOSE
+            ]
+        line = (
+            f"the state that is handed out is of order {order}, while the steps are of a higher "
+            f"one: its {' and its '.join(texts)}"
+        )
+        return Diagnosis("output", line, evidence)
+    if order == 0 and texts == ["velocities are off by -1 times the velocity"]:
+        what = "it forgets the initial velocity, as x(-dt) = x(0) does"
+    else:
+        what = " and ".join(texts)
+    line = f"the start of the method is of order {order}: {what}"
+    return Diagnosis("start", f"{line}. For Verlet, {_VERLET}", evidence)
+
+
+def _is_handed_out(expansions: Sequence[Expansion], order: int) -> bool:
+    """Whether a difference stays as it is, and does not move on as the solution's derivative does.
+
+    An error of the start moves on like a disturbance of the state: its rate is f_y times itself.
+    """
+    for each in expansions:
+        start, rate = each.start(order).value, each.rate(order).value
+        carried = derivative(each.problem)(each.t, each.y, start)
+        size = float(np.max(np.abs(carried)))
+        if np.max(np.abs(rate - carried)) > _EXPLAINED * size:
+            return True
+    return False

@@ -1,0 +1,207 @@
+"""The terms of a rope's acceleration, and of those that people write in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Place(NamedTuple):
+    """Where a term stands in the equations of a rope.
+
+    Fields:
+        args: of the rope.
+        node: whose acceleration it is part of.
+        element: a spring for `spring` and `rest`, an axis for `gravity` and `drive`.
+    """
+
+    args: Any
+    node: int
+    element: int
+
+
+class RopeTerm(NamedTuple):
+    """One term of the acceleration of one node.
+
+    Fields:
+        kind: `gravity`, `spring`, `rest`, `damping` or `drive`; `spring` is a force proportional
+            to the length, and `rest` the constant one that is taken off it. Others are not terms
+            of a rope.
+        place: where it stands.
+        values: at each of several states, ``(states, dim)``.
+    """
+
+    kind: str
+    place: Place
+    values: np.ndarray
+
+
+class Motion(NamedTuple):
+    """States of a rope, with `args` as `RopeArgs` or `CheckArgs` name them.
+
+    Fields:
+        args: of the rope.
+        t: times, ``(states,)``.
+        x: positions, ``(states, nodes, dim)``.
+        v: velocities, likewise.
+    """
+
+    args: Any
+    t: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+
+    def springs(self, node: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+        """Each spring at a node: its index, the vector to the other end, and that end's motion."""
+        for spring, other in ((node - 1, node - 1), (node, node + 1)):
+            if 0 <= other < self.x.shape[1]:
+                yield spring, self.x[:, other] - self.x[:, node], self.v[:, other] - self.v[:, node]
+
+
+def own_terms(motion: Motion, node: int) -> list[RopeTerm]:
+    """The terms whose sum is the acceleration of a free node, as far as they are not zero."""
+    args, dim = motion.args, motion.x.shape[2]
+    mass = args.mass[node]
+    axes = np.eye(dim)
+    along = [
+        RopeTerm(
+            "gravity",
+            Place(args, node, axis),
+            args.gravity.ravel()[axis] * _constant(motion, axes[axis]),
+        )
+        for axis in range(dim)
+    ]
+    if hasattr(args, "drive"):
+        swing = np.cos(args.frequency * motion.t)[:, None]
+        along += [
+            RopeTerm("drive", Place(args, node, axis), args.drive[axis] * swing * axes[axis])
+            for axis in range(dim)
+        ]
+    for spring, d, _ in motion.springs(node):
+        stiffness, rest = args.stiffness[spring] / mass, args.rest_length[spring]
+        place = Place(args, node, spring)
+        along.append(RopeTerm("spring", place, stiffness * d))
+        along.append(RopeTerm("rest", place, -stiffness * rest * d / _length(d)))
+    along.append(
+        RopeTerm("damping", Place(args, node, node), -args.damping[node] / mass * motion.v[:, node])
+    )
+    return [term for term in along if np.any(term.values)]
+
+
+def _constant(motion: Motion, vector: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(vector, (len(motion.t), len(vector)))
+
+
+def _length(d: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(d, axis=-1, keepdims=True)
+
+
+# What people write that is no term of a rope: for a node and one of its springs, the vector to the
+# other end and that end's relative velocity give a force; for a node alone its motion does.
+SpringLaw = Callable[[Motion, int, np.ndarray, np.ndarray], np.ndarray]
+NodeLaw = Callable[[Motion, int], np.ndarray]
+
+
+def _dashpot(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+    unit = d / _length(d)
+    return unit * np.sum(unit * w, axis=1, keepdims=True)
+
+
+def _force(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+    return motion.args.stiffness[spring] * (1.0 - _slack(motion, spring, d)) * d
+
+
+def _slack(motion: Motion, spring: int, d: np.ndarray) -> np.ndarray:
+    """Rest length over length: above 1 where the spring is slack."""
+    return motion.args.rest_length[spring] / _length(d)
+
+
+def _pushing(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+    return np.where(_slack(motion, spring, d) > 1.0, _force(motion, spring, d, w), 0.0)
+
+
+def _pulling(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+    return np.where(_slack(motion, spring, d) < 1.0, _force(motion, spring, d, w), 0.0)
+
+
+def _along(axis: int) -> SpringLaw:
+    return lambda motion, spring, d, w: _force(motion, spring, d, w) * np.eye(d.shape[1])[axis]
+
+
+def _with_length(length: Callable[[np.ndarray], np.ndarray]) -> SpringLaw:
+    def law(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+        args = motion.args
+        return -args.stiffness[spring] * args.rest_length[spring] * d / length(d)
+
+    return law
+
+
+def _in_plane(axes: tuple[int, ...]) -> SpringLaw:
+    return _with_length(lambda d: _length(d[:, list(axes)]))
+
+
+PLANES = ("x and y", "x and z", "y and z")
+SPRING_LAWS: dict[str, tuple[SpringLaw, ...]] = {
+    "a dashpot along each spring": (_dashpot,),
+    "friction between neighbours": (lambda motion, spring, d, w: w,),
+    "a force of slack springs": (_pushing,),
+    "a force of stretched springs": (_pulling,),
+    **{f"a spring force along {'xyz'[axis]}": (_along(axis),) for axis in range(3)},
+    **{
+        f"a rest length whose direction is divided by a length of {plane} alone": (
+            _in_plane(("xyz".index(plane[0]), "xyz".index(plane[-1]))),
+        )
+        for plane in PLANES
+    },
+    "a rest length whose direction is divided by a sum of coordinates": (
+        _with_length(lambda d: np.sum(np.abs(d), axis=1, keepdims=True)),
+    ),
+    "a rest length whose direction is not divided by the length": (
+        _with_length(lambda d: np.ones((len(d), 1))),
+    ),
+    "a spring force whose direction is not divided by the length": (
+        lambda motion, spring, d, w: _force(motion, spring, d, w) * _length(d),
+    ),
+    "a spring force that is no linear function of the length": (
+        lambda motion, spring, d, w: d * _length(d),
+        lambda motion, spring, d, w: d * _length(d) ** 2,
+        lambda motion, spring, d, w: d / _length(d) ** 2,
+        lambda motion, spring, d, w: d / _length(d) ** 3,
+    ),
+}
+
+
+def _drive_at_zero(motion: Motion, node: int) -> np.ndarray:
+    return _constant(motion, getattr(motion.args, "drive", np.zeros(motion.x.shape[2])))
+
+
+NODE_LAWS: dict[str, tuple[NodeLaw, ...]] = {
+    "the driving force of t = 0": (_drive_at_zero,),
+    "drag that grows with the square of the speed": (
+        lambda motion, node: _length(motion.v[:, node]) * motion.v[:, node],
+    ),
+    "friction that does not depend on the speed": (
+        lambda motion, node: motion.v[:, node] / _length(motion.v[:, node]),
+    ),
+    "a force along the position": (lambda motion, node: motion.x[:, node],),
+    "a force proportional to the velocity": (lambda motion, node: motion.v[:, node],),
+    "a constant force": tuple(
+        lambda motion, node, axis=axis: _constant(motion, np.eye(3)[axis, : motion.x.shape[2]])
+        for axis in range(3)
+    ),
+}
+
+
+def other_terms(motion: Motion, node: int, law: str) -> list[RopeTerm]:
+    """Terms of one of `SPRING_LAWS` or `NODE_LAWS` in the acceleration of a node."""
+    args = motion.args
+    if law in NODE_LAWS:
+        place = Place(args, node, node)
+        return [RopeTerm(law, place, each(motion, node)) for each in NODE_LAWS[law]]
+    return [
+        RopeTerm(law, Place(args, node, spring), each(motion, spring, d, w) / args.mass[node])
+        for spring, d, w in motion.springs(node)
+        for each in SPRING_LAWS[law]
+    ]
