@@ -12,7 +12,7 @@ import numpy as np
 
 from ropeode.theory.fractions_of_floats import as_fraction
 from ropeode.theory.nystrom import NystromTableau
-from ropeode.theory.recorded_step import RecordedStep, Recording, TooManyCalls
+from ropeode.theory.recorded_step import NotReadable, RecordedStep, Recording, TooManyCalls
 from ropeode.theory.stages import Row
 from ropeode.theory.tableau import Tableau
 
@@ -37,10 +37,6 @@ _TRIALS = (
 )
 
 
-class NotReadable(Exception):
-    """The step is no method of the kind that is tried; says why, after "it"."""
-
-
 class NotASum(NotReadable):
     """What the step asks for and its result are no sums of the state and of slopes."""
 
@@ -57,10 +53,11 @@ class ExplicitReading:
 
     Arguments:
         step: that is watched.
-        halves: 2 for a second-order problem, whose state is two signals.
+        second_order: whether it is a method for second-order problems, whose state is two signals.
     """
 
-    def __init__(self, step: RecordedStep, halves: int):
+    def __init__(self, step: RecordedStep, second_order: bool):
+        halves = 2 if second_order else 1
         self._step, self._halves = step, halves
         self._size = int(np.prod(step.shape)) // halves
         random = np.random.default_rng(14)
@@ -84,7 +81,7 @@ class ExplicitReading:
 
         def slope(i: int, t: float, y: np.ndarray) -> np.ndarray:
             k = signals[halves + i] * dt**-halves
-            return np.stack([y[1], k.reshape(shape[1:])]) if halves == 2 else k.reshape(shape)
+            return np.stack([y[1], k]) if halves == 2 else k.reshape(shape)
 
         try:
             return self._step.run(slope, t, y, dt, most_calls=_MOST_STAGES)

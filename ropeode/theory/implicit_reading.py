@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.theory.explicit_reading import NotReadable, fractions
-from ropeode.theory.recorded_step import RecordedStep
+from ropeode.theory.explicit_reading import fractions
+from ropeode.theory.recorded_step import NotReadable, RecordedStep
 from ropeode.theory.tableau import Tableau
 
 _DT = 0.25

@@ -20,6 +20,8 @@ _MOST_CHANGES = {1: 1}
 _CHANGES = 2
 # What a stage that the result does not need counts, unless the method is a well-known one exactly.
 _REDUCED = 2
+# Methods of more stages are also looked for among those of libraries.
+_FEW = 4
 
 
 class Recognition(NamedTuple):
@@ -75,13 +77,14 @@ def _only_times(tableau: AnyTableau, known: AnyTableau) -> bool:
     return moved.stages == known.stages and not list(_changes(moved, known))
 
 
-def describe(tableau: AnyTableau) -> str:
+def describe(tableau: AnyTableau, declared: int | None = None) -> str:
     """A tableau in a few sentences: its name, what differs from the method of that name, its order.
 
     Where kauri is not installed (``pip install '.[theory]'``), it says nothing about the order.
 
     Arguments:
         tableau: as `tableau_of` finds it.
+        declared: the order that its author claims; it is said where it is another one.
 
     Returns:
         As in "This is RK4 with a43 = 1/2 in place of 1; its order is 1 in place of 4."
@@ -99,6 +102,8 @@ def describe(tableau: AnyTableau) -> str:
             sentence += " with " + ", and with ".join(recognition.differences)
     if _have_trees():
         sentence += f"; {_order_in_words(tableau, recognition)}"
+        if declared not in (None, tableau.order):
+            sentence += f" (declared: {declared})"
     return " ".join([f"{sentence}.", *_remarks(tableau)])
 
 
@@ -174,8 +179,8 @@ def _candidates(tableau: AnyTableau) -> Iterator[tuple[str, AnyTableau]]:
     stages = tableau.stages
     known = EXPLICIT if tableau.explicit else IMPLICIT
     if isinstance(tableau, Tableau):
-        if tableau.explicit and stages > max(each.stages for each in EXPLICIT.values()):
-            known = published(stages)
+        if tableau.explicit and stages > _FEW:
+            known = {**known, **published(stages)}
         yield from ((name, each) for name, each in known.items() if each.stages == stages)
         return
     if not tableau.explicit:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from ropeode import callbacks
 from ropeode.errors import RopeodeError, call_user_code
@@ -21,7 +22,7 @@ from ropeode.steppers.phase import Phase
 # A step that asks for more slopes than these hangs.
 MOST_CALLS = 10_000
 
-# Gives the slope at a call: of its number, counted from 0, time, and state.
+# Gives the slope at a call: of its number, counted from 0, time, and state ``(halves, numbers)``.
 Slope = Callable[[int, float, np.ndarray], np.ndarray]
 
 
@@ -29,13 +30,17 @@ class TooManyCalls(RopeodeError):
     """A step asked for more slopes than it was to."""
 
 
+class NotReadable(Exception):
+    """A step is no method of the kind that is tried; says why, after "it"."""
+
+
 class Recording(NamedTuple):
     """What a run of a few steps asked for, and its result.
 
     Fields:
         times: of the calls, ``(calls,)``.
-        states: of the calls, ``(calls, *state)``.
-        result: the state at the end, ``(*state,)``.
+        states: of the calls, ``(calls, halves, numbers)``.
+        result: the state at the end, ``(halves, numbers)``.
     """
 
     times: np.ndarray
@@ -46,31 +51,46 @@ class Recording(NamedTuple):
 class RecordedStep:
     """A stepper on an equation whose right-hand side is written as it runs.
 
+    Its states are ``(halves, numbers)``: those numbers that the problem lets move. Positions and
+    velocities are two halves, any other state is one.
+
     Arguments:
         stepper: whose steps are watched.
-        shape: of the state; ``(2, nodes, dim)`` for a mechanical one.
+        start: a state as the stepper sees it, ``(2, nodes, dim)`` for a mechanical one.
+        free: which positions can move, ``(nodes, dim)``; of another state, which numbers can.
         mechanical: whether the stepper is to see positions and velocities.
         args: what its functions are handed last.
         in_jax: whether JAX compiles the step, which then calls back for each slope; else it runs
             in Python.
+        traces: whether parts of a step that runs in Python may be compiled, each time anew.
     """
 
     def __init__(
         self,
         stepper: Stepper,
-        shape: tuple[int, ...],
+        start: np.ndarray,
+        free: np.ndarray,
         *,
         mechanical: bool,
         args: Any,
         in_jax: bool,
+        traces: bool,
     ):
-        self.shape, self._mechanical, self._in_jax = shape, mechanical, in_jax
+        self.shape = (2 if mechanical else 1, int(np.sum(free)))
+        self._mechanical, self._free = mechanical, np.broadcast_to(free, start.shape)
+        self._held = np.where(self._free, 0.0, start)
         self._slope: Slope = lambda i, t, y: np.zeros_like(y)
         self._most_calls = 0
         self._times: list[float] = []
         self._states: list[np.ndarray] = []
         written = PythonRhs(self._called)
-        slope = written if in_jax else written.in_numpy
+
+        def slope(t: Any, y: Any, args: Any) -> Any:
+            if in_jax:
+                return written(t, y, args)
+            if isinstance(y, Tracer) and not traces:
+                raise TypeError("JAX compiles a part of the step")
+            return written.in_numpy(t, y, args)
 
         def rhs(t: Any, y: Any, args: Any) -> Any:
             if not isinstance(y, Phase):
@@ -99,8 +119,18 @@ class RecordedStep:
         if count >= self._most_calls:
             raise TooManyCalls(f"it asked for more than {self._most_calls} slopes")
         self._times.append(t)
-        self._states.append(y.copy())
-        return self._slope(count, t, y)
+        self._states.append(self._moving(y))
+        return self._whole(self._slope(count, t, self._states[-1]), np.zeros_like(y))
+
+    def _moving(self, y: np.ndarray) -> np.ndarray:
+        """The numbers that move."""
+        return y[self._free].reshape(self.shape)
+
+    def _whole(self, moving: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """A state or slope whose other numbers are those of `y`."""
+        whole = y.copy()
+        whole[self._free] = moving.reshape(-1)
+        return whole
 
     def run(
         self,
@@ -117,12 +147,13 @@ class RecordedStep:
         Arguments:
             slope: gives the slope at each call.
             t: time at the start.
-            y: state at the start, ``(*state,)``.
+            y: state at the start, ``(halves, numbers)``.
             dt: step size.
             steps: how many.
             most_calls: how many slopes it may ask for.
 
         Raises:
+            NotReadable: it moves what the problem holds.
             TooManyCalls: it asked for too many slopes.
             UserCodeError: the step raised.
         """
@@ -130,7 +161,7 @@ class RecordedStep:
         self._most_calls = most_calls
 
         def steps_taken() -> Any:
-            carried = self._init(t, np.array(y), dt)
+            carried = self._init(t, self._whole(y, self._held), dt)
             for i in range(steps):
                 carried = self._step(t + i * dt, carried, dt)
             return self._state(t + steps * dt, carried, dt)
@@ -139,8 +170,10 @@ class RecordedStep:
             result = call_user_code("step", on_user_clock, steps_taken)
             result = np.stack([np.asarray(half) for half in result]) if self._mechanical else result
             result = np.array(result, dtype=float)
+        if not np.array_equal(result[~self._free], self._held[~self._free]):
+            raise NotReadable("moves what the problem holds")
         states = np.array(self._states).reshape(len(self._states), *self.shape)
-        return Recording(np.array(self._times), states, result)
+        return Recording(np.array(self._times), states, self._moving(result))
 
 
 def _stacked(x: Any, v: Any) -> Any:

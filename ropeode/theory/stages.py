@@ -6,7 +6,7 @@ import abc
 import functools
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 Number = Fraction | float
 Row = tuple[Number, ...]
@@ -127,6 +127,11 @@ def _merged(row: Row, first: Sequence[int]) -> Row:
         if entry:
             added[first[j] if j < len(first) else j] += entry
     return tuple(added)
+
+
+def number(value: Any) -> Number:
+    """A coefficient: whole numbers, fractions and texts such as ``"1/6"`` are exact."""
+    return Fraction(value) if isinstance(value, int | str | Fraction) else float(value)
 
 
 def same(one: Number, other: Number) -> bool:

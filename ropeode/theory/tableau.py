@@ -12,7 +12,18 @@ import numpy as np
 
 from ropeode.theory.order_conditions import Method
 from ropeode.theory.rooted_trees import FIRST_ORDER, Tree, formula, trees_of_order
-from ropeode.theory.stages import Matrix, Number, Parts, Row, applied, dot, moduli, ones, same
+from ropeode.theory.stages import (
+    Matrix,
+    Number,
+    Parts,
+    Row,
+    applied,
+    dot,
+    moduli,
+    number,
+    ones,
+    same,
+)
 from ropeode.validation import bad_value
 
 # The equations of an implicit step are solved within as many iterations, or not at all; the last
@@ -91,9 +102,9 @@ class Tableau(Method):
             b: the weights.
             c: the times; the row sums of `a` by default.
         """
-        rows = tuple(tuple(map(_number, row)) + (Fraction(0),) * (len(b) - len(row)) for row in a)
-        times = tuple(map(_number, c)) if c is not None else tuple(_sum(row) for row in rows)
-        return cls(rows, tuple(map(_number, b)), times)
+        rows = tuple(tuple(map(number, row)) + (Fraction(0),) * (len(b) - len(row)) for row in a)
+        times = tuple(map(number, c)) if c is not None else tuple(_sum(row) for row in rows)
+        return cls(rows, tuple(map(number, b)), times)
 
     @property
     def parts(self) -> Parts:
@@ -217,10 +228,6 @@ class Tableau(Method):
             if self.explicit or np.max(np.abs(k - before)) <= _SOLVED * np.max(np.abs(k)):
                 return y + dt * np.tensordot(b, k, 1)
         return np.full_like(y, np.nan)
-
-
-def _number(value: Any) -> Number:
-    return Fraction(value) if isinstance(value, int | str | Fraction) else float(value)
 
 
 def _sum(row: Row) -> Number:

@@ -7,7 +7,6 @@ tableau must agree to the last digits.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -15,14 +14,15 @@ import numpy as np
 
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
+from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
 from ropeode.simulation.system import as_seen
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import BuiltIn, Stepper
-from ropeode.theory.explicit_reading import ExplicitReading, Iterates, NotASum, NotReadable
+from ropeode.theory.explicit_reading import ExplicitReading, Iterates, NotASum
 from ropeode.theory.implicit_reading import read_implicit
 from ropeode.theory.nystrom import NystromTableau
-from ropeode.theory.recorded_step import RecordedStep, TooManyCalls
+from ropeode.theory.recorded_step import NotReadable, RecordedStep, TooManyCalls
 from ropeode.theory.tableau import Tableau
 from ropeode.validation import shortly
 
@@ -88,11 +88,19 @@ def tableau_of(stepper: Any, problem: Problem | None = None) -> StepTableau:
     return StepTableau(None, reasons[0])
 
 
-@dataclasses.dataclass(frozen=True)
-class _Kind:
-    """What a step may be a method for: which state it has, and what is asked of it."""
+class _Kind(NamedTuple):
+    """What a step may be a method for.
 
-    shape: tuple[int, ...]
+    Fields:
+        start: a state as the stepper sees it.
+        free: which positions can move, or which numbers of another state.
+        args: what its functions are handed last.
+        mechanical: whether it sees positions and velocities.
+        second_order: whether positions and velocities may have their own coefficients.
+    """
+
+    start: np.ndarray
+    free: np.ndarray
     args: Any
     mechanical: bool
     second_order: bool
@@ -100,19 +108,26 @@ class _Kind:
 
 def _kinds(stepper: Stepper, problem: Problem | None) -> Iterator[_Kind]:
     any_ode = stepper.needs == "any ODE"
-    if problem is not None and problem.mechanics is None:
-        yield _Kind(problem.y0.shape, problem.args, False, False)
-        return
-    if problem is not None and problem.mechanics is not None:
-        args, mechanics = problem.args, problem.mechanics
-        shape = as_seen(problem.y0, mechanics, mechanics.node_axis == 1).shape
-    else:
-        shape, args = _NODES, None
+    if problem is None:
         if any_ode:
-            yield _Kind(_NUMBERS, None, False, False)
+            yield _plain(np.zeros(_NUMBERS), None)
+        start, free, args = np.zeros(_NODES), np.ones(_NODES[1:], dtype=bool), None
+    elif problem.mechanics is None:
+        yield _plain(problem.y0, problem.args)
+        return
+    else:
+        turned = problem.mechanics.node_axis == 1
+        start = np.stack(tuple(as_seen(problem.y0, problem.mechanics, turned)))
+        free, args = free_coordinates(problem), problem.args
+        free = free.T if turned else free
     if any_ode:
-        yield _Kind(shape, args, True, False)
-    yield _Kind(shape, args, True, True)
+        yield _Kind(start, free, args, True, False)
+    yield _Kind(start, free, args, True, True)
+
+
+def _plain(start: np.ndarray, args: Any) -> _Kind:
+    """A state that is no positions and velocities."""
+    return _Kind(start, np.ones(start.shape, dtype=bool), args, False, False)
 
 
 def _found(stepper: Stepper, kind: _Kind) -> Tableau | NystromTableau:
@@ -125,7 +140,13 @@ def _found(stepper: Stepper, kind: _Kind) -> Tableau | NystromTableau:
     errors: list[UserCodeError] = []
     for in_jax in ways:
         step = RecordedStep(
-            stepper, kind.shape, mechanical=kind.mechanical, args=kind.args, in_jax=in_jax
+            stepper,
+            kind.start,
+            kind.free,
+            mechanical=kind.mechanical,
+            args=kind.args,
+            in_jax=in_jax,
+            traces=stepper.compiled is False,
         )
         try:
             return _read(step, kind)
@@ -136,7 +157,7 @@ def _found(stepper: Stepper, kind: _Kind) -> Tableau | NystromTableau:
 
 def _read(step: RecordedStep, kind: _Kind) -> Tableau | NystromTableau:
     try:
-        reading = ExplicitReading(step, 2 if kind.second_order else 1)
+        reading = ExplicitReading(step, kind.second_order)
         reading.check()
         tableau = reading.nystrom() if kind.second_order else reading.runge_kutta()
     except NotASum as explicit:
@@ -158,15 +179,15 @@ def _check_nonlinear(step: RecordedStep, tableau: Tableau | NystromTableau) -> N
     Raises:
         NotReadable: they do not.
     """
-    random = np.random.default_rng(15)
-    size = int(np.prod(step.shape))
-    matrix = random.standard_normal((size, size)) / np.sqrt(size)
-    y, phase = random.standard_normal((2, size))
-    if isinstance(tableau, NystromTableau) and tableau.a is None:
-        matrix[:, size // 2 :] = 0.0
+    y, phase, *factors = np.random.default_rng(15).standard_normal((5, *step.shape))
 
     def waves(t: float, y: np.ndarray) -> np.ndarray:
-        return np.sin(matrix @ y.reshape(-1) + np.cos(0.7 * t + phase)).reshape(step.shape)
+        if isinstance(tableau, NystromTableau) and tableau.a is None:
+            y = y * [[1.0], [0.0]]
+        # Each number is moved by itself, by its neighbour, and by another half, if there is one.
+        moved = (y, np.roll(y, 1, axis=1), np.roll(y[::-1], 2, axis=1))
+        mixed = sum(factor * each for factor, each in zip(factors, moved, strict=True))
+        return np.sin(0.3 * mixed + np.cos(0.7 * t + phase))
 
     def slope(i: int, t: float, y: np.ndarray) -> np.ndarray:
         return waves(t, y) if isinstance(tableau, Tableau) else np.stack([y[1], waves(t, y)[1]])
@@ -179,9 +200,9 @@ def _check_nonlinear(step: RecordedStep, tableau: Tableau | NystromTableau) -> N
         )
 
     for t, dt in _NONLINEAR:
-        state = y.reshape(step.shape)
+        state = y
         for steps, what in ((1, "is nonlinear in the slopes"), (2, "carries memory")):
             state = taken(t + (steps - 1) * dt, state, dt)
-            found = step.run(slope, t, y.reshape(step.shape), dt, steps=steps).result
+            found = step.run(slope, t, y, dt, steps=steps).result
             if not np.max(np.abs(found - state)) <= _SAME * (1.0 + np.max(np.abs(state))):
                 raise NotReadable(what)

@@ -35,6 +35,10 @@ ORDERS = {
     "SSPRK3": 3,
     "RK4": 4,
     "the 3/8 rule": 4,
+    "Gill's method": 4,
+    "Fehlberg's method of order 4": 4,
+    "Fehlberg's method of order 5": 5,
+    "Cash and Karp's method of order 5": 5,
     "implicit Euler": 1,
     "the implicit midpoint rule": 2,
     "the implicit trapezoidal rule": 2,
@@ -51,6 +55,7 @@ ORDERS = {
     "velocity-verlet": 2,
     "position Verlet (drift, kick, drift)": 2,
     "Ruth's method of order 3": 3,
+    "Forest and Ruth's method of order 4": 4,
     "Nystrom's method of order 4": 4,
 }
 DIFFRAX = ["Heun", "Midpoint", "Ralston", "Bosh3", "Tsit5", "Dopri5", "Dopri8"]

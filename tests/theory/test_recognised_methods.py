@@ -17,6 +17,7 @@ from ropeode.theory.tableau_of_step import tableau_of
 from tests.theory.random_tableaus import coefficients
 
 RK4, HEUN, VERLET = EXPLICIT["RK4"], EXPLICIT["Heun's method"], SECOND_ORDER["velocity-verlet"]
+MUTATED = [each for each in EXPLICIT.items() if each[1].stages > 2 and each[1].rational]
 KNOWN = {**EXPLICIT, **IMPLICIT, **SECOND_ORDER}
 
 
@@ -108,8 +109,7 @@ def test_sentences(tableau, words):
 @settings(max_examples=40)
 @given(st.data())
 def test_a_changed_entry_is_named(data):
-    name = data.draw(st.sampled_from([name for name in EXPLICIT if EXPLICIT[name].stages > 2]))
-    known = EXPLICIT[name]
+    name, known = data.draw(st.sampled_from(MUTATED))
     i = data.draw(st.integers(1, known.stages))
     j = data.draw(st.integers(1, max(i - 1, 1)))
     place = data.draw(st.sampled_from([f"b{i}", *([f"a{i}{j}", f"c{i}"] if i > 1 else [])]))
@@ -126,6 +126,11 @@ def test_a_changed_entry_is_named(data):
         old = old[int(index) - 1]
     expected = (f"{place} = {value} in place of {old}",) if value != old else ()
     assert found.differences == expected or "all slopes taken at time t" in found.differences
+
+
+def test_an_order_that_is_not_the_declared_one_is_said():
+    assert describe(HEUN, declared=2) == "This is Heun's method; its order is 2."
+    assert describe(HEUN, declared=4) == "This is Heun's method; its order is 2 (declared: 4)."
 
 
 def test_a_step_with_a_slip_is_described():

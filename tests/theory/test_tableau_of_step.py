@@ -108,7 +108,6 @@ def test_own_steppers(stepper, known):
     assert found == known
 
 
-@pytest.mark.slow
 def test_loops_of_jax_are_watched_too():
     def euler_twice(rhs, t, y, dt, args):
         return jax.lax.fori_loop(
@@ -123,6 +122,25 @@ def test_on_a_problem(small_rope):
     verlet = SECOND_ORDER["velocity-verlet"]
     seen = dataclasses.replace(verlet, a=((F(0), F(0)),) * 2)
     assert tableau_of(step_of(seen), small_rope).tableau == seen
+
+
+def test_what_the_problem_holds_may_be_held_by_hand(small_rope):
+    """The pinned node is put back where it was; everything else is semi-implicit Euler."""
+
+    def held(acceleration, t, x, v, dt, args):
+        v_new = v + dt * acceleration(t, x, v, args)
+        x_new = x + dt * v_new
+        x_new[0], v_new[0] = x[0], 0.0
+        return x_new, v_new
+
+    found = tableau_of(held, small_rope).tableau
+    assert dataclasses.replace(found, a=None) == SECOND_ORDER["semi-implicit-euler"]
+
+    def dropped(acceleration, t, x, v, dt, args):
+        x, v = held(acceleration, t, x, v, dt, args)
+        return x - 0.01 * dt**2, v
+
+    assert tableau_of(dropped, small_rope).reason == "moves what the problem holds"
 
 
 def test_a_state_of_one_number_suffices():
