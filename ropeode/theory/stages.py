@@ -87,7 +87,7 @@ class Staged(abc.ABC):
             )
 
         for i in range(self.stages):
-            equals = (j for j in range(i) if first[j] == j and all(map(same, place(i), place(j))))
+            equals = (j for j in range(i) if all(map(same, place(i), place(j))))
             first.append(next(equals, i))
         return tuple(first)
 

@@ -81,9 +81,25 @@ def test_runge_kutta_methods_are_named_on_positions_and_velocities_too(name):
             "in the step.",
         ),
         (
+            Tableau.of([[], ["1/2"]], [1, 0]),
+            "This is explicit-euler; its order is 1. k2 is not used in the step.",
+        ),
+        (
             Tableau.of([[], ["3/4"]], ["1/3", "2/3"]),
             "This is an explicit Runge-Kutta method with 2 stages, none of the well-known ones; "
             "its order is 2.",
+        ),
+        (
+            dataclasses.replace(SECOND_ORDER["semi-implicit-euler"], q=(F(1, 4),)),
+            "This is an explicit Nystrom method with 1 stage, none of the well-known ones; its "
+            "order is 1, for forces that do not depend on the velocities.",
+        ),
+        (
+            dataclasses.replace(
+                SECOND_ORDER["semi-implicit Euler with the positions first"], c=(F(0),)
+            ),
+            "This is semi-implicit Euler with the positions first with all slopes taken at time t; "
+            "its order is 1, for forces that do not depend on the velocities.",
         ),
         (
             NystromTableau.of_tableau(changed(RK4, a43="1/2")),

@@ -82,6 +82,12 @@ def test_stages_without_effect_do_not_count(tableau):
     assert more.stages - 1 in more.unused
 
 
+def test_a_stage_without_effect_is_no_factor_of_the_stability_function():
+    tableau = Tableau.of([[1, 0], [0, "1/2"]], [1, 0])
+    assert tableau.stability_function == ((1,), (1, -1))
+    assert (tableau.unused, Tableau.of([[], [0]], [0, 1]).unused) == ((1,), (0,))
+
+
 def test_implicit_equations_without_a_solution_nearby_give_not_a_number():
     y = IMPLICIT["implicit Euler"].step(lambda t, y: -9.0 * y, 0.0, np.array([1.0]), 1.0)
     assert np.all(np.isnan(y))

@@ -199,6 +199,24 @@ def per_step(acceleration, t, x, v, dt, args):
     return x_new, (x_new - x) / dt
 
 
+def slow_drift(acceleration, t, x, v, dt, args):
+    return x + dt / 2 * v, v + dt * acceleration(t, x, v, args)
+
+
+def drawn_back(acceleration, t, x, v, dt, args):
+    return x + dt * v, v + dt * acceleration(t, x, v, args) - x / dt
+
+
+def first_component(rhs, t, y, dt, args):
+    new = y.copy()
+    new[0] = y[0] + dt * rhs(t, y, args)[0]
+    return new
+
+
+def late(rhs, t, y, dt, args):
+    return y + dt * rhs(t + dt**2, y, args)
+
+
 def own_forces(acceleration, t, x, v, dt, args):
     v = v - dt * 9.81
     return x + dt * v, v
@@ -245,6 +263,10 @@ def broken(rhs, t, y, dt, args):
         (counting, "hidden state"),
         (single, "up to a relative error of"),
         (per_step, "multiplies the velocities by 0.99995 in its result"),
+        (slow_drift, "the velocities on their way into the positions by 0.5"),
+        (drawn_back, "velocities from positions"),
+        (first_component, "not a sum"),
+        (late, "depend on the step size"),
         (own_forces, "asks for no slope"),
         (asleep, "small states"),
         (first_of_two, "not a sum"),
