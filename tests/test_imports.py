@@ -91,9 +91,9 @@ def run_python(code: str) -> str:
 
 @pytest.mark.parametrize("module", ["ropeode", "ropeode.cli.main", "ropeode.pytest_plugin"])
 def test_import_is_light(module):
-    heavy = "{'jax', 'diffrax', 'scipy', 'matplotlib', 'numpy', 'pydantic', 'rich'}"
+    heavy = "{'jax', 'diffrax', 'scipy', 'matplotlib', 'kauri', 'numpy', 'pydantic', 'rich'}"
     if module == "ropeode.cli.main":
-        heavy = "{'jax', 'diffrax', 'scipy', 'matplotlib'}"
+        heavy = "{'jax', 'diffrax', 'scipy', 'matplotlib', 'kauri'}"
     assert run_python(f"import sys, {module}; print({heavy} & set(sys.modules))") == "set()\n"
 
 

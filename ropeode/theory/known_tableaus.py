@@ -1,0 +1,176 @@
+"""Well-known methods by their tableaus."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from ropeode.theory.fractions_of_floats import as_fraction
+from ropeode.theory.nystrom import NystromTableau
+from ropeode.theory.stages import Row, number
+from ropeode.theory.tableau import Tableau
+
+
+def _rows(text: str) -> list[list[str]]:
+    """The rows of a matrix, with bars between them."""
+    return [row.split() for row in text.split("|")]
+
+
+def _method(rows: str, b: str) -> Tableau:
+    return Tableau.of(_rows(rows), b.split())
+
+
+# Hairer, Norsett, Wanner, Solving ODEs I, tables II.1.1, II.1.2 and (II.1.3); Ralston, Math. Comp.
+# 16 (1962); Shu, Osher, J. Comput. Phys. 77 (1988); Bogacki, Shampine, Appl. Math. Lett. 2 (1989);
+# Kutta, Z. Math. Phys. 46 (1901); Gill, Proc. Camb. Phil. Soc. 47 (1951); Fehlberg, Computing 6
+# (1970); Cash, Karp, ACM Trans. Math. Softw. 16 (1990).
+_ROOT2 = np.sqrt(2.0)
+EXPLICIT: dict[str, Tableau] = {
+    "explicit-euler": _method("0", "1"),
+    "the explicit midpoint method": _method("0 | 1/2", "0 1"),
+    "Heun's method": _method("0 | 1", "1/2 1/2"),
+    "Ralston's method of order 2": _method("0 | 2/3", "1/4 3/4"),
+    "Kutta's method of order 3": _method("0 | 1/2 | -1 2", "1/6 2/3 1/6"),
+    "Heun's method of order 3": _method("0 | 1/3 | 0 2/3", "1/4 0 3/4"),
+    "Ralston's method of order 3 (also Bogacki and Shampine's)": _method(
+        "0 | 1/2 | 0 3/4", "2/9 1/3 4/9"
+    ),
+    "SSPRK3": _method("0 | 1 | 1/4 1/4", "1/6 1/6 2/3"),
+    "RK4": _method("0 | 1/2 | 0 1/2 | 0 0 1", "1/6 1/3 1/3 1/6"),
+    "the 3/8 rule": _method("0 | 1/3 | -1/3 1 | 1 -1 1", "1/8 3/8 3/8 1/8"),
+    "Gill's method": Tableau.of(
+        [[], ["1/2"], [_ROOT2 / 2 - 0.5, 1.0 - _ROOT2 / 2], [0, -_ROOT2 / 2, 1.0 + _ROOT2 / 2]],
+        ["1/6", (2.0 - _ROOT2) / 6.0, (2.0 + _ROOT2) / 6.0, "1/6"],
+        [0, "1/2", "1/2", 1],
+    ),
+    "Fehlberg's method of order 4": _method(
+        "0 | 1/4 | 3/32 9/32 | 1932/2197 -7200/2197 7296/2197 | 439/216 -8 3680/513 -845/4104",
+        "25/216 0 1408/2565 2197/4104 -1/5",
+    ),
+    "Fehlberg's method of order 5": _method(
+        "0 | 1/4 | 3/32 9/32 | 1932/2197 -7200/2197 7296/2197 | 439/216 -8 3680/513 -845/4104 | "
+        "-8/27 2 -3544/2565 1859/4104 -11/40",
+        "16/135 0 6656/12825 28561/56430 -9/50 2/55",
+    ),
+    "Cash and Karp's method of order 5": _method(
+        "0 | 1/5 | 3/40 9/40 | 3/10 -9/10 6/5 | -11/54 5/2 -70/27 35/27 | "
+        "1631/55296 175/512 575/13824 44275/110592 253/4096",
+        "37/378 0 250/621 125/594 0 512/1771",
+    ),
+}
+
+# Hairer, Wanner, Solving ODEs II, sections IV.3 and IV.5; Alexander, SIAM J. Numer. Anal. 14
+# (1977).
+_ROOT3, _ROOT6 = np.sqrt(3.0), np.sqrt(6.0)
+_GAMMA = 1.0 - np.sqrt(0.5)
+IMPLICIT: dict[str, Tableau] = {
+    "implicit Euler": _method("1", "1"),
+    "the implicit midpoint rule": _method("1/2", "1"),
+    "the implicit trapezoidal rule": _method("0 0 | 1/2 1/2", "1/2 1/2"),
+    "Alexander's SDIRK2": Tableau.of([[_GAMMA], [1.0 - _GAMMA, _GAMMA]], [1.0 - _GAMMA, _GAMMA]),
+    "the Gauss method of order 4": Tableau.of(
+        [[Fraction(1, 4), 0.25 - _ROOT3 / 6.0], [0.25 + _ROOT3 / 6.0, Fraction(1, 4)]],
+        ["1/2", "1/2"],
+    ),
+    "Radau IA of order 3": _method("1/4 -1/4 | 1/4 5/12", "1/4 3/4"),
+    "Radau IIA of order 3": _method("5/12 -1/12 | 3/4 1/4", "3/4 1/4"),
+    "Radau IIA of order 5": Tableau.of(
+        [
+            [(88 - 7 * _ROOT6) / 360, (296 - 169 * _ROOT6) / 1800, (-2 + 3 * _ROOT6) / 225],
+            [(296 + 169 * _ROOT6) / 1800, (88 + 7 * _ROOT6) / 360, (-2 - 3 * _ROOT6) / 225],
+            [(16 - _ROOT6) / 36, (16 + _ROOT6) / 36, Fraction(1, 9)],
+        ],
+        [(16 - _ROOT6) / 36, (16 + _ROOT6) / 36, Fraction(1, 9)],
+    ),
+    "Lobatto IIIA of order 4": _method("0 0 0 | 5/24 1/3 -1/24 | 1/6 2/3 1/6", "1/6 2/3 1/6"),
+    "Lobatto IIIC of order 2": _method("1/2 -1/2 | 1/2 1/2", "1/2 1/2"),
+}
+
+
+def _kicks_and_drifts(drifts: Sequence[Any], kicks: Sequence[Any]) -> NystromTableau:
+    """Drifts ``x += d dt v`` and kicks ``v += k dt a(x)`` in turn, a drift first.
+
+    The force is one of positions. Drifts may be 0.
+    """
+    x, v = tuple(map(number, drifts)), tuple(map(number, kicks))
+    stages = len(v)
+    times = tuple(sum(x[: i + 1], Fraction(0)) for i in range(stages))
+    p = tuple(
+        tuple(v[j] * (times[i] - times[j]) if j < i else Fraction(0) for j in range(stages))
+        for i in range(stages)
+    )
+    q = tuple(v[j] * (1 - times[j]) for j in range(stages))
+    return NystromTableau(p=p, q=q, a=None, b=v, c=times, d=times)
+
+
+# Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.9), (I.1.17), section VI.3; Ruth,
+# IEEE Trans. Nucl. Sci. 30 (1983); Forest, Ruth, Physica D 43 (1990); Hairer, Norsett, Wanner,
+# Solving ODEs I, table II.14.2.
+_THETA = 1.0 / (2.0 - 2.0 ** (1 / 3))
+SECOND_ORDER: dict[str, NystromTableau] = {
+    "semi-implicit-euler": _kicks_and_drifts([0, 1], [1]),
+    "semi-implicit Euler with the positions first": _kicks_and_drifts([1], [1]),
+    "the Taylor step x += dt v + dt^2/2 a, v += dt a": NystromTableau(
+        p=((Fraction(0),),),
+        q=(Fraction(1, 2),),
+        a=None,
+        b=(Fraction(1),),
+        c=(Fraction(0),),
+        d=(Fraction(0),),
+    ),
+    "velocity-verlet": _kicks_and_drifts([0, 1], ["1/2", "1/2"]),
+    "position Verlet (drift, kick, drift)": _kicks_and_drifts(["1/2", "1/2"], [1]),
+    "Ruth's method of order 3": _kicks_and_drifts([1, "-2/3", "2/3"], ["-1/24", "3/4", "7/24"]),
+    "Forest and Ruth's method of order 4": _kicks_and_drifts(
+        [_THETA / 2, 0.5 - _THETA / 2, 0.5 - _THETA / 2, _THETA / 2],
+        [_THETA, 1.0 - 2.0 * _THETA, _THETA],
+    ),
+    "Nystrom's method of order 4": NystromTableau(
+        p=_method("0 | 1/8 | 0 1/2", "0 0 0").a,
+        q=(Fraction(1, 6), Fraction(1, 3), Fraction(0)),
+        a=None,
+        b=(Fraction(1, 6), Fraction(2, 3), Fraction(1, 6)),
+        c=(Fraction(0), Fraction(1, 2), Fraction(1)),
+        d=(Fraction(0), Fraction(1, 2), Fraction(1)),
+    ),
+}
+
+
+def published(stages: int) -> dict[str, Tableau]:
+    """Explicit methods with so many stages that libraries have, without stages of no effect."""
+    return {name: each for name, each in _published().items() if each.stages == stages}
+
+
+@functools.cache
+def _published() -> dict[str, Tableau]:
+    # They take a second to import.
+    import diffrax
+    from scipy import integrate
+
+    of_scipy: list[tuple[str, Any]] = [
+        ("Dormand and Prince's method of order 5", integrate.RK45),
+        ("Dormand and Prince's method of order 8 (DOP853)", integrate.DOP853),
+    ]
+    of_diffrax: list[tuple[str, Any]] = [
+        ("Tsitouras' method of order 5", diffrax.Tsit5),
+        ("Prince and Dormand's method of order 8 (Dopri8)", diffrax.Dopri8),
+    ]
+    found = {
+        name: (each.A[: each.n_stages, : each.n_stages], each.B, each.C[: each.n_stages])
+        for name, each in of_scipy
+    }
+    for name, each in of_diffrax:
+        tableau = each.tableau
+        found[name] = ([[], *tableau.a_lower], tableau.b_sol, [0.0, *tableau.c])
+    return {name: _in_fractions(*each).reduced for name, each in found.items()}
+
+
+def _in_fractions(a: Any, b: Any, c: Any) -> Tableau:
+    def row(numbers: Any) -> Row:
+        return tuple(as_fraction(float(number)) for number in numbers)
+
+    return Tableau.of([row(each) for each in a], row(b), row(c))

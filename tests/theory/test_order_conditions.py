@@ -1,0 +1,226 @@
+"""Order conditions, held against published values, kauri's own, and errors that are measured."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from fractions import Fraction
+
+import diffrax
+import kauri
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from ropeode.errors import InputError
+from ropeode.theory import rooted_trees
+from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
+from ropeode.theory.nystrom import NystromTableau
+from ropeode.theory.recognised_methods import describe
+from ropeode.theory.rooted_trees import FIRST_ORDER, Tree, formula, trees_of_order
+from ropeode.theory.tableau import Tableau
+from tests.theory.random_tableaus import explicit_tableaus
+
+RK4, HEUN = EXPLICIT["RK4"], EXPLICIT["Heun's method"]
+VERLET = SECOND_ORDER["velocity-verlet"]
+ORDERS = {
+    "explicit-euler": 1,
+    "the explicit midpoint method": 2,
+    "Heun's method": 2,
+    "Ralston's method of order 2": 2,
+    "Kutta's method of order 3": 3,
+    "Heun's method of order 3": 3,
+    "Ralston's method of order 3 (also Bogacki and Shampine's)": 3,
+    "SSPRK3": 3,
+    "RK4": 4,
+    "the 3/8 rule": 4,
+    "Gill's method": 4,
+    "Fehlberg's method of order 4": 4,
+    "Fehlberg's method of order 5": 5,
+    "Cash and Karp's method of order 5": 5,
+    "implicit Euler": 1,
+    "the implicit midpoint rule": 2,
+    "the implicit trapezoidal rule": 2,
+    "Alexander's SDIRK2": 2,
+    "the Gauss method of order 4": 4,
+    "Radau IA of order 3": 3,
+    "Radau IIA of order 3": 3,
+    "Radau IIA of order 5": 5,
+    "Lobatto IIIA of order 4": 4,
+    "Lobatto IIIC of order 2": 2,
+    "semi-implicit-euler": 1,
+    "semi-implicit Euler with the positions first": 1,
+    "the Taylor step x += dt v + dt^2/2 a, v += dt a": 1,
+    "velocity-verlet": 2,
+    "position Verlet (drift, kick, drift)": 2,
+    "Ruth's method of order 3": 3,
+    "Forest and Ruth's method of order 4": 4,
+    "Nystrom's method of order 4": 4,
+}
+DIFFRAX = ["Heun", "Midpoint", "Ralston", "Bosh3", "Tsit5", "Dopri5", "Dopri8"]
+
+
+def of_diffrax(name):
+    own = getattr(diffrax, name).tableau
+    return Tableau.of([[], *own.a_lower], own.b_sol, [0.0, *own.c])
+
+
+def test_trees_are_as_many_as_there_are():
+    # OEIS A000081, and A000151 for two colours of which one is that of leaves: by hand to order 3.
+    assert [len(trees_of_order(p, {"y": ("y",)}, "y")) for p in range(1, 9)] == [
+        1,
+        1,
+        2,
+        4,
+        9,
+        20,
+        48,
+        115,
+    ]
+    assert [len(trees_of_order(p, FIRST_ORDER, "y")) for p in (1, 2, 3)] == [1, 2, 5]
+
+
+def test_density_and_symmetry_are_kauris():
+    for order in range(1, 8):
+        shapes = kauri.trees_of_order(order)
+        for tree, other in zip(trees_of_order(order, {"y": ("y",)}, "y"), shapes, strict=True):
+            assert (tree.density, tree.symmetry) == (other.factorial(), other.sigma())
+
+
+def test_conditions_are_written_as_in_books():
+    leaf = Tree("y")
+    assert formula(leaf) == "Σ b_i = 1"
+    assert formula(Tree("y", (leaf, leaf))) == "Σ b_i c_i^2 = 1/3"
+    bushy = Tree("y", (leaf, Tree("y", (leaf,))))
+    assert formula(bushy) == "Σ b_i c_i a_ij c_j = 1/8"
+    assert bushy.name == "[τ[τ]]"
+    late = dataclasses.replace(RK4, c=(Fraction(0),) * 4)
+    assert late.condition(Tree("y", (Tree("t"), leaf))) == "Σ b_i r_i c_i = 1/3"
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_orders_of_well_known_methods(name):
+    assert {**EXPLICIT, **IMPLICIT, **SECOND_ORDER}[name].order == ORDERS[name]
+
+
+def test_every_well_known_method_is_tested():
+    assert set(ORDERS) == {*EXPLICIT, *IMPLICIT, *SECOND_ORDER}
+
+
+@pytest.mark.parametrize("name", DIFFRAX)
+def test_orders_are_those_that_diffrax_declares(name):
+    solver = getattr(diffrax, name)()
+    assert of_diffrax(name).order == solver.order(diffrax.ODETerm(lambda t, y, args: y))
+
+
+@settings(max_examples=15)
+@given(explicit_tableaus())
+def test_order_is_kauris(tableau):
+    own = kauri.RK([list(row) for row in tableau.a], list(tableau.b))
+    assert tableau.order_without_time == own.order()
+
+
+def test_times_that_are_not_row_sums_cost_order_only_where_time_counts():
+    late = dataclasses.replace(RK4, c=(Fraction(0),) * 4)
+    assert (late.order, late.order_without_time) == (1, 4)
+    # Order 2 in time needs the sum of b_i c_i alone.
+    half = dataclasses.replace(RK4, c=(Fraction(1, 2),) * 4)
+    assert (half.order, half.order_without_time) == (2, 4)
+
+
+def observed_order(step, exact, size):
+    """From the errors of one step and of one half as long, less one."""
+    long, short = (np.max(np.abs(step(dt) - exact(dt))) for dt in (size, size / 2))
+    return math.log2(long / short) - 1
+
+
+@pytest.mark.parametrize("name", [*EXPLICIT, *IMPLICIT])
+def test_order_is_that_of_errors_on_an_equation_that_depends_on_time(name):
+    tableau = {**EXPLICIT, **IMPLICIT}[name]
+
+    def f(t, y):
+        return -2.0 * t * y**2  # y = 1/(1 + t^2)
+
+    start = 0.4
+    y = np.array([1.0 / (1.0 + start**2)])
+    order = observed_order(
+        lambda dt: tableau.step(f, start, y, dt),
+        lambda dt: 1.0 / (1.0 + (start + dt) ** 2),
+        0.02,
+    )
+    assert order == pytest.approx(ORDERS[name], abs=0.25)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.5])
+@pytest.mark.parametrize("name", SECOND_ORDER)
+def test_order_of_second_order_methods_is_that_of_errors(name, damping):
+    """On x'' = -x - r v, with the velocities that velocity Verlet's users hand to their forces."""
+    tableau = SECOND_ORDER[name]
+    if damping:
+        lagged = (tuple(Fraction(0) for _ in tableau.b),) * tableau.stages
+        tableau = dataclasses.replace(tableau, a=lagged)
+    matrix = np.array([[0.0, 1.0], [-1.0, -damping]])
+    values, vectors = np.linalg.eig(matrix)
+
+    def exact(dt):
+        flow = vectors @ np.diag(np.exp(values * dt)) @ np.linalg.inv(vectors)
+        return flow.real @ [0.7, 0.4]
+
+    def step(dt):
+        force = lambda t, x, v: -x - damping * v  # noqa: E731
+        return np.array(tableau.step(force, 0.0, np.array(0.7), np.array(0.4), dt))
+
+    # The linear force hides some conditions, but never those of the first error of these methods.
+    assert observed_order(step, exact, 0.02) == pytest.approx(tableau.order, abs=0.1)
+
+
+@pytest.mark.parametrize("name", EXPLICIT)
+def test_runge_kutta_methods_keep_their_order_on_second_order_problems(name):
+    own = NystromTableau.of_tableau(EXPLICIT[name])
+    assert own.order == own.order_without_velocities == ORDERS[name]
+
+
+def elementary_differential(tree):
+    """Of y' = y^2 at y = 1, where f = 1, f' = 2, f'' = 2, f''' = 0."""
+    own = (1, 2, 2, 0, 0, 0)[len(tree.branches)]
+    return own * math.prod(map(elementary_differential, tree.branches))
+
+
+@pytest.mark.parametrize(
+    "tableau", [HEUN, EXPLICIT["SSPRK3"], RK4, IMPLICIT["Radau IIA of order 3"]]
+)
+def test_error_coefficients_predict_the_local_error(tableau):
+    predicted = sum(
+        each.coefficient * elementary_differential(each.tree) for each in tableau.error_coefficients
+    )
+
+    def measured(dt):
+        error = tableau.step(lambda t, y: y**2, 0.0, np.array([1.0]), dt)[0] - 1.0 / (1.0 - dt)
+        return error / dt ** (tableau.order + 1)
+
+    # Extrapolated once: what is left is of second order in dt.
+    extrapolated = 2.0 * measured(0.005) - measured(0.01)
+    assert extrapolated == pytest.approx(float(predicted), rel=2e-2)
+
+
+def test_principal_error_norms_are_the_published_ones():
+    # Dormand and Prince, J. Comput. Appl. Math. 6 (1980), give 0.399e-3 for RK5(4)7M.
+    assert of_diffrax("Dopri5").principal_error_norm == pytest.approx(3.99e-4, rel=1e-3)
+    assert RK4.principal_error_norm == pytest.approx(1.45e-2, rel=1e-3)
+
+
+def test_velocities_cost_verlet_an_order():
+    lagged = dataclasses.replace(VERLET, a=((Fraction(0),) * 2,) * 2)
+    assert (lagged.order, lagged.order_without_velocities) == (1, 2)
+    predicted = dataclasses.replace(VERLET, a=((Fraction(0),) * 2, (Fraction(1), Fraction(0))))
+    assert predicted.order == 2
+
+
+def test_without_kauri_one_line_says_what_to_install(monkeypatch):
+    rooted_trees._shapes.cache_clear()
+    monkeypatch.setitem(sys.modules, "kauri", None)
+    fresh = dataclasses.replace(RK4)
+    with pytest.raises(InputError, match=r"order conditions only with .*\[theory\]"):
+        fresh.order  # noqa: B018
+    assert describe(fresh) == "This is RK4."

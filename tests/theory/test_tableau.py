@@ -1,0 +1,93 @@
+"""What a tableau says about a Runge-Kutta method apart from its order."""
+
+from __future__ import annotations
+
+from fractions import Fraction as F
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from ropeode.errors import InputError
+from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT
+from ropeode.theory.tableau import Tableau
+from tests.theory.random_tableaus import explicit_tableaus
+
+RK4 = EXPLICIT["RK4"]
+
+
+def test_rows_must_fit():
+    with pytest.raises(InputError, match="rows of 1 entries, 2 weights"):
+        Tableau(((F(0),),), (F(1), F(1)), (F(0), F(0)))
+
+
+@pytest.mark.parametrize(
+    ("name", "assumptions"),
+    [
+        # Hairer, Wanner, Solving ODEs II, table IV.5.13.
+        ("the Gauss method of order 4", (4, 2, 2)),
+        ("Radau IA of order 3", (3, 1, 2)),
+        ("Radau IIA of order 3", (3, 2, 1)),
+        ("Radau IIA of order 5", (5, 3, 2)),
+        ("Lobatto IIIA of order 4", (4, 3, 1)),
+        ("Lobatto IIIC of order 2", (2, 1, 1)),
+    ],
+)
+def test_simplifying_assumptions(name, assumptions):
+    assert IMPLICIT[name].simplifying_assumptions == assumptions
+
+
+@pytest.mark.parametrize(
+    ("name", "above", "below"),
+    [
+        # Hairer, Wanner, Solving ODEs II, table IV.3.1 of Pade approximations to exp(z).
+        ("implicit Euler", [1], [1, -1]),
+        ("the implicit trapezoidal rule", [1, F(1, 2)], [1, -F(1, 2)]),
+        ("Radau IIA of order 3", [1, F(1, 3)], [1, -F(2, 3), F(1, 6)]),
+        ("Lobatto IIIA of order 4", [1, F(1, 2), F(1, 12)], [1, -F(1, 2), F(1, 12)]),
+        ("Lobatto IIIC of order 2", [1], [1, -1, F(1, 2)]),
+    ],
+)
+def test_stability_functions_are_exact(name, above, below):
+    assert IMPLICIT[name].stability_function == (tuple(above), tuple(below))
+
+
+def test_stability_polynomial_of_rk4():
+    assert RK4.stability_function == ((1, 1, F(1, 2), F(1, 6), F(1, 24)), (1,))
+    assert abs(RK4.stability_function(-2.785293563405282)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", [*EXPLICIT, *IMPLICIT])
+def test_stability_function_is_what_a_step_does(name):
+    tableau = {**EXPLICIT, **IMPLICIT}[name]
+    eigenvalue = np.array(-0.4 + 0.9j)
+    # Real and imaginary part as a state of two components.
+    matrix = np.array([[eigenvalue.real, -eigenvalue.imag], [eigenvalue.imag, eigenvalue.real]])
+    x, y = tableau.step(lambda t, y: matrix @ y, 0.0, np.array([1.0, 0.0]), 0.5)
+    assert x + 1j * y == pytest.approx(complex(tableau.stability_function(0.5 * eigenvalue)))
+
+
+@settings(max_examples=15)
+@given(explicit_tableaus())
+def test_stages_without_effect_do_not_count(tableau):
+    """A copy of the first stage, and a stage that nothing needs: the reduced method is the same."""
+    zero = (F(0),)
+    half = tableau.b[0] / 2
+    more = Tableau(
+        tuple(row + zero + zero for row in (*tableau.a, tableau.a[0], tableau.b)),
+        (half, *tableau.b[1:], half, F(0)),
+        (*tableau.c, tableau.c[0], F(1)),
+    )
+    assert more.reduced == tableau.reduced
+    assert more.stages - 1 in more.unused
+
+
+def test_a_stage_without_effect_is_no_factor_of_the_stability_function():
+    tableau = Tableau.of([[1, 0], [0, "1/2"]], [1, 0])
+    assert tableau.stability_function == ((1,), (1, -1))
+    assert (tableau.unused, Tableau.of([[], [0]], [0, 1]).unused) == ((1,), (0,))
+
+
+def test_implicit_equations_without_a_solution_nearby_give_not_a_number():
+    y = IMPLICIT["implicit Euler"].step(lambda t, y: -9.0 * y, 0.0, np.array([1.0]), 1.0)
+    assert np.all(np.isnan(y))

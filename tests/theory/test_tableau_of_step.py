@@ -1,0 +1,311 @@
+"""Tableaus that are found by watching a step."""
+
+from __future__ import annotations
+
+import dataclasses
+from fractions import Fraction as F
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from scipy import integrate
+
+from ropeode.errors import InputError
+from ropeode.problems.problem import Problem
+from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
+from ropeode.theory.stages import same
+from ropeode.theory.tableau import Tableau
+from ropeode.theory.tableau_of_step import tableau_of
+from tests.theory.random_tableaus import explicit_tableaus, nystrom_tableaus, step_of
+
+RK4 = EXPLICIT["RK4"]
+
+
+def equal(one, other):
+    return all(
+        map(same, [*sum(one.a, ()), *one.b, *one.c], [*sum(other.a, ()), *other.b, *other.c])
+    )
+
+
+@settings(max_examples=25)
+@given(explicit_tableaus())
+def test_every_explicit_method_is_found_exactly(tableau):
+    assert tableau_of(step_of(tableau)) == (tableau, "")
+
+
+@settings(max_examples=20)
+@given(nystrom_tableaus())
+def test_every_method_for_positions_and_velocities_is_found_exactly(tableau):
+    assert tableau_of(step_of(tableau)) == (tableau, "")
+
+
+@pytest.mark.parametrize("name", [name for name in IMPLICIT if "IIIA" not in name])
+def test_implicit_methods_are_found(name):
+    """The equations are solved by iterations until nothing changes."""
+    found = tableau_of(step_of(IMPLICIT[name]))
+    assert found.tableau is not None, found.reason
+    assert equal(found.tableau, IMPLICIT[name])
+
+
+def test_a_few_iterations_of_an_implicit_method_are_an_explicit_one():
+    def midpoint(rhs, t, y, dt, args):
+        new = y
+        for _ in range(3):
+            new = y + dt * rhs(t + dt / 2, (y + new) / 2, args)
+        return new
+
+    tableau = tableau_of(midpoint).tableau
+    assert tableau.explicit
+    assert tableau.order == 2
+    assert tableau.b == (0, 0, 1)
+
+
+@pytest.mark.parametrize("name", ["RK23", "RK45", "DOP853"])
+def test_scipys_tableaus(name):
+    method, found = getattr(integrate, name), tableau_of(f"scipy:{name}").tableau
+    own = Tableau.of(
+        method.A[: method.n_stages, : method.n_stages], method.B, method.C[: method.n_stages]
+    )
+    assert equal(found.reduced, own.reduced)
+
+
+DIFFRAX = ["Heun", "Midpoint", "Ralston", "Tsit5", "Dopri5", "Dopri8"]
+
+
+@pytest.mark.parametrize(
+    "name", ["Bosh3", *(pytest.param(name, marks=pytest.mark.slow) for name in DIFFRAX)]
+)
+def test_diffraxs_tableaus_from_their_compiled_steps(name):
+    own = getattr(diffrax, name).tableau
+    published = Tableau.of([[], *own.a_lower], own.b_sol, [0.0, *own.c])
+    found = tableau_of(f"diffrax:{name}").tableau
+    assert equal(found.reduced, published.reduced)
+
+
+@pytest.mark.slow
+def test_implicit_steps_that_jax_compiles():
+    assert tableau_of("diffrax:ImplicitEuler").tableau == IMPLICIT["implicit Euler"]
+    assert tableau_of("diffrax:Kvaerno3").reason.startswith("iterates")
+
+
+@pytest.mark.parametrize(
+    ("stepper", "known"),
+    [
+        ("explicit-euler", EXPLICIT["explicit-euler"]),
+        ("rk4", RK4),
+        ("semi-implicit-euler", SECOND_ORDER["semi-implicit-euler"]),
+        ("velocity-verlet", SECOND_ORDER["velocity-verlet"]),
+        ("stormer-verlet", SECOND_ORDER["velocity-verlet"]),
+    ],
+)
+def test_own_steppers(stepper, known):
+    found = tableau_of(stepper).tableau.reduced
+    if found.parts != known.parts:
+        found = dataclasses.replace(found, a=None)
+    assert found == known
+
+
+def test_loops_of_jax_are_watched_too():
+    def euler_twice(rhs, t, y, dt, args):
+        return jax.lax.fori_loop(
+            0, 2, lambda i, y: y + dt / 2 * rhs(t + i * dt / 2, y, args), jnp.asarray(y)
+        )
+
+    assert tableau_of(euler_twice).tableau == Tableau.of([[], ["1/2"]], ["1/2", "1/2"])
+
+
+def test_on_a_problem(small_rope):
+    assert tableau_of(step_of(RK4), small_rope).tableau == RK4
+    verlet = SECOND_ORDER["velocity-verlet"]
+    seen = dataclasses.replace(verlet, a=((F(0), F(0)),) * 2)
+    assert tableau_of(step_of(seen), small_rope).tableau == seen
+
+
+def test_what_the_problem_holds_may_be_held_by_hand(small_rope):
+    """The pinned node is put back where it was; everything else is semi-implicit Euler."""
+
+    def held(acceleration, t, x, v, dt, args):
+        v_new = v + dt * acceleration(t, x, v, args)
+        x_new = x + dt * v_new
+        x_new[0], v_new[0] = x[0], 0.0
+        return x_new, v_new
+
+    found = tableau_of(held, small_rope).tableau
+    assert dataclasses.replace(found, a=None) == SECOND_ORDER["semi-implicit-euler"]
+
+    def dropped(acceleration, t, x, v, dt, args):
+        x, v = held(acceleration, t, x, v, dt, args)
+        return x - 0.01 * dt**2, v
+
+    assert tableau_of(dropped, small_rope).reason == "moves what the problem holds"
+
+
+def test_a_state_of_one_number_suffices():
+    problem = Problem(lambda t, y, args: -y, np.array([1.0]), np.arange(3.0))
+    assert tableau_of(step_of(RK4), problem).tableau == RK4
+
+
+def test_a_state_that_is_a_tree():
+    problem = Problem(
+        lambda t, y, args: {"a": -y["a"], "b": y["b"]},
+        {"a": np.array(1.0), "b": np.arange(3.0)},
+        np.arange(3.0),
+    )
+
+    def heun(rhs, t, y, dt, args):
+        k1 = rhs(t, y, args)
+        k2 = rhs(t + dt, {key: y[key] + dt * k1[key] for key in y}, args)
+        return {key: y[key] + dt / 2 * (k1[key] + k2[key]) for key in y}
+
+    assert tableau_of(heun, problem).tableau == EXPLICIT["Heun's method"]
+
+
+def test_positions_and_velocities_apart_with_a_right_hand_side():
+    def semi_implicit(rhs, t, y, dt, args):
+        x, v = y
+        v = v + dt * rhs(t, y, args)[1]
+        return np.stack([x + dt * v, v])
+
+    found = tableau_of(semi_implicit).tableau
+    assert dataclasses.replace(found, a=None) == SECOND_ORDER["semi-implicit-euler"]
+
+
+def euler(rhs, t, y, dt, args):
+    return y + dt * rhs(t, y, args)
+
+
+def moved(change):
+    """Explicit Euler with something done to its result."""
+    return lambda rhs, t, y, dt, args: change(euler(rhs, t, y, dt, args), y, t, dt)
+
+
+calls = []
+
+
+def counting(rhs, t, y, dt, args):
+    calls.append(t)
+    return y + dt * (1.0 + 1e-9 * len(calls)) * rhs(t, y, args)
+
+
+def single(rhs, t, y, dt, args):
+    return y + dt * rhs(t, y, args).astype(np.float32).astype(np.float64)
+
+
+def per_step(acceleration, t, x, v, dt, args):
+    x_new = x + (1 - 5e-5) * v * dt + dt**2 * acceleration(t, x, v, args)
+    return x_new, (x_new - x) / dt
+
+
+def slow_drift(acceleration, t, x, v, dt, args):
+    return x + dt / 2 * v, v + dt * acceleration(t, x, v, args)
+
+
+def drawn_back(acceleration, t, x, v, dt, args):
+    return x + dt * v, v + dt * acceleration(t, x, v, args) - x / dt
+
+
+def first_component(rhs, t, y, dt, args):
+    new = y.copy()
+    new[0] = y[0] + dt * rhs(t, y, args)[0]
+    return new
+
+
+def late(rhs, t, y, dt, args):
+    return y + dt * rhs(t + dt**2, y, args)
+
+
+def own_forces(acceleration, t, x, v, dt, args):
+    v = v - dt * 9.81
+    return x + dt * v, v
+
+
+def asleep(acceleration, t, x, v, dt, args):
+    v = v + dt * acceleration(t, x, v, args)
+    v = np.where(np.abs(v) < 1e-3, 0.0, v)
+    return x + dt * v, v
+
+
+def first_of_two(rhs, t, y, dt, args):
+    return np.where(np.arange(y.size).reshape(y.shape) == 1, y, euler(rhs, t, y, dt, args))
+
+
+def limited(rhs, t, y, dt, args):
+    k = rhs(t, y, args)
+    return y + dt * k / (1.0 + 1e-9 * np.abs(k))
+
+
+def adaptive(rhs, t, y, dt, args):
+    k = rhs(t, y, args)
+    return y + dt * k if np.max(np.abs(rhs(t + dt, y + dt * k, args) - k)) < 1.0 else y
+
+
+def broken(rhs, t, y, dt, args):
+    raise ZeroDivisionError("division by zero")
+
+
+@pytest.mark.parametrize(
+    ("step", "reason"),
+    [
+        (moved(lambda new, y, t, dt: new + (new - y) * dt), "depend on the step size"),
+        (moved(lambda new, y, t, dt: new + (new - y) * (dt < 1e-5)), "depend on the step size"),
+        (moved(lambda new, y, t, dt: new + (new - y) * (t > 10)), "depend on the time"),
+        (moved(lambda new, y, t, dt: np.clip(new, -500, 500)), "large states"),
+        (moved(lambda new, y, t, dt: new - 5e-5 * y), "multiplies the state by 0.99995"),
+        (moved(lambda new, y, t, dt: new + 0.001), "not a sum"),
+        (moved(lambda new, y, t, dt: new / np.linalg.norm(new)), "not a sum"),
+        (moved(lambda new, y, t, dt: np.sort(new)), "not a sum"),
+        (moved(lambda new, y, t, dt: new * np.nan), "not-a-number"),
+        (moved(lambda new, y, t, dt: y + dt), "not a sum"),
+        (lambda rhs, t, y, dt, args: y, "asks for no slope"),
+        (counting, "hidden state"),
+        (single, "up to a relative error of"),
+        (per_step, "multiplies the velocities by 0.99995 in its result"),
+        (slow_drift, "the velocities on their way into the positions by 0.5"),
+        (drawn_back, "velocities from positions"),
+        (first_component, "not a sum"),
+        (late, "depend on the step size"),
+        (own_forces, "asks for no slope"),
+        (asleep, "small states"),
+        (first_of_two, "not a sum"),
+        (limited, "up to a relative error of"),
+        (adaptive, "small states"),
+        (broken, "ZeroDivisionError"),
+        ("stormer-verlet:start=rest", "multiplies the velocities"),
+        ("constraint-verlet", "nodes in a row"),
+        pytest.param("diffrax:LeapfrogMidpoint", "carries memory", marks=pytest.mark.slow),
+        pytest.param("diffrax:ReversibleHeun", "carries memory", marks=pytest.mark.slow),
+    ],
+)
+def test_what_is_no_method_has_no_tableau(step, reason):
+    found = tableau_of(step)
+    assert found.tableau is None
+    assert reason in found.reason
+
+
+def test_memory_between_steps_is_noticed():
+    """The second Adams-Bashforth method, started by a step of Euler's, from a class."""
+    from ropeode.steppers.base import Stepper
+
+    class AdamsBashforth(Stepper):
+        compiled = False
+
+        def init(self, system, t, y, dt):
+            return y, None
+
+        def step(self, system, t, carried, dt):
+            y, before = carried
+            k = system.rhs(t, y)
+            return y + dt * (k if before is None else 1.5 * k - 0.5 * before), k
+
+        def state(self, system, t, carried, dt):
+            return carried[0]
+
+    assert tableau_of(AdamsBashforth()).reason == "carries memory"
+
+
+def test_a_stepper_that_does_not_exist():
+    with pytest.raises(InputError, match="rk5"):
+        tableau_of("rk5")
