@@ -93,7 +93,7 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
     if abs(pace - 1.0) <= _EXPLAINED:
         return None
     if abs(pace) < _EXPLAINED:
-        return Diagnosis("equation", "at dt = 0 the step does not move at all", {"pace": 0.0})
+        return Diagnosis("equation", _standstill(expansions), {"pace": 0.0})
     return Diagnosis(
         "pace",
         f"time runs {pace:.6g} times as fast as it should: at dt = 0 positions and velocities both "
@@ -101,6 +101,17 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
         "this factor, or the step used another dt",
         {"pace": pace, "rest": found.rest},
     )
+
+
+def _standstill(expansions: Sequence[Expansion]) -> str:
+    """In words, that short steps do not move at all; long ones may."""
+    moves = any(
+        np.any(each.samples.after(each.t, each.y, each.ladder[:, None], 1)[:, 0, 1] != each.y)
+        for each in expansions
+    )
+    if moves:
+        return "short steps do not move at all, and long ones do: dt is rounded, or cut off"
+    return "the step does not move at all"
 
 
 def _positions(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:

@@ -196,7 +196,8 @@ def _own_number(kind: str, factors: list[Factor]) -> str | None:
     spread = factors[0].spread
     if any(np.ptp(values) > spread * (1.0 + abs(values[0])) for values in by_part.values()):
         return None
-    numbers = [f"{float(np.mean(values)):.6g}" for _, values in sorted(by_part.items())]
+    means = [float(np.mean(values)) for _, values in sorted(by_part.items())]
+    numbers = [f"{0.0 if abs(mean) <= spread else mean:.6g}" for mean in means]
     return numbers[0] if len(numbers) == 1 else f"({', '.join(numbers)})"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,12 +11,17 @@ from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.equation import diagnose_equation
 from ropeode.checking.diagnosis.identity import diagnose_identity
 from ropeode.checking.diagnosis.low_order import diagnose_order_1
-from ropeode.checking.diagnosis.probe_states import expansions
+from ropeode.checking.diagnosis.probe_states import expansions, probe_ropes
 from ropeode.checking.diagnosis.single_precision import diagnose_single_precision
 from ropeode.checking.diagnosis.start import diagnose_start
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
 from ropeode.theory.expansion import HIGHEST, Expansion
+from ropeode.theory.recognised_methods import describe, recognised
+from ropeode.theory.tableau_of_step import tableau_of
+
+# What the coefficients of a Runge-Kutta method may explain.
+_OF_A_METHOD = {"order", "pace", "stage-time", "lagged-damping"}
 
 
 @in_float64
@@ -38,9 +44,7 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
         # Rounding to float32 looks like other mistakes; it has to be mended first.
         return (single,)
     found = expansions(examination)
-    expected = max(
-        (examination.expected(problem) or 0 for problem in examination.problems.values()), default=0
-    )
+    expected = examination.expected(found[0].problem) or 0
     start = diagnose_start(found, expected or 1)
     if start is not None and start.evidence["order"] == 0:
         from_rest = diagnose_start(expansions(examination, moving=False), expected)
@@ -52,13 +56,33 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
     elif (kept := identity.evidence.get("kept")) is not None:
         causes.append(diagnose_equation(found, np.array(kept)))
     named = tuple(cause for cause in causes if cause is not None)
-    if named:
-        return named
-    order = _order(found)
-    low = diagnose_order_1(found) if order == 1 else None
-    if low is not None and (expected > 1 or low.cause == "in-place"):
-        return (low,)
-    return (_order_alone(found, order, expected),)
+    if not named:
+        order = _order(found)
+        low = diagnose_order_1(found) if order == 1 else None
+        if low is None or (expected <= 1 and low.cause != "in-place"):
+            low = _order_alone(found, order, expected)
+        named = (low,)
+    if {cause.cause for cause in named} <= _OF_A_METHOD:
+        return tuple(_with_tableau(each, examination, expected) for each in named)
+    return named
+
+
+def _with_tableau(diagnosis: Diagnosis, examination: Examination, expected: int) -> Diagnosis:
+    """A diagnosis with the Runge-Kutta method that the step is, if it is one that has a name."""
+    stepper = examination.stepper
+    if stepper.needs == "second order, linear damping":
+        # Its tableau is read without damping, of which it treats itself.
+        return diagnosis
+    tableau = tableau_of(stepper, probe_ropes()[0]).tableau
+    if tableau is None or recognised(tableau) is None:
+        return diagnosis
+    words = describe(tableau, expected or None)
+    line = f"{words[0].lower()}{words[1:].rstrip('.')}"
+    if diagnosis.cause in ("stage-time", "lagged-damping"):
+        line += f". {diagnosis.line[0].upper()}{diagnosis.line[1:]}"
+    return dataclasses.replace(
+        diagnosis, line=line, evidence={**diagnosis.evidence, "method": words}
+    )
 
 
 def _order(found: Sequence[Expansion]) -> int | None:
