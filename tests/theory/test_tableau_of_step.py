@@ -252,6 +252,8 @@ def broken(rhs, t, y, dt, args):
         (moved(lambda new, y, t, dt: new + (new - y) * dt), "depend on the step size"),
         (moved(lambda new, y, t, dt: new + (new - y) * (dt < 1e-5)), "depend on the step size"),
         (moved(lambda new, y, t, dt: new + (new - y) * (t > 10)), "depend on the time"),
+        (moved(lambda new, y, t, dt: new + (new - y) * (t < 0)), "depend on the time"),
+        (lambda rhs, t, y, dt, args: y + dt * rhs(round(t, 2), y, args), "depend on the time"),
         (moved(lambda new, y, t, dt: np.clip(new, -500, 500)), "large states"),
         (moved(lambda new, y, t, dt: new - 5e-5 * y), "multiplies the state by 0.99995"),
         (moved(lambda new, y, t, dt: new + 0.001), "not a sum"),
