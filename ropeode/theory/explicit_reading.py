@@ -32,8 +32,9 @@ _TRIALS = (
     ("has coefficients that depend on the step size", 0.0, 2.0, 1.0),
     ("has coefficients that depend on the step size", 0.0, 1e-3, 1.0),
     ("has coefficients that depend on the step size", 0.0, 1e-6, 1.0),
-    ("has coefficients that depend on the time", 12.5, _DT, 1.0),
-    ("has coefficients that depend on the time", 1000.0, _DT, 1.0),
+    ("has coefficients that depend on the time", 12.3456789, _DT, 1.0),
+    ("has coefficients that depend on the time", -7.1234567, _DT, 1.0),
+    ("has coefficients that depend on the time", 1234.56789, _DT, 1.0),
 )
 
 

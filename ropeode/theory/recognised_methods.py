@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER, published
 from ropeode.theory.nystrom import NystromTableau
-from ropeode.theory.stages import Number, Row, same
+from ropeode.theory.stages import Number, Row, dot, ones, same
 from ropeode.theory.tableau import Tableau
 
 AnyTableau = Tableau | NystromTableau
@@ -73,8 +73,10 @@ def recognised(tableau: AnyTableau) -> Recognition | None:
 
 def _only_times(tableau: AnyTableau, known: AnyTableau) -> bool:
     """Whether a method differs from another one in the times of its slopes alone."""
-    moved = dataclasses.replace(_simplest(tableau), c=known.c)
-    return moved.stages == known.stages and not list(_changes(moved, known))
+    given = _simplest(tableau)
+    if given.stages != known.stages:
+        return False
+    return not list(_changes(dataclasses.replace(given, c=known.c), known))
 
 
 def describe(tableau: AnyTableau, declared: int | None = None) -> str:
@@ -134,7 +136,7 @@ def _order_in_words(tableau: AnyTableau, recognition: Recognition | None) -> str
 
 
 def _remarks(tableau: AnyTableau) -> Iterator[str]:
-    """Slopes that the step does not need."""
+    """Slopes that the step does not need, and velocities that cost a Nystrom method its order."""
     for i, j in enumerate(tableau.equal_to):
         if i != j:
             yield f"k{j + 1} and k{i + 1} are computed with equal arguments."
@@ -142,6 +144,21 @@ def _remarks(tableau: AnyTableau) -> Iterator[str]:
         # Many methods take it for their next step.
         where = ", the slope at the new state," if _is_result(tableau, i) else ""
         yield f"k{i + 1}{where} is not used in the step."
+    if isinstance(tableau, Tableau) or tableau.a is None or not _have_trees():
+        return
+    if tableau.order < tableau.order_without_velocities:
+        for i, (row, drift) in enumerate(zip(tableau.a, tableau.d, strict=True)):
+            at = dot(row, ones(len(row)))
+            if not same(at, drift):
+                yield f"k{i + 1} takes positions at {_time(drift)} and velocities at {_time(at)}."
+
+
+def _time(moved: Number) -> str:
+    """A time, in units of dt from the start of the step."""
+    if same(moved, Fraction(0)):
+        return "t"
+    size = "" if same(abs(moved), Fraction(1)) else f"{_shown(abs(moved))} "
+    return f"t {'+' if moved > 0 else '-'} {size}dt"
 
 
 def _for_next_step(tableau: AnyTableau) -> int:
@@ -215,12 +232,41 @@ def _changes(given: AnyTableau, known: AnyTableau) -> Iterator[_Change]:
     """How one tableau differs from another of the same kind and size."""
     if isinstance(known, NystromTableau) and known.a is None and isinstance(given, NystromTableau):
         given = dataclasses.replace(given, a=None)
+    if (ratio := _ratio(given, known)) is not None:
+        yield _Change(1, f"all its slopes times {_shown(ratio)}")
+        return
     at_end = {i for i in range(given.stages) if _is_result(given, i) and _is_result(known, i)}
-    rows = zip(_rows(given, at_end), _rows(known, at_end), strict=True)
+    # One who takes the old positions leaves out all that makes them new ones.
+    old = set()
+    if isinstance(given, NystromTableau) and isinstance(known, NystromTableau):
+        old = {i for i in range(given.stages) if known.d[i] and not any((given.d[i], *given.p[i]))}
+        yield from (_Change(1, f"the old positions used in k{i + 1}") for i in sorted(old))
+    rows = zip(_rows(given, at_end | old), _rows(known, at_end | old), strict=True)
     for (place, mine), (_, other) in rows:
         if not all(map(same, mine, other)):
             yield _change(place, mine, other)
     yield from _changed_times(given, known)
+    if isinstance(given, NystromTableau) and isinstance(known, NystromTableau):
+        for i, (mine, other) in enumerate(zip(given.d, known.d, strict=True)):
+            if not same(mine, other) and i not in old:
+                name = f"the factor of dt v in the positions of k{i + 1}"
+                yield _Change(1, _entry(name, mine, other))
+
+
+def _ratio(given: AnyTableau, known: AnyTableau) -> Number | None:
+    """The only factor by which all slopes of a Nystrom method differ in its result; None if none.
+
+    For a Runge-Kutta method, a row of the tableau says as much.
+    """
+    if isinstance(given, Tableau) or isinstance(known, Tableau):
+        return None
+    ratio = next((a / b for a, b in zip(given.b, known.b, strict=True) if b), Fraction(1))
+    scaled = dataclasses.replace(
+        known, q=tuple(ratio * each for each in known.q), b=tuple(ratio * each for each in known.b)
+    )
+    if same(ratio, Fraction(1)) or not all(map(same, _flat(given.parts), _flat(scaled.parts))):
+        return None
+    return ratio
 
 
 def _rows(tableau: AnyTableau, at_end: set[int]) -> Iterator[tuple[_Place, Row]]:
@@ -265,7 +311,7 @@ def _change(place: _Place, mine: Row, other: Row) -> _Change:
 
 
 def _changed_times(given: AnyTableau, known: AnyTableau) -> Iterator[_Change]:
-    """How the times of the slopes differ, and the drifts of their positions.
+    """How the times of the slopes differ.
 
     What goes with a change in the matrix counts nothing.
     """
@@ -278,11 +324,6 @@ def _changed_times(given: AnyTableau, known: AnyTableau) -> Iterator[_Change]:
         for i in different:
             words = _entry(f"c{i + 1}", given.c[i], known.c[i])
             yield _Change(0 if same(given.c[i], wanted[i]) else 1, words)
-    if isinstance(given, NystromTableau) and isinstance(known, NystromTableau):
-        for i, (mine, other) in enumerate(zip(given.d, known.d, strict=True)):
-            if not same(mine, other):
-                name = f"the factor of dt v in the positions of k{i + 1}"
-                yield _Change(1, _entry(name, mine, other))
 
 
 def _entry(name: str, mine: Number, other: Number) -> str:

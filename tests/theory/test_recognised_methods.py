@@ -63,6 +63,12 @@ def test_runge_kutta_methods_are_named_on_positions_and_velocities_too(name):
             "place of 4. k2 and k3 are computed with equal arguments.",
         ),
         (
+            changed(RK4, b2="2/3", b3=0, a42=1, a43=0),
+            "This is RK4 with k2 used twice in the result in place of k3, and with k2 used in the "
+            "argument of k4 in place of k3; its order is 2 in place of 4. k3 is not used in the "
+            "step.",
+        ),
+        (
             changed(RK4, c2=0, c3=0, c4=0),
             "This is RK4 with all slopes taken at time t; its order is 1 in place of 4, and 4 "
             "where the right-hand side does not depend on time.",
@@ -114,7 +120,17 @@ def test_runge_kutta_methods_are_named_on_positions_and_velocities_too(name):
         (
             dataclasses.replace(VERLET, a=((F(0), F(0)),) * 2),
             "This is velocity-verlet; its order is 1, and 2 where forces do not depend on the "
-            "velocities.",
+            "velocities. k2 takes positions at t + dt and velocities at t.",
+        ),
+        (
+            dataclasses.replace(VERLET, d=(F(0), F(0)), p=((F(0), F(0)),) * 2),
+            "This is velocity-verlet with the old positions used in k2; its order is 1 in place of "
+            "2, for forces that do not depend on the velocities.",
+        ),
+        (
+            dataclasses.replace(SECOND_ORDER["semi-implicit-euler"], q=(F(-1),), b=(F(-1),)),
+            "This is semi-implicit-euler with all its slopes times -1; its order is 0 in place of "
+            "1, for forces that do not depend on the velocities.",
         ),
     ],
 )

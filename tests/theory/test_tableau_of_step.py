@@ -124,6 +124,17 @@ def test_on_a_problem(small_rope):
     assert tableau_of(step_of(seen), small_rope).tableau == seen
 
 
+def test_sums_may_be_written_in_another_way(small_rope):
+    """SSPRK3 as Shu and Osher have it, with sums of states: what is held is rounded."""
+
+    def step(rhs, t, y, dt, args):
+        first = y + dt * rhs(t, y, args)
+        second = 3 / 4 * y + 1 / 4 * (first + dt * rhs(t + dt, first, args))
+        return 1 / 3 * y + 2 / 3 * (second + dt * rhs(t + dt / 2, second, args))
+
+    assert tableau_of(step, small_rope).tableau == EXPLICIT["SSPRK3"]
+
+
 def test_what_the_problem_holds_may_be_held_by_hand(small_rope):
     """The pinned node is put back where it was; everything else is semi-implicit Euler."""
 
@@ -252,6 +263,8 @@ def broken(rhs, t, y, dt, args):
         (moved(lambda new, y, t, dt: new + (new - y) * dt), "depend on the step size"),
         (moved(lambda new, y, t, dt: new + (new - y) * (dt < 1e-5)), "depend on the step size"),
         (moved(lambda new, y, t, dt: new + (new - y) * (t > 10)), "depend on the time"),
+        (moved(lambda new, y, t, dt: new + (new - y) * (t < 0)), "depend on the time"),
+        (lambda rhs, t, y, dt, args: y + dt * rhs(round(t, 2), y, args), "depend on the time"),
         (moved(lambda new, y, t, dt: np.clip(new, -500, 500)), "large states"),
         (moved(lambda new, y, t, dt: new - 5e-5 * y), "multiplies the state by 0.99995"),
         (moved(lambda new, y, t, dt: new + 0.001), "not a sum"),
