@@ -173,6 +173,18 @@ SPRING_LAWS: dict[str, tuple[SpringLaw, ...]] = {
 }
 
 
+def _to_node(other: int, power: int) -> NodeLaw:
+    """A force towards a node that no spring joins to this one; none to its neighbours."""
+
+    def law(motion: Motion, node: int) -> np.ndarray:
+        if other >= motion.x.shape[1] or abs(other - node) < 2:
+            return np.zeros(motion.x[:, node].shape)
+        d = motion.x[:, other] - motion.x[:, node]
+        return d / _length(d) ** power
+
+    return law
+
+
 def _drive_at_zero(motion: Motion, node: int) -> np.ndarray:
     return _constant(motion, getattr(motion.args, "drive", np.zeros(motion.x.shape[2])))
 
@@ -187,6 +199,9 @@ NODE_LAWS: dict[str, tuple[NodeLaw, ...]] = {
     ),
     "a force along the position": (lambda motion, node: motion.x[:, node],),
     "a force proportional to the velocity": (lambda motion, node: motion.v[:, node],),
+    "a force between nodes that no spring joins": tuple(
+        _to_node(other, power) for other in range(5) for power in (0, 1)
+    ),
     "a constant force": tuple(
         lambda motion, node, axis=axis: _constant(motion, np.eye(3)[axis, : motion.x.shape[2]])
         for axis in range(3)

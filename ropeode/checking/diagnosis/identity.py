@@ -13,13 +13,15 @@ from ropeode.theory.projection import project
 
 # What may be left over, as a part of the state, and how close two numbers must be.
 _EXPLAINED, _CLOSE = 1e-6, 1e-6
+# The shortest step, as a part of the longest, and by how much of its size it may move a state.
+_SHORTEST, _MOVES = 2.0**-14, 2e-3
 _NO_LIMIT = "so the runs have no limit as dt goes to 0"
 
 
 def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     """What a step adds to positions and velocities at dt = 0; None if it adds nothing."""
     if not any(np.any(each.rate(-1).known) for each in expansions):
-        return None
+        return _shortest_step(expansions)
     change = [each.rate(-1).value for each in expansions]
     positions, velocities = (
         [
@@ -75,6 +77,28 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     evidence["lost_per_step"] = -_mean(vv)
     evidence["kept"] = _by_rope(1.0 + vv, velocities, expansions)
     return Diagnosis("damping-per-step", f"at dt = 0 {'; '.join(texts)}", evidence)
+
+
+def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:
+    """What a very short step does, where many of them have no expansion in powers of dt."""
+    size = max(float(np.max(np.abs(each.y))) for each in expansions)
+    change = max(
+        float(np.max(np.abs(after[:, 0, 1] - each.y)))
+        for each in expansions
+        for after in [each.samples.after(each.t, each.y, each.ladder[:, None] * _SHORTEST, 1)]
+    )
+    if change <= _MOVES * size:
+        return None
+    if change > size / _MOVES:
+        line = (
+            "the shorter a step is, the more it changes the state: something is divided by dt that "
+            "does not go to 0 with dt"
+        )
+    else:
+        line = (
+            f"the shortest steps change the state by {change / size:.2g} of its size, {_NO_LIMIT}"
+        )
+    return Diagnosis("identity", line, {"size": change / size, "part": _SHORTEST})
 
 
 def _coefficients(nodes: list[tuple], size: float) -> list[tuple[float, float]] | None:

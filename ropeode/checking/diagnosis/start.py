@@ -48,11 +48,12 @@ def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis 
         },
     }
     dt = f" dt^{order}" if order > 1 else " dt" if order else ""
+    small = _CLOSE * max(float(np.max(np.abs(each.coefficients))) for each in (of_x, of_v))
     texts = [
         f"{quantity} are off by {value:.3g}{dt} times the {name}"
         for quantity in ("positions", "velocities")
         for name, value in evidence[quantity].items()
-        if abs(value) > _CLOSE
+        if abs(value) > small
     ]
     if _is_handed_out(expansions, order):
         late = {"positions": of_x.coefficients[0], "velocities": of_v.coefficients[1]}
@@ -60,7 +61,7 @@ def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis 
             texts = [
                 f"{quantity} are those of {abs(by):.3g} dt {'later' if by > 0 else 'earlier'}"
                 for quantity, by in late.items()
-                if abs(by) > _CLOSE
+                if abs(by) > small
             ]
         line = (
             f"the state that is handed out is of order {order}, while the steps are of a higher "

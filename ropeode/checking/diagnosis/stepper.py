@@ -102,8 +102,9 @@ def _order_alone(found: Sequence[Expansion], order: int | None, expected: int) -
             f"{seen}; rounding hides more",
             evidence,
         )
-    by_quantity = np.nanmin(np.concatenate([each.orders for each in found], axis=1), axis=1)
-    x, v = (int(each) for each in by_quantity)
+    every = np.concatenate([each.orders for each in found], axis=1)
+    # Where rounding hides the terms of one quantity, the other has the order.
+    x, v = (int(np.nanmin(row, initial=np.inf) if np.any(row == row) else order) for row in every)
     orders = f"order {x}" if x == v else f"order {x} in positions and {v} in velocities"
     if order < expected:
         return Diagnosis(
