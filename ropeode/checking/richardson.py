@@ -46,9 +46,11 @@ def limit_of(
 
     The order is that of the differences between three successive runs. With it the terms
     ``dt^p, dt^(p + 1), ...`` of the error are eliminated, one for each further run. The
-    uncertainty is the difference to the extrapolation with one run fewer, or, if larger, to the
-    one that begins at order 1, which is right whatever the order. Of all sequences of runs (the
-    coarsest may be pre-asymptotic, the finest rounded) the one with the smallest uncertainty
+    uncertainty is the largest of three differences: to the extrapolations without the coarsest
+    and without the finest run, and to the one that begins at order 1, which is right whatever the
+    order. One of them alone may by accident vanish at a sample, and with runs of order 1 the third
+    says nothing; so the uncertainty does not decrease with time either. Of all sequences of runs
+    (the coarsest may be pre-asymptotic, the finest rounded) the one with the smallest uncertainty
     counts.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
@@ -109,12 +111,17 @@ def _extrapolated(dt: np.ndarray, values: np.ndarray, order: int, rounding: floa
     weights = _weights(dt, order)
     full = np.tensordot(weights, values, 1)
     others = (
-        np.tensordot(_weights(dt[1:], order), values[1:], 1),
-        np.tensordot(_weights(dt, 1), values, 1),
+        (_SAFETY, np.tensordot(_weights(dt[1:], order), values[1:], 1)),
+        (_SAFETY, np.tensordot(_weights(dt, 1), values, 1)),
+        # Without the finest run the error is larger; so is the difference, and needs no factor.
+        (1.0, np.tensordot(_weights(dt[:-1], order), values[:-1], 1)),
     )
-    change = np.max([np.abs(full - other).reshape(len(full), -1) for other in others], axis=(0, 2))
+    change = np.max(
+        [factor * np.abs(full - other).reshape(len(full), -1) for factor, other in others],
+        axis=(0, 2),
+    )
     noise = rounding * float(np.sum(np.abs(weights)))
-    return Limit(full, np.maximum.accumulate(_SAFETY * change) + noise, order)
+    return Limit(full, np.maximum.accumulate(change) + noise, order)
 
 
 def _weights(dt: np.ndarray, order: int) -> np.ndarray:
