@@ -46,12 +46,12 @@ def limit_of(
 
     The order is that of the differences between three successive runs. With it the terms
     ``dt^p, dt^(p + 1), ...`` of the error are eliminated, one for each further run. The
-    uncertainty is the largest of three differences: to the extrapolations without the coarsest
-    and without the finest run, and to the one that begins at order 1, which is right whatever the
-    order. One of them alone may by accident vanish at a sample, and with runs of order 1 the third
-    says nothing; so the uncertainty does not decrease with time either. Of all sequences of runs
-    (the coarsest may be pre-asymptotic, the finest rounded) the one with the smallest uncertainty
-    counts.
+    uncertainty is the largest difference to the extrapolations with one run and with two runs
+    fewer, and to the one that begins at order 1, which is right whatever the order. By accident a
+    difference may vanish at a sample, and with runs of order 1 the last one always does; so there
+    is more than one, and the uncertainty at a sample is the largest up to the next one. Of all
+    sequences of runs (the coarsest may be pre-asymptotic, the finest rounded) the one with the
+    smallest uncertainty counts.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
 
@@ -110,18 +110,21 @@ def _order(dt: np.ndarray, values: np.ndarray, rounding: float) -> int | None:
 def _extrapolated(dt: np.ndarray, values: np.ndarray, order: int, rounding: float) -> Limit:
     weights = _weights(dt, order)
     full = np.tensordot(weights, values, 1)
-    others = (
+    others = [
         (_SAFETY, np.tensordot(_weights(dt[1:], order), values[1:], 1)),
         (_SAFETY, np.tensordot(_weights(dt, 1), values, 1)),
-        # Without the finest run the error is larger; so is the difference, and needs no factor.
-        (1.0, np.tensordot(_weights(dt[:-1], order), values[:-1], 1)),
-    )
+    ]
+    if len(dt) > FEWEST_RUNS:
+        # Less accurate by two terms, so its difference needs no factor.
+        others.append((1.0, np.tensordot(_weights(dt[2:], order), values[2:], 1)))
     change = np.max(
         [factor * np.abs(full - other).reshape(len(full), -1) for factor, other in others],
         axis=(0, 2),
     )
+    change = np.maximum.accumulate(change)
+    next_sample = np.append(change[1:], change[-1])
     noise = rounding * float(np.sum(np.abs(weights)))
-    return Limit(full, np.maximum.accumulate(change) + noise, order)
+    return Limit(full, next_sample + noise, order)
 
 
 def _weights(dt: np.ndarray, order: int) -> np.ndarray:

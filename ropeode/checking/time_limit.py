@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 from ropeode.errors import UserCodeError
+from ropeode.references.solvers.stopwatch import Stopwatch
 from ropeode.simulation.python_driver import take_turn_from
 from ropeode.simulation.user_clock import UserClock
 
 T = TypeVar("T")
 
-# The wall time that is allowed, over the processor time: so long a step may wait for something,
-# or for its turn on a busy machine.
+# The wall time that is allowed, over the processor time: so long a step may wait for something.
+# Where the system does not count how long it waits for a processor, that is in it.
 _WAITING = 10.0
 # How often the clock is read, and how long a step that was interrupted is waited for.
 _LOOKS_AGAIN_S, _ENDS_IN_S = 0.02, 1.0
@@ -51,7 +52,8 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
         seconds: the time limit.
         what: is done, for the message.
         work: the function; its exceptions are raised here.
-        overall: the wall time that all of it may take, in seconds; None for as long as it needs.
+        overall: the time that all of it may take, in seconds, by the wall clock or of the
+            processor if that is less; None for as long as it needs.
 
     Raises:
         OutOfTime: it did not return in time.
@@ -70,7 +72,7 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
             raised.append(error)
 
     worker = threading.Thread(target=run, daemon=True)
-    began = time.monotonic()
+    watch = Stopwatch()
     worker.start()
     ready.wait()
     while worker.is_alive():
@@ -83,7 +85,7 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
                 f"within {_WAITING * seconds:g} s: the step used {processor:.2g} s of processor "
                 f"time, fewer than the {seconds:g} s that it may, and waited for the rest"
             )
-        elif overall is not None and time.monotonic() > began + overall:
+        elif overall is not None and watch.seconds > overall:
             why = (
                 f"within {overall:g} s, of which {processor:.2g} s were processor time in the step"
             )

@@ -10,6 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from ropeode.checking.check_context import Examination
+from ropeode.problems.problem import Problem
+
 # Steps per frame at which a defect is measured for the power of dt.
 STEPS = (20, 40)
 # A power that is observed between two step sizes is off by at most this.
@@ -34,9 +37,16 @@ def falling_power(defect: Callable[[int], float]) -> float:
     return math.log(coarse / fine) / math.log(STEPS[1] / STEPS[0])
 
 
-def is_of_higher_order(power: float, order: int | None) -> bool:
-    """Whether a defect falls faster than the error of a method of an order, by default 1."""
-    return power >= (order or 1) + _HIGHER
+def is_harmless(power: float, examination: Examination, problem: Problem) -> bool:
+    """Whether a defect may be what an iteration leaves, and is of higher order than the method.
+
+    Arguments:
+        power: of dt, with which it falls.
+        examination: of the stepper; where no order is claimed, 1 is expected.
+        problem: on which it has the defect.
+    """
+    order = examination.expected(problem) or 1
+    return examination.may_sweep and power >= order + _HIGHER
 
 
 def cut_off(power: float) -> str:
