@@ -210,6 +210,27 @@ def convergence_finding(check: str, convergence: Convergence) -> Finding:
     )
 
 
+def falls_too_slowly(convergence: Convergence) -> bool:
+    """Whether all errors of some quantity together fall with a lower power of dt than expected.
+
+    That refutes no order where the runs may be too coarse for one, or rounding hides it.
+    """
+    expected = convergence.expected or 1
+    for quantity, order in convergence.orders.items():
+        lost = {point.dt for point in order.left_out if point.reason in (UNRESOLVED, ROUND_OFF)}
+        points = [
+            (dt, error)
+            for dt, error in zip(convergence.dts, convergence.errors[quantity], strict=True)
+            if error and np.isfinite(error)
+        ]
+        if order.verdict != "undetermined" or lost or len(points) < _LEVELS:
+            continue
+        dts, errors = np.log(np.array(points)).T
+        if np.polyfit(dts, errors, 1)[0] < expected - max(TOLERANCE, expected / 8.0):
+            return True
+    return False
+
+
 def finest_is_unstable(convergence: Convergence) -> bool:
     """Whether the run with the smallest step size blew up."""
     finest = LeftOut(convergence.dts[-1], UNSTABLE)

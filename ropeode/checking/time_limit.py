@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 from ropeode.errors import UserCodeError
-from ropeode.references.solvers.stopwatch import Stopwatch
 from ropeode.simulation.python_driver import take_turn_from
 from ropeode.simulation.user_clock import UserClock
 
@@ -52,8 +51,8 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
         seconds: the time limit.
         what: is done, for the message.
         work: the function; its exceptions are raised here.
-        overall: the time that all of it may take, in seconds, by the wall clock or of the
-            processor if that is less; None for as long as it needs.
+        overall: the wall time that all of it may take, in seconds, without waiting for a
+            processor; None for as long as it needs.
 
     Raises:
         OutOfTime: it did not return in time.
@@ -72,7 +71,6 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
             raised.append(error)
 
     worker = threading.Thread(target=run, daemon=True)
-    watch = Stopwatch()
     worker.start()
     ready.wait()
     while worker.is_alive():
@@ -85,7 +83,7 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
                 f"within {_WAITING * seconds:g} s: the step used {processor:.2g} s of processor "
                 f"time, fewer than the {seconds:g} s that it may, and waited for the rest"
             )
-        elif overall is not None and watch.seconds > overall:
+        elif overall is not None and clocks[0].age() > overall:
             why = (
                 f"within {overall:g} s, of which {processor:.2g} s were processor time in the step"
             )

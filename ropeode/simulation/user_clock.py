@@ -7,6 +7,7 @@ while that code runs.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import threading
@@ -48,6 +49,8 @@ class UserClock:
         self._before = Spent(0.0, 0.0)
         self._began: Spent | None = None
         self._is_up = False
+        self._waited = 0.0
+        self._made = self._now()
         _own.clock = self
 
     def _now(self) -> Spent:
@@ -55,11 +58,11 @@ class UserClock:
 
     def _queued_time(self) -> float:
         """The time that the thread was ready to run and did not; 0 where nobody counts it."""
-        try:
+        # Not there on other systems, nor where the thread has ended meanwhile.
+        with contextlib.suppress(OSError, IndexError, ValueError):
             # Linux, Documentation/scheduler/sched-stats.rst: nanoseconds in the second place.
-            return 1e-9 * int(self._queued.read_text().split()[1])
-        except (OSError, IndexError, ValueError):
-            return 0.0
+            self._waited = 1e-9 * int(self._queued.read_text().split()[1])
+        return self._waited
 
     def run(self, function: Callable[..., T], *args: Any) -> T:
         """Call a function of the user's while the clock runs."""
@@ -91,6 +94,10 @@ class UserClock:
         """What was spent so far."""
         with self._lock:
             return self._spent()
+
+    def age(self) -> float:
+        """The wall time since it was made, but without waiting for a processor."""
+        return self._now().wall - self._made.wall
 
     def interrupt(self) -> None:
         """Raise `TimeIsUp` in the user's code: at its next line of Python, or when it begins."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from ropeode.analysis.order import observed_order
-from ropeode.checking.convergence import convergence_finding
+from ropeode.checking.convergence import convergence_finding, falls_too_slowly
 from ropeode.checking.report import Convergence
 
 
@@ -34,3 +36,26 @@ def test_an_interval_that_holds_a_lower_order_decides_nothing(bend, status, word
     finding = convergence_finding("order", convergence)
     assert finding.line.startswith(words)
     assert finding.status == status
+
+
+@pytest.mark.parametrize(
+    ("errors", "too_slowly"),
+    [
+        # A plateau that goes up and down, as where a time is rounded.
+        (lambda dts: dts**2 + 1e-3 * (2.0 + np.cos(9.0 * np.arange(len(dts)))), True),
+        # As fast as it should, but on no line.
+        (lambda dts: dts**2 * np.exp(0.3 * np.cos(9.0 * np.arange(len(dts)))), False),
+    ],
+)
+def test_errors_that_show_no_order_may_still_fall_too_slowly(errors, too_slowly):
+    dts = 0.2 / 1.5 ** np.arange(14)
+    found = tuple(errors(dts))
+    order = observed_order(dts, found, claimed=2)
+    assert order.verdict == "undetermined"
+    convergence = Convergence(
+        "made up", tuple(dts), {"position": found}, {"position": 0.0}, {"position": order}, 2, {}
+    )
+    assert falls_too_slowly(convergence) is too_slowly
+    lost = observed_order(dts, found, claimed=2, resolution=2e-3)
+    convergence = dataclasses.replace(convergence, orders={"position": lost})
+    assert not falls_too_slowly(convergence)

@@ -8,7 +8,11 @@ import numpy as np
 
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems
-from ropeode.checking.convergence import convergence_finding, finest_is_unstable
+from ropeode.checking.convergence import (
+    convergence_finding,
+    falls_too_slowly,
+    finest_is_unstable,
+)
 from ropeode.checking.report import Finding
 
 
@@ -19,10 +23,15 @@ def order(examination: Examination, problem: str) -> Finding:
         return Finding(check, "skip", refusal)
     convergence = examination.convergence(problem)
     finding = convergence_finding(check, convergence)
-    if finding.status == "undetermined" and finest_is_unstable(convergence):
-        # On these ropes every convergent method is stable with so small a step.
-        line = f"{finding.line}; even with dt = {convergence.dts[-1]:.2g} the run blows up"
-        finding = dataclasses.replace(finding, status="fail", line=line)
+    if finding.status == "undetermined":
+        # On these ropes every convergent method is stable with the smallest step, and asymptotic.
+        finest = f"dt = {convergence.dts[-1]:.2g}"
+        if finest_is_unstable(convergence):
+            line = f"{finding.line}; even with {finest} the run blows up"
+            finding = dataclasses.replace(finding, status="fail", line=line)
+        elif falls_too_slowly(convergence):
+            line = f"{finding.line}; up to {finest} all errors together fall too slowly"
+            finding = dataclasses.replace(finding, status="fail", line=line)
     whole, solved = convergence_problems()[problem], examination.problems[problem]
     left_out = [
         f"no {force}: {why}"
