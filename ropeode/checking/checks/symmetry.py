@@ -22,6 +22,7 @@ from ropeode.checking.checks.vanishing import (
     cut_off,
     falling_power,
     is_harmless,
+    is_small,
 )
 from ropeode.checking.report import Finding
 from ropeode.problems.problem import Problem
@@ -31,8 +32,6 @@ _STEPS = 10
 # As a part of the rope's size: rounding is three digits smaller, and an asymmetric formula
 # changes several digits more.
 _TOLERANCE = 1e-10
-# What an iteration leaves is small beside the error if it is at most this part of it.
-_SMALL_PART = 0.01
 # Far from the origin a position has two digits fewer, and a velocity that is a difference of
 # positions over a short substep up to two more.
 _TOLERANCE_ELSEWHERE = 1e-8
@@ -102,9 +101,8 @@ def node_order(examination: Examination) -> Finding:
     if power >= (examination.expected(problem) or 1) - POWER_TOLERANCE:
         line += f", and by dt^{power:.1f} less at smaller dt: it sweeps over nodes or springs"
         return Finding("node-order", "pass", line, finding.evidence)
-    error = _apart(problem, examination.run(problem, finest), examination.run(problem, 2 * finest))
-    if difference(finest) <= _SMALL_PART * error:
-        line += f", which is small beside the error of a step ({error:.1e})"
+    if is_small(difference, examination, problem):
+        line += ", which is small beside the error of the step"
         return Finding("node-order", "pass", line, finding.evidence)
     return finding
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 from ropeode.checking.check_context import Examination
 from ropeode.problems.problem import Problem
 
@@ -19,6 +21,8 @@ STEPS = (20, 40)
 POWER_TOLERANCE = 0.25
 # By how much the power exceeds the order of a method that the defect does not harm.
 _HIGHER = 0.5
+# What an iteration leaves is small beside the error if it is at most this part of it.
+_SMALL_PART = 0.01
 # In place of infinity, which JSON does not have.
 _AT_ONCE = 99.0
 
@@ -47,6 +51,19 @@ def is_harmless(power: float, examination: Examination, problem: Problem) -> boo
     """
     order = examination.expected(problem) or 1
     return examination.may_sweep and power >= order + _HIGHER
+
+
+def is_small(defect: Callable[[int], float], examination: Examination, problem: Problem) -> bool:
+    """Whether a defect is small beside the error of a step, as where an iteration has ended.
+
+    Arguments:
+        defect: its size at a number of steps per frame, as a part of the rope's.
+        examination: of the stepper.
+        problem: on which it has the defect.
+    """
+    coarse, fine = (examination.run(problem, steps) for steps in (STEPS[1], 2 * STEPS[1]))
+    error = float(np.max(np.abs(coarse - fine))) / problem.scale
+    return examination.may_sweep and defect(STEPS[1]) <= _SMALL_PART * error
 
 
 def cut_off(power: float) -> str:
