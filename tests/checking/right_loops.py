@@ -34,8 +34,11 @@ def accelerations(x, v, args):
     return args.free[:, None] * forces(x, v, args) / args.mass[:, None]
 
 
-def stiffness_matrix(x, args):
-    """The derivative of the springs' forces, ``(3 nodes, 3 nodes)``, block by block."""
+def stiffness_matrix(x, args, definite=False):
+    """The derivative of the springs' forces, ``(3 nodes, 3 nodes)``, block by block.
+
+    Semi-definite without what a compressed spring has across its direction.
+    """
     n, dim = x.shape
     out = np.zeros((n, dim, n, dim))
     for s, (k, rest) in enumerate(zip(args.stiffness, args.rest_length, strict=True)):
@@ -44,7 +47,8 @@ def stiffness_matrix(x, args):
         if length == 0.0:
             continue
         u = d / length
-        block = k * (np.outer(u, u) + (1.0 - rest / length) * (np.eye(dim) - np.outer(u, u)))
+        across = max(1.0 - rest / length, 0.0) if definite else 1.0 - rest / length
+        block = k * (np.outer(u, u) + across * (np.eye(dim) - np.outer(u, u)))
         out[s, :, s] -= block
         out[s + 1, :, s + 1] -= block
         out[s, :, s + 1] += block
@@ -700,7 +704,7 @@ def gauss_seidel(sweeps: int) -> Callable:
 
     def step(acceleration, t, x, v, dt, args):
         free, mass, c = _flat(x, v, args)
-        k = stiffness_matrix(x, args)
+        k = stiffness_matrix(x, args, definite=True)
         a = np.diag(mass + dt * c) - dt**2 * k
         right = dt * (forces(x, v, args).ravel() + dt * k @ np.where(free, v.ravel(), 0.0))
         dv = np.zeros(x.size)
