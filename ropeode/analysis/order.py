@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -33,9 +34,11 @@ _EXTRAPOLATION = (1.0, 3.0)
 _LEAST_HALF_WIDTH = 0.01
 # A slope that may be below this is not convergence of any use.
 _LEAST_ORDER = 0.5
-# An interval whose upper end is more than so many times its lower end allows an order and its
-# double, and so does not even distinguish order 1 from order 2, or 2 from 4.
-WIDEST_RATIO = 2.0
+# An observed order may be lower than the claimed one by this.
+TOLERANCE = 0.25
+# The next runs to make have half, a quarter, ... of the smallest step size, or this part of the
+# largest.
+_FINER, _COARSER = 0.5, 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +61,7 @@ class ObservedOrder:
         used: the step sizes that the fit used, from coarse to fine.
         left_out: the others, with reasons.
         why: for `undetermined`, what is missing.
+        add: for `undetermined`, step sizes of further runs that may decide; from coarse to fine.
     """
 
     observed: float | None
@@ -66,6 +70,7 @@ class ObservedOrder:
     used: tuple[float, ...]
     left_out: tuple[LeftOut, ...]
     why: str | None = None
+    add: tuple[float, ...] = ()
 
 
 def observed_order(
@@ -75,7 +80,7 @@ def observed_order(
     resolution: ArrayLike = 0.0,
     rounding: ArrayLike = 0.0,
     motion: float = np.inf,
-    widest: float = WIDEST_RATIO,
+    claimed: int | None = None,
 ) -> ObservedOrder:
     """Find the observed order from errors at step sizes of any ratio.
 
@@ -91,14 +96,16 @@ def observed_order(
     limit at dt = 0. It is never narrower than 0.01 to each side.
     docs/table.md says how often it contains the order.
 
+    An interval with two whole orders in it decides nothing: the order is undetermined. With a
+    claim it decides if it excludes the claimed order, or all lower ones.
+
     Arguments:
         dts: step sizes in any order; all different and above zero.
         errors: the error at each; None or not finite where a run diverged.
         resolution: an error below it is unresolved; one number, or one per step size.
         rounding: the round-off of the runs; one number, or one per step size.
         motion: the size of the motion.
-        widest: the order is undetermined if the upper end of its interval is more than so many
-            times the lower end.
+        claimed: the order that the runs are claimed to have; None to measure it.
 
     Raises:
         InputError: step sizes are not positive and different, or there are more or fewer
@@ -128,21 +135,20 @@ def observed_order(
     left_out = tuple(LeftOut(float(dt[i]), str(reasons[i])) for i in np.argsort(-dt) if reasons[i])
     kept = usable[:used]
 
+    def undetermined(why: str, left_out: tuple[LeftOut, ...]) -> ObservedOrder:
+        add = _runs_to_add(dt, reasons, FEWEST_POINTS - min(used, len(usable)))
+        return ObservedOrder(None, None, "undetermined", (), left_out, why, add)
+
     if used < FEWEST_POINTS:
         few = f"{len(usable)} of {len(dt)} step sizes can be used, {FEWEST_POINTS} are needed"
         bent = "the three finest usable step sizes do not lie on one power law"
-        why = few if len(usable) < FEWEST_POINTS else bent
-        return ObservedOrder(None, None, "undetermined", (), left_out, why)
+        return undetermined(few if len(usable) < FEWEST_POINTS else bent, left_out)
 
     slope, low, high = _slope(dt[kept], error[kept])
-    if high >= _LEAST_ORDER and (low <= 0 or high > widest * low):
-        why = (
-            f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which is too wide to "
-            "tell an order from its double"
-        )
+    if high >= _LEAST_ORDER and not _decides(low, high, claimed):
         bent = (LeftOut(float(dt[i]), PRE_ASYMPTOTIC) for i in reversed(kept))
-        left_out = (*left_out, *bent)
-        return ObservedOrder(None, None, "undetermined", (), left_out, why)
+        why = f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which holds "
+        return undetermined(why + _orders_in(low, high), (*left_out, *bent))
     return ObservedOrder(
         observed=slope,
         ci95=(low, high),
@@ -150,6 +156,39 @@ def observed_order(
         used=tuple(float(dt[i]) for i in reversed(kept)),
         left_out=left_out,
     )
+
+
+def _whole_orders(low: float, high: float) -> range:
+    return range(max(math.ceil(low), 0), math.floor(high) + 1)
+
+
+def _decides(low: float, high: float, claimed: int | None) -> bool:
+    """Whether an interval decides what the order is, or whether it is the claimed one at least."""
+    if claimed is None:
+        return low > 0 and len(_whole_orders(low, high)) <= 1
+    return high < claimed - TOLERANCE or low > claimed - 1
+
+
+def _orders_in(low: float, high: float) -> str:
+    first, *others = _whole_orders(low, high) or (round((low + high) / 2.0),)
+    if len(others) == 1:
+        return f"the orders {first} and {others[0]}"
+    return f"the orders {first} to {others[-1]}" if others else f"the order {first}"
+
+
+def _runs_to_add(dt: np.ndarray, reasons: np.ndarray, missing: int) -> tuple[float, ...]:
+    """Step sizes of further runs, from the reasons for which the others could not be used."""
+    count, (coarsest, finest) = max(missing, 2), (int(np.argmax(dt)), int(np.argmin(dt)))
+    if reasons[finest] not in (UNRESOLVED, ROUND_OFF):
+        return tuple(float(dt[finest] * _FINER**k) for k in range(1, count + 1))
+    if reasons[coarsest] not in (UNSTABLE, PRE_ASYMPTOTIC):
+        return tuple(float(dt[coarsest] * _COARSER**k) for k in range(count, 0, -1))
+    # What is finer is lost in rounding and what is coarser is unstable: between the two.
+    ends = [dt[i] for i in range(len(dt)) if reasons[i] not in (UNRESOLVED, ROUND_OFF)]
+    low = max(dt[i] for i in range(len(dt)) if dt[i] < min(ends))
+    high = max((d for d in dt if d > min(ends)), default=min(ends))
+    between = np.geomspace(max(high, min(ends)), low, count + 2)[1:-1]
+    return tuple(float(each) for each in between)
 
 
 def _asymptotic_range(log_dt: np.ndarray, log_error: np.ndarray) -> int:

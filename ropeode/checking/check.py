@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import time
 from collections.abc import Iterable, Iterator
@@ -11,7 +10,8 @@ from typing import Any
 from ropeode.checking.check_context import Examination, own_claims, references_ahead
 from ropeode.checking.check_ropes import convergence_problems, undamped
 from ropeode.checking.checks import CHECKS, SLOW
-from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding
+from ropeode.checking.claims import checked_claims
+from ropeode.checking.report import EDGE_CASES, CheckReport, Claims, Diagnosis, Finding
 from ropeode.checking.time_limit import OutOfTime, kept_output, within
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
@@ -20,13 +20,18 @@ from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.templates import template
-from ropeode.validation import bad_value, check_positive, check_whole, unknown
+from ropeode.validation import bad_value, check_positive, unknown
 
 TIME_LIMIT = 60.0
 # The wall time of a diagnosis with all that it computes, over the time limit of the step.
 _DIAGNOSIS = 10.0
 # The checks whose failure a diagnosis may explain.
-EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {"node-order", "float32"}
+EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {
+    "momentum",
+    "boost",
+    "node-order",
+    "float32",
+}
 
 
 def check_stepper(
@@ -98,7 +103,13 @@ def check_stepper(
                 # Enters float64 again, which is a thread's own.
                 check = in_float64(CHECKS[name])
                 work = functools.partial(check, examination)
-                findings.append(within(limit, f"the check {name!r}", work))
+                try:
+                    findings.append(within(limit, f"the check {name!r}", work))
+                except OutOfTime as error:
+                    if name not in EDGE_CASES:
+                        raise
+                    line = f"the step did not finish {error.why}"
+                    findings.append(Finding(name, "undetermined", line))
             failed = {finding.check for finding in findings if finding.status == "fail"}
             if diagnose and not quick and failed & EXPLAINED:
                 progress("diagnosis", 1.0)
@@ -147,23 +158,6 @@ def _diagnosed(examination: Examination, limit: float) -> tuple[Diagnosis, ...]:
     except UserCodeError as error:
         why = str(error)
     return (Diagnosis("unfinished", f"no cause is known, for the diagnosis was cut off: {why}"),)
-
-
-def checked_claims(claims: Claims) -> Claims:
-    """The same claims, with the method's full name.
-
-    Raises:
-        InputError: the order is no whole number from 1 on, there is no such method, or both
-            are given.
-    """
-    order, method = claims.order, claims.method
-    if order is not None:
-        order = check_whole("expected_order", order, at_least=1, example="2")
-    if order is not None and method is not None:
-        allowed = "none beside a method, which has its own"
-        raise bad_value("expected_order", order, allowed, "drop one")
-    method = None if method is None else as_stepper(method).label
-    return dataclasses.replace(claims, order=order, method=method)
 
 
 def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) -> list[str]:

@@ -68,6 +68,11 @@ class Examination:
         """Whether it computes forces of its own from `args`, and knows nothing of the drive."""
         return not self.method.trial.asks_for_forces
 
+    @property
+    def may_sweep(self) -> bool:
+        """Whether it may treat nodes or directions in turn, as no method claimed by name does."""
+        return self.claims.method in (None, self.stepper.label)
+
     def run(self, problem: Problem, steps_per_frame: int) -> np.ndarray:
         """The states at the sample times, ``(times, *state)``.
 

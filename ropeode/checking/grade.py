@@ -9,19 +9,20 @@ from typing import Any
 
 import numpy as np
 
+from ropeode.checking.claims import checked_claims
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
 from ropeode.checking.trajectories.conservation import energy_finding, pins_finding
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import check_initial_states
 from ropeode.checking.trajectories.run_files import Run, names_of, read_runs
 from ropeode.checking.trajectories.time_errors import timing_diagnosis
-from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
-from ropeode.validation import check_whole
+from ropeode.steppers import as_stepper
+from ropeode.study.accuracy_table import problem_class
 
 
 def grade(
@@ -30,6 +31,7 @@ def grade(
     dts: Sequence[Any] | None = None,
     expected_order: int | None = None,
     *,
+    method: str | None = None,
     accuracy: float | None = None,
     rtol: float | None = None,
     diagnose: bool = True,
@@ -46,6 +48,7 @@ def grade(
         problem: the problem that the program should solve, or a reference of it.
         dts: step size of each file; None if the files contain it.
         expected_order: the order that the program should have; None to measure it.
+        method: the stepper of ropeode that the program is meant to be, in place of an order.
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
         diagnose: look for the cause if the order is wrong or not claimed.
@@ -60,14 +63,18 @@ def grade(
         ReferenceRefused: no reference of the problem can be certified.
     """
     started = time.perf_counter()
-    if expected_order is not None:
-        expected_order = check_whole("expected_order", expected_order, at_least=1, example="2")
+    claims = checked_claims(Claims(expected_order, method))
     own = problem_of(problem)
+    expected = claims.order
+    if claims.method is not None:
+        stepper = as_stepper(claims.method)
+        stepper.require(own)
+        expected = stepper.order(problem_class(own))
     runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * (share or 0.0)))
     off = check_initial_states(runs)
     options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked)
     reference = reference_for(problem, options, lambda text, _: progress(text, 0.9))
-    order, notes = _order(reference, runs, expected_order)
+    order, notes = _order(reference, runs, claims, expected)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
@@ -76,7 +83,7 @@ def grade(
     )
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
-    if diagnose and (wrong or expected_order is None):
+    if diagnose and (wrong or expected is None):
         progress("diagnosis", 0.95)
         timing = timing_diagnosis(reference, runs)
         if wrong:
@@ -87,7 +94,7 @@ def grade(
     progress("done", 1.0)
     return CheckReport(
         label=names_of(runs),
-        claims=Claims(order=expected_order),
+        claims=claims,
         findings=findings,
         diagnosis=diagnosis,
         notes=(*notes, *_notes(runs, reference)),
@@ -96,16 +103,15 @@ def grade(
 
 
 def _order(
-    reference: Reference, runs: Sequence[Run], expected: int | None
+    reference: Reference, runs: Sequence[Run], claims: Claims, expected: int | None
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence; no order is needed if a wrong number of steps explains all."""
-    try:
-        return order_finding(reference, runs, expected)
-    except InputError:
+    finding, notes = order_finding(reference, runs, claims, expected)
+    if finding.status == "undetermined":
         timing = timing_diagnosis(reference, runs)
-        if timing is None:
-            raise
-        return Finding("order", "fail", f"no order; {timing.line}", timing.evidence), ()
+        if timing is not None:
+            return Finding("order", "fail", f"no order; {timing.line}", timing.evidence), ()
+    return finding, notes
 
 
 def _diagnosed(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:

@@ -8,7 +8,11 @@ from typing import Any, Literal
 
 from ropeode.analysis.order import ObservedOrder
 
-Status = Literal["pass", "fail", "note", "skip"]
+Status = Literal["pass", "fail", "undetermined", "note", "skip"]
+Verdict = Literal["right", "wrong", "undetermined"]
+
+# What is tested there is rare, and says nothing about all other states.
+EDGE_CASES = ("zero-length",)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,8 +68,8 @@ class Finding:
 
     Arguments:
         check: its name.
-        status: `pass`; `fail`: the stepper is wrong; `note`: a measurement that no claim covers;
-            `skip`: the check does not apply.
+        status: `pass`; `fail`: the stepper is wrong; `undetermined`: the evidence is too thin to
+            tell; `note`: a measurement that no claim covers; `skip`: the check does not apply.
         line: the result with its evidence, in one line.
         evidence: the numbers behind it, as plain JSON values.
         convergence: the errors and orders, for checks of order.
@@ -159,6 +163,30 @@ class CheckReport:
         return tuple(finding for finding in self.findings if finding.status == "fail")
 
     @property
+    def undetermined(self) -> tuple[Finding, ...]:
+        """The findings of checks whose evidence is too thin."""
+        return tuple(finding for finding in self.findings if finding.status == "undetermined")
+
+    @property
+    def verdict(self) -> Verdict:
+        """Wrong if a check failed; right if all that could decide passed, at least one."""
+        if self.failed:
+            return "wrong"
+        decided = any(finding.status == "pass" for finding in self.findings)
+        return "right" if decided and not self.undetermined else "undetermined"
+
+    @property
     def passed(self) -> bool:
-        """Whether at least one check passed, and none failed."""
-        return not self.failed and any(finding.status == "pass" for finding in self.findings)
+        """Whether the verdict is `right`."""
+        return self.verdict == "right"
+
+    @property
+    def exit_code(self) -> int:
+        """Of a command that ends with this report."""
+        return {"right": 0, "wrong": 1, "undetermined": 2}[self.verdict]
+
+    @property
+    def otherwise_right(self) -> bool:
+        """Whether no check failed but those of edge cases."""
+        edges = all(finding.check in EDGE_CASES for finding in self.failed)
+        return edges and not self.undetermined

@@ -17,6 +17,8 @@ _INTEGER_TOLERANCE = 0.3
 _HIGHEST_ORDER = 8.4
 # The errors of two extrapolations may be larger than their difference, if they have one sign.
 _SAFETY = 3.0
+# Limits whose uncertainty is up to so many times the smallest are as good.
+_RIVALS = 10.0
 # Runs that have grown so large are not extrapolated.
 _HUGE = 1e100
 # Round-off in a run, relative to its values, before extrapolation amplifies it.
@@ -46,10 +48,12 @@ def limit_of(
 
     The order is that of the differences between three successive runs. With it the terms
     ``dt^p, dt^(p + 1), ...`` of the error are eliminated, one for each further run. The
-    uncertainty is the difference to the extrapolation with one run fewer, or, if larger, to the
-    one that begins at order 1, which is right whatever the order. Of all sequences of runs (the
-    coarsest may be pre-asymptotic, the finest rounded) the one with the smallest uncertainty
-    counts.
+    uncertainty is the largest difference to the extrapolations with one run and with two runs
+    fewer, and to the one that begins at order 1, which is right whatever the order. By accident a
+    difference may vanish at a sample, and with runs of order 1 the last one always does; so there
+    is more than one, and the uncertainty at a sample is the largest up to the next one. Of all
+    sequences of runs (the coarsest may be pre-asymptotic, the finest rounded) the one with the
+    smallest uncertainty counts; how far the next ones differ from it is part of that.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
 
@@ -72,7 +76,7 @@ def limit_of(
     rounding = max(rounding, _ROUNDING * float(np.max(np.abs(values[-1]))))
     if float(np.max(np.abs(values - values[-1]))) <= rounding:
         return Limit(values[-1], np.full(values.shape[1], max(2.0 * rounding, _TINY)), None)
-    best: Limit | None = None
+    limits: list[Limit] = []
     for last in range(FEWEST_RUNS, len(dt) + 1):
         order = _order(dt[last - 3 : last], values[last - 3 : last], rounding)
         if order is None:
@@ -81,10 +85,29 @@ def limit_of(
             part = slice(first, last)
             if not np.all(np.abs(values[part]) < _HUGE):
                 continue
-            limit = _extrapolated(dt[part], values[part], order, rounding)
-            if best is None or limit.uncertainty[-1] < best.uncertainty[-1]:
-                best = limit
-    return best
+            limits.append(_extrapolated(dt[part], values[part], order, rounding))
+    return _agreed(limits) if limits else None
+
+
+def _agreed(limits: Sequence[Limit]) -> Limit:
+    """The most certain of several limits; as uncertain as those that are hardly less so differ.
+
+    The smallest of many uncertainties is small by accident: above all where runs are noisy, as
+    those of steps that iterate up to a tolerance.
+    """
+    best = min(limits, key=lambda limit: limit.uncertainty[-1])
+    rivals = [
+        limit.values for limit in limits if limit.uncertainty[-1] <= _RIVALS * best.uncertainty[-1]
+    ]
+    apart = np.abs(np.stack(rivals) - best.values).reshape(len(rivals), len(best.values), -1)
+    spread = _up_to_the_next(_SAFETY * np.max(apart, axis=(0, 2)))
+    return dataclasses.replace(best, uncertainty=np.maximum(best.uncertainty, spread))
+
+
+def _up_to_the_next(change: np.ndarray) -> np.ndarray:
+    """The largest change up to the sample after each."""
+    largest = np.maximum.accumulate(change)
+    return np.append(largest[1:], largest[-1])
 
 
 def _order(dt: np.ndarray, values: np.ndarray, rounding: float) -> int | None:
@@ -108,13 +131,19 @@ def _order(dt: np.ndarray, values: np.ndarray, rounding: float) -> int | None:
 def _extrapolated(dt: np.ndarray, values: np.ndarray, order: int, rounding: float) -> Limit:
     weights = _weights(dt, order)
     full = np.tensordot(weights, values, 1)
-    others = (
-        np.tensordot(_weights(dt[1:], order), values[1:], 1),
-        np.tensordot(_weights(dt, 1), values, 1),
+    others = [
+        (_SAFETY, np.tensordot(_weights(dt[1:], order), values[1:], 1)),
+        (_SAFETY, np.tensordot(_weights(dt, 1), values, 1)),
+    ]
+    if len(dt) > FEWEST_RUNS:
+        # Less accurate by two terms, so its difference needs no factor.
+        others.append((1.0, np.tensordot(_weights(dt[2:], order), values[2:], 1)))
+    change = np.max(
+        [factor * np.abs(full - other).reshape(len(full), -1) for factor, other in others],
+        axis=(0, 2),
     )
-    change = np.max([np.abs(full - other).reshape(len(full), -1) for other in others], axis=(0, 2))
     noise = rounding * float(np.sum(np.abs(weights)))
-    return Limit(full, np.maximum.accumulate(_SAFETY * change) + noise, order)
+    return Limit(full, _up_to_the_next(change) + noise, order)
 
 
 def _weights(dt: np.ndarray, order: int) -> np.ndarray:

@@ -15,8 +15,8 @@ from ropeode.simulation.user_clock import UserClock
 
 T = TypeVar("T")
 
-# The wall time that is allowed, over the processor time: so long a step may wait for something,
-# or for its turn on a busy machine.
+# The wall time that is allowed, over the processor time: so long a step may wait for something.
+# Where the system does not count how long it waits for a processor, that is in it.
 _WAITING = 10.0
 # How often the clock is read, and how long a step that was interrupted is waited for.
 _LOOKS_AGAIN_S, _ENDS_IN_S = 0.02, 1.0
@@ -51,7 +51,8 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
         seconds: the time limit.
         what: is done, for the message.
         work: the function; its exceptions are raised here.
-        overall: the wall time that all of it may take, in seconds; None for as long as it needs.
+        overall: the wall time that all of it may take, in seconds, without waiting for a
+            processor; None for as long as it needs.
 
     Raises:
         OutOfTime: it did not return in time.
@@ -70,7 +71,6 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
             raised.append(error)
 
     worker = threading.Thread(target=run, daemon=True)
-    began = time.monotonic()
     worker.start()
     ready.wait()
     while worker.is_alive():
@@ -83,7 +83,7 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
                 f"within {_WAITING * seconds:g} s: the step used {processor:.2g} s of processor "
                 f"time, fewer than the {seconds:g} s that it may, and waited for the rest"
             )
-        elif overall is not None and time.monotonic() > began + overall:
+        elif overall is not None and clocks[0].age() > overall:
             why = (
                 f"within {overall:g} s, of which {processor:.2g} s were processor time in the step"
             )

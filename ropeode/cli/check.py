@@ -85,4 +85,4 @@ def check(
         )
     )
     put_out(format_check(report, format_for(form, out)), out)
-    return 0 if report.passed else 1
+    return report.exit_code

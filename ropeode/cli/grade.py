@@ -24,6 +24,7 @@ from ropeode.validation import bad_value
 @click.option("--reference", metavar="FILE", help="A stored reference of the problem.")
 @dt_option
 @click.option("--order", metavar="N", help="The order that the program should have.")
+@click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
 @click.option("--init", metavar="DIR", help="Write a spec and a program to start from.")
 @format_option
 @out_option("report")
@@ -33,6 +34,7 @@ def grade(
     reference: str | None,
     dt: list[str] | None,
     order: str | None,
+    method: str | None,
     init: str | None,
     form: str | None,
     out: Path | None,
@@ -41,11 +43,12 @@ def grade(
 
     FILES are CSV (t,node,x,y and optionally vx,vy), NPZ or NetCDF, one for each of at least
     three step sizes. `ropeode grade --init DIR` writes a spec, the initial state, a program in
-    C++ and a page that explains them. The exit code is 0 if no check fails, 1 if the program is
-    wrong, and 2 if it cannot be graded.
+    C++ and a page that explains them. The exit code is 0 if the program is right, 1 if it is
+    wrong, and 2 if the files do not decide that, or cannot be graded.
     """
     if init is not None:
-        return _init(init, problem, bool(files or reference or dt or order or out or form))
+        others = files or reference or dt or order or method or out or form
+        return _init(init, problem, bool(others))
     if not files:
         allowed = "trajectories, one file for each step size"
         raise bad_value("files", "none", allowed, "see `ropeode grade --init DIR`")
@@ -63,12 +66,13 @@ def grade(
             job.given,
             dt,
             order,  # type: ignore[arg-type]
+            method=method,
             progress=progress,
             **job.spec.asked,
         )
     )
     put_out(format_check(report, format_for(form, out)), out)
-    return 0 if report.passed else 1
+    return report.exit_code
 
 
 def _init(folder: str, problem: Path | None, other_options: bool) -> int:

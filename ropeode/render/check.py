@@ -9,7 +9,7 @@ from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
 from ropeode.render.text_layout import columns, hanging, wrapped
 
 SCHEMA = "ropeode.check/1"
-_MARKS = {"pass": "ok", "fail": "WRONG", "note": "-", "skip": "skip"}
+_MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip": "skip"}
 _HEADERS = ("", "check", "finding")
 
 
@@ -53,6 +53,7 @@ def as_dict(report: CheckReport) -> dict[str, Any]:
         "label": report.label,
         "claims": vars(report.claims),
         "passed": report.passed,
+        "verdict": report.verdict,
         "findings": [
             {
                 "check": finding.check,
@@ -91,6 +92,7 @@ def _convergence_dict(convergence: Convergence | None) -> dict[str, Any] | None:
                 "why": order.why,
                 "used": list(order.used),
                 "left_out": [vars(point) for point in order.left_out],
+                "add": list(order.add),
             }
             for quantity, order in convergence.orders.items()
         },
@@ -153,7 +155,18 @@ def verdict(report: CheckReport) -> str:
     if report.failed:
         names = ", ".join(each.check for each in report.failed)
         verb = "fails" if count["fail"] == 1 else "fail"
+        if report.otherwise_right and count["pass"]:
+            return (
+                f"Wrong in an edge case, otherwise right: {count['fail']} of {checks} {verb} "
+                f"({names}), {count['pass']} passed."
+            )
         return f"Wrong: {count['fail']} of {checks} {verb} ({names})."
+    if report.undetermined:
+        names = ", ".join(each.check for each in report.undetermined)
+        return (
+            f"Undetermined: the evidence of {len(report.undetermined)} of {checks} is too thin for "
+            f"a verdict ({names}); none failed."
+        )
     if not report.passed:
         return f"No verdict: none of {checks} can pass or fail without a claim."
     others = "".join(

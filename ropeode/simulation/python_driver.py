@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ropeode.errors import call_user_code
+from ropeode.errors import UserCodeError, call_user_code
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
@@ -21,6 +21,9 @@ from ropeode.steppers.base import Stepper, System
 
 # How soon a thread that waits for its turn notices that it was taken from another one.
 _LOOKS_AGAIN_S = 0.1
+# From states so many times larger than the problem, a step that raises has diverged: unlike NumPy's
+# numbers, Python's overflow with an exception.
+_HUGE = 1e30
 
 
 class _Turn:
@@ -112,6 +115,13 @@ class PythonStepper:
         return call_user_code("step", function, self.system, t, given, dt)
 
 
+def _has_blown_up(carried: Any, scale: float) -> bool:
+    """Whether a number carried is not finite, or so huge that Python's arithmetic may raise."""
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(carried)]
+    numbers = [leaf for leaf in leaves if np.issubdtype(leaf.dtype, np.floating)]
+    return any(not np.all(np.abs(leaf) <= _HUGE * scale) for leaf in numbers)
+
+
 def run_in_python(
     problem: Problem, stepper: Stepper, steps_per_frame: int, progress: Progress
 ) -> tuple[np.ndarray, int, int]:
@@ -122,7 +132,8 @@ def run_in_python(
         last frame that was run; the calls of the right-hand side.
 
     Raises:
-        UserCodeError: the step raised, or returned something that is no state.
+        UserCodeError: the step raised, other than from a state that had grown huge, or returned
+            something that is no state.
     """
     own = PythonStepper(problem, stepper)
     ts, lengths = problem.ts.tolist(), frame_lengths(problem).tolist()
@@ -133,9 +144,14 @@ def run_in_python(
         states[0] = problem.y0
         for frame in range(problem.frames):
             start, dt = ts[frame], lengths[frame] / steps_per_frame
-            for i in range(steps_per_frame):
-                carried = own.step(start + i * dt, carried, dt)
-            y = own.state(ts[frame + 1], carried, dt)
+            try:
+                for i in range(steps_per_frame):
+                    carried = own.step(start + i * dt, carried, dt)
+                y = own.state(ts[frame + 1], carried, dt)
+            except UserCodeError:
+                if not _has_blown_up(carried, problem.scale):
+                    raise
+                return frame + 1
             progress(stepper.label, (frame + 1) / problem.frames)
             if not np.all(np.isfinite(y)):
                 return frame + 1

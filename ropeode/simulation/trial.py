@@ -22,6 +22,9 @@ from ropeode.steppers.base import Stepper
 _STEPS, _SAME = 144, 1e-11
 # With loops of JAX's own inside, which are slow where they are not compiled.
 _STEPS_WITH_LOOPS = 6
+# A longer program, such as that of an iteration that was unrolled, takes XLA minutes and gigabytes
+# to compile: with 3000 lines a quarter of a minute, and more than twice as long with twice as many.
+_MOST_LINES = 3000
 # The size of a step, of a frame: small, so that no stepper is unstable.
 _FRACTION = 1.0 / 4096.0
 
@@ -152,7 +155,7 @@ def _compiled_steps(
 ) -> tuple[bool, Callable[[int], np.ndarray] | None]:
     """Whether there are loops of JAX's own in a step, and the state after a number of steps.
 
-    None where JAX cannot trace it.
+    None where JAX cannot trace it, or not in few enough lines.
     """
     init, step, state = on_stored_states(stepper, problem.rhs, problem.mechanics)
 
@@ -169,6 +172,8 @@ def _compiled_steps(
         traced = jax.jit(run).trace(problem.args, problem.y0, t, dt, _STEPS)
         text = str(traced.jaxpr)
         loops = text.count("while[") + text.count("scan[") > 1
+        if text.count("\n") > _MOST_LINES:
+            return False, None
         compiled = traced.lower().compile()
     except Exception:
         # Whatever it is: in Python it shows for what it is.

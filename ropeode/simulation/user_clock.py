@@ -7,11 +7,13 @@ while that code runs.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
@@ -26,7 +28,8 @@ class Spent(NamedTuple):
 
     Fields:
         processor: computing.
-        wall: from beginning to end, waiting included.
+        wall: from beginning to end, waiting included, but not waiting for a processor where the
+            system counts that: on a busy machine it is no fault of the code.
     """
 
     processor: float
@@ -39,16 +42,27 @@ class UserClock:
     def __init__(self) -> None:
         self._thread = threading.get_ident()
         self._processor_time = _clock_of(self._thread)
+        self._queued = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat")
         # Held while the clock is stopped and while it is read: an interruption reaches the
         # user's code and nothing behind it.
         self._lock = threading.Lock()
         self._before = Spent(0.0, 0.0)
         self._began: Spent | None = None
         self._is_up = False
+        self._waited = 0.0
+        self._made = self._now()
         _own.clock = self
 
     def _now(self) -> Spent:
-        return Spent(self._processor_time(), time.monotonic())
+        return Spent(self._processor_time(), time.monotonic() - self._queued_time())
+
+    def _queued_time(self) -> float:
+        """The time that the thread was ready to run and did not; 0 where nobody counts it."""
+        # Not there on other systems, nor where the thread has ended meanwhile.
+        with contextlib.suppress(OSError, IndexError, ValueError):
+            # Linux, Documentation/scheduler/sched-stats.rst: nanoseconds in the second place.
+            self._waited = 1e-9 * int(self._queued.read_text().split()[1])
+        return self._waited
 
     def run(self, function: Callable[..., T], *args: Any) -> T:
         """Call a function of the user's while the clock runs."""
@@ -80,6 +94,10 @@ class UserClock:
         """What was spent so far."""
         with self._lock:
             return self._spent()
+
+    def age(self) -> float:
+        """The wall time since it was made, but without waiting for a processor."""
+        return self._now().wall - self._made.wall
 
     def interrupt(self) -> None:
         """Raise `TimeIsUp` in the user's code: at its next line of Python, or when it begins."""

@@ -90,7 +90,7 @@ class Stepper(abc.ABC):
     Class attributes, all with defaults:
         name: as it is typed on the command line; by default that of the class.
         needs: the kind of problem that it can run on.
-        symplectic: whether it is, on problems without damping.
+        symplectic: whether it is, on problems without damping; None where nothing is claimed.
         source: the paper or book that it is from.
         equal_frames: whether all sample times must be equally far apart (two-step methods).
         iterates: whether a step iterates until it has converged; side by side all ropes make as
@@ -111,7 +111,7 @@ class Stepper(abc.ABC):
             "nodes in a row",
         ]
     ] = "any ODE"
-    symplectic: ClassVar[bool] = False
+    symplectic: ClassVar[bool | None] = None
     source: ClassVar[str] = ""
     equal_frames: ClassVar[bool] = False
     iterates: ClassVar[bool] = False
@@ -242,6 +242,7 @@ class BuiltIn(Stepper):
     choices, or an `int` for a number from 1 on.
     """
 
+    symplectic = False
     compiled = True
     any_layout = True
 

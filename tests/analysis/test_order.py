@@ -13,7 +13,6 @@ from ropeode.analysis.order import (
     ROUND_OFF,
     UNRESOLVED,
     UNSTABLE,
-    WIDEST_RATIO,
     observed_order,
 )
 from ropeode.errors import InputError
@@ -51,13 +50,14 @@ def test_interval_covers_the_order(noise):
         a, b = rng.normal(size=2) * [2, 4]
         errors = np.abs(dts**order * (1 + a * dts + b * dts**2))
         errors *= np.exp(noise * rng.normal(size=len(dts)))
-        found = observed_order(dts, errors, widest=np.inf)
+        # Any order will do, so even a wide interval decides.
+        found = observed_order(dts, errors, claimed=0)
         if found.verdict == "converges":
             covered.append(found.ci95[0] <= order <= found.ci95[1])
             shown.append(observed_order(dts, errors).verdict == "converges")
     assert len(covered) > 550
     assert np.mean(covered) > 0.95
-    # Those that are not too wide to be shown are as honest as the others.
+    # Those with no more than one whole order are as honest as the others.
     assert np.mean(shown) > 0.9
     assert np.mean(np.array(covered)[shown]) > 0.95
 
@@ -135,29 +135,35 @@ def test_never_a_number_without_evidence(errors, data):
         low, high = found.ci95
         assert low <= found.observed <= high
         assert (found.verdict == "converges") == (low > 0 and high >= 0.5)
-        assert found.verdict != "converges" or high <= WIDEST_RATIO * low
+        assert found.verdict != "converges" or np.floor(high) <= np.ceil(low)
 
 
 @given(
     order=st.floats(0.6, 8),
     bend=st.floats(-0.5, 0.5),
     noise=st.lists(st.floats(-0.05, 0.05), min_size=4, max_size=4),
-    widest=st.floats(1.01, 4),
+    claimed=st.sampled_from([None, 1, 2, 3, 4, 6]),
 )
-def test_a_wide_interval_gives_no_verdict(order, bend, noise, widest):
+def test_an_interval_that_holds_another_order_gives_no_verdict(order, bend, noise, claimed):
     """The same line is fitted, whatever its interval may be; only the verdict is withheld."""
     dts = DTS[:4]
     errors = dts**order * np.exp(bend * dts / dts[0] + noise)
-    fit = observed_order(dts, errors, widest=np.inf)
-    assume(fit.verdict == "converges")
+    fit = observed_order(dts, errors, claimed=0)
+    assume(fit.verdict == "converges" and fit.ci95[0] > 0)
     low, high = fit.ci95
-    limited = observed_order(dts, errors, widest=widest)
-    if high <= widest * low:
+    limited = observed_order(dts, errors, claimed=claimed)
+    if claimed is None:
+        decides = np.floor(high) <= np.ceil(low)
+    else:
+        # It excludes the claimed order, or each lower one.
+        decides = high < claimed - 0.25 or low > claimed - 1
+    if decides:
         assert limited == fit
     else:
         assert limited.verdict == "undetermined"
         assert limited.observed is limited.ci95 is None
         assert {point.dt for point in limited.left_out} == set(dts)
+        assert limited.add == tuple(dts[-1] / 2.0 ** np.arange(1, 3))
         assert f"{fit.observed:.2f} has the interval [{low:.2f}, {high:.2f}]" in limited.why
 
 
@@ -165,7 +171,7 @@ def test_errors_that_bend_like_explicit_eulers_on_the_default_rope():
     dts, errors = 1 / np.array([256, 512, 1024]), [4.211e-2, 1.715e-2, 8.566e-3]
     found = observed_order(dts, errors)
     assert found.verdict == "undetermined"
-    assert "[0.07, 2.23], which is too wide" in found.why
+    assert "[0.07, 2.23], which holds the orders 1 and 2" in found.why
     # One step size more, and it has an order.
     found = observed_order([*dts, 1 / 2048], [*errors, 4.281e-3])
     assert found.verdict == "converges"
@@ -198,7 +204,7 @@ def test_no_error_at_all_is_unresolved():
 def test_an_interval_that_holds_zero_is_no_convergence():
     order = observed_order([0.1, 0.05, 0.025], [1.0, 0.87, 0.86])
     assert order.verdict == "undetermined"
-    assert "which is too wide" in order.why
+    assert order.why.endswith("which holds the order 0")
 
 
 def test_two_points_are_undetermined():

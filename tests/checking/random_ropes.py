@@ -11,7 +11,6 @@ from unittest import mock
 import numpy as np
 
 from ropeode.checking import check_context, check_ropes
-from ropeode.checking.check import checked_claims
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import DIM, NODES, check_rope
 from ropeode.checking.checks import (
@@ -24,6 +23,7 @@ from ropeode.checking.checks import (
     structure,
     symmetry,
 )
+from ropeode.checking.claims import checked_claims
 from ropeode.checking.report import Claims, Finding
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64

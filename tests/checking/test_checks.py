@@ -124,7 +124,7 @@ WRONG = {
     "boost": (steps.speed_limit, {}),
     "rotation": (steps.only_two_components, {}),
     "mirror": (steps.handed, {}),
-    "node-order": (steps.in_place, {}),
+    "node-order": (steps.in_place, {"expected_order": 2}),
     "time-shift": (steps.begins_softly, {}),
     "units": (steps.whole_lengths, {}),
     "stability": (steps.euler, {"method": "semi-implicit-euler"}),

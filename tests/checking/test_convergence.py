@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from ropeode.analysis.order import observed_order
-from ropeode.checking.convergence import convergence_finding
+from ropeode.checking.convergence import convergence_finding, falls_too_slowly
 from ropeode.checking.report import Convergence
 
 
 @pytest.mark.parametrize(
-    ("bend", "words"),
+    ("bend", "status", "words"),
     [
-        (0.0, "positions order 1.00 [0.99, 1.01]; expected 1"),
-        (0.06, "positions order between 0.36 and 1.64, all errors together fall with the power "),
+        (0.0, "pass", "positions order 1.00 [0.99, 1.01]; expected 1"),
+        (0.06, "pass", "positions order 1.00 [0.36, 1.64]; expected 1"),
+        (0.1, "undetermined", "positions: order undetermined (the slope 1.00 has the interval"),
     ],
 )
-def test_a_wide_interval_is_not_shown_as_an_order(bend, words):
+def test_an_interval_that_holds_a_lower_order_decides_nothing(bend, status, words):
     dts = (0.4, 0.2, 0.1)
     errors = tuple(dt * np.exp(bend * (k - 1) ** 2) for k, dt in enumerate(dts))
-    order = observed_order(dts, errors, widest=np.inf)
+    order = observed_order(dts, errors, claimed=1)
     convergence = Convergence(
         problem="made up",
         dts=dts,
@@ -32,4 +35,27 @@ def test_a_wide_interval_is_not_shown_as_an_order(bend, words):
     )
     finding = convergence_finding("order", convergence)
     assert finding.line.startswith(words)
-    assert finding.status == "pass"
+    assert finding.status == status
+
+
+@pytest.mark.parametrize(
+    ("errors", "too_slowly"),
+    [
+        # A plateau that goes up and down, as where a time is rounded.
+        (lambda dts: dts**2 + 1e-3 * (2.0 + np.cos(9.0 * np.arange(len(dts)))), True),
+        # As fast as it should, but on no line.
+        (lambda dts: dts**2 * np.exp(0.3 * np.cos(9.0 * np.arange(len(dts)))), False),
+    ],
+)
+def test_errors_that_show_no_order_may_still_fall_too_slowly(errors, too_slowly):
+    dts = 0.2 / 1.5 ** np.arange(14)
+    found = tuple(errors(dts))
+    order = observed_order(dts, found, claimed=2)
+    assert order.verdict == "undetermined"
+    convergence = Convergence(
+        "made up", tuple(dts), {"position": found}, {"position": 0.0}, {"position": order}, 2, {}
+    )
+    assert falls_too_slowly(convergence) is too_slowly
+    lost = observed_order(dts, found, claimed=2, resolution=2e-3)
+    convergence = dataclasses.replace(convergence, orders={"position": lost})
+    assert not falls_too_slowly(convergence)

@@ -64,6 +64,23 @@ def test_waiting_is_wall_time_only():
     assert spent.processor < SPAN / 2
 
 
+def test_waiting_for_a_processor_is_not_waiting(tmp_path):
+    queued = tmp_path / "schedstat"
+
+    def wait():
+        queued.write_text(f"0 {int(1e9 * SPAN)} 0")
+        time.sleep(SPAN)
+
+    def work():
+        clock = UserClock()
+        clock._queued = queued
+        queued.write_text("0 0 0")
+        on_user_clock(wait)
+        return clock.spent()
+
+    assert in_a_thread(work).wall < SPAN / 2
+
+
 def test_it_is_read_while_it_runs():
     clocks, seen = [], threading.Event()
 

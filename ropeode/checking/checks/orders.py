@@ -8,7 +8,11 @@ import numpy as np
 
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems
-from ropeode.checking.convergence import convergence_finding
+from ropeode.checking.convergence import (
+    convergence_finding,
+    falls_too_slowly,
+    finest_is_unstable,
+)
 from ropeode.checking.report import Finding
 
 
@@ -17,7 +21,17 @@ def order(examination: Examination, problem: str) -> Finding:
     check = f"order-{problem}"
     if refusal := examination.refusal(convergence_problems()[problem]):
         return Finding(check, "skip", refusal)
-    finding = convergence_finding(check, examination.convergence(problem))
+    convergence = examination.convergence(problem)
+    finding = convergence_finding(check, convergence)
+    if finding.status == "undetermined":
+        # On these ropes every convergent method is stable with the smallest step, and asymptotic.
+        finest = f"dt = {convergence.dts[-1]:.2g}"
+        if finest_is_unstable(convergence):
+            line = f"{finding.line}; even with {finest} the run blows up"
+            finding = dataclasses.replace(finding, status="fail", line=line)
+        elif falls_too_slowly(convergence):
+            line = f"{finding.line}; up to {finest} all errors together fall too slowly"
+            finding = dataclasses.replace(finding, status="fail", line=line)
     whole, solved = convergence_problems()[problem], examination.problems[problem]
     left_out = [
         f"no {force}: {why}"

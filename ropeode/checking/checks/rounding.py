@@ -11,6 +11,7 @@ import numpy as np
 from ropeode.checking.check_context import Examination, padded_states
 from ropeode.checking.check_ropes import check_rope, convergence_problems, generic
 from ropeode.checking.report import Finding
+from ropeode.errors import UserCodeError
 from ropeode.problems.problem import Problem
 from ropeode.simulation.method import Method
 from ropeode.steppers.base import Stepper, System
@@ -85,18 +86,19 @@ def zero_length(examination: Examination) -> Finding:
     x0 = textbook.y0[0].copy()
     x0[3] = x0[2]
     problem = check_rope("zero length", x0, textbook.ts, gravity=(0.0, -1.0, 0.0))
-    states = examination.run(problem, _STEPS)
-    if np.all(np.isfinite(states)):
+    try:
+        finite = bool(np.all(np.isfinite(examination.run(problem, _STEPS))))
+        what = "the result is not finite if two nodes coincide"
+    except UserCodeError as error:
+        finite, what = False, f"if two nodes coincide the step raises {error.__cause__!r}"
+    if finite:
         return Finding("zero-length", "pass", "the result is finite if two nodes coincide")
     if not examination.own_forces:
         return Finding(
             "zero-length",
             "note",
-            "the result is not finite if two nodes coincide: the force there is finite but "
-            "discontinuous, so the equations of an implicit step may have no solution",
+            f"{what}: the force there is finite but discontinuous, so the equations of an implicit "
+            "step may have no solution",
         )
-    return Finding(
-        "zero-length",
-        "fail",
-        "the result is not finite if two nodes coincide: guard the division by a spring's length",
-    )
+    line = f"{what}: guard the division by a spring's length"
+    return Finding("zero-length", "fail", line)

@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ropeode.analysis.errors import RESOLUTION_FACTOR, distances, resolution
-from ropeode.analysis.order import ObservedOrder, observed_order
-from ropeode.checking.convergence import TOLERANCE
+from ropeode.analysis.order import TOLERANCE, ObservedOrder, observed_order
 from ropeode.checking.diagnosis.fitted_numbers import (
     Number,
     numbers_of,

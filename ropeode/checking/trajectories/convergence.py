@@ -7,16 +7,17 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, LeftOut, ObservedOrder
-from ropeode.checking.convergence import convergence_finding, converging
-from ropeode.checking.report import Convergence, Finding
+from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, ObservedOrder
+from ropeode.checking.convergence import convergence_finding, converging, finest_is_unstable
+from ropeode.checking.report import Claims, Convergence, Finding
 from ropeode.checking.trajectories.initial_states import rounding_of
+from ropeode.checking.trajectories.instability import advice, before_blow_up
 from ropeode.checking.trajectories.layout import states_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.written_precision import digits_of, epsilon, single_precision
-from ropeode.errors import InputError
+from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
-from ropeode.validation import complaint
+from ropeode.simulation import step_size
 
 # Errors below 30 times the round-off are left out; for the largest possible round-off, three times
 # are enough.
@@ -24,20 +25,27 @@ _SHARE = 0.1
 # The smallest ratio of the largest step size to the smallest: if a thirtieth of each error is
 # rounding, the slope then has an error of 0.16.
 _SPAN = 1.5
+# Growing runs may by chance differ like those that tend to a limit; the limit is then believed to
+# be wrong if it is off by so many times what its uncertainty allows.
+_CERTAINLY = 10.0
 
 
 def order_finding(
-    reference: Reference, runs: Sequence[Run], expected: int | None
+    reference: Reference, runs: Sequence[Run], claims: Claims, expected: int | None
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence, and notes on its evidence.
 
     The rounding of the written numbers is known, and errors of its size are left out. The
     round-off of the runs themselves is unknown. Only if the runs seem wrong, the step sizes are
-    left out at which the largest possible round-off could be the reason.
+    left out at which the largest possible round-off could be the reason. The finding is
+    `undetermined`, and says what to add, if the runs show neither that the program is right nor
+    that it is wrong.
 
-    Raises:
-        InputError: the runs show neither that the program is right nor that it is wrong; the
-            message says what is needed.
+    Arguments:
+        reference: of the problem.
+        runs: of the program.
+        claims: of its author.
+        expected: the order that follows from them; None to measure it.
     """
 
     def with_rounding(rounding: Callable[[Run], np.ndarray]) -> Convergence:
@@ -52,21 +60,21 @@ def order_finding(
         )
 
     as_written = with_rounding(rounding_of)
-    finding, notes = convergence_finding("order", as_written), ()
+    finding = convergence_finding("order", as_written)
     if finding.status == "pass" and all(map(shown, as_written.orders.values())):
-        return finding, notes
+        return finding, ()
     careful = with_rounding(lambda run: worst_rounding(run, reference))
     finding = convergence_finding("order", careful)
     if finding.status == "pass" and all(map(shown, careful.orders.values())):
-        notes = (
-            "the finest step sizes are left out, because round-off could explain their errors",
-        )
-    elif not _is_refuted(careful):
-        if not _finest_is_unstable(careful):
-            raise InputError(_undecided(finding.line, careful, as_written, runs))
-        line = f"{finding.line}; even the error of the finest run is twice the motion or more"
-        finding = dataclasses.replace(finding, status="fail", line=line)
-    return finding, notes
+        note = "the finest step sizes are left out, because round-off could explain their errors"
+        return finding, (note,)
+    if _is_refuted(careful):
+        return finding, ()
+    if unstable := _unstable_steps(careful):
+        line = _unstable(reference, runs, claims, unstable)
+    else:
+        line = _undecided(finding.line, careful, as_written, runs)
+    return dataclasses.replace(finding, status="undetermined", line=line), ()
 
 
 def worst_rounding(run: Run, reference: Reference) -> np.ndarray:
@@ -95,9 +103,14 @@ def _round_off(run: Run, reference: Reference) -> np.ndarray:
 
 
 def _is_refuted(convergence: Convergence) -> bool:
-    """Whether the quantities that do show an order are wrong."""
+    """Whether the quantities that do show an order are wrong, or the limit certainly is."""
     known = {name: order for name, order in convergence.orders.items() if shown(order)}
-    rest = dataclasses.replace(convergence, orders=known)
+    limits = convergence.limits
+    if finest_is_unstable(convergence):
+        # Then any order is that of a few coarse runs, or of growing errors.
+        known = {}
+        limits = {name: each for name, each in limits.items() if each[0] > _CERTAINLY * each[1]}
+    rest = dataclasses.replace(convergence, orders=known, limits=limits)
     return convergence_finding("order", rest).status == "fail"
 
 
@@ -106,30 +119,64 @@ def shown(order: ObservedOrder) -> bool:
     return order.verdict != "undetermined" and order.used[0] >= _SPAN * order.used[-1]
 
 
-def _finest_is_unstable(convergence: Convergence) -> bool:
-    finest = LeftOut(convergence.dts[-1], UNSTABLE)
-    return any(finest in order.left_out for order in convergence.orders.values())
+def _unstable_steps(convergence: Convergence) -> list[float]:
+    """The step sizes at which runs blew up, where that leaves too few for an order."""
+    each = {
+        point.dt
+        for order in convergence.orders.values()
+        if order.verdict == "undetermined"
+        for point in order.left_out
+        if point.reason == UNSTABLE
+    }
+    return sorted(each, reverse=True)
+
+
+def _unstable(
+    reference: Reference, runs: Sequence[Run], claims: Claims, unstable: Sequence[float]
+) -> str:
+    """What runs show that blow up, and what is needed for a verdict."""
+    finest = min(run.dt for run in runs)
+    *most, last = (f"{dt:.4g}" for dt in unstable)
+    line = f"unstable at dt = {', '.join(most)} and {last}" if most else f"unstable at dt = {last}"
+    before = [
+        f"{order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}] in {name} over the first "
+        + ("frame" if frames == 1 else f"{frames} frames")
+        for name, (frames, order) in before_blow_up(reference, runs, rounding_of).items()
+        if order.ci95 is not None
+    ]
+    if before:
+        line += f"; before that of order {' and '.join(before)}"
+    return f"{line}; {advice(reference.problem, claims, finest)}"
 
 
 def _undecided(
     line: str, careful: Convergence, as_written: Convergence, runs: Sequence[Run]
 ) -> str:
-    """The complaint that the files show neither that the program is right nor that it is wrong."""
+    """Why the files show neither that the program is right nor that it is wrong; what to add."""
     finest = runs[-1].values
     if _lost(as_written, ROUND_OFF):
-        given = f"numbers with {digits_of(finest)[0]} digits"
+        why = f"the numbers have {digits_of(finest)[0]} digits"
         fix = "write 17 digits, with std::setprecision(17) or %.17g"
     elif _lost(careful, ROUND_OFF) and single_precision(finest):
-        given, fix = (
-            "numbers in single precision",
-            "compute in double precision, or use larger steps",
-        )
+        why, fix = "the numbers are in single precision", "compute in double precision"
+        fix += ", or use larger steps"
     elif _lost(careful, ROUND_OFF) or _lost(careful, UNRESOLVED):
-        given = "errors so small that round-off or the reference's bound may hide them"
-        fix = "add runs with larger steps"
+        why = "errors are so small that round-off or the reference's bound may hide them"
+        fix = _runs_to_add(careful, runs[0].problem) or "add runs with larger steps"
     else:
-        given, fix = "step sizes that show no order", "add runs, each with half the step size"
-    return complaint("files", given, f"runs that show an order ({line})", fix)
+        why = "the step sizes show no order"
+        fix = _runs_to_add(careful, runs[0].problem) or "add runs over a wider range of step sizes"
+    return f"{line}: {why}; {fix}"
+
+
+def _runs_to_add(convergence: Convergence, problem: Problem) -> str:
+    """The runs that may decide, as step sizes and as steps per frame."""
+    add = sorted({dt for order in convergence.orders.values() for dt in order.add}, reverse=True)
+    if not add:
+        return ""
+    one = step_size(problem, 1)
+    each = ", ".join(f"{dt:.3g} ({one / dt:.4g} steps per frame)" for dt in add)
+    return f"add runs with dt = {each}"
 
 
 def _lost(convergence: Convergence, reason: str) -> bool:
