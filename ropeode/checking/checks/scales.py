@@ -27,7 +27,7 @@ _HEAVY = [2.0**power for power in (-30, -20, -10, 10, 20, 30)]
 _SMALL = 2.0**-8
 # What a solver that iterates up to an absolute tolerance may leave, as a part of the rope's size.
 # In units in which lengths or speeds are small numbers that is more, and rounding makes more of a
-# derivative by finite differences where speeds are large numbers; but never as much as all.
+# derivative by finite differences where they are large numbers; but never as much as all.
 _TOLERANCE, _MOST, _LARGE = 1e-5, 0.05, 2.0**10
 # The processor time of a run. A step that iterates to a tolerance which rounding cannot reach,
 # where numbers are large, does not return.
@@ -65,7 +65,8 @@ def scales(examination: Examination) -> Finding:
             return Finding("scales", "note", line)
         off = float(np.max(np.abs(states - own) / size))
         speed = units.length / units.time
-        allowed = max(1.0, 1.0 / units.length, 1.0 / speed, speed / _LARGE) * _TOLERANCE
+        small, large = min(units.length, speed), max(units.length, speed)
+        allowed = max(1.0, 1.0 / small, large / _LARGE) * _TOLERANCE
         if not off <= min(allowed, _MOST):
             line = (
                 f"in other units a rope moves differently, by {off:.1e} of its size, {where}; is "
