@@ -89,13 +89,12 @@ def check_stepper(
         needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
         references_ahead(needed)
         driven = convergence_problems()["driven"]
+        progress("trial", 0.0)
         trial = within(limit, "a trial of a few steps", lambda: trial_of(stepper, driven))
         findings: list[Finding] = []
         diagnosis: tuple[Diagnosis, ...] = ()
         if not trial.repeatable:
-            findings.append(Finding("determinism", "fail", HIDDEN_STATE))
-            rest = [name for name in names if name != "determinism"]
-            findings += [Finding(name, "skip", "not deterministic") for name in rest]
+            findings += _only("determinism", HIDDEN_STATE, names, "not deterministic")
         else:
             examination = _examination(stepper, trial, claims)
             for done, name in enumerate(names):
@@ -120,9 +119,29 @@ def check_stepper(
         claims=claims,
         findings=tuple(findings),
         diagnosis=diagnosis,
-        notes=tuple(_notes(trial, printed.getvalue())),
+        notes=tuple(_notes(trial, printed.beginning)),
         seconds=time.perf_counter() - started,
     )
+
+
+def _only(check: str, line: str, names: list[str], why: str) -> list[Finding]:
+    """The finding of the one check that fails, for a step that is checked no further."""
+    rest = [Finding(name, "skip", why) for name in names if name != check]
+    return [Finding(check, "fail", line), *rest]
+
+
+def cut_off(label: str, claims: Claims, checks: list[str], how: str, during: str) -> CheckReport:
+    """The report on a stepper that ended the process in which it was checked.
+
+    Arguments:
+        label: of the stepper.
+        claims: of its author.
+        checks: that were to be made.
+        how: what the step did, such as "ended its process (exit code 0)".
+        during: the check that was being made.
+    """
+    line = f"the step {how}, during {during!r}; a step returns, and leaves its process alone"
+    return CheckReport(label, claims, tuple(_only("purity", line, checks, "the process had ended")))
 
 
 def _examination(stepper: Stepper, trial: Trial, claims: Claims) -> Examination:

@@ -274,6 +274,14 @@ def hanging_rope(
     )
 
 
+def held(problem: Problem, *nodes: int) -> Problem:
+    """The same rope, pinned at these nodes and at no others."""
+    free = np.ones(NODES)
+    free[list(nodes)] = 0.0
+    y0 = problem.y0 * np.stack([np.ones(NODES), free])[:, :, None]
+    return problem.changed(y0=y0, args=problem.args._replace(free=free))
+
+
 def renumbered(problem: Problem) -> Problem:
     """The same rope with its nodes numbered from the other end."""
     args = problem.args
@@ -299,3 +307,37 @@ def in_other_units(problem: Problem, units: float = UNITS) -> Problem:
     args = problem.args
     scaled = {name: getattr(args, name) * units for name in ("rest_length", "gravity", "drive")}
     return problem.changed(y0=problem.y0 * units, args=args._replace(**scaled))
+
+
+class Units(NamedTuple):
+    """Units of length, mass and time.
+
+    Fields:
+        length: how many of these make one of the old.
+        mass, time: likewise.
+    """
+
+    length: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+
+    @property
+    def state(self) -> np.ndarray:
+        """What states are multiplied by, ``(2, 1, 1)``."""
+        return np.array([self.length, self.length / self.time])[:, None, None]
+
+    def of(self, problem: Problem) -> Problem:
+        """A check rope, measured in these."""
+        length, mass, time = self
+        sizes = CheckArgs(
+            mass=mass,
+            stiffness=mass / time**2,
+            rest_length=length,
+            free=1.0,
+            gravity=length / time**2,
+            damping=mass / time,
+            drive=length / time**2,
+            frequency=1.0 / time,
+        )
+        args = CheckArgs(*(own * size for own, size in zip(problem.args, sizes, strict=True)))
+        return problem.changed(y0=problem.y0 * self.state, ts=problem.ts * time, args=args)

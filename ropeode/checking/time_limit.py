@@ -108,12 +108,17 @@ def _end(worker: threading.Thread, clock: UserClock) -> None:
 
 
 class Printed(io.StringIO):
-    """Printed text, up to a thousand characters."""
+    """Printed text, of which the beginning is kept, even if the user's code closes it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.beginning = ""
 
     def write(self, text: str) -> int:
-        """Keep the beginning and discard the rest."""
-        if self.tell() < 1000:
-            super().write(text)
+        """Keep a thousand characters and discard the rest."""
+        # As of any file: nothing is written to a closed one.
+        super().write("")
+        self.beginning += text[: 1000 - len(self.beginning)]
         return len(text)
 
 

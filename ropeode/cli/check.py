@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
+from ropeode.terminal.supervision import Ended, end_if_nothing_runs, say
+
+if TYPE_CHECKING:
+    from ropeode.checking.report import CheckReport
+    from ropeode.progress import Progress
 
 # The names in ropeode.steppers.templates; a test holds the two together.
 TEMPLATES = ("acceleration", "rhs", "two-step")
@@ -35,7 +41,9 @@ NAMES = CommaSeparated()
 )
 @format_option
 @out_option("report")
+@click.pass_obj
 def check(
+    ended: Ended | None,
     step: str | None,
     order: str | None,
     method: str | None,
@@ -65,24 +73,58 @@ def check(
         return 0
     if step is None:
         raise click.MissingParameter(param_hint="STEP", param_type="argument")
+    form = format_for(form, out)
+    if ended is None:
+        say("the imports")
     set_up_jax()
-    from ropeode.checking.check import TIME_LIMIT, check_stepper
+    from ropeode.checking.check import (
+        TIME_LIMIT,
+        check_stepper,
+        checked_claims,
+        chosen_checks,
+        cut_off,
+    )
+    from ropeode.checking.report import Claims
     from ropeode.render.formats import format_check
+    from ropeode.validation import check_positive
 
-    report = with_progress(
-        lambda progress: check_stepper(
-            step,
+    limit = TIME_LIMIT
+    if time_limit is not None:
+        limit = check_positive("time_limit", time_limit, example="60")
+    claims = checked_claims(
+        Claims(
             order,  # type: ignore[arg-type]
-            method=method,
-            symplectic=symplectic or None,
-            reversible=reversible or None,
-            conserves_energy=conserves_energy or None,
+            method,
+            symplectic or None,
+            reversible or None,
+            conserves_energy or None,
+        )
+    )
+
+    def checked(progress: Progress) -> CheckReport:
+        def seen(text: str, fraction: float | None) -> None:
+            say(text)
+            progress(text, fraction)
+
+        end_if_nothing_runs(limit)
+        return check_stepper(
+            step,
+            claims.order,
+            method=claims.method,
+            symplectic=claims.symplectic,
+            reversible=claims.reversible,
+            conserves_energy=claims.conserves_energy,
             only=only,
             skip=skip or (),
             quick=quick,
-            time_limit=TIME_LIMIT if time_limit is None else time_limit,  # type: ignore[arg-type]
-            progress=progress,
+            time_limit=limit,
+            progress=seen,
         )
-    )
-    put_out(format_check(report, format_for(form, out)), out)
+
+    if ended is None:
+        report = with_progress(checked)
+    else:
+        names = chosen_checks(only, skip or (), quick)
+        report = cut_off(step, claims, names, ended.how, ended.during)
+    put_out(format_check(report, form), out)
     return report.exit_code

@@ -20,9 +20,12 @@ from ropeode.cli.reference import reference
 from ropeode.cli.sweep import sweep
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
 from ropeode.terminal.running import end_on_ctrl_c
+from ropeode.terminal.supervision import Ended, watch
 
 # What is wrong with ropeode itself is none of the answers that a command may give.
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3
+# They judge the user's code, which may end its process: that runs in another one.
+_WATCHED = ("check",)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
@@ -52,11 +55,12 @@ for command in (
     cli.add_command(command)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: list[str] | None = None, ended: Ended | None = None) -> int:
     """Run the command line; user errors end in one line each.
 
     Arguments:
         arguments: those of the process where left out.
+        ended: how the process ended that ran the command; None where this one runs it.
 
     Returns:
         the exit code: 0, 1 for an answer such as "wrong", 2 for bad input, 3 for a fault of
@@ -65,7 +69,7 @@ def main(arguments: list[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in words[:1]
     try:
-        code = cli.main(words, prog_name="ropeode", standalone_mode=False)
+        code = cli.main(words, prog_name="ropeode", standalone_mode=False, obj=ended)
         sys.stdout.flush()
         return int(code or 0)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -109,7 +113,23 @@ def _fail(code: int, lines: Sequence[str], debug: bool) -> int:
 def run_process() -> NoReturn:
     """The command as a process, which ends without waiting for a computation in another thread."""
     end_on_ctrl_c()
-    code = main()
+    command = next((word for word in sys.argv[1:] if not word.startswith("-")), None)
+    code = _run_watched() if command in _WATCHED else main()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
+
+
+def _run_watched() -> int:
+    command = (
+        "from ropeode.cli.main import main\n"
+        "from ropeode.terminal.supervision import watched\n"
+        "watched(FD, main)"
+    )
+    ended = watch(command, sys.argv[1:])
+    if ended.code is not None:
+        return ended.code
+    if not ended.during:
+        why = f"the command {ended.how} before it began; please report it."
+        return _fail(BROKEN, [why], debug=False)
+    return main(ended=ended)

@@ -12,6 +12,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
+from ropeode.simulation.side_effects import memory_effects, process_effects, process_state
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.simulation.user_clock import on_user_clock
@@ -45,7 +46,7 @@ class Trial:
     Arguments:
         compiled: whether JAX can trace it, with the same results.
         repeatable: whether the same input gives the same output, to the last bit.
-        writes_to: the names of the arguments that it writes to.
+        side_effects: what it does besides returning a result, each as in "modifies args".
         finite: whether its first steps from a regular state are finite.
         asks_for_forces: whether it calls the right-hand side or acceleration that it is handed.
     """
@@ -53,7 +54,7 @@ class Trial:
     compiled: bool
     repeatable: bool = True
     finite: bool = True
-    writes_to: tuple[str, ...] = ()
+    side_effects: tuple[str, ...] = ()
     asks_for_forces: bool = True
 
 
@@ -99,13 +100,18 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
     fresh().compile_right_hand_side(t)
     with one_at_a_time(), np.errstate(all="ignore"):
         own = fresh()
-        first, writes_to = on_user_clock(_two_steps, own, t, problem.y0, dt)
+        before = process_state()
+        first = on_user_clock(_python_steps, own, t, dt, 2)
         asks_for_forces, finite = own.calls > 0, bool(np.all(np.isfinite(first)))
-        on_user_clock(_two_steps, fresh(), t, problem.y0 + nudge, dt)
-        again, _ = on_user_clock(_two_steps, fresh(), t, problem.y0, dt)
+        on_user_clock(_python_steps, fresh(), t, dt, 2, nudge)
+        again = on_user_clock(_python_steps, fresh(), t, dt, 2)
+        side_effects = (
+            *on_user_clock(memory_effects, fresh, t, problem.y0, dt),
+            *process_effects(before),
+        )
         if not _same(first, again):
             # It must not be traced: it would keep a tracer.
-            return Trial(False, False, finite, writes_to, asks_for_forces)
+            return Trial(False, False, finite, side_effects, asks_for_forces)
         loops, fast = _compiled_steps(stepper, problem, t, dt)
         steps = _STEPS_WITH_LOOPS if loops else _STEPS
         quick = None if fast is None else fast(steps)
@@ -113,29 +119,9 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
         with jax.disable_jit(loops):
             slow = on_user_clock(_python_steps, fresh(), t, dt, steps)
             if quick is not None and _agree(quick, slow):
-                return Trial(True, True, finite, writes_to, asks_for_forces)
+                return Trial(True, True, finite, side_effects, asks_for_forces)
             repeatable = _same(slow, on_user_clock(_python_steps, fresh(), t, dt, steps))
-    return Trial(False, repeatable, finite, writes_to, asks_for_forces)
-
-
-def _two_steps(
-    own: PythonStepper, t: float, y: np.ndarray, dt: float
-) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The state after two steps, and the names of the arguments that the second one writes to.
-
-    Two, so that what the first one carries is not lost on the second.
-    """
-    carried = own.step(t, own.init(t, y, dt), dt)
-    args = own.system.equations.args
-    before = jax.tree.map(np.array, (carried, args))
-    after = own.step(t + dt, carried, dt)
-    names = ("x or v" if own.system.mechanical else "y", "args")
-    writes_to = tuple(
-        name
-        for name, was, now in zip(names, before, (carried, args), strict=True)
-        if not _same(was, now)
-    )
-    return own.state(t + 2 * dt, after, dt), writes_to
+    return Trial(False, repeatable, finite, side_effects, asks_for_forces)
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -143,11 +129,14 @@ def _same(a: Any, b: Any) -> bool:
     return all(jax.tree.leaves(same))
 
 
-def _python_steps(own: PythonStepper, t: float, dt: float, steps: int) -> np.ndarray:
-    carried = own.init(t, own.problem.y0, dt)
+def _python_steps(
+    own: PythonStepper, t: float, dt: float, steps: int, nudge: float | np.ndarray = 0.0
+) -> np.ndarray:
+    carried = own.init(t, own.problem.y0 + nudge, dt)
     for i in range(steps):
         carried = own.step(t + i * dt, carried, dt)
-    return own.state(t + steps * dt, carried, dt)
+    # A copy: it may be handed out again, with other numbers in it.
+    return np.array(own.state(t + steps * dt, carried, dt))
 
 
 def _compiled_steps(

@@ -19,16 +19,20 @@ INTERRUPTED = 130
 _CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
 
 
-def end_on_ctrl_c(left: str = "nothing was written") -> None:
+def end_on_ctrl_c(
+    left: str = "nothing was written", *, before: Callable[[], None] = lambda: None
+) -> None:
     """Let Ctrl-C end the process at once, with a message.
 
     An exception would not do: extension modules swallow it while they are imported.
 
     Arguments:
         left: what happens to the work, for the message.
+        before: called before the process ends.
     """
 
     def end(*_: Any) -> None:
+        before()
         clear = _CLEAR_LINE_SHOW_CURSOR if sys.stderr.isatty() else ""
         os.write(2, f"{clear}ropeode: interrupted; {left}.\n".encode())
         os._exit(INTERRUPTED)

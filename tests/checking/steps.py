@@ -136,6 +136,24 @@ def whole_lengths(acceleration, t, x, v, dt, args):
     return x + dt * v, v
 
 
+def falls_asleep(acceleration, t, x, v, dt, args):
+    v = v + dt * acceleration(t, x, v, args)
+    return x + dt * v, v * (abs(v) > 1e-4)
+
+
+def five_nodes(acceleration, t, x, v, dt, args):
+    five = (np.arange(len(x)) < 5)[:, None]
+    v = v + five * dt * acceleration(t, x, v, args)
+    return x + dt * v, v
+
+
+def breaks(acceleration, t, x, v, dt, args):
+    d = x[1:] - x[:-1]
+    whole = (d**2).sum(1) < 25.0 * args.rest_length**2
+    v = v + dt * forces(x, v, args._replace(stiffness=args.stiffness * whole))
+    return x + dt * v, v
+
+
 def drag_by_place(acceleration, t, x, v, dt, args):
     v = v + dt * (acceleration(t, x, v, args) - 1e-4 * x * args.free[:, None])
     return x + dt * v, v

@@ -300,7 +300,77 @@ def test_what_a_step_prints_is_kept_from_the_report(capsys):
 
 def test_writing_to_args_is_found():
     report = check_stepper(steps.writes_to_args, 1, only=["purity"])
-    assert "args" in report.findings[0].line
+    assert "the step modifies args" in report.findings[0].line
+
+
+def own_arrays(count, returned=lambda array: array):
+    """A step that computes in so many arrays in turn, which are its own."""
+    arrays, calls = np.empty((count, 2, 5, 3)), [0]
+
+    def step(acceleration, t, x, v, dt, args):
+        calls[0] += 1
+        own = arrays[calls[0] % count]
+        new_v = v + dt * acceleration(t, x, v, args)
+        own[:] = x + dt * new_v, new_v
+        return tuple(map(returned, own))
+
+    return step
+
+
+def recognises(known):
+    """A step that takes what it knows of a state from its last call."""
+    last = {}
+
+    def step(acceleration, t, x, v, dt, args):
+        if not (last and known(last, x)):
+            last["a"] = np.array(acceleration(t, x, v, args))
+        new_v = v + dt * last["a"]
+        new_x = x + dt * new_v
+        last.update(x=new_x, is_x=new_x.copy(), a=np.array(acceleration(t + dt, new_x, 0, args)))
+        return new_x, new_v
+
+    return step
+
+
+def leaves_the_folder(rhs, t, y, dt, args):
+    os.chdir("/")
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+def closes_standard_output(rhs, t, y, dt, args):
+    print("closing")  # noqa: T201
+    sys.stdout.close()
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (own_arrays(1), "modifies x or v"),
+        (own_arrays(2), "writes over results that it returned before"),
+        (own_arrays(3), "writes over results that it returned before"),
+        (own_arrays(1, np.copy), None),
+        (recognises(lambda last, x: last["x"] is x), "keeps arrays"),
+        (recognises(lambda last, x: np.shares_memory(last["x"], x)), "keeps arrays"),
+        (recognises(lambda last, x: np.array_equal(last["is_x"], x)), None),
+        (steps.writes_to_args, "modifies args"),
+        (leaves_the_folder, "changes the working directory"),
+        (steps.in_loops, None),
+    ],
+)
+def test_what_a_step_does_besides_returning_a_result_is_found(step, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = method(step).trial.side_effects
+    if words is None:
+        assert found == ()
+    else:
+        assert found[0].startswith(words)
+
+
+def test_a_step_that_closes_standard_output_has_failed_a_check():
+    """In a thread of its own: what pytest captures stays open."""
+    with pytest.raises(UserCodeError, match="closed file"):
+        check_stepper(closes_standard_output, 1, only=["purity"])
 
 
 @pytest.mark.parametrize(

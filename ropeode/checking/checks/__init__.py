@@ -8,9 +8,12 @@ from collections.abc import Callable
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.checks.conservation import energy, free_flight, momentum, pins
+from ropeode.checking.checks.far_states import far_states
 from ropeode.checking.checks.orders import order
 from ropeode.checking.checks.rounding import float32, zero_length
+from ropeode.checking.checks.scales import scales
 from ropeode.checking.checks.side_effects import determinism, first_sample, purity
+from ropeode.checking.checks.sizes import sizes
 from ropeode.checking.checks.stability import stability
 from ropeode.checking.checks.structure import reversible, symplectic
 from ropeode.checking.checks.symmetry import (
@@ -41,6 +44,9 @@ CHECKS: dict[str, Check] = {
     "node-order": node_order,
     "time-shift": time_shift,
     "units": units,
+    "scales": scales,
+    "sizes": sizes,
+    "far-states": far_states,
     "stability": stability,
     "energy": energy,
     "symplectic": symplectic,

@@ -32,17 +32,15 @@ def determinism(examination: Examination) -> Finding:
 
 
 def purity(examination: Examination) -> Finding:
-    """A step does not modify its arguments."""
-    modified = examination.method.trial.writes_to
-    if not modified:
-        return Finding("purity", "pass", "the step does not modify its arguments")
-    return Finding(
-        "purity",
-        "fail",
-        f"the step modifies its arguments ({' and '.join(modified)}); write x = x + dt * v "
-        "instead of x += dt * v, which changes the caller's array",
-        {"mutates": list(modified)},
-    )
+    """A step returns a result, and does nothing else that anybody could notice."""
+    found = examination.method.trial.side_effects
+    if not found:
+        line = "the step modifies neither its arguments, nor earlier results, nor its process"
+        return Finding("purity", "pass", line)
+    line = f"the step {' and '.join(found)}"
+    if any(each.startswith("modifies") for each in found):
+        line += "; write x = x + dt * v instead of x += dt * v, which changes the caller's array"
+    return Finding("purity", "fail", line, {"side_effects": list(found)})
 
 
 def first_sample(examination: Examination) -> Finding:

@@ -14,9 +14,10 @@ from tests.checking.mutants.mistakes import MISTAKES
 from tests.checking.mutants.mutant import Mutant
 from tests.checking.mutants.rare import RARE
 from tests.checking.mutants.rules import BY_RULE
+from tests.checking.mutants.thresholds import THRESHOLDS
 from tests.checking.no_time_limit import check_stepper
 
-_ALL = (*MISTAKES, *RARE, *LOOPS, *BY_RULE)
+_ALL = (*MISTAKES, *RARE, *LOOPS, *BY_RULE, *THRESHOLDS)
 MUTANTS: dict[str, Mutant] = {mutant.name: mutant for mutant in _ALL}
 assert len(MUTANTS) == len(_ALL), "two mutants have one name"
 
@@ -29,6 +30,8 @@ UNCLAIMED = ("stability",)
 # These need long runs, or compile a stepper again; they run only where others do not suffice.
 AT_LAST = ("energy", "float32")
 _ENOUGH = 2
+# What these mutants do happens on no run of a check rope; the others run if none of these rejects.
+FAR = ("purity", "pins", "time-shift", "scales", "sizes", "far-states")
 
 
 def rejected_by(mutant: Mutant, only: Sequence[str] | None = None) -> list[str]:
@@ -45,6 +48,8 @@ def rejected_by(mutant: Mutant, only: Sequence[str] | None = None) -> list[str]:
                 return _failed(graded(mutant, Path(folder), diagnose=False))
         if only is not None:
             return _failed(_checked(mutant, only=only))
+        if mutant in THRESHOLDS and (failed := _failed(_checked(mutant, only=FAR))):
+            return failed
         failed = _failed(_checked(mutant, skip=(*UNCLAIMED, *AT_LAST)))
         if len(failed) >= _ENOUGH and not set(failed) <= set(SLOW):
             return failed

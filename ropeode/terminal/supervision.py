@@ -1,0 +1,187 @@
+"""A command in a process that another one watches: the user's code may end it, or never return.
+
+What the user's code can do to its process (end it, crash it, hold Python's global lock for good)
+it cannot do to the process that watches, which runs none of it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, NoReturn
+
+from ropeode.terminal.running import end_on_ctrl_c
+
+# How often the processes look whether the other one is alive.
+_LOOKS_AGAIN_S = 0.25
+# The wall time that is allowed without a sign of life, over the processor time.
+_WAITING = 10.0
+# Between the two processes a shell, so that code which kills its parent kills that.
+_SHELL = ("/bin/sh", "-c", '"$@"; exit $?', "ropeode")
+_ENDS_BY_SIGNAL = 128
+# The signals of the two timers that end a process which does not return.
+_HANGS = (signal.SIGPROF, signal.SIGALRM)
+
+
+# Lines between the two processes begin with one of these.
+_DOES, _ENDS = ">", "="
+
+
+class Ended(NamedTuple):
+    """How a watched process ended.
+
+    Fields:
+        code: its exit code, where it reached its own end; None where something ended it.
+        during: what it was doing; empty where it had not begun.
+        how: in words, as of the code that it ran: it "ended its process (exit code 0)".
+    """
+
+    code: int | None
+    during: str
+    how: str
+
+
+class _Watched:
+    """What this process knows of the one that watches it."""
+
+    def __init__(self) -> None:
+        self.line: socket.socket | None = None
+
+
+_this = _Watched()
+
+
+def watch(code: str, words: Sequence[str]) -> Ended:
+    """Run Python code in a process of its own, until it ends or says that it has.
+
+    Arguments:
+        code: calls `watched` with `FD`, the number of a file.
+        words: the arguments of the process.
+    """
+    ours, theirs = socket.socketpair()
+    start = f"import sys; sys.path[:] = {sys.path!r}; FD = {theirs.fileno()}\n{code}"
+    process = subprocess.Popen(
+        [*_SHELL, sys.executable, "-c", start, *words],
+        stdin=subprocess.DEVNULL,
+        pass_fds=[theirs.fileno()],
+        # Not in this process group: Ctrl-C is for this process, and kill(0) is not.
+        start_new_session=True,
+    )
+
+    def end() -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+    theirs.close()
+    end_on_ctrl_c(before=end)
+    with ours:
+        try:
+            said = _all_that_is_said(ours, process)
+        finally:
+            end()
+            process.wait()
+    doing = [line[1:] for line in said if line.startswith(_DOES)]
+    codes = [int(line[1:]) for line in said if line.startswith(_ENDS)]
+    return Ended(
+        code=codes[-1] if codes else None,
+        during=doing[-1] if doing else "",
+        how=_how(process.returncode),
+    )
+
+
+def _all_that_is_said(line: socket.socket, process: subprocess.Popen) -> list[str]:
+    """The lines that a process says until its last one, or until it ends."""
+    said = b""
+    while True:
+        # Before what it has said is read: it may say more and then end.
+        alive = process.poll() is None
+        waits_s = _LOOKS_AGAIN_S if alive else 0.0
+        readable, _, _ = select.select([line], [], [], waits_s)
+        more = line.recv(65536) if readable else b""
+        said += more
+        lines = said.decode().splitlines()
+        if (lines and lines[-1].startswith(_ENDS)) or not (more or alive):
+            return lines
+        if readable and not more:
+            # It can say no more.
+            time.sleep(waits_s)
+
+
+def _how(code: int) -> str:
+    """How a process ended, from the exit code of its shell, or the signal that ended the shell."""
+    number = -code if code < 0 else code - _ENDS_BY_SIGNAL
+    if number in _HANGS:
+        return "did not return, and let nothing else run meanwhile"
+    with contextlib.suppress(ValueError):
+        if code < 0:
+            return f"killed its parent process ({signal.Signals(number).name})"
+        return f"ended its process ({signal.Signals(number).name})"
+    return f"ended its process (exit code {code})"
+
+
+def watched(fd: int, command: Callable[[], int]) -> NoReturn:
+    """The process that is watched.
+
+    Output goes where it went, but the user's code does not find it by its number: what compiled
+    code prints goes to standard error, and the output is there if standard output is closed.
+
+    Arguments:
+        fd: the file that it was handed.
+        command: is run; it returns the exit code.
+    """
+    _this.line = socket.socket(fileno=fd)
+    sys.stdout = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding, errors="backslashreplace")
+    os.dup2(2, 1)
+    # Ctrl-C is for the other process; here it can only be the user's code that sends it.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with_the_other, args=(_this.line,), daemon=True).start()
+    code = command()
+    sys.stdout.flush()
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.flush()
+    _this.line.sendall(f"{_ENDS}{code}\n".encode())
+    os._exit(code)
+
+
+def _end_with_the_other(line: socket.socket) -> None:
+    while line.recv(1):
+        pass
+    os._exit(1)
+
+
+def say(doing: str) -> None:
+    """Tell the process that watches this one what it does; nothing where none watches."""
+    if _this.line is not None:
+        _this.line.sendall(f"{_DOES}{doing}\n".encode())
+
+
+def end_if_nothing_runs(seconds: float) -> None:
+    """Let this process end where Python does not run for so long, if another one watches it.
+
+    Compiled code that holds Python's global lock and does not return cannot be given up.
+
+    Arguments:
+        seconds: of processor time; of wall time ten times as many.
+    """
+    if _this.line is None:
+        return
+
+    def wind_up() -> None:
+        while True:
+            for timer, after in (
+                (signal.ITIMER_PROF, seconds),
+                (signal.ITIMER_REAL, _WAITING * seconds),
+            ):
+                # They count from here on; a signal that nobody handles ends the process.
+                signal.setitimer(timer, max(after, 4.0 * _LOOKS_AGAIN_S))
+            threading.Event().wait(_LOOKS_AGAIN_S)
+
+    threading.Thread(target=wind_up, daemon=True).start()

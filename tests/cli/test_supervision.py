@@ -1,0 +1,124 @@
+"""A process that runs the user's code, and what becomes of it, is watched by another one."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ropeode.cli.main import main
+from ropeode.terminal.supervision import Ended, watch
+from tests.time_limit import HANGS_AFTER_S
+
+# Of a process that says what it does, and then runs this.
+BEGINS = """
+import ctypes, os, signal, sys, threading, time
+from ropeode.terminal.supervision import end_if_nothing_runs, say, watched
+def command():
+    say("the trial")
+    say("pins")
+    end_if_nothing_runs(0.1)
+    {}
+    return 5
+watched(FD, command)
+"""
+EXIT = "ended its process (exit code {})"
+
+
+@pytest.mark.parametrize(
+    ("does", "code", "how"),
+    [
+        ("pass", 5, ""),
+        ("os._exit(0)", None, EXIT.format(0)),
+        ("threading.Thread(target=lambda: os._exit(0)).start(); time.sleep(9)", None, "code 0"),
+        ("ctypes.string_at(0)", None, "ended its process (SIGSEGV)"),
+        ("os.kill(os.getpid(), signal.SIGINT); time.sleep(9)", None, "SIGINT"),
+        ("os.kill(os.getppid(), signal.SIGKILL); time.sleep(9)", None, "killed its parent"),
+        ("os.kill(0, signal.SIGTERM); time.sleep(9)", None, "killed its parent"),
+        ("sum(range(10**15))", None, "did not return"),
+        ("os.closerange(0, 100); time.sleep(0.1)", None, "ended its process"),
+        ("os.close(1); sys.stdout.write('')", 5, ""),
+        # The process does not wait for what still computes in it.
+        ("threading.Thread(target=time.sleep, args=(99,)).start()", 5, ""),
+    ],
+)
+def test_what_ends_a_process_is_seen_by_another_one(does, code, how):
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        ended = watch(BEGINS.format(does), [])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (ended.code, ended.during) == (code, "pins")
+    assert how in ended.how
+
+
+def test_output_is_there_though_it_was_closed(capfd):
+    before = signal.getsignal(signal.SIGINT)
+    watch(BEGINS.format("os.write(1, b'from compiled code'); os.close(1); print('report')"), [])
+    signal.signal(signal.SIGINT, before)
+    out, err = capfd.readouterr()
+    assert (out, "from compiled code" in err) == ("report\n", True)
+
+
+@pytest.mark.parametrize("form", ["json", "text"])
+def test_a_step_that_ends_its_process_has_failed_a_check(form, capsys, command_surroundings):
+    ended = Ended(None, "order-free", EXIT.format(0))
+    words = ["check", "mine.py:step", "--order", "2", "--only", "pins,order-free"]
+    assert main([*words, "--format", form], ended) == 1
+    out = capsys.readouterr().out
+    if form == "text":
+        assert "claimed to be of order 2" in " ".join(out.split())
+        assert "Wrong: 1 of 3 checks fails (purity)" in out
+        return
+    first, *others = json.loads(out)["findings"]
+    assert (first["check"], first["status"]) == ("purity", "fail")
+    assert "ended its process (exit code 0), during 'order-free'" in first["finding"]
+    assert [each["status"] for each in others] == ["skip", "skip"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("does", ["os._exit(0)", "ctypes.string_at(0)"])
+def test_a_check_of_such_a_step_as_a_process(does, run_process, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import ctypes, os\n"
+        "def step(acceleration, t, x, v, dt, args):\n"
+        f"    if t > 1.0: {does}\n"
+        "    v = v + dt * acceleration(t, x, v, args)\n"
+        "    return x + dt * v, v\n"
+    )
+    done = run_process("check", "mine.py", "--only", "pins,order-driven", "--format", "json")
+    found = {each["check"]: each["status"] for each in json.loads(done.stdout)["findings"]}
+    assert done.returncode == 1
+    assert found == {"purity": "fail", "order-driven": "skip", "pins": "skip"}
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_both_processes(environment, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import os, pathlib\n"
+        "def step(rhs, t, y, dt, args):\n"
+        "    pathlib.Path('pid').write_text(str(os.getpid()))\n"
+        "    while True: pass\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-m", "ropeode", "check", "mine.py"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+    )
+    pid = tmp_path / "pid"
+    while not (pid.exists() and pid.read_text()):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=HANGS_AFTER_S)
+    assert (process.returncode, *said) == (130, "", "ropeode: interrupted; nothing was written.\n")
+    # It takes a moment until what has ended is gone.
+    while os.path.exists(f"/proc/{pid.read_text()}"):
+        time.sleep(0.05)
