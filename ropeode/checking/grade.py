@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import operator
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -147,7 +146,11 @@ def _diagnosed(
     if written is None:
         return tuple(_with_what_is_right(each, order) for each in solved)
     if solved[0].cause == "unknown":
-        return (_of_files(written),)
+        found = _of_files(written)
+        line = (
+            f"{found.line}; or the program solves the problem with that change, which is the same"
+        )
+        return (dataclasses.replace(found, line=line),)
     line = f"{solved[0].line}; or, which is the same in the files, {written.line}"
     return (dataclasses.replace(solved[0], line=line), *solved[1:])
 
@@ -163,21 +166,14 @@ def _of_files(written: Explanation) -> Diagnosis:
 
 
 def _with_what_is_right(diagnosis: Diagnosis, order: Finding) -> Diagnosis:
-    """An unknown cause, with the quantities that converge to the solution."""
-    convergence = order.convergence
-    if diagnosis.cause != "unknown" or convergence is None:
+    """An unknown cause, with the quantities that converge to the solution if others do not."""
+    orders = {} if order.convergence is None else order.convergence.orders
+    right = {name: each for name, each in orders.items() if each.verdict == "converges"}
+    wrong = [name for name, each in orders.items() if each.verdict == "does not converge"]
+    if diagnosis.cause != "unknown" or not right or not wrong:
         return diagnosis
-    right = {
-        name: each.observed
-        for name, each in convergence.orders.items()
-        if each.verdict == "converges"
-        and (name not in convergence.limits or operator.le(*convergence.limits[name]))
-    }
-    if not 0 < len(right) < len(convergence.orders):
-        return diagnosis
-    words = " and ".join(f"{name} converges with order {each:.2f}" for name, each in right.items())
-    others = " and ".join(name for name in convergence.orders if name not in right)
-    line = f"{diagnosis.line}. Only {others} is wrong: {words}"
+    words = " and ".join(f"{name} (order {each.observed:.2f})" for name, each in right.items())
+    line = f"{diagnosis.line}. Only {' and '.join(wrong)} is wrong; right is {words}"
     return dataclasses.replace(diagnosis, line=line)
 
 

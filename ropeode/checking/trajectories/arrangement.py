@@ -25,6 +25,8 @@ _LEFT_OVER = 0.5
 _MOST_AXES = 3
 # What varies less than this part of the rest has no sign and no unit that could be seen.
 _FLAT = 1e-6
+# No unit is larger; what blew up may be.
+_LARGEST_FACTOR = 1e12
 # By how much an extrapolated number may be off, in units of its estimated error.
 _SAFETY = 5.0
 # Units of rounding of a number that is read off the first sample.
@@ -223,7 +225,9 @@ def _fit(values: np.ndarray, source: np.ndarray, moves: bool) -> _Fit | None:
     exact = bool(np.sum(first_size) > _FLAT * total)
     near, near_size = (first, first_size) if exact else (every, size)
     factor = float(np.sum(np.abs(near)) / np.sum(near_size))
-    return _Fit(factor, tuple(int(sign) for sign in signs), exact) if factor else None
+    if not 1.0 / _LARGEST_FACTOR < factor < _LARGEST_FACTOR:
+        return None
+    return _Fit(factor, tuple(int(sign) for sign in signs), exact)
 
 
 def _factor(

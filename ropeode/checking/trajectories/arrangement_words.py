@@ -8,6 +8,9 @@ from typing import NamedTuple
 from ropeode.checking.trajectories.arrangement import Arrangement, Held
 from ropeode.checking.trajectories.run_files import Run
 
+# What columns hold, where there are no velocities beside them.
+_NUMBERS = {"": "positions", "state": "numbers"}
+
 
 class Mistake(NamedTuple):
     """One mistake, and how to mend it."""
@@ -21,7 +24,7 @@ def mistakes_in(arrangement: Arrangement, run: Run) -> list[Mistake]:
     axes, names = run.layout.axes, run.problem.quantities
     positions, *others = arrangement.held
     if not others:
-        return _alone(positions, axes)
+        return _alone(positions, axes, "" if run.layout.mechanical else "state")
     (velocities,) = others
     speeds = tuple(f"v{axis}" for axis in axes)
     leave_out = "write the velocities, or leave their columns out"
@@ -47,7 +50,7 @@ def mistakes_in(arrangement: Arrangement, run: Run) -> list[Mistake]:
         found += _scaled(positions, "all numbers")
     else:
         found += [*_scaled(positions, "positions"), *_scaled(velocities, "velocities")]
-    return [*found, *_moved(positions)]
+    return [*found, *_moved(positions, "positions")]
 
 
 def _alone(held: Held, axes: Sequence[str], name: str = "") -> list[Mistake]:
@@ -57,11 +60,11 @@ def _alone(held: Held, axes: Sequence[str], name: str = "") -> list[Mistake]:
     else:
         sign = _mirrored(held.signs, axes)
     return [
-        *_order_of_nodes(held, f" of the {name}" if name else ""),
+        *_order_of_nodes(held, name),
         *_exchanged(held, axes),
         *(sign if -1 in held.signs else []),
-        *_scaled(held, name or "positions"),
-        *_moved(held),
+        *_scaled(held, _NUMBERS.get(name, name)),
+        *_moved(held, _NUMBERS.get(name, name)),
     ]
 
 
@@ -71,9 +74,12 @@ def _alike(a: Held, b: Held) -> bool:
     return a.axes == b.axes and a.reverse == b.reverse and signs
 
 
-def _order_of_nodes(held: Held, whose: str) -> list[Mistake]:
+def _order_of_nodes(held: Held, name: str) -> list[Mistake]:
     if not held.reverse:
         return []
+    if name == "state":
+        return [Mistake("the components are in reverse order", "write the first one first")]
+    whose = f" of the {name}" if name else ""
     return [Mistake(f"the nodes{whose} are in reverse order", "number nodes from the other end")]
 
 
@@ -107,10 +113,10 @@ def _scaled(held: Held, what: str) -> list[Mistake]:
     return [Mistake(f"{what} are {words}", fix)]
 
 
-def _moved(held: Held) -> list[Mistake]:
+def _moved(held: Held, what: str) -> list[Mistake]:
     if not held.offset:
         return []
-    words = f"positions are shifted by ({', '.join(f'{each:.6g}' for each in held.offset)})"
+    words = f"{what} are shifted by ({', '.join(f'{each:.6g}' for each in held.offset)})"
     return [Mistake(words, "use the origin of the spec")]
 
 

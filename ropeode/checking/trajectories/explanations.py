@@ -25,9 +25,9 @@ from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 from ropeode.validation import complaint
 
-# Where the step sizes show no order, the errors of the finest run must be at most this part of the
-# motion, and this part of those of the coarsest.
-_SMALL, _FALLEN = 0.1, 0.5
+# Where the step sizes show no order, the errors of the finest run must be tiny, as a part of the
+# motion; or small, and at most this part of those of the coarsest.
+_VERY_SMALL, _SMALL, _FALLEN = 1e-3, 0.1, 0.5
 _TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -269,9 +269,8 @@ def _closeness(reference: Reference, runs: Sequence[Run]) -> str | None:
         coarse, fine = (
             float(np.max(distances(run.states, reference, norm)[1:])) for run in (runs[0], runs[-1])
         )
-        if fine > resolution(reference, norm)[-1] and (
-            fine > _SMALL * moved or fine > _FALLEN * coarse
-        ):
+        tiny = max(_VERY_SMALL * moved, float(resolution(reference, norm)[-1]))
+        if fine > max(tiny, min(_SMALL * moved, _FALLEN * coarse)):
             return None
         words.append(f"the error in {name} is {100.0 * fine / moved:.2g}% of the motion")
     return " and ".join(words) + f" at dt = {runs[-1].dt:.4g}"
