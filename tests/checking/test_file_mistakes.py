@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from trajectory_writing import node_values, write_csv, write_npz
@@ -75,6 +77,41 @@ def test_columns_that_hold_other_numbers(tmp_path, known, runs, words):
         assert run.values == pytest.approx(runs[n][:-1, :, :kept], rel=1e-12, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("words", "change"),
+    [
+        ("after the first row, x points the other way", lambda v: v * [-1, 1, -1, 1]),
+        ("after the first row, the nodes are in reverse order", lambda v: v[:, ::-1]),
+    ],
+)
+def test_what_begins_after_the_first_row(tmp_path, known, runs, words, change):
+    """As where the initial state is written by other lines than the rest."""
+    made = written(tmp_path, runs, numbers(lambda v, dt: np.concatenate([v[:1], change(v[1:])])))
+    found = explain_columns(known, read_runs(made, known.problem))
+    assert found is not None
+    assert found.words == words
+
+
+def test_momenta(tmp_path, known, runs):
+    """The reference of one rope, and masses of another, which change nothing else here."""
+    masses = np.array([1.0, 2.0, 0.5, 3.0])
+    args = known.problem.args._replace(mass=masses)
+    problem = dataclasses.replace(known.problem, args=args)
+    made = written(
+        tmp_path, runs, numbers(lambda v, dt: v * np.outer(masses, [0, 0, 1, 1]) + v * [1, 1, 0, 0])
+    )
+    of_other_masses = dataclasses.replace(known, problem=problem)
+    found = explain_columns(of_other_masses, read_runs(made, problem))
+    assert found is not None
+    assert found.words == "velocities are multiplied by the masses"
+
+
+def test_rows_of_one_array(tmp_path, known, runs):
+    made = written(tmp_path, runs, numbers(lambda v, dt: v[[3, 3, 3, 3]]))
+    with pytest.raises(InputError, match=r"all rows of a file are the same\. Fix: write a copy"):
+        grade(made, known)
+
+
 TIMES = {
     "each row is one frame late: the first, at t = 0, holds the state at t = 1": lambda t, v, dt: (
         (t, v[1:], dt)
@@ -142,14 +179,31 @@ def test_printed_with_few_digits(tmp_path, known, runs):
         grade(made, known)
 
 
-def test_what_the_files_cannot_tell(tmp_path):
-    """From y = 0, a rope whose y is mirrored moves as if gravity had the wrong sign."""
-    problem = Rope(num_nodes=4, start=(0, 0), end=(-400, 0)).problem(FRAMES)
-    other = Rope(num_nodes=4, start=(0, 0), end=(-400, 0), gravity=(0, 1)).problem(FRAMES)
-    wrong = {
-        n: node_values(other, simulate(other, "velocity-verlet", n).states)[[0, 1, 2, 3, 3]]
-        for n in STEPS
-    }
+@pytest.fixture(scope="module")
+def from_zero():
+    """A rope at y = 0 whose y, mirrored, moves as if gravity had the wrong sign."""
+    ends = {"num_nodes": 4, "start": (0, 0), "end": (-400, 0)}
+    other = Rope(**ends, gravity=(0, 1)).problem(FRAMES + 1)
+    runs = {n: node_values(other, simulate(other, "velocity-verlet", n).states) for n in STEPS}
+    return Rope(**ends).problem(FRAMES), runs
+
+
+def test_what_the_files_cannot_tell(tmp_path, known, from_zero):
+    """The reference is that of the usual rope, moved."""
+    problem, wrong = from_zero
+    states = known.states - np.array([0.0, 200.0])[:, None] * np.array([1.0, 0.0])[:, None, None]
+    moved = dataclasses.replace(known, problem=problem, states=states)
+    found = explain_columns(
+        moved, read_runs(written(tmp_path, wrong, numbers(lambda v, dt: v)), problem)
+    )
+    assert found is not None
+    assert found.words == "y points the other way"
+    assert found.like_another_problem
+
+
+@pytest.mark.slow
+def test_both_are_said(tmp_path, from_zero):
+    problem, wrong = from_zero
     (diagnosis,) = grade(written(tmp_path, wrong, numbers(lambda v, dt: v)), problem).diagnosis
     assert diagnosis.cause == "parameters"
     assert "as if gravity has the wrong sign; or, which is the same in the files" in diagnosis.line

@@ -420,12 +420,12 @@ def test_the_state_after_the_first_step(tmp_path, small_rope, known):
         grade(made, known)
 
 
-def test_one_of_another_problem(tmp_path, small_rope):
+def test_one_of_another_problem(tmp_path, small_rope, known):
     made = files(tmp_path, small_rope, right(small_rope))
     other = Rope(num_nodes=4, end=(-300.0, 200.0)).problem(frames=3)
     made[2] = files(tmp_path, other, lambda n: frames_of(other, 1 / n, n), (64,))[0]
     with pytest.raises(InputError) as caught:
-        grade(made, small_rope)
+        grade(made, known)
     assert len(caught.value.problems) == 1
     assert "64.csv, initial state, node 1 (x): -100.0 given" in caught.value.problems[0]
 

@@ -47,6 +47,7 @@ class Held:
         power: of the step size by which it is multiplied, too.
         offset: what is added in each column.
         reverse: whether the nodes are in reverse order.
+        weights: by which each node's numbers are multiplied, too; none if they are not.
     """
 
     source: str | None
@@ -56,6 +57,7 @@ class Held:
     power: int = 0
     offset: tuple[float, ...] = ()
     reverse: bool = False
+    weights: tuple[float, ...] = ()
 
     def applied(self, source: np.ndarray, dt: float) -> np.ndarray:
         """What the columns hold of the source's values ``(times, nodes, dim)``."""
@@ -70,7 +72,8 @@ class Held:
 
     def _scale(self, dt: float) -> np.ndarray:
         signs = np.array(self.signs)
-        return self.factor * dt**self.power * np.where(signs == 0, 1, signs)
+        weights = np.array(self.weights or (1.0,))[:, None]
+        return self.factor * dt**self.power * np.where(signs == 0, 1, signs) * weights
 
     @property
     def _offset(self) -> np.ndarray:
@@ -79,9 +82,15 @@ class Held:
 
 @dataclasses.dataclass(frozen=True)
 class Arrangement:
-    """What all columns hold: those of positions, and those of velocities if there are any."""
+    """What all columns hold.
+
+    Arguments:
+        held: of positions, and of velocities if there are any.
+        after: the number of rows before, which are right.
+    """
 
     held: tuple[Held, ...]
+    after: int = 0
 
     @property
     def moves_positions(self) -> bool:
@@ -93,12 +102,14 @@ class Arrangement:
         return tuple(map(self._undone, runs))
 
     def _undone(self, run: Run) -> Run:
-        dim, parts = run.layout.dim, {}
-        for i, held in enumerate(self.held):
+        names, dim, parts = run.problem.quantities, run.layout.dim, {}
+        blocks = {name: run.values[:, :, i * dim : (i + 1) * dim] for i, name in enumerate(names)}
+        for name, held in zip(names, self.held, strict=False):
             if held.source is not None:
-                values = run.values[:, :, i * dim : (i + 1) * dim]
-                parts[held.source] = _rounded(held, values, run.dt)
-        kept = [parts[name] for name in run.problem.quantities if name in parts]
+                undone = _rounded(held, blocks[name], run.dt)
+                right = blocks[held.source][: self.after]
+                parts[held.source] = np.concatenate([right, undone[self.after :]])
+        kept = [parts[name] for name in names if name in parts]
         return dataclasses.replace(run, values=np.concatenate(kept, axis=2))
 
 
@@ -110,7 +121,7 @@ def _rounded(held: Held, values: np.ndarray, dt: float) -> np.ndarray:
     return np.round(source, decimals + math.floor(math.log10(held.factor * dt**held.power)))
 
 
-def arrangements(states: np.ndarray, runs: Sequence[Run]) -> list[Arrangement]:
+def arrangements(states: np.ndarray, runs: Sequence[Run], after: int = 0) -> list[Arrangement]:
     """Arrangements of the columns that come close to the right states, beside the right one.
 
     The sign, the factor and the offset of each column are read off the first sample, or fitted
@@ -119,11 +130,12 @@ def arrangements(states: np.ndarray, runs: Sequence[Run]) -> list[Arrangement]:
     Arguments:
         states: of the first sample times, ``(samples, *state)``.
         runs: from coarse to fine.
+        after: the number of rows before, which are right.
     """
     names = runs[0].problem.quantities
-    each = [list(_holding(states, runs, name)) for name in runs[0].quantities]
+    each = [list(_holding(states, runs, name, after)) for name in runs[0].quantities]
     return [
-        Arrangement(held)
+        Arrangement(held, after)
         for held in itertools.product(*each)
         if held[0].source is not None
         # Positions cannot be left out.
@@ -138,10 +150,10 @@ def _is_right(held: Held, name: str | None) -> bool:
     return dataclasses.replace(held, signs=signs) == usual
 
 
-def _holding(states: np.ndarray, runs: Sequence[Run], quantity: str) -> Iterator[Held]:
+def _holding(states: np.ndarray, runs: Sequence[Run], quantity: str, after: int) -> Iterator[Held]:
     """What the columns of a quantity may hold."""
-    problem, dim, rows = runs[0].problem, runs[0].layout.dim, slice(0, len(states))
-    place = problem.quantities.index(quantity) * dim
+    problem, dim, rows = runs[0].problem, runs[0].layout.dim, slice(after, len(states))
+    place, states = problem.quantities.index(quantity) * dim, states[after:]
     files = [run.values[rows, :, place : place + dim] for run in runs]
     in_order = tuple(range(dim))
     if not any(np.any(values) for values in files):
@@ -149,17 +161,26 @@ def _holding(states: np.ndarray, runs: Sequence[Run], quantity: str) -> Iterator
         yield Held(None if np.any(right) else quantity, in_order, (0,) * dim)
         return
     orders = [*itertools.permutations(in_order)] if dim <= _MOST_AXES else [in_order]
-    for source, axes, reverse in itertools.product(problem.quantities, orders, (False, True)):
-        right = problem.quantity(source, states)
-        held = _fitted(
-            Held(source, axes, (), reverse=reverse),
+    held = [
+        Held(source, axes, (), reverse=reverse)
+        for source in problem.quantities
+        for axes in orders
+        for reverse in (False, True)
+    ]
+    mass = np.ravel(getattr(problem.args, "mass", ()))
+    if problem.mechanics is not None and len(mass) == runs[0].layout.nodes and np.ptp(mass):
+        held.append(Held(problem.quantities[-1], in_order, (), weights=tuple(mass.tolist())))
+    for each in held:
+        fitted = _fitted(
+            each,
             [Sample(run.dt, values) for run, values in zip(runs, files, strict=True)],
-            right,
-            moves=source == problem.quantities[0],
+            problem.quantity(str(each.source), states),
+            moves=each.source == problem.quantities[0],
+            exact=not after,
             scale=problem.scale,
         )
-        if held is not None:
-            yield held
+        if fitted is not None:
+            yield fitted
 
 
 class Sample(NamedTuple):
@@ -170,7 +191,13 @@ class Sample(NamedTuple):
 
 
 def _fitted(
-    held: Held, files: Sequence[Sample], source: np.ndarray, *, moves: bool, scale: float
+    held: Held,
+    files: Sequence[Sample],
+    source: np.ndarray,
+    *,
+    moves: bool,
+    exact: bool,
+    scale: float,
 ) -> Held | None:
     """With the signs, the factor and the offset that the files show; None if they show none.
 
@@ -179,10 +206,12 @@ def _fitted(
         files: from coarse to fine.
         source: its right values.
         moves: whether the source has an origin that may be moved.
+        exact: whether the first sample is that of the initial state.
         scale: of positions, for their rounding.
     """
     ordered = dataclasses.replace(held, signs=(1,) * len(held.axes)).applied(source, 1.0)
-    fits = [fit for each in files if (fit := _fit(each.values, ordered, moves)) is not None]
+    found = [_fit(each.values, ordered, moves, exact) for each in files]
+    fits = [fit for fit in found if fit is not None]
     if len(fits) < len(files):
         return None
     values, dt = files[-1].values, files[-1].dt
@@ -193,7 +222,7 @@ def _fitted(
         [each.dt for each in files], [fit.factor for fit in fits], room / size, fits[-1].exact
     )
     held = dataclasses.replace(held, signs=fits[-1].signs, factor=factor, power=power)
-    if moves:
+    if moves and exact:
         off = np.mean(values[0] - held.applied(source[:1], dt)[0], axis=0)
         offset = tuple(shortest(float(each), room) for each in off)
         held = dataclasses.replace(held, offset=offset if any(offset) else ())
@@ -209,7 +238,9 @@ class _Fit(NamedTuple):
     exact: bool
 
 
-def _fit(values: np.ndarray, source: np.ndarray, moves: bool) -> _Fit | None:
+def _fit(values: np.ndarray, source: np.ndarray, moves: bool, exact: bool) -> _Fit | None:
+    """Of columns to a source in the same order; the first sample counts most if it is exact."""
+
     def products(rows: slice) -> tuple[np.ndarray, np.ndarray]:
         a, b = values[rows], source[rows]
         if moves:
@@ -221,8 +252,9 @@ def _fit(values: np.ndarray, source: np.ndarray, moves: bool) -> _Fit | None:
     if not (0.0 < total < np.inf) or not np.all(np.isfinite(every)):
         return None
     signs = np.where(size > _FLAT * total, np.sign(every), 0.0)
-    signs = np.where(first_size > _FLAT * total, np.sign(first), signs)
-    exact = bool(np.sum(first_size) > _FLAT * total)
+    if exact:
+        signs = np.where(first_size > _FLAT * total, np.sign(first), signs)
+    exact &= bool(np.sum(first_size) > _FLAT * total)
     near, near_size = (first, first_size) if exact else (every, size)
     factor = float(np.sum(np.abs(near)) / np.sum(near_size))
     if not 1.0 / _LARGEST_FACTOR < factor < _LARGEST_FACTOR:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -46,7 +47,8 @@ def mistakes_in(arrangement: Arrangement, run: Run) -> list[Mistake]:
     found += [*_order_of_nodes(positions, ""), *_exchanged(positions, axes)]
     both = tuple(a or b for a, b in zip(positions.signs, velocities.signs, strict=True))
     found += _mirrored(both, axes)
-    if positions.power == velocities.power and positions.factor == velocities.factor:
+    same = positions.power == velocities.power and positions.factor == velocities.factor
+    if same and not velocities.weights:
         found += _scaled(positions, "all numbers")
     else:
         found += [*_scaled(positions, "positions"), *_scaled(velocities, "velocities")]
@@ -101,6 +103,9 @@ def _mirrored(signs: Sequence[int], axes: Sequence[str]) -> list[Mistake]:
 
 
 def _scaled(held: Held, what: str) -> list[Mistake]:
+    if held.weights:
+        words = f"{what} are multiplied by the masses"
+        return [Mistake(words, "divide them by the masses"), *_scaled(_without(held), what)]
     if held.factor == 1.0 and held.power == 0:
         return []
     factor = "" if held.factor == 1.0 else f"{held.factor:.6g} "
@@ -111,6 +116,10 @@ def _scaled(held: Held, what: str) -> list[Mistake]:
     else:
         words, fix = f"{factor}1/dt times those of the problem", "multiply them by dt"
     return [Mistake(f"{what} are {words}", fix)]
+
+
+def _without(held: Held) -> Held:
+    return dataclasses.replace(held, weights=())
 
 
 def _moved(held: Held, what: str) -> list[Mistake]:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ropeode.checking.trajectories.explanations import (
     explain_columns,
     explain_start,
@@ -73,6 +75,9 @@ def _why(
     fewest: int,
 ) -> tuple[str, str] | None:
     """What explains a wrong initial state, and how to mend it."""
+    if all(np.all(run.values == run.values[0]) for run in runs):
+        fix = "write a copy of the state, not the array that the next step overwrites"
+        return "all rows of a file are the same", fix
     try:
         reference = certified()
     except ReferenceRefused:

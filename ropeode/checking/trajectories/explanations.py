@@ -82,11 +82,14 @@ def explain_columns(
             return None
         return _agreement(reference, undone, coarse=coarse)
 
-    found = _simplest(reference.states[: reference.trusted], runs, agreement)
+    states = reference.states[: reference.trusted]
+    found = _simplest(states, runs, agreement)
+    if found is None and begins_right(runs, slice(None)):
+        found = _simplest(states, runs, agreement, after=1)
     if found is None:
         return None
     undone = found.arrangement.undone_in(runs)
-    moved = same_start and found.arrangement.moves_positions
+    moved = same_start and found.arrangement.moves_positions and not found.arrangement.after
     return Explanation("columns", found.words, found.fix, found.evidence, undone, reference, moved)
 
 
@@ -122,12 +125,15 @@ class _Found(NamedTuple):
 
 
 def _simplest(
-    states: np.ndarray, runs: Sequence[Run], evidence: Callable[[Arrangement], str | None]
+    states: np.ndarray,
+    runs: Sequence[Run],
+    evidence: Callable[[Arrangement], str | None],
+    after: int = 0,
 ) -> _Found | None:
     """The arrangement with the fewest mistakes for which there is evidence."""
     found: list[tuple[list[Mistake], Arrangement, str]] = []
     with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
-        tried = [(mistakes_in(each, runs[0]), each) for each in arrangements(states, runs)]
+        tried = [(mistakes_in(each, runs[0]), each) for each in arrangements(states, runs, after)]
         for mistakes, arrangement in sorted(tried, key=lambda pair: len(pair[0])):
             if found and len(mistakes) > len(found[0][0]):
                 break
@@ -138,7 +144,8 @@ def _simplest(
     mistakes, arrangement, shown = found[0]
     words = dict.fromkeys(" and ".join(each.words for each in several) for several, *_ in found)
     fix = "; ".join(each.fix for each in mistakes)
-    return _Found(arrangement, "; or, which is the same here, ".join(words), fix, shown)
+    text = "; or, which is the same here, ".join(words)
+    return _Found(arrangement, f"after the first row, {text}" if after else text, fix, shown)
 
 
 def explain_times(

@@ -23,6 +23,7 @@ _ROUNDING = 1e-6
 # If only one quantity is late, the errors of the others are smaller by this factor, as parts of the
 # motion, or fall faster with dt by that one.
 _IN_TIME, _FASTER = 0.2, 0.75
+_LESS = 1.0 - 1e-6
 _PLURAL = {"position": "positions", "velocity": "velocities", "state": "samples"}
 # What is well known to give samples so many steps late, and how to mend it.
 _WELL_KNOWN: dict[tuple[tuple[str, ...], float | None], tuple[str, str]] = {
@@ -54,8 +55,8 @@ class Delay(NamedTuple):
         fix: how to mend it; empty if the words say it.
         steps: by how many steps each sample is late, from the time since the start in steps, and
             the number of the frame.
-        constant: if each sample is late alike, by how many steps; then one quantity may be, and
-            the others in time.
+        constant: if each sample is late alike, by how many steps.
+        alone: whether one quantity may be late, and the others in time.
     """
 
     cause: str
@@ -63,6 +64,7 @@ class Delay(NamedTuple):
     fix: str
     steps: Callable[[np.ndarray, np.ndarray], np.ndarray]
     constant: float | None = None
+    alone: bool = False
 
 
 def _part(steps: np.ndarray) -> np.ndarray:
@@ -80,6 +82,12 @@ def _missing(steps: np.ndarray) -> np.ndarray:
     """The fraction of a step that is missing to whole steps."""
     rest = _part(steps)
     return np.where(rest > 0.0, 1.0 - rest, 0.0)
+
+
+def _last_step(steps: np.ndarray) -> np.ndarray:
+    """The size of the last step of a frame, as a part of the usual one."""
+    rest = _part(steps)
+    return np.where(rest > 0.0, rest, 1.0)
 
 
 def _always(steps: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
@@ -130,6 +138,18 @@ _DELAYS = (
         lambda ends, _: _missing(ends),
     ),
     Delay(
+        "last-step",
+        "if dt does not divide a frame, the program makes the nearest whole number of steps",
+        "",
+        lambda ends, _: _in_each_frame(ends, lambda steps: np.rint(steps) - steps),
+    ),
+    Delay(
+        "last-step",
+        "if dt does not divide a sample time, the sample is taken from the nearest step",
+        "",
+        lambda ends, _: np.rint(ends) - ends,
+    ),
+    Delay(
         "sample-time",
         "the first row is the state after the first step, and the others are of their time",
         "write the initial state before the first step",
@@ -141,6 +161,7 @@ _DELAYS = (
         "write the initial state first, and each row before the next step",
         _always(1.0),
         1.0,
+        alone=True,
     ),
     Delay(
         "sample-time",
@@ -148,6 +169,7 @@ _DELAYS = (
         "write them after the last step before their time",
         _always(-1.0),
         -1.0,
+        alone=True,
     ),
     Delay(
         "sample-time",
@@ -155,6 +177,7 @@ _DELAYS = (
         "write positions and velocities of the time of the row",
         _always(0.5),
         0.5,
+        alone=True,
     ),
     Delay(
         "sample-time",
@@ -162,6 +185,14 @@ _DELAYS = (
         "write positions and velocities of the time of the row",
         _always(-0.5),
         -0.5,
+        alone=True,
+    ),
+    Delay(
+        "sample-time",
+        "{these} are those before the last step of each frame",
+        "write them after it",
+        lambda ends, _: -_last_step(np.diff(ends, prepend=0.0)),
+        alone=True,
     ),
 )
 
@@ -205,7 +236,8 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | Non
     for delay in _DELAYS:
         for names in _late_together(delay, quantities):
             found = shifts.left_over(delay, names)
-            if found is None or (best is not None and found[0] >= best.left_over):
+            # Of delays that are the same here, the first one counts.
+            if found is None or (best is not None and found[0] >= _LESS * best.left_over):
                 continue
             left, dt = found
             these = _PLURAL[names[0]] if len(names) == 1 else "samples"
@@ -222,7 +254,7 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | Non
 
 def _late_together(delay: Delay, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Which quantities may be late by a delay, and the others in time."""
-    each = [(name,) for name in names] if delay.constant is not None and len(names) > 1 else []
+    each = [(name,) for name in names] if delay.alone and len(names) > 1 else []
     return [tuple(names), *each]
 
 
@@ -257,8 +289,7 @@ class _Shifts:
             if np.any(late) and len(found) < RUNS:
                 late = late.reshape(-1, *[1] * (self._rates.ndim - 1))
                 explained = late * self._rates + 0.5 * late**2 * self._changes
-                rows = slice(None) if np.any(late[1:]) else slice(0, 1)
-                found.append((max(self._left(k, explained, name, rows) for name in names), k))
+                found.append((max(self._left(k, explained, name) for name in names), k))
         if not explains([part for part, _ in found], [self.runs[k].dt for _, k in found]):
             return None
         (left, k), (_, coarser) = found[:2]
@@ -274,11 +305,10 @@ class _Shifts:
     def _error(self, k: int, name: str) -> float:
         return float(np.max(np.abs(self.problem.quantity(name, self._errors[k]))))
 
-    def _left(self, k: int, explained: np.ndarray, name: str, rows: slice) -> float:
-        """The part of the errors of a quantity in some rows that a shift in time leaves."""
-        errors = self._errors[k][rows]
-        error = float(np.max(np.abs(self.problem.quantity(name, errors))))
-        rest = self.problem.quantity(name, errors - explained[rows])
+    def _left(self, k: int, explained: np.ndarray, name: str) -> float:
+        """The part of the errors of a quantity that a shift in time does not explain."""
+        error = self._error(k, name)
+        rest = self.problem.quantity(name, self._errors[k] - explained)
         return float(np.max(np.abs(rest))) / error if error > 0.0 else np.inf
 
     def _as_late(self, other: str, names: Sequence[str], fine: int, coarse: int) -> bool:
