@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,11 +13,16 @@ import numpy as np
 
 from ropeode.checking.claims import checked_claims
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
+from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.conservation import energy_finding, pins_finding
 from ropeode.checking.trajectories.convergence import order_finding
-from ropeode.checking.trajectories.initial_states import check_initial_states
-from ropeode.checking.trajectories.run_files import Run, names_of, read_runs
-from ropeode.checking.trajectories.time_errors import timing_diagnosis
+from ropeode.checking.trajectories.explanations import (
+    Explanation,
+    explain_columns,
+    explain_times,
+)
+from ropeode.checking.trajectories.run_files import FEWEST, Run, names_of
+from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
@@ -23,6 +30,9 @@ from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class
+
+# An observed order that is not 1.
+_MORE_THAN_FIRST = 1.5
 
 
 def grade(
@@ -70,10 +80,16 @@ def grade(
         stepper = as_stepper(claims.method)
         stepper.require(own)
         expected = stepper.order(problem_class(own))
-    runs = read_runs(files, own, dts, lambda text, share: progress(text, 0.9 * (share or 0.0)))
-    off = check_initial_states(runs)
     options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **asked)
-    reference = reference_for(problem, options, lambda text, _: progress(text, 0.9))
+
+    @functools.cache
+    def certified() -> Reference:
+        return reference_for(problem, options, lambda text, _: progress(text, 0.9))
+
+    runs, off = checked_runs(
+        files, own, dts, certified, lambda text, share: progress(text, 0.9 * (share or 0.0))
+    )
+    reference = certified()
     order, notes = _order(reference, runs, claims, expected)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
@@ -85,12 +101,12 @@ def grade(
     wrong = order.status == "fail"
     if diagnose and (wrong or expected is None):
         progress("diagnosis", 0.95)
-        timing = timing_diagnosis(reference, runs)
+        late = late_samples(reference, runs)
         if wrong:
-            diagnosis = _diagnosed(reference, runs) if timing is None else (timing,)
-        elif timing is not None:
+            diagnosis = _diagnosed(reference, runs, files, dts, order, late)
+        elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
-            notes = (*notes, timing.line)
+            notes = (*notes, late.diagnosis.line)
     progress("done", 1.0)
     return CheckReport(
         label=names_of(runs),
@@ -105,16 +121,81 @@ def grade(
 def _order(
     reference: Reference, runs: Sequence[Run], claims: Claims, expected: int | None
 ) -> tuple[Finding, tuple[str, ...]]:
-    """The verdict on convergence; no order is needed if a wrong number of steps explains all."""
+    """The verdict on convergence; no order is needed if a mistake in the files explains all."""
     finding, notes = order_finding(reference, runs, claims, expected)
     if finding.status == "undetermined":
-        timing = timing_diagnosis(reference, runs)
-        if timing is not None:
-            return Finding("order", "fail", f"no order; {timing.line}", timing.evidence), ()
+        late = late_samples(reference, runs)
+        # Half a step may be the error of a method of order 1.
+        if late is not None and late.cause != "sample-time":
+            return Finding("order", "fail", f"no order; {late.words}", late.diagnosis.evidence), ()
+        columns = explain_columns(reference, runs, coarse=False)
+        if columns is not None and not columns.like_another_problem:
+            return Finding("order", "fail", f"no order; {columns.words}"), ()
     return finding, notes
 
 
-def _diagnosed(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
+def _is_unintended(late: LateSamples, order: Finding) -> bool:
+    """Whether late samples lower the order: a method of order 1 may have such errors anyway."""
+    orders = {} if order.convergence is None else order.convergence.orders
+    others = [each.observed for name, each in orders.items() if name not in late.quantities]
+    return late.quantities != ("position",) and all(
+        observed is not None and observed > _MORE_THAN_FIRST for observed in others
+    )
+
+
+def _diagnosed(
+    reference: Reference,
+    runs: Sequence[Run],
+    files: Sequence[str | Path],
+    dts: Sequence[Any] | None,
+    order: Finding,
+    late: LateSamples | None,
+) -> tuple[Diagnosis, ...]:
+    """What is wrong with the files, or what they solve instead of the problem."""
+    if late is not None:
+        return (late.diagnosis,)
+    problem = reference.problem
+    written = explain_columns(reference, runs) or explain_times(
+        lambda: reference, problem, files, dts, FEWEST, runs
+    )
+    if written is not None and not written.like_another_problem:
+        return (_of_files(written),)
+    solved = _solved(reference, runs)
+    if written is None:
+        return tuple(_with_what_is_right(each, order) for each in solved)
+    if solved[0].cause == "unknown":
+        found = _of_files(written)
+        line = (
+            f"{found.line}; or the program solves the problem with that change, which is the same"
+        )
+        return (dataclasses.replace(found, line=line),)
+    line = f"{solved[0].line}; or, which is the same in the files, {written.line}"
+    return (dataclasses.replace(solved[0], line=line), *solved[1:])
+
+
+def _of_files(written: Explanation) -> Diagnosis:
+    """The diagnosis that a program solves the problem, and writes it wrongly."""
+    evidence = {"read_so": written.agreement, "fix": written.fix}
+    line = f"{written.line}; {written.fix}"
+    if (late := late_samples(written.reference, written.runs)) is not None:
+        line += f". Moreover, {late.diagnosis.line}"
+        evidence |= late.diagnosis.evidence
+    return Diagnosis(written.cause, line, evidence)
+
+
+def _with_what_is_right(diagnosis: Diagnosis, order: Finding) -> Diagnosis:
+    """An unknown cause, with the quantities that converge to the solution if others do not."""
+    orders = {} if order.convergence is None else order.convergence.orders
+    right = {name: each for name, each in orders.items() if each.verdict == "converges"}
+    wrong = [name for name, each in orders.items() if each.verdict == "does not converge"]
+    if diagnosis.cause != "unknown" or not right or not wrong:
+        return diagnosis
+    words = " and ".join(f"{name} (order {each.observed:.2f})" for name, each in right.items())
+    line = f"{diagnosis.line}. Only {' and '.join(wrong)} is wrong; right is {words}"
+    return dataclasses.replace(diagnosis, line=line)
+
+
+def _solved(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
     """What the runs solve instead of the problem."""
     # Not above: it imports diffrax, which right programs do not need.
     from ropeode.checking.diagnosis.trajectories import diagnose_trajectories

@@ -10,7 +10,7 @@ import numpy as np
 _SAMPLE = 4096
 _FLOAT32 = float(np.finfo(np.float32).eps)
 # A float32 needs up to nine digits; a number with more than 15 is a float64 in full.
-_DIGITS_OF_FLOAT32, _DIGITS_OF_FLOAT64 = 9, 15
+_DIGITS_OF_FLOAT32, DIGITS_OF_FLOAT64 = 9, 15
 
 
 def digits_of(values: np.ndarray) -> tuple[int, int]:
@@ -36,7 +36,7 @@ def last_digit(values: np.ndarray) -> float:
     """
     digits, decimals = digits_of(values)
     largest = float(np.max(np.abs(values), initial=0.0))
-    if largest == 0.0 or digits > _DIGITS_OF_FLOAT64:
+    if largest == 0.0 or digits > DIGITS_OF_FLOAT64:
         return 0.0
     return 0.5 * max(10.0**-decimals, 10.0 ** (math.floor(math.log10(largest)) + 1 - digits))
 

@@ -156,7 +156,7 @@ def test_faults_are_those_of_grade(known, tmp_path, files):
     with pytest.raises(InputError, match="dt: 1 given; allowed: one for each of the 3 files"):
         trajectory_errors(files, known, [0.1])
     shifted = Rope(num_nodes=4, start=(0, 201), end=(-400, 201)).problem(FRAMES)
-    with pytest.raises(InputError, match="initial state.*the whole state is shifted"):
+    with pytest.raises(InputError, match="initial state.*positions are shifted"):
         trajectory_errors(write(tmp_path, shifted), known)
     with pytest.raises(InputError, match="norm: 'max' given"):
         trajectory_errors(files, known, norm="max")

@@ -11,11 +11,11 @@ import numpy as np
 from ropeode.checking.diagnosis.known_mistakes import MISTAKES, Mistake, Uniform
 from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.diagnosis.parameters import dimension, places, units
+from ropeode.checking.simple_numbers import shortest
 from ropeode.problems.problem import Problem
 
 # A larger spread than this part of a number is too much to guess what the number is exactly.
 _LARGEST_SPREAD = 1e-2
-_MOST_DIGITS = 6
 _DIGITS_SHOWN = 4
 _WORDS = {"rest_length": "rest length", "velocity": "initial velocity"}
 
@@ -126,14 +126,6 @@ def rounded(number: Number, part: float = 1.0) -> Number:
     """As the shortest decimal number that its spread allows."""
     pairs = zip(number.fitted, part * number.spread, strict=True)
     return dataclasses.replace(number, fitted=np.array([shortest(*pair) for pair in pairs]))
-
-
-def shortest(value: float, spread: float) -> float:
-    """The decimal number with the fewest digits that is no further away than the spread."""
-    if abs(value) <= spread:
-        return 0.0
-    texts = (f"{value:.{digits}e}" for digits in range(_MOST_DIGITS))
-    return next((float(text) for text in texts if abs(float(text) - value) <= spread), value)
 
 
 def matching_mistakes(problem: Problem, number: Number) -> tuple[Mistake, ...]:

@@ -1,4 +1,4 @@
-"""Whether trajectories begin with the initial state of their problem; if not, with what."""
+"""Whether trajectories begin with the initial state of their problem."""
 
 from __future__ import annotations
 
@@ -8,35 +8,51 @@ import numpy as np
 
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run
+from ropeode.checking.trajectories.same_faults import each_once
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
-from ropeode.precision import in_float64
 from ropeode.validation import complaint
 
 # Units of rounding by which a first sample may be off: programs often compute positions.
 _ROUNDINGS = 4.0
-# A first step may move the state by at most this many times its largest initial rate times dt.
-_ABOUT = 1.5
+_USUAL_FIX = "start from the initial state of the spec; `ropeode grade --init` writes it"
 
 
-def check_initial_states(runs: Sequence[Run]) -> float:
+def check_initial_states(runs: Sequence[Run], why: str = "", fix: str = _USUAL_FIX) -> float:
     """Check that the first sample of each run is the initial state.
+
+    Arguments:
+        runs: of one program.
+        why: what explains another first sample, if that is known.
+        fix: how to mend it.
 
     Returns:
         The largest error of any number.
 
     Raises:
-        InputError: one line for each run that begins with another state.
+        InputError: one line for each fault.
     """
     faults, largest = [], 0.0
     for run in runs:
-        error = np.abs(run.values[0] - _wanted(run))
+        error = first_errors(run)
         largest = max(largest, float(np.max(error)))
-        if np.any(off := error > _allowed(run)):
-            faults.append(_complaint(run, off))
+        if np.any(off := error > allowed_first_errors(run)):
+            faults.append((run.path, _complaint(run, off, why, fix)))
     if faults:
-        raise InputError(faults)
+        raise InputError(each_once(faults))
     return largest
+
+
+def begins_right(runs: Sequence[Run], columns: slice) -> bool:
+    """Whether the first samples of these columns are those of the initial state."""
+    return all(
+        np.all(first_errors(run)[:, columns] <= allowed_first_errors(run)[columns]) for run in runs
+    )
+
+
+def first_errors(run: Run) -> np.ndarray:
+    """The error of each number of the first sample, ``(nodes, columns)``."""
+    return np.abs(run.values[0] - _wanted(run))
 
 
 def rounding_of(run: Run) -> np.ndarray:
@@ -52,7 +68,8 @@ def _wanted(run: Run) -> np.ndarray:
     return samples_of(problem, problem.y0[None])[0][:, : run.values.shape[2]]
 
 
-def _allowed(run: Run) -> np.ndarray:
+def allowed_first_errors(run: Run) -> np.ndarray:
+    """How far the numbers of each column of the first sample may be off, ``(columns,)``."""
     size = np.max(np.abs(run.values[0]), initial=run.problem.scale)
     rounding = _ROUNDINGS * epsilon(run.values) * size
     # Velocities may be differences of positions.
@@ -61,53 +78,13 @@ def _allowed(run: Run) -> np.ndarray:
     return columns + 2.0 * rounding_of(run)
 
 
-def _complaint(run: Run, off: np.ndarray) -> str:
+def _complaint(run: Run, off: np.ndarray, why: str, fix: str) -> str:
     node, column = (int(i[0]) for i in np.nonzero(off))
     name = run.layout.columns(run.values.shape[2] > run.layout.dim)[column]
-    cause, fix = _cause(run, off)
     return complaint(
         f"{run.path}, initial state, node {node} ({name})",
         float(run.values[0, node, column]),
-        f"{_wanted(run)[node, column]:.9g}, the initial state of the problem{cause}",
+        f"{_wanted(run)[node, column]:.9g}, the initial state of the problem"
+        + (f"; {why}" if why else ""),
         fix,
     )
-
-
-def _cause(run: Run, off: np.ndarray) -> tuple[str, str]:
-    """A likely cause of a wrong initial state, and how to mend it."""
-    first, wanted, dim = run.values[0], _wanted(run), run.layout.dim
-    allowed = _allowed(run)
-
-    def same(other: np.ndarray) -> bool:
-        return bool((np.abs(first - other) <= allowed).all())
-
-    if same(wanted[::-1]):
-        return "; the nodes are in reverse order", "number nodes from the other end"
-    if dim > 1 and same(wanted.reshape(len(wanted), -1, dim)[:, :, ::-1].reshape(wanted.shape)):
-        return "; the coordinates are in reverse order", "write x before y"
-    flips = np.where(np.arange(dim) == 1, -1.0, 1.0)
-    if dim > 1 and same(wanted * np.tile(flips, first.shape[1] // dim)):
-        return "; y points the other way", "let y point in the direction of the spec"
-    shift = first[:, :dim] - wanted[:, :dim]
-    if not off[:, dim:].any() and np.ptp(shift, axis=0).max() <= 2.0 * allowed[:dim].max():
-        return "; the whole state is shifted", "use the coordinates of the spec"
-    if run.layout.mechanical and _after_a_step(run):
-        if not off[:, :dim].any():
-            fix = "write velocities at the time of the positions, or leave them out"
-            return "; the velocities belong to another time, as in leapfrog", fix
-        return "; it seems to be the state after the first step", "write the initial state first"
-    return "", "start from the initial state of the spec; `ropeode grade --init` writes it"
-
-
-@in_float64
-def _after_a_step(run: Run) -> bool:
-    """Whether the first sample is close enough to the initial state to be one step after it."""
-    problem = run.problem
-    mechanics = problem.require_mechanics("initial state")
-    x0, v0 = problem.y0
-    rate = float(np.max(np.abs(mechanics.acceleration(problem.ts[0], x0, v0, problem.args))))
-    columns = np.full(run.values.shape[2], _ABOUT * run.dt * rate)
-    speed = float(np.max(np.abs(v0), initial=0.0))
-    columns[: run.layout.dim] = _ABOUT * run.dt * (speed + run.dt * rate)
-    error = np.abs(run.values[0] - _wanted(run))
-    return bool((error <= columns + _allowed(run)).all())

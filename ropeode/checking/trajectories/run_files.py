@@ -5,16 +5,17 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ropeode.checking.trajectories.csv_files import CsvFile
-from ropeode.checking.trajectories.layout import Layout, states_of
+from ropeode.checking.trajectories.layout import Block, Layout, states_of
 from ropeode.checking.trajectories.netcdf_files import NetcdfFile
 from ropeode.checking.trajectories.npz_files import NpzFile
+from ropeode.checking.trajectories.same_faults import each_once
 from ropeode.checking.trajectories.sampling import Sampling
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
@@ -23,6 +24,8 @@ from ropeode.validation import bad_value, complaint, positive_number
 
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
+# The step size and the samples that count, from the number of a file and all its samples.
+Reading = Callable[[int, Iterator[Block]], tuple[float, Iterator[Block]]]
 FEWEST = 3
 _NAMES_SHOWN = 3
 # Two values of a step size, or of a number of steps, are equal if they differ by less.
@@ -87,6 +90,7 @@ def read_runs(
     progress: Progress = silent,
     *,
     fewest: int = FEWEST,
+    reading: Reading | None = None,
 ) -> tuple[Run, ...]:
     """Read the files in blocks, keeping only the samples at the problem's sample times.
 
@@ -96,31 +100,36 @@ def read_runs(
         dts: step size of each; None if the files contain them.
         progress: called with the current task and the fraction that is done.
         fewest: the smallest number of files; fewer than three show no order.
+        reading: another meaning of the samples of each file than that of their times.
 
     Returns:
         The runs, from coarse to fine.
 
     Raises:
-        InputError: one line for each file that cannot be used: its first fault.
+        InputError: the first fault of each file that cannot be used; one that several files
+            have is one line.
     """
-    opened = open_files(files, Layout.of(problem), fewest)
-    steps = _step_sizes(opened, dts)
+    opened, steps = opened_files(files, problem, dts, fewest)
     total, before, faults, runs = sum(file.size for file in opened), 0, [], []
-    for file, dt in zip(opened, steps, strict=True):
+    for index, (file, dt) in enumerate(zip(opened, steps, strict=True)):
 
         def report(share: float, file: File = file, before: int = before) -> None:
             progress(f"reading {file.path.name}", (before + share * file.size) / max(total, 1))
 
         try:
-            runs.append(_read(file, dt, problem, report))
+            blocks = file.blocks()
+            if reading is not None:
+                dt, blocks = reading(index, blocks)
+            runs.append(_read(file, dt, blocks, problem, report))
         except InputError as error:
-            faults += error.problems
+            faults += [(file.path, line) for line in error.problems]
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror or error})"
-            faults.append(complaint("file", str(file.path), allowed, "check the disk"))
+            line = complaint("file", str(file.path), allowed, "check the disk")
+            faults.append((file.path, line))
         before += file.size
     if faults:
-        raise InputError(faults)
+        raise InputError(each_once(faults))
     if len({file.velocities for file in opened}) > 1:
         without = [str(file.path) for file in opened if not file.velocities]
         allowed = "velocities in all files, or in none"
@@ -129,12 +138,19 @@ def read_runs(
     return tuple(sorted(runs, key=lambda run: -run.dt))
 
 
-def open_files(files: Sequence[str | Path], layout: Layout, fewest: int = FEWEST) -> list[File]:
-    """Open the files and read their headers.
+def opened_files(
+    files: Sequence[str | Path], problem: Problem, dts: Sequence[Any] | None, fewest: int = FEWEST
+) -> tuple[list[File], list[float]]:
+    """Open the files, read their headers, and tell the step size of each.
 
     Raises:
-        InputError: one line for each that cannot be used, or there are too few.
+        InputError: one line for each fault, or there are too few files.
     """
+    opened = _open(files, Layout.of(problem), fewest)
+    return opened, _step_sizes(opened, dts)
+
+
+def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File]:
     if isinstance(files, (str, Path)):
         raise bad_value("files", str(files), "a list of files", "put it into a list")
     paths = [Path(file) for file in files]
@@ -152,9 +168,9 @@ def open_files(files: Sequence[str | Path], layout: Layout, fewest: int = FEWEST
                 raise bad_value("file", str(path), allowed, fix)
             opened.append(FORMATS[path.suffix.lower()](path, layout))
         except InputError as error:
-            faults += error.problems
+            faults += [(path, line) for line in error.problems]
     if faults:
-        raise InputError(faults)
+        raise InputError(each_once(faults))
     return opened
 
 
@@ -176,35 +192,43 @@ def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None) -> list[float]
             allowed = "the step size, in the file or as --dt with one for each file"
             in_csv = isinstance(file, CsvFile)
             fix = "write '# dt = 0.01' above the header" if in_csv else "store a number dt as well"
-            faults.append(complaint(f"{file.path}, dt", "none", allowed, fix))
+            faults.append((file.path, complaint(f"{file.path}, dt", "none", allowed, fix)))
         elif len(values) == 2 and abs(values[0] - values[1]) > _SAME * abs(values[0]):
             allowed, fix = f"{values[0]:g}, the dt in the file", "leave out one of them"
-            faults.append(complaint(f"{file.path}, dt", values[1], allowed, fix))
+            faults.append((file.path, complaint(f"{file.path}, dt", values[1], allowed, fix)))
         steps += values[:1]
     if faults:
-        raise InputError(faults)
+        raise InputError(each_once(faults))
     for (one, first), (other, dt) in itertools.combinations(zip(files, steps, strict=True), 2):
         if abs(dt - first) <= _SAME * dt:
             allowed = f"a different step size for each file; {one.path} has this one too"
-            faults.append(complaint(f"{other.path}, dt", dt, allowed, "leave out one of the files"))
+            line = complaint(f"{other.path}, dt", dt, allowed, "leave out one of the files")
+            faults.append((other.path, line))
     if faults:
-        raise InputError(faults)
+        raise InputError(each_once(faults))
     return steps
 
 
-def _positive(file: File, given: Any, faults: list[str]) -> float:
+def _positive(file: File, given: Any, faults: list[tuple[Path, str]]) -> float:
     try:
         return positive_number(given)
     except ValueError as error:
         allowed = f"a finite number > 0 ({error})"
-        faults.append(complaint(f"{file.path}, dt", given, allowed, "for example dt = 0.01"))
+        line = complaint(f"{file.path}, dt", given, allowed, "for example dt = 0.01")
+        faults.append((file.path, line))
         return np.nan
 
 
-def _read(file: File, dt: float, problem: Problem, report: Callable[[float], None]) -> Run:
+def _read(
+    file: File,
+    dt: float,
+    blocks: Iterator[Block],
+    problem: Problem,
+    report: Callable[[float], None],
+) -> Run:
     sampling = Sampling(file.path, problem.ts)
     span = float(problem.ts[-1] - problem.ts[0])
-    for block in file.blocks():
+    for block in blocks:
         sampling.take(block)
         report(min(1.0, float(block.times[-1] - problem.ts[0]) / span))
     values = sampling.finish()

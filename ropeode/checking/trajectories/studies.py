@@ -11,10 +11,11 @@ import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import shown, worst_rounding
-from ropeode.checking.trajectories.initial_states import check_initial_states, rounding_of
+from ropeode.checking.trajectories.initial_states import rounding_of
 from ropeode.checking.trajectories.layout import samples_of, states_of
-from ropeode.checking.trajectories.run_files import Run, names_of, read_runs
+from ropeode.checking.trajectories.run_files import Run, names_of
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -106,7 +107,7 @@ def trajectory_errors(
         InputError: an argument or a file cannot be used; one line for each, with the place.
         ReferenceRefused: no reference of the problem can be certified.
     """
-    runs, measure = _runs(files, problem, dts, norm, progress)
+    runs, measure = _runs(files, problem, dts, norm, progress, asked)
     reference = _reference(problem, progress, asked)
     smallest = float(resolution(reference, measure)[-1])
     errors = [_largest(run.states, reference, measure) for run in runs]
@@ -136,7 +137,7 @@ def trajectory_error_curves(
 
     Arguments and errors are those of `trajectory_errors`.
     """
-    runs, measure = _runs(files, problem, dts, norm, progress)
+    runs, measure = _runs(files, problem, dts, norm, progress, asked)
     reference = _reference(problem, progress, asked)
     times = reference.times[1 : reference.trusted]
     errors = [distances(run.states, reference, measure)[1:] for run in runs]
@@ -157,7 +158,7 @@ def trajectory_energy_curves(
     """
     own = problem_of(problem)
     check_energy(own)
-    runs, _ = _runs(files, problem, dts, None, progress)
+    runs, _ = _runs(files, problem, dts, None, progress, asked)
     _check_quantities(runs, own.quantities)
     reference = _reference(problem, progress, asked)
     return energies_of(
@@ -181,11 +182,11 @@ def trajectory_paths(
     """
     own = problem_of(problem)
     check_positions(own)
-    runs, measure = _runs(files, problem, dts, norm, progress)
+    runs, measure = _runs(files, problem, dts, norm, progress, asked)
     parts = 1 if isinstance(problem, Reference) else _parts(own, runs)
     if parts > 1:
         sampled = sampled_finer(problem, parts)
-        runs, _ = _runs(files, sampled, dts, norm, progress)
+        runs, _ = _runs(files, sampled, dts, norm, progress, asked)
     else:
         sampled = problem
     reference = _reference(sampled, progress, asked)
@@ -214,13 +215,15 @@ def _runs(
     dts: Sequence[Any] | None,
     norm: str | None,
     progress: Progress,
+    asked: dict[str, Any],
 ) -> tuple[tuple[Run, ...], Norm]:
     """The files, read and checked, and the norm."""
     own = problem_of(problem)
     measure = norm_for(own, norm)
-    runs = read_runs(files, own, dts, progress, fewest=1)
+    runs, _ = checked_runs(
+        files, own, dts, lambda: _reference(problem, progress, asked), progress, fewest=1
+    )
     _check_quantities(runs, [measure.quantity])
-    check_initial_states(runs)
     return runs, measure
 
 

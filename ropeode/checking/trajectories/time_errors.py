@@ -1,27 +1,70 @@
-"""Runs that are right at another time: too many steps, too few, or a partial one left out."""
+"""Samples of another time: too many steps, too few, a partial one left out, half a step."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
 from ropeode.analysis.errors import differences
 from ropeode.checking.report import Diagnosis
+from ropeode.checking.trajectories.initial_states import begins_right
+from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run
+from ropeode.norms import NORMS, motion
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 
-# A shift in time explains the errors if at most these parts of them remain, in the finest run that
-# it shifts and in the next one.
-_REMAINDERS = (0.05, 0.2)
 _ROUNDING = 1e-6
+# If only one quantity is late, the errors of the others are smaller by this factor, as parts of the
+# motion, or fall faster with dt by that one.
+_IN_TIME, _FASTER = 0.2, 0.75
+_LESS = 1.0 - 1e-6
+_PLURAL = {"position": "positions", "velocity": "velocities", "state": "samples"}
+# What is well known to give samples so many steps late, and how to mend it.
+_WELL_KNOWN: dict[tuple[tuple[str, ...], float | None], tuple[str, str]] = {
+    (("velocity",), -0.5): (
+        "as leapfrog and backward differences (x_n - x_(n-1))/dt give them",
+        "write velocities of the time of the positions",
+    ),
+    (("velocity",), 0.5): (
+        "as leapfrog and forward differences (x_(n+1) - x_n)/dt give them",
+        "write velocities of the time of the positions",
+    ),
+    (("position",), 0.5): (
+        "as semi-implicit Euler gives them, whose velocities begin with a whole step",
+        "let the velocities begin with half a step",
+    ),
+    (("position", "velocity"), 0.5): (
+        "as Störmer and Verlet's method gives them that begins at rest with x(-dt) = x(0)",
+        "begin with x(-dt) = x(0) - dt v(0) + dt^2/2 a(0)",
+    ),
+}
 
-# By how many steps each sample is late, from the time since the start in steps, and the number of
-# the frame.
-Delay = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+class Delay(NamedTuple):
+    """A mistake by which samples are late; none of them has a parameter to fit.
+
+    Fields:
+        cause: a keyword.
+        words: describe it to its author; `{these}` stands for the quantities that are late.
+        fix: how to mend it; empty if the words say it.
+        steps: by how many steps each sample is late, from the time since the start in steps, and
+            the number of the frame.
+        constant: if each sample is late alike, by how many steps.
+        alone: whether one quantity may be late, and the others in time.
+    """
+
+    cause: str
+    words: str
+    fix: str
+    steps: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    constant: float | None = None
+    alone: bool = False
 
 
 def _part(steps: np.ndarray) -> np.ndarray:
@@ -41,81 +84,245 @@ def _missing(steps: np.ndarray) -> np.ndarray:
     return np.where(rest > 0.0, 1.0 - rest, 0.0)
 
 
-# How programs make a wrong number of steps. None of these has a parameter to fit.
-_DELAYS: tuple[tuple[str, str, Delay], ...] = (
-    ("step-count", "the program makes one step too few in each frame", lambda ends, frame: -frame),
-    ("step-count", "the program makes one step too many in each frame", lambda ends, frame: frame),
-    (
+def _last_step(steps: np.ndarray) -> np.ndarray:
+    """The size of the last step of a frame, as a part of the usual one."""
+    rest = _part(steps)
+    return np.where(rest > 0.0, rest, 1.0)
+
+
+def _always(steps: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    return lambda ends, _: np.full(len(ends), steps)
+
+
+_DELAYS = (
+    Delay(
+        "step-count", "the program makes one step too few in each frame", "", lambda _, n: -1.0 * n
+    ),
+    Delay(
+        "step-count", "the program makes one step too many in each frame", "", lambda _, n: 1.0 * n
+    ),
+    Delay(
         "step-count",
         "the program makes one step too few in the first frame",
-        lambda ends, frame: -np.minimum(frame, 1),
+        "",
+        lambda _, n: -1.0 * np.minimum(n, 1),
     ),
-    (
+    Delay(
         "step-count",
         "the program makes one step too many in the first frame",
-        lambda ends, frame: np.minimum(frame, 1),
+        "",
+        lambda _, n: 1.0 * np.minimum(n, 1),
     ),
-    (
+    Delay(
         "last-step",
         "if dt does not divide a frame, the program skips the last partial step",
-        lambda ends, frame: -_in_each_frame(ends, _part),
+        "",
+        lambda ends, _: -_in_each_frame(ends, _part),
     ),
-    (
+    Delay(
         "last-step",
         "if dt does not divide a frame, its last step goes beyond the end of the frame",
-        lambda ends, frame: _in_each_frame(ends, _missing),
+        "",
+        lambda ends, _: _in_each_frame(ends, _missing),
     ),
-    (
+    Delay(
         "last-step",
         "if dt does not divide a sample time, the sample is taken from the step before it",
-        lambda ends, frame: -_part(ends),
+        "",
+        lambda ends, _: -_part(ends),
     ),
-    (
+    Delay(
         "last-step",
         "if dt does not divide a sample time, the sample is taken from the step after it",
-        lambda ends, frame: _missing(ends),
+        "",
+        lambda ends, _: _missing(ends),
+    ),
+    Delay(
+        "last-step",
+        "if dt does not divide a frame, the program makes the nearest whole number of steps",
+        "",
+        lambda ends, _: _in_each_frame(ends, lambda steps: np.rint(steps) - steps),
+    ),
+    Delay(
+        "last-step",
+        "if dt does not divide a sample time, the sample is taken from the nearest step",
+        "",
+        lambda ends, _: np.rint(ends) - ends,
+    ),
+    Delay(
+        "sample-time",
+        "the first row is the state after the first step, and the others are of their time",
+        "write the initial state before the first step",
+        lambda _, n: 1.0 * (n == 0),
+    ),
+    Delay(
+        "sample-time",
+        "{these} are those of one step later: the first row is the state after the first step",
+        "write the initial state first, and each row before the next step",
+        _always(1.0),
+        1.0,
+        alone=True,
+    ),
+    Delay(
+        "sample-time",
+        "{these} are those of one step earlier",
+        "write them after the last step before their time",
+        _always(-1.0),
+        -1.0,
+        alone=True,
+    ),
+    Delay(
+        "sample-time",
+        "{these} are those of half a step later, t + dt/2",
+        "write positions and velocities of the time of the row",
+        _always(0.5),
+        0.5,
+        alone=True,
+    ),
+    Delay(
+        "sample-time",
+        "{these} are those of half a step earlier, t - dt/2",
+        "write positions and velocities of the time of the row",
+        _always(-0.5),
+        -0.5,
+        alone=True,
+    ),
+    Delay(
+        "sample-time",
+        "{these} are those before the last step of each frame",
+        "write them after it",
+        lambda ends, _: -_last_step(np.diff(ends, prepend=0.0)),
+        alone=True,
     ),
 )
 
 
-def timing_diagnosis(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
-    """A wrong number of steps that explains the errors, if there is one."""
-    problem, trusted = reference.problem, slice(0, reference.trusted)
-    rates, changes = _derivatives(problem, reference.states[trusted])
-    elapsed, frame = problem.ts[trusted] - problem.ts[0], np.arange(reference.trusted)
-    errors = {run.path: differences(run.states, reference) for run in runs}
-    best: tuple[float, Diagnosis] | None = None
-    for cause, words, delay in _DELAYS:
-        remainders: list[float] = []
-        shifted: list[float] = []
-        for run in reversed(runs):
-            late = run.dt * delay(elapsed / run.dt, frame)
+@dataclasses.dataclass(frozen=True)
+class LateSamples:
+    """Samples of another time than their own.
+
+    Arguments:
+        cause: a keyword.
+        words: what is late, with the evidence.
+        fix: how to mend it; empty if the words say it.
+        quantities: which are late.
+        left_over: the part of the errors of the finest run that it leaves unexplained.
+    """
+
+    cause: str
+    words: str
+    fix: str
+    quantities: tuple[str, ...]
+    left_over: float
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """The same as a diagnosis."""
+        evidence = {"left_over": self.left_over, "late": [*self.quantities]}
+        return Diagnosis(self.cause, "; ".join(filter(None, (self.words, self.fix))), evidence)
+
+
+def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | None:
+    """Samples of another time that explain the errors: a wrong number of steps, or half a step.
+
+    The solution at those times is compared with the two finest runs that it concerns.
+
+    Arguments:
+        reference: of the problem.
+        runs: from coarse to fine; their first samples may be late, too.
+    """
+    shifts, quantities = _Shifts(reference, runs), runs[0].quantities
+    best: LateSamples | None = None
+    for delay in _DELAYS:
+        for names in _late_together(delay, quantities):
+            found = shifts.left_over(delay, names)
+            # Of delays that are the same here, the first one counts.
+            if found is None or (best is not None and found[0] >= _LESS * best.left_over):
+                continue
+            left, dt = found
+            these = _PLURAL[names[0]] if len(names) == 1 else "samples"
+            words = delay.words.format(these=these)
+            reason, fix = _WELL_KNOWN.get((names, delay.constant), ("", delay.fix))
+            words += f", {reason}" if reason else ""
+            whose = "the" if names == tuple(quantities) else "their"
+            words += (
+                f"; this explains {100.0 * (1.0 - left):.3g}% of {whose} errors at dt = {dt:.4g}"
+            )
+            best = LateSamples(delay.cause, words, fix, names, left)
+    return best
+
+
+def _late_together(delay: Delay, names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Which quantities may be late by a delay, and the others in time."""
+    each = [(name,) for name in names] if delay.alone and len(names) > 1 else []
+    return [tuple(names), *each]
+
+
+class _Shifts:
+    """Compares the errors of runs with those of a solution that is late."""
+
+    def __init__(self, reference: Reference, runs: Sequence[Run]):
+        self.problem, self.runs, trusted = reference.problem, runs, reference.trusted
+        self._rates, self._changes = _derivatives(self.problem, reference.states[:trusted])
+        self._elapsed = self.problem.ts[:trusted] - self.problem.ts[0]
+        self._errors = [differences(run.states, reference) for run in runs]
+        self._motion = {
+            name: float(motion(self.problem, reference.states, NORMS[f"{name}-max"])[trusted - 1])
+            for name in runs[0].quantities
+        }
+
+    def left_over(self, delay: Delay, names: Sequence[str]) -> tuple[float, float] | None:
+        """The part of the errors of some quantities that a delay leaves unexplained.
+
+        Returns:
+            That of the finest run that is late, and its dt; None if the delay does not explain
+            them.
+        """
+        found: list[tuple[float, int]] = []
+        frame = np.arange(len(self._elapsed))
+        first = 1.0 * (not begins_right(self.runs, self._columns(names)))
+        for k in range(len(self.runs) - 1, -1, -1):
+            dt = self.runs[k].dt
+            late = dt * delay.steps(self._elapsed / dt, frame)
+            late[0] *= first
             # A step that divides all frames leaves no partial step that could be skipped.
-            if np.any(late) and len(remainders) < len(_REMAINDERS):
-                late = late.reshape(-1, *[1] * (rates.ndim - 1))
-                explained = late * rates + 0.5 * late**2 * changes
-                remainders.append(_remainder(problem, errors[run.path], explained, run.quantities))
-                shifted.append(run.dt)
-        if len(remainders) == len(_REMAINDERS) and all(
-            one <= most for one, most in zip(remainders, _REMAINDERS, strict=True)
-        ):
-            share = 100.0 * (1.0 - remainders[0])
-            line = f"{words}; this explains {share:.3g}% of the errors at dt = {shifted[0]:.4g}"
-            if best is None or remainders[0] < best[0]:
-                best = remainders[0], Diagnosis(cause, line, {"left_over": remainders[0]})
-    return None if best is None else best[1]
+            if np.any(late) and len(found) < RUNS:
+                late = late.reshape(-1, *[1] * (self._rates.ndim - 1))
+                explained = late * self._rates + 0.5 * late**2 * self._changes
+                found.append((max(self._left(k, explained, name) for name in names), k))
+        if not explains([part for part, _ in found], [self.runs[k].dt for _, k in found]):
+            return None
+        (left, k), (_, coarser) = found[:2]
+        others = [name for name in self.runs[0].quantities if name not in names]
+        if any(self._as_late(other, names, k, coarser) for other in others):
+            return None
+        return left, self.runs[k].dt
 
+    def _columns(self, names: Sequence[str]) -> slice:
+        dim, places = self.runs[0].layout.dim, [*map(self.problem.quantities.index, names)]
+        return slice(places[0] * dim, (places[-1] + 1) * dim)
 
-def _remainder(
-    problem: Problem, errors: np.ndarray, explained: np.ndarray, quantities: Sequence[str]
-) -> float:
-    """The largest part of the errors of a quantity that a shift in time does not explain."""
-    parts = []
-    for name in quantities:
-        error = float(np.max(np.abs(problem.quantity(name, errors))))
-        rest = float(np.max(np.abs(problem.quantity(name, errors - explained))))
-        parts.append(rest / error if error > 0.0 else np.inf)
-    return max(parts)
+    def _error(self, k: int, name: str) -> float:
+        return float(np.max(np.abs(self.problem.quantity(name, self._errors[k]))))
+
+    def _left(self, k: int, explained: np.ndarray, name: str) -> float:
+        """The part of the errors of a quantity that a shift in time does not explain."""
+        error = self._error(k, name)
+        rest = self.problem.quantity(name, self._errors[k] - explained)
+        return float(np.max(np.abs(rest))) / error if error > 0.0 else np.inf
+
+    def _as_late(self, other: str, names: Sequence[str], fine: int, coarse: int) -> bool:
+        """Whether the errors of another quantity are as large, and fall no faster, than these."""
+
+        def relative(k: int, name: str) -> float:
+            return self._error(k, name) / self._motion[name]
+
+        def falls(name: str) -> float:
+            return relative(fine, name) / relative(coarse, name)
+
+        if relative(fine, other) <= _IN_TIME * max(relative(fine, name) for name in names):
+            return False
+        return falls(other) > _FASTER * max(map(falls, names))
 
 
 @in_float64

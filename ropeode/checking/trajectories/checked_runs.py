@@ -1,0 +1,91 @@
+"""Files of one program, read, with the likely mistake if they do not begin or sample right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ropeode.checking.trajectories.explanations import (
+    explain_columns,
+    explain_start,
+    explain_times,
+    times_complaint,
+)
+from ropeode.checking.trajectories.initial_states import check_initial_states
+from ropeode.checking.trajectories.run_files import FEWEST, Run, read_runs
+from ropeode.checking.trajectories.time_errors import late_samples
+from ropeode.errors import InputError, ReferenceRefused
+from ropeode.problems.problem import Problem
+from ropeode.progress import Progress
+from ropeode.references.reference import Reference
+
+
+def checked_runs(
+    files: Sequence[str | Path],
+    problem: Problem,
+    dts: Sequence[Any] | None,
+    certified: Callable[[], Reference],
+    progress: Progress,
+    fewest: int = FEWEST,
+) -> tuple[tuple[Run, ...], float]:
+    """Read files, and check their first samples.
+
+    Arguments:
+        files: as `read_runs` has them.
+        problem: likewise.
+        dts: likewise.
+        certified: makes the reference of the problem, which shows whether files are right but for
+            one mistake.
+        progress: as `read_runs` has it.
+        fewest: likewise.
+
+    Returns:
+        The runs, and the largest error of any number in a first sample.
+
+    Raises:
+        InputError: they cannot be used; with the mistake that explains it, if there is one.
+    """
+    try:
+        runs = read_runs(files, problem, dts, progress, fewest=fewest)
+    except InputError:
+        try:
+            explanation = explain_times(certified, problem, files, dts, fewest)
+        except ReferenceRefused:
+            explanation = None
+        if explanation is None:
+            raise
+        raise InputError(times_complaint(explanation, files, problem)) from None
+    try:
+        return runs, check_initial_states(runs)
+    except InputError:
+        if why := _why(runs, problem, files, dts, certified, fewest):
+            check_initial_states(runs, *why)
+        raise
+
+
+def _why(
+    runs: Sequence[Run],
+    problem: Problem,
+    files: Sequence[str | Path],
+    dts: Sequence[Any] | None,
+    certified: Callable[[], Reference],
+    fewest: int,
+) -> tuple[str, str] | None:
+    """What explains a wrong initial state, and how to mend it."""
+    if all(np.all(run.values == run.values[0]) for run in runs):
+        fix = "write a copy of the state, not the array that the next step overwrites"
+        return "all rows of a file are the same", fix
+    try:
+        reference = certified()
+    except ReferenceRefused:
+        return explain_start(runs)
+    explanation = explain_columns(reference, runs) or explain_times(
+        lambda: reference, problem, files, dts, fewest, runs
+    )
+    if explanation is not None:
+        return explanation.line, explanation.fix
+    late = late_samples(reference, runs)
+    return explain_start(runs) if late is None else (late.words, late.fix)

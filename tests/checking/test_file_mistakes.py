@@ -1,0 +1,245 @@
+"""Right samples that are written wrongly: the mistake is named, and nothing else is."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from trajectory_writing import node_values, write_csv, write_npz
+
+from ropeode.checking.grade import grade
+from ropeode.checking.trajectories.explanations import explain_columns, explain_times
+from ropeode.checking.trajectories.initial_states import begins_right
+from ropeode.checking.trajectories.remainders import explains
+from ropeode.checking.trajectories.run_files import read_runs
+from ropeode.checking.trajectories.same_faults import each_once
+from ropeode.errors import InputError
+from ropeode.problems.rope import Rope
+from ropeode.simulation import simulate
+from ropeode.validation import complaint
+
+STEPS = (24, 48, 96)
+FRAMES = 3
+
+
+@pytest.fixture(scope="module")
+def runs(small_rope):
+    """Right samples: at the frames and one more, and at each step of the coarsest run."""
+    longer = Rope(num_nodes=4).problem(FRAMES + 1)
+    return {n: node_values(longer, simulate(longer, "velocity-verlet", n).states) for n in STEPS}
+
+
+def written(folder, runs, change, write=write_npz, **how):
+    """Files of what a change makes of the times, values and step size of a run."""
+    paths = []
+    for n in STEPS:
+        times, values, dt = change(np.arange(FRAMES + 1.0), runs[n], 1 / n)
+        paths.append(write(folder / f"{n}.{write.__name__[6:]}", times, values, dt, **how))
+    return paths
+
+
+def numbers(change):
+    """A change of the numbers alone."""
+    return lambda t, v, dt: (t, change(v[:-1], dt), dt)
+
+
+COLUMNS = {
+    "column vx holds vy and column vy holds vx": lambda v, dt: v[..., [0, 1, 3, 2]],
+    "column x holds y and column y holds x": lambda v, dt: v[..., [1, 0, 3, 2]],
+    "x points the other way": lambda v, dt: v * [-1, 1, -1, 1],
+    "vy points the other way": lambda v, dt: v * [1, 1, 1, -1],
+    "the velocities have the wrong sign": lambda v, dt: v * [1, 1, -1, -1],
+    "y points the other way and positions are shifted by (0, 480)": lambda v, dt: (
+        v * [1, -1, 1, -1] + [0, 480, 0, 0]
+    ),
+    "the columns hold the velocities before the positions": lambda v, dt: v[..., [2, 3, 0, 1]],
+    "the columns of the velocities hold positions": lambda v, dt: v[..., [0, 1, 0, 1]],
+    "the velocities are zero": lambda v, dt: v * [1, 1, 0, 0],
+    "the nodes of the velocities are in reverse order": lambda v, dt: np.dstack(
+        [v[..., :2], v[:, ::-1, 2:]]
+    ),
+    "velocities are dt times those of the problem: per step": lambda v, dt: v * [1, 1, dt, dt],
+    "velocities are 24 times those of the problem": lambda v, dt: v * [1, 1, 24, 24],
+    "all numbers are 100 times those of the problem": lambda v, dt: 100.0 * v,
+}
+
+
+@pytest.mark.parametrize("words", COLUMNS)
+def test_columns_that_hold_other_numbers(tmp_path, known, runs, words):
+    made = written(tmp_path, runs, numbers(COLUMNS[words]))
+    found = explain_columns(known, read_runs(made, known.problem))
+    assert found is not None
+    assert found.words == words
+    assert "positions order 2.0" in found.line
+    for run, n in zip(found.runs, STEPS, strict=True):
+        kept = run.values.shape[2]
+        assert run.values == pytest.approx(runs[n][:-1, :, :kept], rel=1e-12, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("words", "change"),
+    [
+        ("after the first row, x points the other way", lambda v: v * [-1, 1, -1, 1]),
+        ("after the first row, the nodes are in reverse order", lambda v: v[:, ::-1]),
+    ],
+)
+def test_what_begins_after_the_first_row(tmp_path, known, runs, words, change):
+    """As where the initial state is written by other lines than the rest."""
+    made = written(tmp_path, runs, numbers(lambda v, dt: np.concatenate([v[:1], change(v[1:])])))
+    found = explain_columns(known, read_runs(made, known.problem))
+    assert found is not None
+    assert found.words == words
+
+
+def test_momenta(tmp_path, known, runs):
+    """The reference of one rope, and masses of another, which change nothing else here."""
+    masses = np.array([1.0, 2.0, 0.5, 3.0])
+    args = known.problem.args._replace(mass=masses)
+    problem = dataclasses.replace(known.problem, args=args)
+    made = written(
+        tmp_path, runs, numbers(lambda v, dt: v * np.outer(masses, [0, 0, 1, 1]) + v * [1, 1, 0, 0])
+    )
+    of_other_masses = dataclasses.replace(known, problem=problem)
+    found = explain_columns(of_other_masses, read_runs(made, problem))
+    assert found is not None
+    assert found.words == "velocities are multiplied by the masses"
+
+
+def test_rows_of_one_array(tmp_path, known, runs):
+    made = written(tmp_path, runs, numbers(lambda v, dt: v[[3, 3, 3, 3]]))
+    with pytest.raises(InputError, match=r"all rows of a file are the same\. Fix: write a copy"):
+        grade(made, known)
+
+
+TIMES = {
+    "each row is one frame late: the first, at t = 0, holds the state at t = 1": lambda t, v, dt: (
+        (t, v[1:], dt)
+    ),
+    "each row is one frame early: the initial state is written at t = 1 once more": (
+        lambda t, v, dt: (t, v[[0, 0, 1, 2]], dt)
+    ),
+    "the initial state is missing: the first row is that at t = 1": lambda t, v, dt: (
+        (t[1:], v[1:-1], dt)
+    ),
+    "the initial state is written at t = 1, and each row as much too late": lambda t, v, dt: (
+        (t + 1, v[:-1], dt)
+    ),
+    "samples are written twice, with the same t": lambda t, v, dt: (
+        (np.repeat(t, 2), np.repeat(v[:-1], 2, axis=0), dt)
+    ),
+    "one unit of t in the files is 24 of the problem's": lambda t, v, dt: (t / 24, v[:-1], dt / 24),
+    "one unit of t in the files is 24 of the problem's, and velocities are 24 times those of the "
+    "problem": lambda t, v, dt: (t / 24, v[:-1] * [1, 1, 24, 24], dt / 24),
+    "t counts steps": lambda t, v, dt: (t / dt, v[:-1], dt),
+}
+
+
+@pytest.mark.parametrize("words", TIMES)
+def test_rows_of_other_times(tmp_path, known, runs, words):
+    made = written(tmp_path, runs, TIMES[words])
+    found = explain_times(lambda: known, known.problem, made, None, 3)
+    assert found is not None
+    assert found.words == words
+    assert "positions order 2.0" in found.line
+
+
+def test_times_with_few_digits(tmp_path, known, runs):
+    """In seconds with four decimals, a frame is 0.0417."""
+    change = TIMES["one unit of t in the files is 24 of the problem's"]
+    made = written(tmp_path, runs, lambda *run: (np.round(change(*run)[0], 4), *change(*run)[1:]))
+    found = explain_times(lambda: known, known.problem, made, None, 3)
+    assert found is not None
+    assert found.words.startswith("one unit of t in the files is 24")
+
+
+def test_the_report_names_the_mistake_once(tmp_path, known, runs):
+    made = written(tmp_path, runs, numbers(COLUMNS["velocities are 24 times those of the problem"]))
+    report = grade(made, known, expected_order=2)
+    (diagnosis,) = report.diagnosis
+    assert diagnosis.cause == "columns"
+    assert diagnosis.line.endswith("; write them in the problem's units")
+    made = written(tmp_path, runs, numbers(COLUMNS["x points the other way"]))
+    with pytest.raises(InputError) as caught:
+        grade(made, known)
+    (line,) = caught.value.problems
+    assert "24.npz, initial state, node 1 (x): 133.3" in line
+    assert "; x points the other way; read so, positions order 2.0" in line
+    assert line.endswith("Fix: let x point in the direction of the spec. So in 48.npz and 96.npz.")
+    made = written(tmp_path, runs, TIMES["t counts steps"], write_csv)
+    with pytest.raises(InputError, match="24.csv, 48.csv, 96.csv: .*t counts steps; read so"):
+        grade(made, known)
+
+
+def test_printed_with_few_digits(tmp_path, known, runs):
+    """What is mirrored at 480 has no more digits than the file."""
+    change = COLUMNS["y points the other way and positions are shifted by (0, 480)"]
+    made = written(tmp_path, runs, numbers(change), write_csv, digits="%.7g")
+    with pytest.raises(InputError, match="y points the other way and positions are shifted by"):
+        grade(made, known)
+
+
+@pytest.fixture(scope="module")
+def from_zero():
+    """A rope at y = 0 whose y, mirrored, moves as if gravity had the wrong sign."""
+    ends = {"num_nodes": 4, "start": (0, 0), "end": (-400, 0)}
+    other = Rope(**ends, gravity=(0, 1)).problem(FRAMES + 1)
+    runs = {n: node_values(other, simulate(other, "velocity-verlet", n).states) for n in STEPS}
+    return Rope(**ends).problem(FRAMES), runs
+
+
+def test_what_the_files_cannot_tell(tmp_path, known, from_zero):
+    """The reference is that of the usual rope, moved."""
+    problem, wrong = from_zero
+    states = known.states - np.array([0.0, 200.0])[:, None] * np.array([1.0, 0.0])[:, None, None]
+    moved = dataclasses.replace(known, problem=problem, states=states)
+    found = explain_columns(
+        moved, read_runs(written(tmp_path, wrong, numbers(lambda v, dt: v)), problem)
+    )
+    assert found is not None
+    assert found.words == "y points the other way"
+    assert found.like_another_problem
+
+
+@pytest.mark.slow
+def test_both_are_said(tmp_path, from_zero):
+    problem, wrong = from_zero
+    (diagnosis,) = grade(written(tmp_path, wrong, numbers(lambda v, dt: v)), problem).diagnosis
+    assert diagnosis.cause == "parameters"
+    assert "as if gravity has the wrong sign; or, which is the same in the files" in diagnosis.line
+    assert "y points the other way; read so, positions order 2.0" in diagnosis.line
+
+
+def test_right_runs_that_are_coarse_have_no_mistake(tmp_path, known, runs):
+    """A rope that is nearly symmetric looks the same from its other end."""
+    made = written(tmp_path, runs, numbers(lambda v, dt: v))
+    read = read_runs(made, known.problem)
+    assert begins_right(read, slice(None))
+    assert explain_columns(known, read) is None
+    assert explain_times(lambda: known, known.problem, made, None, 3, read) is None
+
+
+@pytest.mark.parametrize(
+    ("parts", "enough"),
+    [
+        ([0.04, 0.1], True),
+        ([0.1, 0.15, 0.23], True),  # falls with dt
+        ([0.1, 0.12, 0.14], False),  # something else remains
+        ([0.1, 0.5, 1.0], False),  # falls too fast: right for one dt by accident
+        ([0.3, 0.45, 0.67], False),
+        ([0.1, 0.15], False),
+    ],
+)
+def test_how_little_must_remain(parts, enough):
+    assert explains(parts, [1.0, 1.5, 2.25][: len(parts)]) is enough
+
+
+def test_one_fault_of_several_files_is_one_line(tmp_path):
+    def fault(name, given, allowed="2"):
+        path = tmp_path / name
+        return path, complaint(f"{path}, line {len(name)}", given, allowed, "mend it")
+
+    faults = [fault("a1.csv", 1.5), fault("bb.csv", 2e-3), fault("c.csv", "x"), fault("d.csv", 7)]
+    first, other = each_once(faults)
+    assert first == f"{faults[0][1]} So in bb.csv and d.csv."
+    assert other == faults[2][1]
