@@ -21,8 +21,6 @@ from .analysis.motion import Thresholds as Thresholds
 from .analysis.motion import classify_motion as classify_motion
 from .analysis.order import ObservedOrder as ObservedOrder
 from .analysis.order import observed_order as observed_order
-from .analysis.stability import growth_per_frame as growth_per_frame
-from .analysis.stability import stability_limit as stability_limit
 from .case_studies.formats import format_report as format_report
 from .case_studies.report import Report as Report
 from .case_studies.report import rope_report as rope_report
@@ -82,5 +80,7 @@ from .sweep.design.spec import read_sweep as read_sweep
 from .sweep.run import run_sweep as run_sweep
 from .sweep.storage.load import load_sweep as load_sweep
 from .sweep.storage.summary import SweepSummary as SweepSummary
+from .theory.growth import growth_per_frame as growth_per_frame
+from .theory.growth import stability_limit as stability_limit
 
 __version__: str
