@@ -109,13 +109,13 @@ def test_growth_and_phase_of_an_oscillation():
     ("problem", "step", "imaginary", "real"),
     [
         (FIRST, "explicit-euler", 0.0, 2.0),
-        (FIRST, heun, 0.0, 2.0),
+        pytest.param(FIRST, heun, 0.0, 2.0, marks=pytest.mark.slow),
         (FIRST, midpoint_in_numpy, 0.0, 2.0),
         (FIRST, "rk4", 8**0.5, 2.785293563405282),
         # 3/4 of the real axis of AB2 in closed form is 1; on the imaginary axis it grows as y^4/4.
         (FIRST, AdamsBashforth(), 0.0, 1.0),
         (SECOND, kick_and_drift, 2.0, 2 * 2**0.5 - 2),
-        (SECOND, "velocity-verlet", 2.0, 2.0),
+        pytest.param(SECOND, "velocity-verlet", 2.0, 2.0, marks=pytest.mark.slow),
         (SECOND, "stormer-verlet:start=rest", 2.0, 2.0),
         (SECOND, leapfrog_in_numpy, 2.0, None),
     ],
@@ -168,7 +168,14 @@ def test_a_method_with_memory_is_judged_on_all_that_it_carries():
     assert (function.error.power, function.error.coefficient) == (3, pytest.approx(-5 / 12))
 
 
-@pytest.mark.parametrize("name", ["semi-implicit-euler", "velocity-verlet", leapfrog_in_numpy])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("semi-implicit-euler", marks=pytest.mark.slow),
+        "velocity-verlet",
+        pytest.param(leapfrog_in_numpy, marks=pytest.mark.slow),
+    ],
+)
 def test_damped_oscillators_against_powers_of_the_step(name):
     """The radius is the growth in each step of a long run, of the oscillator of the library."""
     function = stability_function(SECOND, name)
