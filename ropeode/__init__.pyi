@@ -58,6 +58,7 @@ from .render.plots.convergence import plot_convergence as plot_convergence
 from .render.plots.energy import plot_energies as plot_energies
 from .render.plots.error import plot_errors as plot_errors
 from .render.plots.horizon import plot_horizon as plot_horizon
+from .render.plots.stability import plot_stability as plot_stability
 from .render.plots.sweep_map import plot_sweep as plot_sweep
 from .simulation import Trajectories as Trajectories
 from .simulation import Trajectory as Trajectory

@@ -12,7 +12,7 @@ from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
-from ropeode.simulation import simulate
+from ropeode.simulation import simulate, step_size
 from ropeode.simulation.method import Method, method_of
 from ropeode.theory.growth import StableSteps, fewest_steps, stable_steps_at_rest
 from ropeode.theory.spectrum import SpectralLimit, Spectrum, spectral_limit, spectrum
@@ -59,6 +59,10 @@ class LinearStability:
     measured_at_rest: StableSteps | None
     bounded_from: int | None
     notes: tuple[str, ...]
+
+    def dt(self, steps_per_frame: int) -> float:
+        """The (largest) step size of a number of steps per frame."""
+        return step_size(self.problem, steps_per_frame)
 
 
 @in_float64

@@ -90,7 +90,7 @@ def structure(
     damping = problem.mechanics.damping
     if damping is not None and np.any(np.asarray(damping(undamped.args).rate)):
         return "the problem has damping, and no argument of the name damping that takes it away"
-    setting = _Setting.of(undamped)
+    setting = Setting.of(undamped)
     if setting is None:
         return "nothing moves"
     step = _sample_map(setting, method)
@@ -107,7 +107,7 @@ def structure(
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Setting:
+class Setting:
     """Where steps are tried: a problem, states of it, and step sizes."""
 
     problem: Problem
@@ -117,7 +117,8 @@ class _Setting:
     flow: Conserved
 
     @classmethod
-    def of(cls, problem: Problem) -> _Setting | None:
+    def of(cls, problem: Problem) -> Setting | None:
+        """States without any symmetry, near the start of a problem; None where nothing moves."""
         free = free_coordinates(problem)
         draw = np.random.default_rng(11).normal(size=(_STATES, *problem.y0.shape))
         draw[:, :, ~free] = 0.0
@@ -205,7 +206,7 @@ class _Slopes:
         return self._found[key]
 
 
-def _sample_map(setting: _Setting, method: Method) -> SampleMap | None:
+def _sample_map(setting: Setting, method: Method) -> SampleMap | None:
     # An implicit step may fail where it is long.
     for dt in setting.dts.tolist():
         with contextlib.suppress(NoSampleMap), np.errstate(all="ignore"):
@@ -216,7 +217,7 @@ def _sample_map(setting: _Setting, method: Method) -> SampleMap | None:
     return None
 
 
-def _symplectic(setting: _Setting, step: SampleMap | None, slopes: _Slopes) -> Property:
+def _symplectic(setting: Setting, step: SampleMap | None, slopes: _Slopes) -> Property:
     flow = setting.flow
     if not flow.hamiltonian:
         why = "declares no energy" if flow.energy is None else "is not Hamiltonian"
@@ -234,7 +235,7 @@ def _symplectic(setting: _Setting, step: SampleMap | None, slopes: _Slopes) -> P
     return setting.property(defect, *_of_derivatives(step))
 
 
-def _volume(setting: _Setting, step: SampleMap | None, slopes: _Slopes) -> Property:
+def _volume(setting: Setting, step: SampleMap | None, slopes: _Slopes) -> Property:
     flow = setting.flow
     if not flow.volume:
         return setting.missing("the exact solution does not keep volume in phase space")
@@ -252,7 +253,7 @@ def _volume(setting: _Setting, step: SampleMap | None, slopes: _Slopes) -> Prope
     return setting.property(defect, *_of_derivatives(step))
 
 
-def _reversible(setting: _Setting, step: SampleMap | None) -> Property:
+def _reversible(setting: Setting, step: SampleMap | None) -> Property:
     if not setting.flow.reversible:
         return setting.missing("the exact solution is not reversible")
     if step is None:
@@ -267,7 +268,7 @@ def _reversible(setting: _Setting, step: SampleMap | None) -> Property:
     return setting.property(defect, _VALUES)
 
 
-def _energy(setting: _Setting, step: SampleMap | None) -> Property:
+def _energy(setting: Setting, step: SampleMap | None) -> Property:
     flow = setting.flow
     if not flow.energy:
         why = "declares no energy" if flow.energy is None else "does not keep its energy"
@@ -282,11 +283,11 @@ def _energy(setting: _Setting, step: SampleMap | None) -> Property:
     return setting.property(defect, _VALUES)
 
 
-def _momentum(own: _Setting, method: Method, which: str) -> Property:
+def _momentum(own: Setting, method: Method, which: str) -> Property:
     setting, note = own, ""
     if not np.any(getattr(own.flow, which)):
         # Momenta are constant without pins and gravity, if not with them.
-        loose = _Setting.of(with_leaves(own.problem, {"gravity": 0.0, "free": 1.0}))
+        loose = Setting.of(with_leaves(own.problem, {"gravity": 0.0, "free": 1.0}))
         if loose is None or not np.any(getattr(loose.flow, which)):
             return own.missing("no component of it is known to be constant")
         setting, note = loose, "without pins and gravity"
