@@ -7,7 +7,6 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
@@ -87,6 +86,9 @@ class StepMap:
     @in_float64
     def step(self, carried: Any, dt: float) -> Any:
         """What is carried after a step, as NumPy arrays."""
+        return self._after(carried, dt)
+
+    def _after(self, carried: Any, dt: float) -> Any:
         # A step in Python may write to what it is handed.
         return jax.tree.map(np.array, self._step(jax.tree.map(np.array, carried), dt))
 
@@ -103,7 +105,7 @@ class StepMap:
         if self.exact:
             return np.asarray(self._derivatives[0](carried, dt))[moving][:, moving]
         flat, unravel = _flat(carried)
-        return self.differences(lambda near: _flat(self.step(unravel(near), dt))[0], flat, moving)
+        return self.differences(lambda near: _flat(self._after(unravel(near), dt))[0], flat, moving)
 
     @in_float64
     def start_derivative(self, y: np.ndarray, dt: float) -> np.ndarray:
@@ -152,9 +154,18 @@ class StepMap:
 
 
 def _flat(carried: Any) -> tuple[np.ndarray, Callable]:
-    """What is carried as one vector, and the way back."""
-    flat, unravel = ravel_pytree(carried)
-    return np.array(flat), lambda near: unravel(jnp.asarray(near))
+    """What is carried as one vector, and the way back: `ravel_pytree` of NumPy arrays, in NumPy."""
+    leaves, structure = jax.tree.flatten(carried)
+    leaves = [np.asarray(leaf) for leaf in leaves]
+    ends = np.cumsum([leaf.size for leaf in leaves])[:-1]
+
+    def unravel(flat: np.ndarray) -> Any:
+        pieces = zip(np.split(flat, ends), leaves, strict=True)
+        return structure.unflatten(
+            [piece.reshape(leaf.shape).astype(leaf.dtype) for piece, leaf in pieces]
+        )
+
+    return np.concatenate([leaf.ravel() for leaf in leaves]).astype(np.float64), unravel
 
 
 class _Compiled:

@@ -138,13 +138,14 @@ class Setting:
         self,
         defect: Callable[[np.ndarray, float], float],
         rounding: float,
-        states: int = _STATES,
+        tried: tuple[int, int] = (_STATES, _HALVINGS + 1),
         note: str = "",
     ) -> Property:
-        """A defect at the states and step sizes, as a `Property`."""
+        """A defect at so many of the states and step sizes, as a `Property`."""
+        states, sizes = tried
         found = []
         with np.errstate(all="ignore"):
-            for dt in self.dts.tolist():
+            for dt in self.dts[:sizes].tolist():
                 size = float(np.max([defect(y, dt) for y in self.states[:states]]))
                 # An implicit step may fail where it is long.
                 if np.isfinite(size):
@@ -304,6 +305,6 @@ def _momentum(own: Setting, method: Method, which: str) -> Property:
     return setting.property(defect, _VALUES, note=note)
 
 
-def _of_derivatives(step: SampleMap) -> tuple[float, int]:
-    """What rounding leaves, and at how many states to look: differences take long."""
-    return (_EXACT, _STATES) if step.exact else (_DIFFERENCES, 1)
+def _of_derivatives(step: SampleMap) -> tuple[float, tuple[int, int]]:
+    """What rounding leaves, and how many states and step sizes to try: differences take long."""
+    return (_EXACT, (_STATES, _HALVINGS + 1)) if step.exact else (_DIFFERENCES, (1, 5))

@@ -294,3 +294,27 @@ def test_a_stepper_may_be_unstable_again_with_more_steps(monkeypatch, unstable, 
 
     monkeypatch.setattr(growth, "_Linearised", Linearised)
     assert stability_limit(oscillator(), "rk4") == limit
+
+
+@pytest.mark.slow
+# Of equinox, which differentiates the loop.
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_loop_that_is_differentiated_backwards_only():
+    problem = oscillator(stiffness=100.0, damping=0.5)
+    found = growth_per_frame(problem, "diffrax:Heun", 20)
+    assert found.rate == pytest.approx(growth_per_frame(problem, heun, 20).rate, rel=1e-9)
+
+
+def heun(rhs, t, y, dt, args):
+    k = rhs(t, y, args)
+    return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args))
+
+
+def test_a_step_in_numpy_at_rest_at_zero():
+    """Where all numbers are zero, differences need the size of the problem."""
+
+    def euler(rhs, t, y, dt, args):
+        return np.asarray(y) + dt * np.asarray(rhs(t, y, args))
+
+    found = growth_per_frame(oscillator(stiffness=4.0, damping=0.0), euler, 10)
+    assert found.rate == pytest.approx(euler_rate(10, 2.0, 0.0), rel=1e-9)
