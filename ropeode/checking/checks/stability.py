@@ -12,6 +12,7 @@ from ropeode.checking.check_ropes import hanging
 from ropeode.checking.report import Finding
 from ropeode.problems.problem import Problem
 from ropeode.simulation.step_map import StepMap
+from ropeode.steppers import STEPPERS
 from ropeode.theory.stability_function import StabilityFunction, stability_function
 from ropeode.theory.stability_limits import stable_interval
 
@@ -31,7 +32,9 @@ def stability(examination: Examination) -> Finding:
     evidence = {"limit": limit}
     line = _words(limit)
     method = examination.claims.method
-    theory = None if method is None else _in_theory(method)
+    # A user's class claims its own name.
+    known = method != examination.stepper.label or str(method).partition(":")[0] in STEPPERS
+    theory = _in_theory(method) if method and known else None
     if theory is None:
         return Finding("stability", "note", line, evidence)
     evidence["theory"] = theory
