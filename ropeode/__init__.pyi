@@ -21,8 +21,6 @@ from .analysis.motion import Thresholds as Thresholds
 from .analysis.motion import classify_motion as classify_motion
 from .analysis.order import ObservedOrder as ObservedOrder
 from .analysis.order import observed_order as observed_order
-from .analysis.stability import growth_per_frame as growth_per_frame
-from .analysis.stability import stability_limit as stability_limit
 from .case_studies.formats import format_report as format_report
 from .case_studies.report import Report as Report
 from .case_studies.report import rope_report as rope_report
@@ -60,6 +58,7 @@ from .render.plots.convergence import plot_convergence as plot_convergence
 from .render.plots.energy import plot_energies as plot_energies
 from .render.plots.error import plot_errors as plot_errors
 from .render.plots.horizon import plot_horizon as plot_horizon
+from .render.plots.stability import plot_stability as plot_stability
 from .render.plots.sweep_map import plot_sweep as plot_sweep
 from .simulation import Trajectories as Trajectories
 from .simulation import Trajectory as Trajectory
@@ -82,5 +81,7 @@ from .sweep.design.spec import read_sweep as read_sweep
 from .sweep.run import run_sweep as run_sweep
 from .sweep.storage.load import load_sweep as load_sweep
 from .sweep.storage.summary import SweepSummary as SweepSummary
+from .theory.growth import growth_per_frame as growth_per_frame
+from .theory.growth import stability_limit as stability_limit
 
 __version__: str

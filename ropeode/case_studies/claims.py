@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from ropeode.analysis.motion import Motion, Words
-from ropeode.analysis.stability import Growth
 from ropeode.case_studies.figures import Claim
+from ropeode.theory.growth import Growth
 from ropeode.validation import bad_value
 
 HOLDS, FAILS = "holds", "does not hold"

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from ropeode.analysis.motion import DEFAULTS, Motion, Thresholds, classify_motion, sensitivity
-from ropeode.analysis.stability import Growth
 from ropeode.case_studies import claims
 from ropeode.case_studies.comparisons import Compared, compared
 from ropeode.case_studies.figures import ENDS, Figure, Meaning, all_comparisons, check_figures
@@ -26,6 +25,7 @@ from ropeode.case_studies.runs import (
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress, silent
 from ropeode.simulation import Trajectory
+from ropeode.theory.growth import Growth
 from ropeode.validation import check_whole
 
 # What a change of the last digits must leave as it is.

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.analysis.motion import DEFAULTS
-from ropeode.analysis.stability import Growth, growth_per_frame, stability_limit
 from ropeode.case_studies.figures import ENDS, Setting
 from ropeode.errors import InputError
 from ropeode.files import write_whole
@@ -27,6 +26,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import as_stepper
+from ropeode.theory.growth import Growth, growth_per_frame, stability_limit
 from ropeode.threads import cores, threads
 
 FRAMES = 4000

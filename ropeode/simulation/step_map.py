@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
@@ -19,8 +18,11 @@ from ropeode.simulation.system import is_turned, on_stored_states
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import BuiltIn, Stepper
 
-# Of the size of a component: where truncation and rounding of a difference of fourth order meet.
-_H = 1e-3
+# Differences of eighth order (Fornberg, Math. Comp. 51 (1988), table 1): how far apart, as a part
+# of the size of a state, and the weights. Nodes a hundredth of that size apart, whose forces change
+# as quickly, then spoil it no more than rounding does.
+_H = 2.0**-15
+_WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 
 
 class StepMap:
@@ -32,21 +34,19 @@ class StepMap:
     def __init__(self, problem: Problem, method: Method):
         stepper, self.exact = method.stepper, method.trial.compiled
         self._turned = is_turned(stepper, problem.mechanics)
+        self._scale = problem.scale
         if self.exact:
-            what = stepper, problem.rhs, problem.mechanics
-            own = isinstance(stepper, BuiltIn)
-            functions = _compiled(*what) if own else map(_Compiled, _functions(*what))
-            at_start: tuple[Any, ...] = problem.args, problem.ts[0]
+            at_start = problem.args, problem.ts[0]
+            functions = _compiled(method, problem.rhs, problem.mechanics)
+            bound = [functools.partial(function, *at_start) for function in functions]
+            self._derivatives = bound[3:]
         else:
             own = PythonStepper(problem, stepper)
-            functions = [
-                functools.partial(on_user_clock, function)
+            bound = [
+                functools.partial(on_user_clock, function, float(problem.ts[0]))
                 for function in (own.init, own.step, own.state)
             ]
-            at_start = (float(problem.ts[0]),)
-        bound = [functools.partial(function, *at_start) for function in functions]
         self._init, self._step, self._state = bound[:3]
-        self._derivative = bound[3] if self.exact else None
 
     def moving(self, carried: Any, free: np.ndarray) -> np.ndarray:
         """Which numbers of what is carried can move, ``(numbers,)``.
@@ -74,14 +74,21 @@ class StepMap:
         """What is carried into the first step from a state, as NumPy arrays."""
         return jax.tree.map(np.array, self._init(y, dt))
 
-    @in_float64
     def first_sample(self, y: np.ndarray, dt: float) -> np.ndarray:
         """The state at the start, as the stepper hands it out before the first step."""
-        return np.array(self._state(self._init(y, dt), dt))
+        return self.sample(self.start(y, dt), dt)
+
+    @in_float64
+    def sample(self, carried: Any, dt: float) -> np.ndarray:
+        """The state that the stepper hands out of what it carries."""
+        return np.array(self._state(jax.tree.map(np.array, carried), dt))
 
     @in_float64
     def step(self, carried: Any, dt: float) -> Any:
         """What is carried after a step, as NumPy arrays."""
+        return self._after(carried, dt)
+
+    def _after(self, carried: Any, dt: float) -> Any:
         # A step in Python may write to what it is handed.
         return jax.tree.map(np.array, self._step(jax.tree.map(np.array, carried), dt))
 
@@ -89,28 +96,76 @@ class StepMap:
     def derivative(self, carried: Any, dt: float, moving: np.ndarray) -> np.ndarray:
         """The derivative of a step, ``(moving numbers, moving numbers)``.
 
-        By automatic differentiation; of a step in Python by central differences of fourth order.
+        By automatic differentiation; of a step in Python by central differences of eighth order.
 
         Arguments:
             carried, dt: where, and how long the step is.
             moving: which numbers of what is carried can move, ``(numbers,)``.
         """
-        if self._derivative is not None:
-            return np.asarray(self._derivative(carried, dt))[moving][:, moving]
-        flattened, unravel = ravel_pytree(carried)
-        flat = np.array(flattened)
-        h = _H * max(float(np.max(np.abs(flat), initial=0.0)), np.finfo(np.float64).tiny)
+        if self.exact:
+            return np.asarray(self._derivatives[0](carried, dt))[moving][:, moving]
+        flat, unravel = _flat(carried)
+        return self.differences(lambda near: _flat(self._after(unravel(near), dt))[0], flat, moving)
 
-        def after(index: Any, distance: float) -> np.ndarray:
-            near = flat.copy()
+    @in_float64
+    def start_derivative(self, y: np.ndarray, dt: float) -> np.ndarray:
+        """The derivative of `start`, ``(numbers, components of the state)``."""
+        if self.exact:
+            return np.asarray(self._derivatives[1](y, dt)).reshape(-1, y.size)
+        return self._columns(
+            lambda near: _flat(self.start(near.reshape(y.shape), dt))[0], y.ravel()
+        )
+
+    @in_float64
+    def sample_derivative(self, carried: Any, dt: float) -> np.ndarray:
+        """The derivative of `sample`, ``(components of the state, numbers)``."""
+        if self.exact:
+            return np.asarray(self._derivatives[2](carried, dt))
+        flat, unravel = _flat(carried)
+        return self._columns(lambda near: self.sample(unravel(near), dt).ravel(), flat)
+
+    def differences(self, function: Callable, flat: np.ndarray, moving: np.ndarray) -> np.ndarray:
+        """The derivative of a function of a vector, ``(moving numbers, moving numbers)``.
+
+        Arguments:
+            function: in Python, on vectors of one length.
+            flat: where.
+            moving: which numbers of it to look at.
+        """
+        return self._columns(function, flat, np.flatnonzero(moving))[moving]
+
+    def _columns(
+        self, function: Callable, flat: np.ndarray, chosen: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Columns of the derivative of a function of a vector; by default all."""
+        # Where all is zero, of the size that the problem has elsewhere.
+        h = _H * max(float(np.max(np.abs(flat), initial=0.0)), self._scale)
+
+        def after(index: int, distance: float) -> np.ndarray:
+            near = np.array(flat)
             near[index] += distance
-            return np.asarray(ravel_pytree(self.step(unravel(jnp.asarray(near)), dt))[0])[moving]
+            return np.asarray(function(near))
 
-        columns = [
-            (8.0 * (after(i, h) - after(i, -h)) - (after(i, 2 * h) - after(i, -2 * h))) / (12.0 * h)
-            for i in np.flatnonzero(moving)
+        found = [
+            sum(w * (after(i, k * h) - after(i, -k * h)) for k, w in _WEIGHTS.items()) / h
+            for i in (range(len(flat)) if chosen is None else chosen)
         ]
-        return np.stack(columns, axis=1)
+        return np.stack(found, axis=1)
+
+
+def _flat(carried: Any) -> tuple[np.ndarray, Callable]:
+    """What is carried as one vector, and the way back: `ravel_pytree` of NumPy arrays, in NumPy."""
+    leaves, structure = jax.tree.flatten(carried)
+    leaves = [np.asarray(leaf) for leaf in leaves]
+    ends = np.cumsum([leaf.size for leaf in leaves])[:-1]
+
+    def unravel(flat: np.ndarray) -> Any:
+        pieces = zip(np.split(flat, ends), leaves, strict=True)
+        return structure.unflatten(
+            [piece.reshape(leaf.shape).astype(leaf.dtype) for piece, leaf in pieces]
+        )
+
+    return np.concatenate([leaf.ravel() for leaf in leaves]).astype(np.float64), unravel
 
 
 class _Compiled:
@@ -118,31 +173,44 @@ class _Compiled:
 
     def __init__(self, function: Callable):
         self._jitted = jax.jit(function)
-        self._compiled: Callable | None = None
+        self._compiled: dict[Hashable, Callable] = {}
 
     def __call__(self, *given: Any) -> Any:
-        # All calls are about one problem, and so of the same shapes.
-        if self._compiled is None:
-            self._compiled = self._jitted.lower(*given).compile()
-        return on_user_clock(jax.block_until_ready, on_user_clock(self._compiled, *given))
+        leaves, structure = jax.tree.flatten(given)
+        key = structure, tuple((np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
+        if key not in self._compiled:
+            self._compiled[key] = self._jitted.lower(*given).compile()
+        own = self._compiled[key]
+        return on_user_clock(jax.block_until_ready, on_user_clock(own, *given))
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(
-    stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None
-) -> tuple[Callable, Callable, Callable, Callable]:
-    init, step, state, derivative = _functions(stepper, rhs, mechanics)
-    return jax.jit(init), jax.jit(step), jax.jit(state), jax.jit(derivative)
+def _compiled(method: Method, rhs: Rhs, mechanics: Mechanics | None) -> tuple[Callable, ...]:
+    """`_functions`, compiled; the same for all methods that compute the same."""
+    compiled = jax.jit if isinstance(method.stepper, BuiltIn) else _Compiled
+    return tuple(map(compiled, _functions(method.stepper, rhs, mechanics)))
 
 
-def _functions(
-    stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None
-) -> tuple[Callable, Callable, Callable, Callable]:
-    """Start, step, sample and the step's derivative: ``(args, t, y or what is carried, dt)``."""
+def _functions(stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None) -> tuple[Callable, ...]:
+    """Start, step and sample, and the derivatives of step, start and sample.
+
+    All are functions ``(args, t, y or what is carried, dt)``.
+    """
     init, step, state = on_stored_states(stepper, rhs, mechanics)
 
-    def derivative(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        flat, unravel = ravel_pytree(carried)
-        return jax.jacfwd(lambda flat: ravel_pytree(step(args, t, unravel(flat), dt))[0])(flat)
+    def derivative(of: Callable) -> Callable:
+        def slopes(args: Any, t: Any, given: Any, dt: Any) -> Any:
+            flat, unravel = ravel_pytree(given)
 
-    return init, step, state, derivative
+            def values(flat: Any) -> Any:
+                return ravel_pytree(of(args, t, unravel(flat), dt))[0]
+
+            try:
+                return jax.jacfwd(values)(flat)
+            except TypeError:
+                # Loops of diffrax can be differentiated backwards only.
+                return jax.jacrev(values)(flat)
+
+        return slopes
+
+    return init, step, state, derivative(step), derivative(init), derivative(state)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ropeode.analysis.motion import DEFAULTS, Motion
-from ropeode.analysis.stability import Growth
 from ropeode.case_studies import claims, comparisons
 from ropeode.case_studies.figures import Claim, all_comparisons
 from ropeode.errors import InputError
+from ropeode.theory.growth import Growth
 
 
 def motion(swings=4, **more) -> Motion:

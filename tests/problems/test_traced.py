@@ -11,7 +11,6 @@ import pytest
 
 from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
 from ropeode.analysis.errors import error_series
-from ropeode.analysis.stability import stability_limit
 from ropeode.errors import InputError
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
@@ -19,6 +18,7 @@ from ropeode.problems.rope import Rope
 from ropeode.problems.traced import Traced, traced, was_float32
 from ropeode.references.compute import each_reference, reference
 from ropeode.simulation import simulate
+from ropeode.theory.growth import stability_limit
 
 TS = [0.0, 1.0, 2.5]
 RATES = (1.0, 2.0, 1.0)

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from ropeode.analysis.motion import classify_motion
-from ropeode.analysis.stability import stability_limit
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import motion
 from ropeode.problems.ensemble import Ensemble
@@ -24,6 +23,7 @@ from ropeode.sweep.execution import references
 from ropeode.sweep.execution.evaluate import evaluate
 from ropeode.sweep.execution.references import reference_path
 from ropeode.sweep.execution.runs import Run
+from ropeode.theory.growth import stability_limit
 
 VALUES = {
     "steppers": ["velocity-verlet"],

@@ -39,6 +39,7 @@ SOURCES = (
     "sweep/execution/evaluate.py",
     "sweep/execution/references.py",
     "sweep/execution/runs.py",
+    "theory/growth.py",
     "threads.py",
     "validation.py",
 )

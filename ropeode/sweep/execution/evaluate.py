@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ropeode.analysis.errors import resolution
-from ropeode.analysis.stability import MOST_STEPS, stability_limit
 from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
@@ -21,6 +20,7 @@ from ropeode.sweep.design.problem_factory import ProblemFactory, problem_factory
 from ropeode.sweep.design.steppers import stepper_from
 from ropeode.sweep.execution.references import references_of
 from ropeode.sweep.execution.runs import Run, Subject, run_all, subject
+from ropeode.theory.growth import MOST_STEPS, stability_limit
 from ropeode.validation import in_one_line
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,8 @@ _ROUNDINGS, _EIG_ROUNDINGS = 4.0, 16.0
 # How many roundings of the largest term a step may move by where it stands still.
 _STILL_ROUNDINGS = 64.0
 _MOST_CORRECTIONS = 20
+# Of a step size: how closely a limit is found, and how closely a predicted one is tried.
+_PRECISION, _CONFIRMED = 1e-6, 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,9 +103,8 @@ def growth_per_frame(
 def stability_limit(problem: Problem, stepper: Any, y: np.ndarray | None = None) -> int | None:
     """The smallest number of steps per frame from which on the stepper is stable.
 
-    The search doubles and halves, and tries twice and four times the result as well: where
-    the stepper is unstable there, the search goes on from there. Near the limit of a stepper that
-    needs many steps the growth is lost in rounding, so that the number can come out too
+    `fewest_steps` says how it is searched for. Near the limit of a stepper that needs many
+    steps the growth is lost in rounding, so that the number can come out too
     small: by less than 1 up to half a million steps per frame on the default rope.
 
     Arguments:
@@ -117,23 +119,127 @@ def stability_limit(problem: Problem, stepper: Any, y: np.ndarray | None = None)
         InputError: the stepper cannot run on this problem, or there is no equilibrium.
     """
     linearised = _Linearised(problem, stepper, y)
-    unstable = 0
+    return fewest_steps(lambda steps: linearised.growth(steps).stable)
+
+
+def fewest_steps(stable: Callable[[int], bool], most: int = MOST_STEPS) -> int | None:
+    """The smallest number of steps per frame from which on a stepper is stable.
+
+    The search doubles and halves, and tries twice and four times the result as well: where
+    the stepper is unstable there, the search goes on from there.
+
+    Arguments:
+        stable: whether it is, with so many steps per frame.
+        most: how many are tried.
+
+    Returns:
+        Steps per frame; None where `most` are not enough.
+    """
+    failed = 0
     while True:
-        stable = max(1, 2 * unstable)
-        while not linearised.growth(stable).stable:
-            unstable, stable = stable, 2 * stable
-            if stable > MOST_STEPS:
+        enough = max(1, 2 * failed)
+        while not stable(enough):
+            failed, enough = enough, 2 * enough
+            if enough > most:
                 return None
-        while stable - unstable > 1:
-            middle = (stable + unstable) // 2
-            if linearised.growth(middle).stable:
-                stable = middle
+        while enough - failed > 1:
+            middle = (enough + failed) // 2
+            if stable(middle):
+                enough = middle
             else:
-                unstable = middle
-        again = [n for n in (2 * stable, 4 * stable) if not linearised.growth(n).stable]
+                failed = middle
+        again = [n for n in (2 * enough, 4 * enough) if not stable(n)]
         if not again:
-            return stable
-        unstable = again[-1]
+            return enough
+        failed = again[-1]
+
+
+@dataclasses.dataclass(frozen=True)
+class StableSteps:
+    """How short steps have to be.
+
+    Arguments:
+        steps_per_frame: the smallest number from which on nothing grows; None where the largest
+            that was tried is not enough.
+        dt: the end of the interval of stable step sizes that they are in; 0 where there is none,
+            infinite where no end was found.
+    """
+
+    steps_per_frame: int | None
+    dt: float
+
+
+@in_float64
+def stable_steps_at_rest(
+    problem: Problem,
+    stepper: Any,
+    y: np.ndarray | None = None,
+    expected: StableSteps | None = None,
+) -> StableSteps:
+    """How short steps have to be for the equilibrium to be stable, by the stepper's own growth.
+
+    Arguments:
+        problem, stepper, y: as for `stability_limit`.
+        expected: a prediction, which is tried first; where it is true, little more is needed.
+
+    Raises:
+        InputError: the stepper cannot run on this problem, or there is no equilibrium.
+    """
+    linearised = _Linearised(problem, stepper, y)
+
+    def stable(steps: float) -> bool:
+        return linearised.growth(steps).stable
+
+    if expected is not None and _is_confirmed(stable, linearised.frame, expected):
+        return expected
+    return stable_steps(stable, linearised.frame)
+
+
+def _is_confirmed(stable: Callable[[float], bool], frame: float, expected: StableSteps) -> bool:
+    """Whether the number of steps is the same, and the step size to a thousandth."""
+    steps, dt = expected.steps_per_frame, expected.dt
+    if steps is None or not math.isfinite(dt):
+        return False
+    within = [steps, 2 * steps, 4 * steps, frame / (dt * (1.0 - _CONFIRMED))]
+    beyond = [frame / (dt * (1.0 + _CONFIRMED))] + ([steps - 1] if steps > 1 else [])
+    return all(map(stable, within)) and not any(map(stable, beyond))
+
+
+def stable_steps(
+    stable: Callable[[float], bool], frame: float, most: int = MOST_STEPS
+) -> StableSteps:
+    """Both limits, as a number of steps per frame and as a step size.
+
+    Arguments:
+        stable: whether it is, with so many steps per frame, which need be no whole number.
+        frame: the length of a frame.
+        most: how many steps per frame are tried.
+    """
+    steps = fewest_steps(stable, most)
+    if steps is None:
+        return StableSteps(None, 0.0)
+    return StableSteps(steps, longest_step(lambda dt: stable(frame / dt), frame / steps))
+
+
+def longest_step(stable: Callable[[float], bool], stable_dt: float) -> float:
+    """The end of an interval of step sizes at which a stepper is stable, by bisection.
+
+    Arguments:
+        stable: whether it is, at a step size.
+        stable_dt: a step size inside the interval.
+
+    Returns:
+        Infinite where even `MOST_STEPS` times this step size is stable.
+    """
+    low, high = stable_dt, 2.0 * stable_dt
+    while stable(high):
+        low, high = high, 2.0 * high
+        if high > MOST_STEPS * stable_dt:
+            return math.inf
+    while high - low > _PRECISION * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low
 
 
 class _Linearised:
@@ -150,10 +256,11 @@ class _Linearised:
         self._map = StepMap(problem, method)
         self._rounding = _EPS if self._map.exact else _DIFFERENCE
         self._free = free_coordinates(problem)
+        self.frame = step_size(problem, 1)
 
-    def growth(self, steps: int) -> Growth:
-        """The `Growth` at so many steps per frame."""
-        dt = step_size(self._problem, steps)
+    def growth(self, steps: float) -> Growth:
+        """The `Growth` at so many steps per frame, which need be no whole number."""
+        dt = self.frame / steps
         matrix = self._matrix(dt)
         slope = (matrix - np.eye(len(matrix))) / dt
         decomposition: Any = linalg.eig(slope, left=True, right=True)
@@ -172,7 +279,7 @@ class _Linearised:
             fastest = int(np.argmax(np.nan_to_num(rates - tolerances, nan=-np.inf)))
         rate, tolerance = float(rates[fastest]), float(tolerances[fastest])
         return Growth(
-            steps_per_frame=steps,
+            steps_per_frame=int(steps),
             radius=math.exp(rate / steps),
             per_frame=math.exp(rate) if rate < 700.0 else math.inf,
             rate=rate,
@@ -194,7 +301,8 @@ class _Linearised:
             moved = (np.asarray(ravel_pytree(self._map.step(carried, dt))[0]) - flat)[free]
             matrix = self._map.derivative(carried, dt, free)
             size = np.abs(flat[free])
-            terms = np.max(np.abs(matrix) @ size + size)
+            # Where it rests at zero, what is small is small beside the problem's own size.
+            terms = np.max(np.abs(matrix) @ size + size) + self._problem.scale
             if np.max(np.abs(moved)) <= _STILL_ROUNDINGS * self._rounding * terms:
                 return matrix
             flat = flat.copy()

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from ropeode.analysis import stability
 from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
-from ropeode.analysis.stability import growth_per_frame, stability_limit
 from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
@@ -20,6 +18,8 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
 from ropeode.steppers import STEPPERS
+from ropeode.theory import growth
+from ropeode.theory.growth import growth_per_frame, stability_limit
 
 MASS, STIFFNESS = np.array([1.0, 2.0, 0.5, 1.5]), np.array([80.0, 150.0, 60.0])
 
@@ -292,5 +292,29 @@ def test_a_stepper_may_be_unstable_again_with_more_steps(monkeypatch, unstable, 
         def growth(self, steps):
             return SimpleNamespace(stable=steps not in unstable)
 
-    monkeypatch.setattr(stability, "_Linearised", Linearised)
+    monkeypatch.setattr(growth, "_Linearised", Linearised)
     assert stability_limit(oscillator(), "rk4") == limit
+
+
+@pytest.mark.slow
+# Of equinox, which differentiates the loop.
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_loop_that_is_differentiated_backwards_only():
+    problem = oscillator(stiffness=100.0, damping=0.5)
+    found = growth_per_frame(problem, "diffrax:Heun", 20)
+    assert found.rate == pytest.approx(growth_per_frame(problem, heun, 20).rate, rel=1e-9)
+
+
+def heun(rhs, t, y, dt, args):
+    k = rhs(t, y, args)
+    return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args))
+
+
+def test_a_step_in_numpy_at_rest_at_zero():
+    """Where all numbers are zero, differences need the size of the problem."""
+
+    def euler(rhs, t, y, dt, args):
+        return np.asarray(y) + dt * np.asarray(rhs(t, y, args))
+
+    found = growth_per_frame(oscillator(stiffness=4.0, damping=0.0), euler, 10)
+    assert found.rate == pytest.approx(euler_rate(10, 2.0, 0.0), rel=1e-9)

@@ -1,0 +1,115 @@
+"""The region of stability of a stepper, with the eigenvalues of a problem in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from ropeode.render.plots.style import BAND, BAND_EDGE, COLOURS, MARKERS, STYLE, new_figure
+from ropeode.render.table_words import problem_words
+from ropeode.theory.linear_stability import LinearStability
+from ropeode.theory.stability_function import StabilityFunction
+from ropeode.theory.stability_limits import StabilityRegion
+
+_HEIGHT = 4.8
+# Levels of the factor by which a mode grows in a step.
+_LEVELS = (0.25, 0.5, 0.75)
+# Of all step sizes that are given, so many are drawn.
+_MOST = len(COLOURS)
+
+
+@matplotlib.rc_context(STYLE)
+def plot_stability(
+    region: StabilityRegion, found: LinearStability, steps_per_frame: Sequence[int]
+) -> Figure:
+    """Where a step does not let a mode grow, and where the modes of a problem are.
+
+    Arguments:
+        region: from `ropeode.theory.stability_limits.stability_region`.
+        found: from `ropeode.theory.linear_stability.linear_stability`, of the same stepper.
+        steps_per_frame: the step sizes with which the eigenvalues are drawn, 7 at most.
+
+    Returns:
+        A matplotlib figure, 6.5 inches wide: the complex plane of ``z = dt lambda``, a pure
+        number. The region of stability is grey, and its edge dark; thin lines are where a mode
+        shrinks to 3/4, 1/2 and 1/4 in a step. Each colour is a step size, and each of its marks an
+        eigenvalue of the problem at one time of its solution. Those outside of the axes are
+        counted in the legend. A mode that grows in the solution itself has a hollow mark.
+    """
+    function = region.function
+    figure = new_figure(
+        f"Stability of {function.stepper}: {problem_words(found.problem)}",
+        _limit_words(found),
+        _HEIGHT,
+    )
+    axes = figure.subplots()
+    _draw_region(axes, region)
+    handles: list[Patch | Line2D] = [
+        Patch(facecolor=BAND, edgecolor="0.25", label=_region_words(function))
+    ]
+    # The longest steps first, which spread the eigenvalues most.
+    drawn = sorted(steps_per_frame)[:_MOST]
+    for steps, colour, marker in zip(drawn, COLOURS, MARKERS, strict=False):
+        handles.append(_draw_modes(axes, found, steps, colour, marker))
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    return figure
+
+
+def _draw_region(axes: Axes, region: StabilityRegion) -> None:
+    x, y = region.real, region.imaginary
+    axes.set(
+        xlim=(x[0], x[-1]),
+        ylim=(y[0], y[-1]),
+        xlabel="Re z,  z = dt λ",
+        ylabel="Im z",
+        aspect="equal",
+    )
+    # Where the factor is infinite there is no level to draw.
+    radius = np.minimum(region.radius, 1e6)
+    axes.contourf(x, y, radius, levels=[0.0, 1.0 + 1e-9], colors=[BAND], zorder=0.5)
+    axes.contour(x, y, radius, levels=_LEVELS, colors=[BAND_EDGE], linewidths=0.5, zorder=0.7)
+    axes.contour(x, y, radius, levels=[1.0 + 1e-9], colors=["0.25"], linewidths=1.0, zorder=0.8)
+    for line in (axes.axhline, axes.axvline):
+        line(0.0, color="0.4", linewidth=0.6, zorder=1.0)
+
+
+def _draw_modes(axes: Axes, found: LinearStability, steps: int, colour: str, marker: str) -> Line2D:
+    """The eigenvalues times dt, and what the legend says of them."""
+    dt = found.dt(steps)
+    z, growing = dt * found.along.eigenvalues.ravel(), found.along.growing.ravel()
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    inside = (left <= z.real) & (z.real <= right) & (low <= z.imag) & (z.imag <= high)
+    form = {"linestyle": "none", "marker": marker, "markersize": 3.0, "color": colour}
+    for chosen, face in ((growing, "none"), (~growing, colour)):
+        some = z[inside & chosen]
+        axes.plot(some.real, some.imag, markerfacecolor=face, zorder=2.5, **form)
+    label = f"eigenvalues at {steps} steps/frame"
+    if outside := int(np.sum(~inside)):
+        label += f" ({outside} of {len(z)} outside)"
+    return Line2D([], [], label=label, **form)
+
+
+def _region_words(function: StabilityFunction) -> str:
+    if function.equation == "y' = lambda y":
+        return "nothing grows: |R(z)| ≤ 1"
+    return "an oscillation with the modes z and z* does not grow"
+
+
+def _limit_words(found: LinearStability) -> str:
+    predicted = found.predicted
+    if predicted is None:
+        return "no limit from the eigenvalues along the solution"
+    steps = predicted.steps.steps_per_frame
+    value = f"{predicted.eigenvalue.real:.3g}{predicted.eigenvalue.imag:+.3g}i"
+    if steps is None:
+        return f"unstable at every step size tried, by λ = {value} at t = {predicted.time:g}"
+    if not np.isfinite(predicted.steps.dt):
+        return "stable at every step size tried"
+    words = f"stable for dt < {predicted.steps.dt:.4g}, {steps} per frame or more"
+    return f"{words}; λ = {value} at t = {predicted.time:g} decides"

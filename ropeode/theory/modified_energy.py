@@ -1,0 +1,103 @@
+"""What a symplectic step keeps better than the energy: the energy with its leading correction."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.simulation import simulate, step_size
+from ropeode.simulation.method import method_of
+from ropeode.theory.conserved import with_leaves
+from ropeode.theory.expansion import expanded
+from ropeode.theory.step_samples import StepSamples
+from ropeode.theory.structure import Setting
+from ropeode.validation import check_whole
+
+# Gauss points on the straight line to each sample.
+_POINTS = 8
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ModifiedEnergy:
+    """The energy H along a run, and ``H + dt**p H_p``, which is constant to a higher order.
+
+    Arguments:
+        order: p, of the method.
+        dt: step size.
+        times: of the samples, ``(times,)``.
+        correction: ``H_p`` less its value at the start, ``(times,)``.
+        energy: H less its value at the start, ``(times,)``.
+        modified: ``H + dt**p H_p`` less its value at the start, ``(times,)``.
+    """
+
+    order: int
+    dt: float
+    times: np.ndarray
+    correction: np.ndarray
+    energy: np.ndarray
+    modified: np.ndarray
+
+
+@in_float64
+def modified_energy(problem: Problem, stepper: Any, steps_per_frame: int) -> ModifiedEnergy | str:
+    """The leading correction of the energy that a symplectic method keeps, along a run.
+
+    A step with the local error ``dt**(p + 1) d(y)`` follows the vector field ``f + dt**p d``, up to
+    higher terms. If the step is symplectic, d is Hamiltonian as f is: with the form w of the
+    problem, ``w(d, .)`` is the differential of a function ``H_p``. It is integrated here along the
+    straight line from the initial state to each sample, and so does not know of the run; where
+    the step is not symplectic, there is no such function, and the integral is of no use. It is as
+    exact as d is known, which is to 1e-6 or so.
+
+    Damping is left out, as by `ropeode.theory.structure.structure`.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, section IX.3.
+
+    Arguments:
+        problem: a mechanical one with an energy.
+        stepper: whatever `ropeode.as_stepper` takes; a symplectic one.
+        steps_per_frame: of the run.
+
+    Returns:
+        Why there is none, if so.
+
+    Raises:
+        InputError: there is no such stepper, it cannot run on the problem, or `steps_per_frame`
+            is no whole number >= 1.
+        UserCodeError: a user's step raised.
+    """
+    steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
+    problem.require_mechanics("problem")
+    method = method_of(stepper, problem)
+    problem = with_leaves(problem, {"damping": 0.0})
+    setting = Setting.of(problem)
+    if setting is None or not setting.flow.hamiltonian:
+        return "the problem is not Hamiltonian, as far as its energy says"
+    run = simulate(problem, method, steps)
+    if run.status != "ok":
+        return f"the run diverged at frame {run.diverged_at}"
+    samples, longest = StepSamples(problem, method), step_size(problem, 1)
+    order = expanded(samples, problem.ts[:1], setting.states[:1], longest).order
+    if order is None or order < 1:
+        return "the order of the step is not known"
+    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+    way = run.states - problem.y0
+    on_lines = problem.y0 + np.multiply.outer(0.5 * (nodes + 1.0), way)
+    flat = on_lines.reshape(-1, *problem.y0.shape)
+    at = np.full(len(flat), problem.ts[0])
+    errors = expanded(samples, at, flat, longest).rate(order).value
+    free = setting.flow.free
+    slopes = [
+        error.ravel()[free] @ setting.flow.form(y) for y, error in zip(flat, errors, strict=True)
+    ]
+    along = np.reshape(slopes, (_POINTS, len(way), -1)) * way.reshape(len(way), -1)[:, free]
+    correction = 0.5 * np.tensordot(weights, np.sum(along, axis=2), 1)
+    energy = problem.energies(run.states)
+    moved = energy - energy[0]
+    return ModifiedEnergy(
+        order, run.dt, run.times, correction, moved, moved + run.dt**order * correction
+    )

@@ -1,0 +1,181 @@
+"""The eigenvalues of a problem along its solution, and the steps that they ask for."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+
+from ropeode.precision import in_float64
+from ropeode.problems.probes import free_coordinates
+from ropeode.problems.problem import Problem, Rhs
+from ropeode.simulation import step_size
+from ropeode.theory.growth import MOST_STEPS, StableSteps, stable_steps
+from ropeode.theory.stability_function import StabilityFunction
+
+# Of the largest eigenvalue: a real part, or an imaginary one, that rounding may have made of zero.
+# A differenced right-hand side rounds far more.
+_ROUNDING, _DIFFERENCE = 1e-12, 1e-7
+# Growth in a step that rounding can make of none; more where two modes are hard to tell apart.
+_GROWTH, _EPS = 1e-13, 64 * float(np.finfo(np.float64).eps)
+
+# How far past a limit the mode that decides shows.
+_BEYOND = 1e-4
+_MOST_IN_PYTHON = 50
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The eigenvalues of the derivative of the right-hand side at several states.
+
+    Arguments:
+        times: of the states, ``(times,)``.
+        eigenvalues: per time unit, over the coordinates that can move, ``(times, modes)``.
+        rounding: how far they may be off, ``(times,)``.
+    """
+
+    times: np.ndarray
+    eigenvalues: np.ndarray
+    rounding: np.ndarray
+
+    @property
+    def growing(self) -> np.ndarray:
+        """Which of them belong to modes that grow in the solution itself, ``(times, modes)``."""
+        return np.real(self.eigenvalues) > self.rounding[:, None]
+
+    @property
+    def fastest_growth(self) -> float:
+        """The largest real part, per time unit; 0 where no mode grows."""
+        return float(np.max(np.real(self.eigenvalues), where=self.growing, initial=0.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class SpectralLimit:
+    """How many steps the eigenvalues along a solution ask for.
+
+    Of the modes that do not grow in the solution none must grow in the stepper. For those that do
+    grow, no step size is asked for.
+
+    A frozen spectrum is no proof. Eigenvalues at each time say what happens if the equation stays
+    as it is at that time. While it changes, disturbances can grow although each frozen equation
+    lets them decay (parametric resonance), or decay where each lets them grow; modes that are not
+    at right angles can grow for a while; and nonlinear forces can hold growth, or set it off
+    elsewhere (Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2; Coppel,
+    Dichotomies in Stability Theory, lecture 1).
+
+    Arguments:
+        steps: how short they have to be.
+        time: when the mode that decides is at its worst: the first that grows with longer steps.
+        eigenvalue: of this mode, per time unit.
+        fastest_growth: the largest real part of all eigenvalues: at what rate the solution itself
+            moves away from its neighbours at some time; 0 where it does not.
+        times: how many states were looked at.
+    """
+
+    steps: StableSteps
+    time: float
+    eigenvalue: complex
+    fastest_growth: float
+    times: int
+
+
+@in_float64
+def spectrum(problem: Problem, times: np.ndarray, states: np.ndarray) -> Spectrum:
+    """The eigenvalues of the derivative of the right-hand side, at states of a solution.
+
+    Coordinates that are held are left out.
+
+    Arguments:
+        problem: whose right-hand side it is.
+        times: of the states, ``(times,)``.
+        states: ``(times, *state)``.
+    """
+    matrices = np.asarray(_derivative(problem.rhs)(times, states, problem.args))
+    if problem.mechanics is not None:
+        free = np.tile(free_coordinates(problem).ravel(), 2)
+        matrices = matrices[:, free][:, :, free]
+    eigenvalues = np.linalg.eigvals(matrices)
+    share = _DIFFERENCE if problem.in_python else _ROUNDING
+    largest = np.max(np.abs(eigenvalues), axis=1, initial=0.0)
+    return Spectrum(np.asarray(times), eigenvalues, share * largest)
+
+
+@functools.lru_cache(maxsize=64)
+def _derivative(rhs: Rhs) -> Callable:
+    """Of flat states, for many at once."""
+
+    def one(t: Any, y: Any, args: Any) -> Any:
+        return jax.jacfwd(lambda flat: rhs(t, flat.reshape(y.shape), args).ravel())(y.ravel())
+
+    return jax.jit(jax.vmap(one, in_axes=(0, 0, None)))
+
+
+@in_float64
+def spectral_limit(
+    problem: Problem, function: StabilityFunction, along: Spectrum, most: int = MOST_STEPS
+) -> SpectralLimit | None:
+    """How many steps per frame the eigenvalues along a solution ask for.
+
+    Where the stepper is one for mechanical problems, modes are taken in pairs: an oscillation with
+    its conjugate, and of those that do not oscillate the fastest with the slowest, which are the
+    two of one oscillator where all nodes have the same damping per mass. Of a step in Python whose
+    values cost much, only the fastest modes are looked at.
+
+    Arguments:
+        problem: whose frames are divided; the longest of them counts.
+        function: of the stepper.
+        along: eigenvalues of the problem.
+        most: how many steps per frame are tried.
+
+    Returns:
+        None where the stepper takes no damping and the problem is damped, or where all modes
+        grow in the solution itself.
+    """
+    paired = function.equation != "y' = lambda y"
+    modes = [
+        (float(t), *pair)
+        for t, values, rounding in zip(along.times, along.eigenvalues, along.rounding, strict=True)
+        for pair in (_pairs(values, rounding) if paired else ((z, np.conj(z)) for z in values))
+        if max(pair[0].real, pair[1].real if paired else -np.inf) <= rounding
+    ]
+    if not modes:
+        return None
+    if not function.is_quick:
+        modes = sorted(modes, key=lambda mode: -abs(mode[1]))[:_MOST_IN_PYTHON]
+    times, z, other = (np.array(column) for column in zip(*modes, strict=True))
+    tiny = np.max(along.rounding)
+    if not function.damped:
+        if np.any(np.real(z) < -tiny):
+            return None
+        z, other = 1j * np.imag(z), -1j * np.imag(z)
+    frame = step_size(problem, 1)
+
+    def growth(dt: float) -> np.ndarray:
+        apart = np.maximum(dt * np.abs(z - other), _EPS) if paired else 1.0
+        return function.radius(dt * z, dt * other) - 1.0 - _GROWTH - _EPS / apart
+
+    weak = function.amplification is not None and function.amplification.coefficient > 0
+    if weak and np.any((np.abs(np.real(z)) <= tiny) & (np.abs(z) > tiny)):
+        # It grows with each number of steps, if only by less than rounding shows.
+        steps, unstable = StableSteps(None, 0.0), frame
+    else:
+        steps = stable_steps(lambda n: bool(np.all(growth(frame / n) <= 0.0)), frame, most)
+        unstable = (1.0 + _BEYOND) * steps.dt if 0.0 < steps.dt < np.inf else frame
+    worst = int(np.argmax(growth(unstable)))
+    return SpectralLimit(
+        steps, float(times[worst]), complex(z[worst]), along.fastest_growth, len(along.times)
+    )
+
+
+def _pairs(values: np.ndarray, rounding: float) -> list[tuple[complex, complex]]:
+    """The two modes of each oscillator."""
+    oscillating = values[np.imag(values) > rounding]
+    slow = np.sort(np.real(values[np.abs(np.imag(values)) <= rounding]))
+    half = len(slow) // 2
+    return [(complex(z), complex(z.conjugate())) for z in oscillating] + [
+        (complex(a), complex(b)) for a, b in zip(slow[:half], slow[: -half - 1 : -1], strict=True)
+    ]

@@ -1,0 +1,332 @@
+"""The stability function of a stepper: by what a step multiplies modes of linear equations."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.simulation.method import Method, method_of
+from ropeode.theory import linear_equations
+from ropeode.theory.linear_method import LinearMethod
+
+# Points on circles about zero: small ones for leading terms, a larger one for polynomials, whose
+# degree stays below a quarter of the number of points.
+_POINTS, _CIRCLES, _LARGE = 128, (0.5, 0.25, 0.0625), 4.0
+_ROUNDING = 1e-12
+# Where a polynomial must agree with the step itself: along rays, near and far.
+_FAR = np.multiply.outer((1.0, 12.0, 150.0), np.exp(1j * np.array([0.3, 1.2, 2.0, 2.9]))).ravel()
+# Modes without any symmetry. An implicit step far away is one too.
+_GENERIC = np.array([0.3 + 0.4j, -0.7 + 0.5j, -0.2 - 0.9j])
+_TOLERANCE = 1e-8
+_QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
+# Times, step sizes and sizes of states at which the step has to be the same linear map.
+_CASES = (
+    (0.0, 1.0, 1.0),
+    (0.0, 1.0, 1e-6),
+    (0.0, 1.0, 1e6),
+    (37.25, 1.0, 1.0),
+    (0.0, 2.0**-12, 1.0),
+    (0.0, 2.0**6, 1.0),
+)
+
+Equation = Literal["y' = lambda y", "x'' = -omega^2 x - 2 gamma x'"]
+
+
+@dataclasses.dataclass(frozen=True)
+class LeadingTerm:
+    """``coefficient * z**power``.
+
+    Arguments:
+        coefficient: real.
+        power: a whole number.
+    """
+
+    coefficient: float
+    power: int
+
+
+@dataclasses.dataclass(frozen=True)
+class NoStabilityFunction:
+    """That there is none.
+
+    Arguments:
+        reason: one sentence for each equation that was tried.
+    """
+
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StabilityFunction:
+    """By what one step multiplies a mode ``exp(lambda t)`` of a linear equation, at z = dt lambda.
+
+    A step for any ODE multiplies the solution of ``y' = lambda y`` by R(z). One for mechanical
+    problems is judged on ``x'' = -omega^2 x - 2 gamma x'``, which has two modes: z stands for
+    the oscillation whose modes are z and its conjugate, so that ``dt omega = |z|`` and the
+    damping ratio ``gamma/omega`` is ``-Re z/|z|``. Where a step has memory, it multiplies what it
+    carries by a matrix, and R(z) is the eigenvalue nearest to exp(z).
+
+    Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2; with memory,
+    section V.1.
+
+    Arguments:
+        stepper: its name with options.
+        equation: on which it was judged.
+        one_step: whether its samples are those of a one-step method; if not, it has memory.
+        damped: whether it takes an oscillator with damping; without, z is imaginary.
+        polynomial: the coefficients of R(z) from ``z**0`` on, if it is a polynomial in z.
+        error: the leading term of ``R(z)/exp(z) - 1``, which is ``-C z**(p + 1)`` for a method of
+            order p on linear equations; None if there is none above rounding.
+        amplification: the leading term in y of ``ln |R(iy)|``, which is the growth in a step
+            of an oscillation that should keep its size; None if it keeps it to rounding.
+        phase: the leading term in y of ``arg R(iy) - y``; None as before.
+    """
+
+    stepper: str
+    equation: Equation
+    one_step: bool
+    damped: bool
+    polynomial: tuple[float, ...] | None
+    error: LeadingTerm | None
+    amplification: LeadingTerm | None
+    phase: LeadingTerm | None
+    _method: LinearMethod = dataclasses.field(repr=False)
+
+    @in_float64
+    def radius(self, z: Any, other: Any = None) -> np.ndarray:
+        """The largest factor by which anything grows in a step, in the shape of `z`.
+
+        Arguments:
+            z: complex, of any shape.
+            other: the second mode of each oscillator; by default the conjugate of the first.
+                Of no meaning for a step for any ODE.
+
+        Returns:
+            ``|R(z)|``, or the spectral radius of what is carried; infinite where the step is not
+            finite.
+        """
+        z = np.asarray(z, dtype=complex)
+        # As R of the conjugate is the conjugate of R.
+        flat = np.where(z.imag < 0, z.conj(), z).ravel()
+        if self.polynomial is not None:
+            with np.errstate(all="ignore"):
+                return _whole(np.abs(_value(self.polynomial, flat)), z.shape)
+        if self.equation == "y' = lambda y":
+            args = linear_equations.rates(flat)
+        else:
+            partner = flat.conj() if other is None else np.asarray(other, dtype=complex).ravel()
+            args = linear_equations.springs(flat, partner)
+        matrices = self._method.matrices(args)
+        return _whole(np.max(np.abs(_eigenvalues(matrices)), axis=1), z.shape)
+
+    @property
+    def is_quick(self) -> bool:
+        """Whether thousands of values cost little; not those of a step in Python."""
+        own = self._method
+        return self.polynomial is not None or own.is_compiled or own.is_together
+
+    @in_float64
+    def factors(self, z: Any) -> np.ndarray:
+        """R(z) for numbers near zero, in the shape of `z`; of an oscillator without damping.
+
+        Arguments:
+            z: complex; on the imaginary axis for a mode of an oscillator.
+        """
+        z = np.asarray(z, dtype=complex)
+        return _principal(self._method, z.ravel()).reshape(z.shape)
+
+
+@in_float64
+def stability_function(problem: Problem, stepper: Any) -> StabilityFunction | NoStabilityFunction:
+    """The stability function of a stepper, from its own steps.
+
+    It is tried on ``y' = lambda y`` with complex lambda first, as a real system of two equations,
+    and if it is no step for any ODE on the oscillator. That it is the same linear map for small
+    and for large states, at other times, and at other step sizes for the same z, is checked.
+
+    Arguments:
+        problem: on which the stepper runs; if that is not mechanical, the oscillator is not tried.
+        stepper: whatever `ropeode.as_stepper` takes.
+
+    Raises:
+        InputError: there is no such stepper, or it cannot run on the problem.
+        UserCodeError: a user's step raised on that problem.
+    """
+    method = method_of(stepper, problem)
+    first = _on_rates(method)
+    if isinstance(first, StabilityFunction) or problem.mechanics is None:
+        return first
+    second = _on_springs(method)
+    if isinstance(second, StabilityFunction):
+        return second
+    return NoStabilityFunction(f"{first.reason} {second.reason}")
+
+
+def _on_rates(method: Method) -> StabilityFunction | NoStabilityFunction:
+    name: Equation = "y' = lambda y"
+    args, powers = linear_equations.rates(_GENERIC), (-1, -1, 0, 0)
+    found = LinearMethod(linear_equations.first_order(), method)
+    why = _refusal(found, method, args, powers)
+    if why:
+        return NoStabilityFunction(f"On {name} {why}.")
+    found.settle(args)
+    return _described(method, name, found, damped=True)
+
+
+def _on_springs(method: Method) -> StabilityFunction | NoStabilityFunction:
+    name: Equation = "x'' = -omega^2 x - 2 gamma x'"
+    args, powers = linear_equations.springs(_GENERIC, -_GENERIC), (-2, -2, -1, 0, 0, -1, -1)
+    found = LinearMethod(linear_equations.second_order(), method)
+    if why := _refusal(found, method, args, powers):
+        return NoStabilityFunction(f"On {name} {why}.")
+    with_damping = linear_equations.springs(_GENERIC, _GENERIC.conj())
+    damped = method.stepper.needs != "second order, no damping" and not _refusal(
+        found, method, with_damping, powers
+    )
+    # What is a one-step method without damping may have memory with it.
+    found.settle(np.concatenate([args, with_damping]) if damped else args)
+    return _described(method, name, found, damped)
+
+
+def _refusal(
+    found: LinearMethod, method: Method, args: np.ndarray, powers: Sequence[int]
+) -> str | None:
+    """Why the stepper is no linear map on a test equation; None if it is one."""
+    if method.stepper.refusal(found.equation):
+        return "it cannot run, since it needs another kind of problem"
+    try:
+        return _is_linear(found, args, powers)
+    except Exception as error:
+        # Whatever it is: the step is not made for this equation.
+        cause = error.__cause__ or error
+        return f"it raises {type(cause).__name__}: {' '.join(str(cause).split())[:120]}"
+
+
+def _is_linear(method: LinearMethod, args: np.ndarray, powers: Sequence[int]) -> str | None:
+    """What keeps it from being one linear map of z alone; None if nothing does.
+
+    Arguments:
+        method: is asked for runs.
+        args: generic ones of its equation at dt = 1.
+        powers: for each of the `args`, and behind them for each number of the state, by which
+            power of dt it has to be multiplied for the same motion.
+    """
+    matrices = method.powers(args)
+    y = np.random.default_rng(7).normal(size=(len(args), method.size))
+    expected = np.einsum("kirc,kc->kir", matrices, y)
+    largest = np.max(np.abs(expected))
+    if method.size == len(_QUARTER):
+        # To turn by a quarter before or after must be the same.
+        turned = matrices @ _QUARTER - _QUARTER @ matrices
+        if not np.max(np.abs(turned)) <= _TOLERANCE * largest:
+            return "it treats the two components of the state in different ways"
+    for t, dt, size in _CASES:
+        units = np.float64(dt) ** np.array(powers)
+        own, state = units[: args.shape[1]], size * units[args.shape[1] :]
+        with np.errstate(all="ignore"):
+            off = np.max(np.abs(method.runs(args * own, y * state, t, dt) / state - expected))
+        if off <= _TOLERANCE * largest:
+            continue
+        if t:
+            return f"it depends on time: at t = {t:g} it is another step than at 0"
+        if dt != 1.0:
+            return (
+                f"the step of size {dt:g} is not that of size 1 at the same dt lambda, so that "
+                "there is no function of dt lambda alone"
+            )
+        return f"it is not linear: states of size {size:g} do not move by a matrix"
+    return None
+
+
+def _described(
+    method: Method, name: Equation, found: LinearMethod, damped: bool
+) -> StabilityFunction:
+    terms, clear = _relative_error(found)
+    # On the imaginary axis even powers are real.
+    signs = np.array([1, 1, -1, -1])
+
+    def leading(powers: np.ndarray, signed: bool) -> LeadingTerm | None:
+        for power in powers[clear[powers]]:
+            sign = signs[power % 4] if signed else 1
+            return LeadingTerm(float(sign * terms[power]), int(power))
+        return None
+
+    powers = np.arange(len(terms))
+    return StabilityFunction(
+        stepper=method.stepper.label,
+        equation=name,
+        one_step=found.is_one_step,
+        damped=damped,
+        polynomial=_polynomial(found) if found.is_one_step and name == "y' = lambda y" else None,
+        error=leading(powers, False),
+        amplification=leading(powers[::2], True),
+        phase=leading(powers[1::2], True),
+        _method=found,
+    )
+
+
+def _relative_error(method: LinearMethod) -> tuple[np.ndarray, np.ndarray]:
+    """The Taylor coefficients of ``ln(R(z)/exp(z))``, and which of them are above rounding.
+
+    They are real. Circles shrink until none of the branch points, where R would be another
+    eigenvalue, is inside.
+    """
+    for size in _CIRCLES:
+        points = size * np.exp(2j * np.pi * np.arange(_POINTS) / _POINTS)
+        with np.errstate(all="ignore"):
+            relative = np.log(_principal(method, points) / np.exp(points))
+        terms = np.fft.fft(relative).real / _POINTS
+        if np.max(np.abs(terms[_POINTS // 4 : _POINTS // 2])) <= _ROUNDING:
+            break
+    terms = terms[: _POINTS // 8]
+    return terms / size ** np.arange(len(terms)), np.abs(terms) > _ROUNDING
+
+
+def _principal(method: LinearMethod, z: np.ndarray) -> np.ndarray:
+    """The eigenvalue nearest to exp(z); for oscillators without damping, ``x'' = z^2 x``."""
+    first_order = method.kind is linear_equations.Rate
+    args = linear_equations.rates(z) if first_order else linear_equations.springs(z, -z)
+    eigenvalues = _eigenvalues(method.matrices(args))
+    nearest = np.argmin(np.abs(eigenvalues - np.exp(z)[:, None]), axis=1)
+    return eigenvalues[np.arange(len(z)), nearest]
+
+
+def _polynomial(method: LinearMethod) -> tuple[float, ...] | None:
+    """The coefficients of R, if it is a polynomial: those of its values on a circle."""
+    circle = _LARGE * np.exp(2j * np.pi * np.arange(_POINTS) / _POINTS)
+    values = _principal(method, circle)
+    if not np.all(np.isfinite(values)):
+        return None
+    terms = np.fft.fft(values).real / _POINTS
+    clear = np.flatnonzero(np.abs(terms) > _ROUNDING * np.max(np.abs(values)))
+    degree = int(clear[-1]) if clear.size else 0
+    if degree >= _POINTS // 4:
+        return None
+    found = terms[: degree + 1] / _LARGE ** np.arange(degree + 1)
+    found[np.abs(terms[: degree + 1]) <= _ROUNDING * np.max(np.abs(values))] = 0.0
+    expected = _principal(method, _FAR)
+    size = _value(np.abs(found), np.abs(_FAR))
+    same = np.abs(_value(found, _FAR) - expected) <= _TOLERANCE * size
+    return tuple(found.tolist()) if np.all(same) else None
+
+
+def _value(polynomial: Sequence[float] | np.ndarray, z: np.ndarray) -> np.ndarray:
+    return np.polynomial.polynomial.polyval(z, np.asarray(polynomial))
+
+
+def _whole(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    return np.where(np.isfinite(values), values, np.inf).reshape(shape)
+
+
+def _eigenvalues(matrices: np.ndarray) -> np.ndarray:
+    """``(cases, size)``; infinite where a matrix is not finite."""
+    finite = np.all(np.isfinite(matrices), axis=(1, 2))
+    found = np.full(matrices.shape[:2], np.inf, dtype=complex)
+    single = matrices.shape[1] == 1
+    found[finite] = matrices[finite, 0] if single else np.linalg.eigvals(matrices[finite])
+    return found

@@ -1,0 +1,62 @@
+"""The picture of a region of stability."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ropeode.problems.oscillator import oscillator
+from ropeode.references.files.library import load
+from ropeode.render.plots.files import figure_bytes
+from ropeode.render.plots.stability import plot_stability
+from ropeode.theory.linear_stability import linear_stability
+from ropeode.theory.spectrum import Spectrum
+from ropeode.theory.stability_function import StabilityFunction
+from ropeode.theory.stability_limits import stability_region
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Explicit Euler on an oscillator with the eigenvalues -0.1 +- i, and one that grows."""
+    stored = load("oscillator")
+    problem = oscillator(damping=0.2, stiffness=1.01, frames=stored.problem.frames)
+    assert problem.exact is not None
+    given = dataclasses.replace(stored, problem=problem, states=problem.exact(problem.ts))
+    found = linear_stability(given, "explicit-euler")
+    assert isinstance(found.function, StabilityFunction)
+    assert found.limits is not None
+    region = stability_region(found.function, found.limits, points=41)
+    assert region is not None
+    modes = np.append(found.along.eigenvalues[0], [0.5, 100.0])
+    along = Spectrum(np.zeros(1), modes[None], np.full(1, 1e-9))
+    return region, dataclasses.replace(found, along=along)
+
+
+def test_eigenvalues_are_where_dt_puts_them(drawn):
+    region, found = drawn
+    figure = plot_stability(region, found, [1, 4])
+    (axes,) = figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Re z,  z = dt λ", "Im z")
+    points = [line for line in axes.lines if line.get_linestyle() == "None"]
+    hollow = [line for line in points if line.get_markerfacecolor() == "none"]
+    filled = [line for line in points if line not in hollow]
+    for dt, grows, decays in zip((1.0, 0.25), hollow, filled, strict=True):
+        np.testing.assert_allclose(grows.get_xydata(), [[0.5 * dt, 0.0]])
+        expected = dt * np.array([[-0.1, 1.0], [-0.1, -1.0]])
+        np.testing.assert_allclose(decays.get_xydata(), expected, atol=1e-12)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == [
+        "nothing grows: |R(z)| ≤ 1",
+        "eigenvalues at 1 steps/frame (1 of 4 outside)",
+        "eigenvalues at 4 steps/frame (1 of 4 outside)",
+    ]
+
+
+def test_the_title_states_the_limit(drawn):
+    region, found = drawn
+    figure = plot_stability(region, found, [6])
+    # |1 + dt lambda| < 1 for dt < 0.2/1.01.
+    assert "stable for dt < 0.198, 6 per frame or more" in figure.get_suptitle()
+    assert figure_bytes(figure, ".png") == figure_bytes(plot_stability(region, found, [6]), ".png")

@@ -1,0 +1,57 @@
+"""The leading correction of the energy, against formulas and along runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ropeode.problems.pendulum import pendulum
+from ropeode.problems.rope import Rope
+from ropeode.simulation import simulate
+from ropeode.theory.modified_energy import ModifiedEnergy, modified_energy
+
+# Of the pendulum with mass, length and gravity 1: H = p^2/2 - cos q. Hairer, Lubich, Wanner,
+# Geometric Numerical Integration, examples IX.3.1 and IX.3.2: H_1 = -p V'/2 with kicks first, and
+# H_2 = V'' p^2/12 - V'^2/24 of velocity Verlet.
+FORMULAS = {
+    "semi-implicit-euler": lambda q, p: -p * np.sin(q) / 2,
+    "velocity-verlet": lambda q, p: np.cos(q) * p**2 / 12 - np.sin(q) ** 2 / 24,
+}
+
+
+@pytest.mark.parametrize("stepper", FORMULAS)
+def test_the_correction_is_that_of_the_formula(stepper):
+    problem = pendulum(frames=6)
+    found = modified_energy(problem, stepper, 64)
+    assert isinstance(found, ModifiedEnergy)
+    expected = FORMULAS[stepper](*simulate(problem, stepper, 64).states[:, :, 0, 0].T)
+    np.testing.assert_allclose(found.correction, expected - expected[0], atol=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stepper", "order"), [("semi-implicit-euler", 1), ("velocity-verlet", 2)])
+def test_it_is_kept_to_twice_the_order(stepper, order):
+    drifts = []
+    for steps in (12, 24):
+        found = modified_energy(pendulum(frames=6), stepper, steps)
+        assert isinstance(found, ModifiedEnergy)
+        assert found.order == order
+        drifts.append([np.ptp(found.energy), np.ptp(found.modified)])
+    # Both expansions go on in such steps: of Verlet in dt^2.
+    assert np.log2(np.divide(*drifts)) == pytest.approx([order, 2 * order], abs=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stepper", ["velocity-verlet", "stormer-verlet"])
+def test_a_rope_keeps_it_far_better_than_the_energy(stepper):
+    problem = Rope(num_nodes=4, start=(0, 0), end=(-60, 0)).problem(6)
+    found = modified_energy(problem, stepper, 40)
+    assert isinstance(found, ModifiedEnergy)
+    assert np.ptp(found.modified) < 1e-4 * np.ptp(found.energy)
+
+
+def test_explicit_euler_has_none():
+    found = modified_energy(pendulum(frames=6), "explicit-euler", 64)
+    assert isinstance(found, ModifiedEnergy)
+    # What was integrated is the differential of nothing, so that it mends nothing.
+    assert np.ptp(found.modified) > 0.3 * np.ptp(found.energy)

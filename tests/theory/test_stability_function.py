@@ -1,0 +1,299 @@
+"""Stability functions, limits and regions, against closed forms and powers of steps."""
+
+from __future__ import annotations
+
+import re
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.problems.oscillator import oscillator
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.simulation import simulate
+from ropeode.steppers import STEPPERS
+from ropeode.steppers.base import Stepper
+from ropeode.theory.stability_function import (
+    LeadingTerm,
+    NoStabilityFunction,
+    StabilityFunction,
+    stability_function,
+)
+from ropeode.theory.stability_limits import stability_limits, stability_region, stable_interval
+
+FIRST = Problem(lambda t, y, args: -y, np.ones(2), np.arange(2.0))
+SECOND = oscillator(damping=0.0)
+
+
+def heun(rhs, t, y, dt, args):
+    k = rhs(t, y, args)
+    return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args))
+
+
+def midpoint_in_numpy(rhs, t, y, dt, args):
+    return np.asarray(y + dt * rhs(t + dt / 2, np.array(y) + dt / 2 * rhs(t, y, args), args))
+
+
+def kick_and_drift(rhs, t, y, dt, args):
+    """Semi-implicit Euler of one who was handed a right-hand side."""
+    v = y[1] + dt * rhs(t, y, args)[1]
+    return jnp.stack([y[0] + dt * v, v])
+
+
+def leapfrog_in_numpy(acceleration, t, x, v, dt, args):
+    v = np.asarray(v + dt / 2 * acceleration(t, x, v, args))
+    x = np.asarray(x + dt * v)
+    return x, v + dt / 2 * np.asarray(acceleration(t + dt, x, v, args))
+
+
+class AdamsBashforth(Stepper):
+    """The two-step method, after a step of explicit Euler; it counts time in what it carries."""
+
+    def init(self, system, t, y, dt):
+        return y, 0.0 * y, jnp.asarray(t), jnp.asarray(True)
+
+    def step(self, system, t, carried, dt):
+        y, before, since, first = carried
+        k = system.rhs(t, y)
+        return y + dt * jnp.where(first, k, 1.5 * k - 0.5 * before), k, since + dt, ~first & first
+
+    def state(self, system, t, carried, dt):
+        return carried[0]
+
+
+class BackwardEuler(Stepper):
+    """Solved for the linear equation of the problem by hand."""
+
+    compiled = False
+
+    def step(self, system, t, y, dt):
+        slopes = [np.asarray(system.rhs(t, unit)) for unit in np.eye(2)]
+        return np.linalg.solve(np.eye(2) - dt * np.stack(slopes, axis=1), y)
+
+
+def test_runge_kutta_methods_have_their_polynomials():
+    taylor = 1 / np.array([1, 1, 2, 6, 24])
+    for step, degree in [("explicit-euler", 1), (heun, 2), (midpoint_in_numpy, 2), ("rk4", 4)]:
+        found = stability_function(FIRST, step)
+        assert isinstance(found, StabilityFunction)
+        assert found.polynomial == pytest.approx(taylor[: degree + 1], abs=1e-14)
+        assert found.one_step
+        # R/exp - 1 begins with -z^(p+1)/(p+1)!.
+        assert found.error is not None
+        assert found.error.power == degree + 1
+        assert found.error.coefficient == pytest.approx(-1 / np.prod(np.arange(1, degree + 2)))
+
+
+def test_growth_and_phase_of_an_oscillation():
+    # ln |R(iy)| and arg R(iy) - y: of Euler ln(1 + y^2)/2 and atan y - y; of Verlet 0 and
+    # 2 asin(y/2) - y, which semi-implicit Euler has too.
+    euler = stability_function(FIRST, "explicit-euler")
+    assert isinstance(euler, StabilityFunction)
+    for found, expected in [
+        (euler.amplification, LeadingTerm(1 / 2, 2)),
+        (euler.phase, LeadingTerm(-1 / 3, 3)),
+    ]:
+        assert found is not None
+        assert found.power == expected.power
+        assert found.coefficient == pytest.approx(expected.coefficient)
+    for step in ("velocity-verlet", kick_and_drift):
+        found = stability_function(SECOND, step)
+        assert isinstance(found, StabilityFunction)
+        assert found.amplification is None
+        assert found.phase is not None
+        assert (found.phase.power, found.phase.coefficient) == (3, pytest.approx(1 / 24))
+
+
+@pytest.mark.parametrize(
+    ("problem", "step", "imaginary", "real"),
+    [
+        (FIRST, "explicit-euler", 0.0, 2.0),
+        pytest.param(FIRST, heun, 0.0, 2.0, marks=pytest.mark.slow),
+        (FIRST, midpoint_in_numpy, 0.0, 2.0),
+        (FIRST, "rk4", 8**0.5, 2.785293563405282),
+        # 3/4 of the real axis of AB2 in closed form is 1; on the imaginary axis it grows as y^4/4.
+        (FIRST, AdamsBashforth(), 0.0, 1.0),
+        (SECOND, kick_and_drift, 2.0, 2 * 2**0.5 - 2),
+        pytest.param(SECOND, "velocity-verlet", 2.0, 2.0, marks=pytest.mark.slow),
+        (SECOND, "stormer-verlet:start=rest", 2.0, 2.0),
+        (SECOND, leapfrog_in_numpy, 2.0, None),
+    ],
+    ids=[
+        "euler",
+        "heun",
+        "midpoint",
+        "rk4",
+        "adams",
+        "kicks",
+        "velocity-verlet",
+        "stormer-verlet",
+        "leapfrog",
+    ],
+)
+def test_known_limits(problem, step, imaginary, real):
+    function = stability_function(problem, step)
+    assert isinstance(function, StabilityFunction)
+    limits = stability_limits(function)
+    assert limits.imaginary.limit == pytest.approx(imaginary, rel=1e-9)
+    if real is not None:
+        assert limits.real is not None
+        assert limits.real.limit == pytest.approx(real, rel=1e-9)
+    assert not limits.a_stable
+    assert (limits.imaginary.growth is not None) == (imaginary == 0.0)
+
+
+def test_an_implicit_step_is_stable_as_far_as_was_looked():
+    function = stability_function(FIRST, BackwardEuler())
+    assert isinstance(function, StabilityFunction)
+    assert function.polynomial is None
+    z = np.array([1j, -3.0, 2.0 + 0.5j, -700 + 20j])
+    np.testing.assert_allclose(function.radius(z), 1 / np.abs(1 - z), rtol=1e-12)
+    limits = stability_limits(function, farthest=50.0)
+    assert limits.a_stable
+    assert limits.real is not None
+    assert (limits.real.limit, limits.real.ends, limits.looked_to) == (50.0, False, 50.0)
+    assert limits.far_away == pytest.approx(1 / 51)
+
+
+def test_a_method_with_memory_is_judged_on_all_that_it_carries():
+    function = stability_function(FIRST, AdamsBashforth())
+    assert isinstance(function, StabilityFunction)
+    assert not function.one_step
+    z = np.array([0.3 - 0.4j, -0.8, 0.1 + 2.0j])
+    roots = [np.roots([1, -1 - 1.5 * each, 0.5 * each]) for each in z]
+    np.testing.assert_allclose(function.radius(z), np.abs(roots).max(axis=1), rtol=1e-12)
+    assert function.error is not None
+    # Order 2 with the error constant 5/12, Hairer, Norsett, Wanner I, section III.2.
+    assert (function.error.power, function.error.coefficient) == (3, pytest.approx(-5 / 12))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("semi-implicit-euler", marks=pytest.mark.slow),
+        "velocity-verlet",
+        pytest.param(leapfrog_in_numpy, marks=pytest.mark.slow),
+    ],
+)
+def test_damped_oscillators_against_powers_of_the_step(name):
+    """The radius is the growth in each step of a long run, of the oscillator of the library."""
+    function = stability_function(SECOND, name)
+    assert isinstance(function, StabilityFunction)
+    for omega, ratio in [(0.7, 0.2), (1.9, 0.02), (2.2, 0.1)]:
+        z = omega * (-ratio + 1j * (1 - ratio**2) ** 0.5)
+        problem = oscillator(stiffness=omega**2, damping=2 * ratio * omega, frames=200)
+        x, v = simulate(problem, name, 1).states[:, :, 0, 0].T
+        # An area, which a linear step multiplies by the product of its eigenvalues.
+        area = np.abs(x[:-1] * v[1:] - x[1:] * v[:-1])
+        rate = np.polyfit(np.arange(200), np.log(np.maximum(area, 1e-300)), 1)[0]
+        if omega < 2.0:
+            assert function.radius(z) == pytest.approx(np.exp(rate / 2), rel=1e-6)
+        else:
+            late = np.log(np.hypot(x, v))[100:]
+            assert function.radius(z) == pytest.approx(np.exp(np.diff(late).mean()), rel=1e-3)
+
+
+def test_random_systems_grow_by_their_eigenvalues():
+    """Of y' = A y with any A, a Runge-Kutta step multiplies each mode by R(dt lambda)."""
+    function = stability_function(FIRST, "rk4")
+    assert isinstance(function, StabilityFunction)
+    draw = np.random.default_rng(2)
+    for matrix in draw.normal(size=(20, 2, 2)):
+        step = sum(
+            np.linalg.matrix_power(matrix, k) / np.prod(np.arange(1, k + 1)) for k in range(5)
+        )
+        found = np.max(function.radius(np.linalg.eigvals(matrix).astype(complex)))
+        assert found == pytest.approx(np.max(np.abs(np.linalg.eigvals(step))), rel=1e-12)
+
+
+def test_holes_and_islands():
+    # Stable up to 1, a hole between 1.5 and 1.50001 which no grid of hundredths sees, and again
+    # between 3 and 4.
+    def radius(x):
+        narrow = 1.0 + 1e-3 - 4e7 * (x - 1.500005) ** 2
+        bump = np.where(np.abs(x - 1.500005) < 1e-2, np.maximum(narrow, 0.9 - abs(x - 1.5)), 0.6)
+        return np.where((x < 2) | ((x > 3) & (x < 4)), bump, 1.5)
+
+    found = stable_interval(radius, np.linspace(0.01, 8.0, 800))
+    assert found.limit == pytest.approx(1.5, abs=1e-4)
+    assert [pytest.approx(each, abs=1e-4) for each in found.islands] == [(1.5, 2.0), (3.0, 4.0)]
+    assert stable_interval(lambda x: 1.0 + x, np.linspace(0.1, 1, 9)).limit == 0.0
+    assert not stable_interval(lambda x: np.exp(-x), np.linspace(0.1, 1, 9)).ends
+
+
+def test_a_region_shows_its_boundary():
+    function = stability_function(FIRST, "rk4")
+    assert isinstance(function, StabilityFunction)
+    region = stability_region(function, stability_limits(function))
+    assert region is not None
+    assert region.radius.shape == (len(region.imaginary), len(region.real)) == (199, 200)
+    z = region.real + 1j * region.imaginary[:, None]
+    expected = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
+    np.testing.assert_allclose(region.radius, expected, rtol=1e-12)
+    assert region.real[0] < -2.8
+    assert region.imaginary[-1] > 2.9
+
+
+def clamped(rhs, t, y, dt, args):
+    return y + jnp.minimum(dt, 0.5) * rhs(t, y, args)
+
+
+def dead_zone(rhs, t, y, dt, args):
+    return y + dt * jnp.where(jnp.abs(y) < 1e-3, 0.0, rhs(t, y, args))
+
+
+def later_another(rhs, t, y, dt, args):
+    return y + jnp.where(t > 10.0, 0.9, 1.0) * dt * rhs(t, y, args)
+
+
+def saturating(rhs, t, y, dt, args):
+    return y + dt * jnp.clip(rhs(t, y, args), -1e3, 1e3)
+
+
+@pytest.mark.parametrize(
+    ("step", "why"),
+    [
+        (clamped, "the step of size 0.000244141 is not that of size 1"),
+        (dead_zone, "it is not linear"),
+        (later_another, "at t = 37.25 it is another step"),
+        (saturating, "states of size 1e\\+06 do not move"),
+        (kick_and_drift, "different ways"),
+        (lambda rhs, t, y, dt, args: y * args[0]["no such thing"], "it raises TypeError"),
+    ],
+    ids=["clamped", "dead zone", "later", "saturating", "mechanical", "raises"],
+)
+def test_what_is_no_function_of_dt_lambda_has_none(step, why):
+    def runs_on_this(rhs, t, y, dt, args):
+        return step(rhs, t, y, dt, args) if args is not None else y
+
+    given = Problem(lambda t, y, args: -y, np.ones(2), np.arange(2.0))
+    found = stability_function(given, runs_on_this)
+    assert isinstance(found, NoStabilityFunction)
+    assert re.search(why, found.reason)
+
+
+def test_steppers_for_links_have_none():
+    found = stability_function(Rope(num_nodes=4).problem(2), "constraint-verlet")
+    assert isinstance(found, NoStabilityFunction)
+    assert "needs another kind of problem" in found.reason
+
+
+def test_damping_that_does_not_scale_is_left_out():
+    """The factor 1 - c on each step is no function of dt gamma; without damping all is well."""
+    found = stability_function(SECOND, "stormer-verlet:damping=per-step")
+    assert isinstance(found, StabilityFunction)
+    assert not found.damped
+    limits = stability_limits(found)
+    assert (limits.real, limits.a_stable) == (None, None)
+    assert limits.imaginary.limit == pytest.approx(2.0)
+    assert stability_region(found, limits) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n, s in STEPPERS.items() if s.needs != "nodes in a row"])
+def test_registered_steppers_have_limits(name):
+    function = stability_function(SECOND, name)
+    assert isinstance(function, StabilityFunction)
+    expected = {"explicit-euler": 0.0, "rk4": 8**0.5}.get(name, 2.0)
+    assert stability_limits(function).imaginary.limit == pytest.approx(expected, rel=1e-9)

@@ -1,0 +1,146 @@
+"""Properties of one step and the orders of their defects, against what is proved of the methods."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ropeode.problems.double_pendulum import double_pendulum
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.kepler import kepler
+from ropeode.problems.oscillator import oscillator
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.steppers.base import Stepper
+from ropeode.theory.structure import structure
+
+# With damping, which is left out, pins and gravity.
+ROPE = Rope(num_nodes=4, start=(0, 0), end=(-40, 0), stiffness=3.0, damping=0.2).problem(2)
+KEPLER = kepler(frames=2)
+ALL = ("symplectic", "reversible", "volume", "energy", "momentum", "angular momentum")
+
+
+def verlet_in_numpy(acceleration, t, x, v, dt, args):
+    v = np.asarray(v + dt / 2 * acceleration(t, x, v, args))
+    x = np.asarray(x + dt * v)
+    return x, v + dt / 2 * np.asarray(acceleration(t, x, v, args))
+
+
+def half_a_step_late(acceleration, t, x, v, dt, args):
+    """Symplectic, but the second kick is too short: not reversible, and of order 1."""
+    v = v + 0.6 * dt * acceleration(t, x, v, args)
+    x = x + dt * v
+    return x, v + 0.4 * dt * acceleration(t, x, v, args)
+
+
+class RemembersThreeStates(Stepper):
+    """Explicit, and no map of states."""
+
+    def init(self, system, t, y, dt):
+        return y, 0.0 * y, 0.0 * y
+
+    def step(self, system, t, carried, dt):
+        y, before, last = carried
+        k = system.rhs(t, y)
+        return y + dt * (k + 0.1 * (before - last)), k, before
+
+    def state(self, system, t, carried, dt):
+        return carried[0]
+
+
+def holds(found):
+    return {name for name, each in found.items() if each.holds}
+
+
+@pytest.mark.parametrize(
+    ("stepper", "kept", "powers"),
+    [
+        ("explicit-euler", {"momentum"}, {"symplectic": 2, "reversible": 2, "energy": 2}),
+        pytest.param(
+            "semi-implicit-euler",
+            {"symplectic", "volume", "momentum", "angular momentum"},
+            {"reversible": 2, "energy": 2},
+            marks=pytest.mark.slow,
+        ),
+        pytest.param("stormer-verlet", {*ALL} - {"energy"}, {"energy": 3}, marks=pytest.mark.slow),
+        # How it goes on, not how it starts.
+        ("stormer-verlet:start=rest", {*ALL} - {"energy"}, {"energy": 3}),
+        (verlet_in_numpy, {*ALL} - {"energy"}, {"energy": 3}),
+        pytest.param(
+            half_a_step_late,
+            {*ALL} - {"energy", "reversible"},
+            {"energy": 2, "reversible": 2},
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=["euler", "semi-implicit", "stormer", "stormer at rest", "numpy", "late"],
+)
+def test_a_rope(stepper, kept, powers):
+    found = structure(ROPE, stepper)
+    assert not isinstance(found, str)
+    assert holds(found) == kept
+    assert {name: found[name].power for name in powers} == powers
+    for name in ALL:
+        assert found[name].note == ("without pins and gravity" if "momentum" in name else "")
+        defect = found[name].defect
+        assert defect is not None
+        assert (defect > 1e-6) != (name in kept)
+
+
+def test_a_planet_keeps_its_angular_momentum():
+    found = structure(KEPLER, "velocity-verlet", ["angular momentum", "momentum"])
+    assert not isinstance(found, str)
+    assert found["angular momentum"].holds
+    assert not found["angular momentum"].note
+    assert found["momentum"].holds is None
+    assert "no component of it" in found["momentum"].note
+
+
+def test_momenta_may_depend_on_the_positions():
+    """The double pendulum's mass matrix does: kicks of its velocities are not symplectic."""
+    found = structure(double_pendulum(), "semi-implicit-euler", ["symplectic", "volume"])
+    assert not isinstance(found, str)
+    assert (found["symplectic"].holds, found["symplectic"].power) == (False, 2)
+
+
+def test_what_a_problem_does_not_keep_no_step_is_asked_for():
+    falling = Problem.second_order(
+        lambda t, x, v, args: -x + 0.1 * v, [[1.0]], [[0.0]], np.arange(3.0)
+    )
+    found = structure(falling, "explicit-euler")
+    assert not isinstance(found, str)
+    assert {each.holds for each in found.values()} == {None}
+    assert "declares no energy" in found["symplectic"].note
+    driven = Problem.second_order(
+        lambda t, x, v, args: -x + np.sin(1.0) * t, [[1.0]], [[0.0]], np.arange(3.0)
+    )
+    found = structure(driven, "explicit-euler", ["reversible", "volume"])
+    assert not isinstance(found, str)
+    assert {each.holds for each in found.values()} == {None}
+
+
+def test_what_remembers_more_than_it_shows_is_no_map():
+    found = structure(oscillator(damping=0.0), RemembersThreeStates(), ["symplectic", "energy"])
+    assert not isinstance(found, str)
+    assert {each.holds for each in found.values()} == {None}
+    assert "remembers more" in found["symplectic"].note
+
+
+@pytest.mark.parametrize(
+    ("problem", "why"),
+    [
+        (Problem(lambda t, y, args: -y, np.ones(1), np.arange(2.0)), "not mechanical"),
+        (InextensibleRope(num_nodes=4).problem(2), "rigid links"),
+    ],
+)
+def test_where_there_is_nothing_to_say(problem, why):
+    assert why in str(structure(problem, "explicit-euler"))
+
+
+@pytest.mark.slow
+def test_a_high_order_is_no_structure():
+    """Defects at usual steps are below what differences show."""
+    for stepper in ("scipy:DOP853", "diffrax:Dopri8"):
+        found = structure(KEPLER, stepper)
+        assert not isinstance(found, str)
+        assert not holds(found), (stepper, found)
