@@ -19,6 +19,7 @@ from ropeode.checking.check import check_stepper
 from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.checks import CHECKS
 from ropeode.checking.diagnosis import stepper as diagnosis_of_steppers
+from ropeode.checking.diagnosis.probe_states import probe_ropes
 from ropeode.errors import InputError, ReferenceRefused, UserCodeError
 from ropeode.render.formats import format_check
 from ropeode.simulation import simulate
@@ -196,8 +197,8 @@ def wrong(acceleration, t, x, v, dt, args):
 
 
 def wrong_and_raises(acceleration, t, x, v, dt, args):
-    if np.all(args.mass == args.mass[0]):
-        raise ValueError("equal masses")
+    if args.mass[0] == probe_ropes()[1].args.mass[0]:
+        raise ValueError("another rope")
     return wrong(acceleration, t, x, v, dt, args)
 
 
@@ -232,7 +233,7 @@ def test_a_report_stands_if_the_step_raises_in_the_diagnosis():
     assert not report.passed
     (diagnosis,) = report.diagnosis
     assert diagnosis.cause == "unfinished"
-    assert "ValueError: equal masses" in diagnosis.line
+    assert "ValueError: another rope" in diagnosis.line
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, ReferenceRefused])

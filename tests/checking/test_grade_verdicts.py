@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trajectory_writing import csv_lines, node_values, write_csv
 
-from ropeode.analysis.stability import stability_limit
 from ropeode.checking.diagnosis import trajectories
 from ropeode.checking.grade import grade
 from ropeode.checking.report import Diagnosis
@@ -26,6 +25,7 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
+from ropeode.theory.growth import stability_limit
 
 STEPS = (16, 24, 32, 48)
 

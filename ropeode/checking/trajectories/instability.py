@@ -8,7 +8,6 @@ import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
-from ropeode.analysis.stability import stability_limit
 from ropeode.checking.report import Claims
 from ropeode.checking.trajectories.layout import states_of
 from ropeode.checking.trajectories.run_files import Run
@@ -19,6 +18,7 @@ from ropeode.references.reference import Reference
 from ropeode.simulation import step_size
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study.accuracy_table import problem_class
+from ropeode.theory.growth import stability_limit
 
 # So many further runs, each with twice the steps of the one before.
 _RUNS = 3
