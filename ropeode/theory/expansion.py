@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -27,6 +28,8 @@ _EPS = float(np.finfo(np.float64).eps)
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
 # Steps of a method with memory, and how many of the first are left to its start.
 _STEPS, _SETTLED = 10, 3
+# How many terms that change their sign at each step are tried.
+_MOST_SWINGS = 4
 
 
 class Term(NamedTuple):
@@ -245,17 +248,22 @@ def _in_steps(series: dict[int, _Series], power: int, growth: int) -> _Coefficie
     """The coefficient of ``dt**power n**growth``.
 
     At a fixed power of dt the error after n steps is a polynomial in n, once what the start has
-    set swinging has died away. Of polynomials of several degrees the one is taken whose estimated
-    error is smallest; what does not fit it counts as uncertainty.
+    set swinging has died away, or is fitted with it. Of several such fits the one is taken whose
+    estimated error is smallest; what does not fit it counts as uncertainty.
     """
     every = [each[power] for each in series.values()]
     values, errors = (np.stack([each[i] for each in every]) for i in range(2))
     value, error = np.zeros_like(values[0]), np.full_like(errors[0], np.inf)
-    for degree in range(growth, len(series) - 1):
-        vandermonde = np.vander(list(series), degree + 1, increasing=True)
-        fit = np.linalg.pinv(vandermonde)
+    n = np.array(list(series), dtype=float)
+    for degree, swings in itertools.product(range(growth, len(series) - 1), range(_MOST_SWINGS)):
+        if degree + swings > len(series) - 2:
+            continue
+        # A root -1 of the method makes terms that change their sign at each step.
+        swinging = (-1.0) ** n[:, None] * np.vander(n, swings, increasing=True)
+        basis = np.hstack([np.vander(n, degree + 1, increasing=True), swinging])
+        fit = np.linalg.pinv(basis)
         coefficients = np.tensordot(fit, values, 1)
-        rest = _largest(values - np.tensordot(vandermonde, coefficients, 1))
+        rest = _largest(values - np.tensordot(basis, coefficients, 1))
         uncertain = np.tensordot(np.abs(fit[growth]), np.maximum(errors, np.max(rest, axis=0)), 1)
         better = uncertain < error
         value[better], error[better] = coefficients[growth][better], uncertain[better]
@@ -287,10 +295,16 @@ def _noise(
     Arguments:
         errors: of a step, ``(states, rungs, *state)``.
     """
-    near = y * (1.0 + _DISTURBANCE * _EPS * np.cos(np.arange(y.size)).reshape(y.shape))
-    uncertain = np.abs(samples.rates(t, near) - samples.rates(t, y))
-    size, rate = (_largest(_by_quantity(samples.problem, each[:, None])) for each in (y, uncertain))
-    noise = _EPS * size + dt * rate / _DISTURBANCE
+    rates, longest = samples.rates(t, y), np.max(dt, axis=1)
+    wave = np.cos(np.arange(y.size)).reshape(y.shape)
+    moved = np.abs(y) + longest.reshape(-1, *(1,) * (y.ndim - 1)) * np.abs(rates)
+    near = y + _DISTURBANCE * _EPS * wave * moved
+    late = t + _DISTURBANCE * _EPS * np.maximum(np.abs(t), np.abs(t + longest))
+    uncertain = np.abs(samples.rates(t, near) - rates) + np.abs(samples.rates(late, y) - rates)
+    size, speed, rate = (
+        _largest(_by_quantity(samples.problem, each[:, None])) for each in (y, rates, uncertain)
+    )
+    noise = _EPS * (size + dt * speed) + dt * rate / _DISTURBANCE
     if samples.problem.mechanics is not None:
         # A velocity may be computed as a difference of positions, whose rounding is divided by dt.
         # It is if the shortest steps show such errors at some state; at another, at rest, the
