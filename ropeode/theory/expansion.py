@@ -27,9 +27,10 @@ _EPS = float(np.finfo(np.float64).eps)
 # after another.
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
 # Steps of a method with memory, and how many of the first are left to its start.
-_STEPS, _SETTLED = 10, 3
-# How many terms that change their sign at each step are tried.
-_MOST_SWINGS = 4
+STEPS, _SETTLED = 10, 3
+# The most terms that are fitted to what the steps show, and how many steps are left out to see what
+# the fit owes to them.
+_MOST_TERMS, _LEFT_OUT = 5, 2
 
 
 class Term(NamedTuple):
@@ -88,7 +89,7 @@ class Expansion:
         zeros: int = 0,
     ):
         self.problem, self.t, self.y, self.reach = samples.problem, t, y, reach
-        steps = 1 if samples.carries_state else _STEPS
+        steps = 1 if samples.carries_state else STEPS
         self.ladder = reach / steps
         dt = self.ladder[:, None] * LADDER[:rungs]
         states = samples.after(t, y, dt, steps)
@@ -101,6 +102,7 @@ class Expansion:
         moved = {n: increments(n / steps * LADDER[:rungs]) for n in every}
         errors = {n: (states[:, :, n] - y[:, None]) - moved[n] for n in every}
         noise = _noise(samples, t, y, dt, errors[every[0]]).reshape(-1, rungs)
+        self._terms: dict[tuple[int, int], Term] = {}
         self._series = {
             n: _Series(self._functions(errors[n]), self._functions(moved[n]), noise, zeros)
             for n in every
@@ -125,6 +127,8 @@ class Expansion:
         for order in range(-1, HIGHEST + 1):
             known = self.start(order).known | self.rate(order).known
             orders[np.isnan(orders) & known] = order
+            if not np.any(np.isnan(orders)):
+                break
         return orders
 
     @functools.cached_property
@@ -134,8 +138,7 @@ class Expansion:
         It is -2 where none has. What is not known to differ from zero up to there is zero.
         """
         for order in range(-1, HIGHEST + 1):
-            terms = self.start(order), self.rate(order)
-            if not all(np.all(np.any(term.zero | term.known, axis=1)) for term in terms):
+            if not self._is_seen(order):
                 return order - 1
         return HIGHEST
 
@@ -145,13 +148,25 @@ class Expansion:
 
         None where rounding hides the terms before one is known; the order is then above `seen`.
         """
-        if np.isnan(self.orders).all():
-            return None
-        lowest = int(np.nanmin(self.orders))
-        return lowest if self.seen >= lowest - 1 else None
+        for order in range(-1, HIGHEST + 1):
+            if np.any(self.start(order).known | self.rate(order).known):
+                return order
+            if not self._is_seen(order):
+                return None
+        return None
+
+    def _is_seen(self, order: int) -> bool:
+        """Whether each quantity has terms of this order that rounding does not hide."""
+        terms = self.start(order), self.rate(order)
+        return all(bool(np.all(np.any(term.zero | term.known, axis=1))) for term in terms)
 
     def _term(self, power: int, growth: int) -> Term:
         """The coefficient of ``dt**power n**growth``."""
+        if (power, growth) not in self._terms:
+            self._terms[power, growth] = self._new_term(power, growth)
+        return self._terms[power, growth]
+
+    def _new_term(self, power: int, growth: int) -> Term:
         shape = (len(self.problem.quantities), len(self.t))
         if power < 0 or (self.one_step and not growth):
             none = np.zeros(shape)
@@ -249,25 +264,59 @@ def _in_steps(series: dict[int, _Series], power: int, growth: int) -> _Coefficie
 
     At a fixed power of dt the error after n steps is a polynomial in n, once what the start has
     set swinging has died away, or is fitted with it. Of several such fits the one is taken whose
-    estimated error is smallest; what does not fit it counts as uncertainty.
+    estimated error is smallest. What does not fit counts as uncertainty, and so does what the fit
+    owes to the first steps or to the last: what dies away slowly looks like a polynomial of high
+    degree, but like another one later.
     """
     every = [each[power] for each in series.values()]
     values, errors = (np.stack([each[i] for each in every]) for i in range(2))
     value, error = np.zeros_like(values[0]), np.full_like(errors[0], np.inf)
-    n = np.array(list(series), dtype=float)
-    for degree, swings in itertools.product(range(growth, len(series) - 1), range(_MOST_SWINGS)):
-        if degree + swings > len(series) - 2:
+    for fit in _fits(tuple(series)):
+        if fit.powers <= growth:
+            continue
+        coefficients = np.tensordot(fit.weights, values, 1)
+        own = coefficients[growth]
+        rest = np.max(_largest(values - np.tensordot(fit.basis, coefficients, 1)), axis=0)
+        uncertain = np.tensordot(np.abs(fit.weights[growth]), np.maximum(errors, rest), 1)
+        for part in fit.parts:
+            uncertain = np.maximum(uncertain, _largest(np.tensordot(part[growth], values, 1) - own))
+        better = uncertain < error
+        value[better], error[better] = own[better], uncertain[better]
+    return _Coefficient(value, error, every[-1].natural)
+
+
+class _Fit(NamedTuple):
+    """A fit of powers of n, and of powers that change their sign at each step.
+
+    Fields:
+        basis: ``(steps, terms)``.
+        weights: from values to coefficients, ``(terms, steps)``.
+        parts: as `weights`, without the first steps, and without the last ones.
+        powers: how many of the terms are powers of n.
+    """
+
+    basis: np.ndarray
+    weights: np.ndarray
+    parts: list[np.ndarray]
+    powers: int
+
+
+@functools.cache
+def _fits(steps: tuple[int, ...]) -> list[_Fit]:
+    n, fits = np.array(steps, dtype=float), []
+    for powers, swings in itertools.product(range(1, _MOST_TERMS + 1), range(_MOST_TERMS)):
+        if powers + swings > _MOST_TERMS:
             continue
         # A root -1 of the method makes terms that change their sign at each step.
         swinging = (-1.0) ** n[:, None] * np.vander(n, swings, increasing=True)
-        basis = np.hstack([np.vander(n, degree + 1, increasing=True), swinging])
-        fit = np.linalg.pinv(basis)
-        coefficients = np.tensordot(fit, values, 1)
-        rest = _largest(values - np.tensordot(basis, coefficients, 1))
-        uncertain = np.tensordot(np.abs(fit[growth]), np.maximum(errors, np.max(rest, axis=0)), 1)
-        better = uncertain < error
-        value[better], error[better] = coefficients[growth][better], uncertain[better]
-    return _Coefficient(value, error, every[-1].natural)
+        basis = np.hstack([np.vander(n, powers, increasing=True), swinging])
+        parts = []
+        for some in (slice(_LEFT_OUT, None), slice(None, -_LEFT_OUT)):
+            part = np.zeros(basis.T.shape)
+            part[:, some] = np.linalg.pinv(basis[some])
+            parts.append(part)
+        fits.append(_Fit(basis, np.linalg.pinv(basis), parts, powers))
+    return fits
 
 
 def _is_one_step(

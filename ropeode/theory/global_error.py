@@ -16,7 +16,7 @@ from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem, Rhs
 from ropeode.references.reference import Reference
 from ropeode.simulation.method import Method
-from ropeode.theory.expansion import Expansion, expanded
+from ropeode.theory.expansion import STEPS, Expansion, expanded
 from ropeode.theory.solution_along import Pieces, solution_along
 from ropeode.theory.step_samples import StepSamples
 
@@ -101,6 +101,11 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
 
 def _lacks_order(what: str, local: Expansion) -> str | None:
     """Why there is no leading term of order 1 or more."""
+    if local.order is None and not local.one_step:
+        return (
+            f"{what} shows no order within {STEPS} steps: what is carried is still settling, or "
+            "rounding hides its error"
+        )
     if local.order is None:
         return f"rounding hides the local error, which is of order {local.seen + 2} or higher"
     if local.order < 0:
