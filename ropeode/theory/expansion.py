@@ -133,9 +133,9 @@ class Expansion:
 
     @functools.cached_property
     def seen(self) -> int:
-        """The order up to which each quantity has terms that rounding does not hide at all states.
+        """The order up to which the terms of each quantity are known or zero at most states.
 
-        It is -2 where none has. What is not known to differ from zero up to there is zero.
+        It is -2 where none are.
         """
         for order in range(-1, HIGHEST + 1):
             if not self._is_seen(order):
@@ -156,9 +156,12 @@ class Expansion:
         return None
 
     def _is_seen(self, order: int) -> bool:
-        """Whether each quantity has terms of this order that rounding does not hide."""
+        """Whether each quantity has terms of this order that are known or zero at most states.
+
+        One state may be special: at rest much is zero that is not so elsewhere.
+        """
         terms = self.start(order), self.rate(order)
-        return all(bool(np.all(np.any(term.zero | term.known, axis=1))) for term in terms)
+        return all(bool(np.all(np.mean(each.zero | each.known, axis=1) > 0.5)) for each in terms)
 
     def _term(self, power: int, growth: int) -> Term:
         """The coefficient of ``dt**power n**growth``."""
