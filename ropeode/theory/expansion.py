@@ -177,7 +177,8 @@ class Expansion:
         if self.one_step:
             value, error, natural = self._series[1][power]
         else:
-            value, error, natural = _in_steps(self._series, power, growth)
+            degrees = np.tile(self._degrees(power), shape[0])
+            value, error, natural = _in_steps(self._series, power, growth, degrees)
         known = _largest(value) > _CERTAIN * error
         zero = error <= _resolved(power) * natural
         unit = self.ladder**power
@@ -188,6 +189,19 @@ class Expansion:
             known.reshape(shape),
             (zero & ~known).reshape(shape),
         )
+
+    def _degrees(self, power: int) -> np.ndarray:
+        """The highest power of n that comes with a power of dt, ``(states,)``.
+
+        The error of order p moves with the time ``n dt``, so that ``dt**p (n dt)**k`` appear, from
+        the first p on at which there is an error.
+        """
+        degrees = np.ones(len(self.t), dtype=int)
+        for order in range(power - 1, -2, -1):
+            terms = [self.start(order), *([self.rate(order)] if order < power - 1 else [])]
+            zero = np.all([each.zero for each in terms], axis=(0, 1))
+            degrees[~zero] = power - order
+        return degrees
 
     def _functions(self, states: np.ndarray) -> np.ndarray:
         """States ``(states, rungs, *state)`` as ``(quantities * states, rungs, components)``."""
@@ -262,14 +276,16 @@ def _resolved(power: int) -> float:
     return _RESOLVED * 10.0 ** -max(0, power - 4)
 
 
-def _in_steps(series: dict[int, _Series], power: int, growth: int) -> _Coefficient:
+def _in_steps(
+    series: dict[int, _Series], power: int, growth: int, degrees: np.ndarray
+) -> _Coefficient:
     """The coefficient of ``dt**power n**growth``.
 
-    At a fixed power of dt the error after n steps is a polynomial in n, once what the start has
-    set swinging has died away, or is fitted with it. Of several such fits the one is taken whose
-    estimated error is smallest. What does not fit counts as uncertainty, and so does what the fit
-    owes to the first steps or to the last: what dies away slowly looks like a polynomial of high
-    degree, but like another one later.
+    At a fixed power of dt the error after n steps is a polynomial in n, at most of a known degree,
+    once what the start has set swinging has died away, or is fitted with it. Of several such fits
+    the one is taken whose estimated error is smallest. What does not fit counts as uncertainty, and
+    so does what the fit owes to the first steps or to the last: what dies away slowly looks like a
+    polynomial of high degree, but like another one later.
     """
     every = [each[power] for each in series.values()]
     values, errors = (np.stack([each[i] for each in every]) for i in range(2))
@@ -283,7 +299,7 @@ def _in_steps(series: dict[int, _Series], power: int, growth: int) -> _Coefficie
         uncertain = np.tensordot(np.abs(fit.weights[growth]), np.maximum(errors, rest), 1)
         for part in fit.parts:
             uncertain = np.maximum(uncertain, _largest(np.tensordot(part[growth], values, 1) - own))
-        better = uncertain < error
+        better = (uncertain < error) & (fit.powers <= degrees + 1)
         value[better], error[better] = own[better], uncertain[better]
     return _Coefficient(value, error, every[-1].natural)
 
@@ -308,7 +324,7 @@ class _Fit(NamedTuple):
 def _fits(steps: tuple[int, ...]) -> list[_Fit]:
     n, fits = np.array(steps, dtype=float), []
     for powers, swings in itertools.product(range(1, _MOST_TERMS + 1), range(_MOST_TERMS)):
-        if powers + swings > _MOST_TERMS:
+        if powers + swings > _MOST_TERMS or swings > powers:
             continue
         # A root -1 of the method makes terms that change their sign at each step.
         swinging = (-1.0) ** n[:, None] * np.vander(n, swings, increasing=True)

@@ -24,6 +24,8 @@ from ropeode.theory.step_samples import StepSamples
 _RUNGS, _DEGREE = 9, 5
 # How many states the order is read off at.
 _STATES = 8
+# A prediction that is more uncertain is none.
+_MOST_UNCERTAIN = 0.1
 # The relative tolerance of the variational equation.
 _RTOL = 1e-7
 
@@ -69,6 +71,8 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
     times, states = problem.ts[: reference.trusted], reference.states[: reference.trusted]
     if problem.jump_times:
         return "the right-hand side jumps"
+    if not problem.equal_frames:
+        return "the frames differ in length, and so do the steps"
     if len(times) < 2:
         return "the reference is trusted for no frame"
     samples, longest = StepSamples(problem, method), float(np.max(np.diff(times)))
@@ -96,6 +100,8 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
     )
     size = float(np.max(np.abs(fine)))
     uncertain = float(np.max(np.abs(fine - coarse))) / size if size else 0.0
+    if uncertain > _MOST_UNCERTAIN:
+        return f"the prediction is uncertain by {uncertain:.0%}"
     return PredictedError(order, times, fine, uncertain)
 
 
