@@ -17,7 +17,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 from studies.growth import growth_scan
-from studies.plots import plot_growth, plot_rest_times, plot_sweeps
+from studies.local_errors import local_errors, propagated
+from studies.plots import (
+    plot_growth,
+    plot_local_errors,
+    plot_propagated,
+    plot_rest_times,
+    plot_sweeps,
+)
 from studies.projection_sweeps import sweep_study
 from studies.rest_time import rest_times
 from tabulate import tabulate
@@ -159,6 +166,23 @@ def sweeps() -> str:
     ]
     words = "error and broken lengths against step size"
     return "\n\n".join([picture(plot_sweeps(study), "sweeps.png", words), table(headers, rows)])
+
+
+def single_steps() -> str:
+    """The error of single steps, right and wrong ones."""
+    words = "error of one step against its size"
+    return picture(plot_local_errors(local_errors()), "local-errors.png", words)
+
+
+def predictions() -> str:
+    """Errors predicted along the default rope, and measured ones."""
+    found = [
+        propagated("explicit-euler", (1024, 4096, 16384)),
+        propagated("velocity-verlet", (16, 32, 64)),
+        propagated("stormer-verlet:start=rest", (16, 64, 256)),
+    ]
+    words = "predicted and measured error over time"
+    return picture(plot_propagated(found), "predicted-errors.png", words)
 
 
 @functools.cache

@@ -12,10 +12,12 @@ from matplotlib.figure import Figure
 from ropeode.render.plots.style import STYLE, new_figure, stepper_style
 
 from .growth import MeasuredGrowth
+from .local_errors import LocalErrors, Propagated
 from .projection_sweeps import SweepStudy
 from .rest_time import RestTime
 
 _HEIGHT = 3.4
+_MIDDLE = 8
 
 
 @matplotlib.rc_context(STYLE)
@@ -133,4 +135,56 @@ def plot_growth(scan: Sequence[MeasuredGrowth]) -> Figure:
     axes.set_ylim(-0.03, 50.0)
     axes.set(xlabel="steps per frame", ylabel="growth rate [1/frame]")
     axes.legend()
+    return figure
+
+
+@matplotlib.rc_context(STYLE)
+def plot_local_errors(found: Sequence[LocalErrors]) -> Figure:
+    """The error of one step against its size.
+
+    Arguments:
+        found: from `local_errors`.
+    """
+    figure = new_figure(
+        "The error of one step",
+        "default rope at twelve random states; largest component",
+        _HEIGHT,
+    )
+    axes = figure.subplots()
+    for index, each in enumerate(found):
+        colour, marker = stepper_style(index)
+        label = f"{each.label}: order {each.order}"
+        axes.plot(each.dts, each.errors, color=colour, marker=marker, ms=3.5, label=label)
+    axes.set_xscale("log", base=2)
+    axes.set_yscale("log")
+    axes.set_ylim(1e-14, 1e3)
+    axes.xaxis.set_major_formatter(lambda dt, _: f"1/{1 / dt:.0f}")
+    axes.set(xlabel="dt [frames]", ylabel="error after one step [length units]")
+    axes.legend(loc="lower right", fontsize=7.5)
+    return figure
+
+
+@matplotlib.rc_context(STYLE)
+def plot_propagated(found: Sequence[Propagated]) -> Figure:
+    """Predicted and measured error over the power of dt, as time goes on.
+
+    Arguments:
+        found: from `propagated`, one panel each.
+    """
+    figure = new_figure(
+        "Predicted from single steps (lines), measured in runs (points)",
+        "default rope; error of the horizontal place of a node in its middle, over dt to the order",
+        _HEIGHT,
+    )
+    for panel, each in zip(figure.subplots(1, len(found)), found, strict=True):
+        panel.plot(each.predicted.times, each.predicted.states[:, 0, 0, _MIDDLE], color="0.2")
+        for index, (steps, error) in enumerate(each.runs.items()):
+            colour, marker = stepper_style(index)
+            look = {"color": colour, "marker": marker, "ms": 3.5, "ls": ""}
+            panel.plot(
+                each.predicted.times, error[:, 0, 0, _MIDDLE], label=f"{steps} steps", **look
+            )
+        panel.set_title(f"{each.label}, order {each.predicted.order}", fontsize=7)
+        panel.set_xlabel("time [frames]")
+        panel.legend(fontsize=7)
     return figure

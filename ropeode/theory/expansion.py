@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -26,7 +27,10 @@ _EPS = float(np.finfo(np.float64).eps)
 # after another.
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
 # Steps of a method with memory, and how many of the first are left to its start.
-_STEPS, _SETTLED = 10, 3
+STEPS, _SETTLED = 10, 3
+# The most terms that are fitted to what the steps show, and how many steps are left out to see what
+# the fit owes to them.
+_MOST_TERMS, _LEFT_OUT = 5, 2
 
 
 class Term(NamedTuple):
@@ -88,7 +92,7 @@ class Expansion:
         self.samples, self.problem = samples, samples.problem
         self.t, self.y, self.reach = t, y, reach
         self.slopes = samples.rates(t, y)
-        steps = 1 if samples.carries_state else _STEPS
+        steps = 1 if samples.carries_state else STEPS
         self.ladder = reach / steps
         dt = self.ladder[:, None] * LADDER[:rungs]
         states = samples.after(t, y, dt, steps)
@@ -101,6 +105,7 @@ class Expansion:
         moved = {n: increments(n / steps * LADDER[:rungs]) for n in every}
         errors = {n: (states[:, :, n] - y[:, None]) - moved[n] for n in every}
         noise = _noise(samples, t, y, dt, errors[every[0]]).reshape(-1, rungs)
+        self._terms: dict[tuple[int, int], Term] = {}
         self._series = {
             n: _Series(self._functions(errors[n]), self._functions(moved[n]), noise, zeros)
             for n in every
@@ -125,17 +130,18 @@ class Expansion:
         for order in range(-1, HIGHEST + 1):
             known = self.start(order).known | self.rate(order).known
             orders[np.isnan(orders) & known] = order
+            if not np.any(np.isnan(orders)):
+                break
         return orders
 
     @functools.cached_property
     def seen(self) -> int:
-        """The order up to which each quantity has terms that rounding does not hide at all states.
+        """The order up to which the terms of each quantity are known or zero at most states.
 
-        It is -2 where none has. What is not known to differ from zero up to there is zero.
+        It is -2 where none are.
         """
         for order in range(-1, HIGHEST + 1):
-            terms = self.start(order), self.rate(order)
-            if not all(np.all(np.any(term.zero | term.known, axis=1)) for term in terms):
+            if not self._is_seen(order):
                 return order - 1
         return HIGHEST
 
@@ -145,13 +151,28 @@ class Expansion:
 
         None where rounding hides the terms before one is known; the order is then above `seen`.
         """
-        if np.isnan(self.orders).all():
-            return None
-        lowest = int(np.nanmin(self.orders))
-        return lowest if self.seen >= lowest - 1 else None
+        for order in range(-1, HIGHEST + 1):
+            if np.any(self.start(order).known | self.rate(order).known):
+                return order
+            if not self._is_seen(order):
+                return None
+        return None
+
+    def _is_seen(self, order: int) -> bool:
+        """Whether each quantity has terms of this order that are known or zero at most states.
+
+        One state may be special: at rest much is zero that is not so elsewhere.
+        """
+        terms = self.start(order), self.rate(order)
+        return all(bool(np.all(np.mean(each.zero | each.known, axis=1) > 0.5)) for each in terms)
 
     def _term(self, power: int, growth: int) -> Term:
         """The coefficient of ``dt**power n**growth``."""
+        if (power, growth) not in self._terms:
+            self._terms[power, growth] = self._new_term(power, growth)
+        return self._terms[power, growth]
+
+    def _new_term(self, power: int, growth: int) -> Term:
         shape = (len(self.problem.quantities), len(self.t))
         if power < 0 or (self.one_step and not growth):
             none = np.zeros(shape)
@@ -159,7 +180,8 @@ class Expansion:
         if self.one_step:
             value, error, natural = self._series[1][power]
         else:
-            value, error, natural = _in_steps(self._series, power, growth)
+            degrees = np.tile(self._degrees(power), shape[0])
+            value, error, natural = _in_steps(self._series, power, growth, degrees)
         known = _largest(value) > _CERTAIN * error
         zero = error <= _resolved(power) * natural
         unit = self.ladder**power
@@ -170,6 +192,19 @@ class Expansion:
             known.reshape(shape),
             (zero & ~known).reshape(shape),
         )
+
+    def _degrees(self, power: int) -> np.ndarray:
+        """The highest power of n that comes with a power of dt, ``(states,)``.
+
+        The error of order p moves with the time ``n dt``, so that ``dt**p (n dt)**k`` appear, from
+        the first p on at which there is an error.
+        """
+        degrees = np.ones(len(self.t), dtype=int)
+        for order in range(power - 1, -2, -1):
+            terms = [self.start(order), *([self.rate(order)] if order < power - 1 else [])]
+            zero = np.all([each.zero for each in terms], axis=(0, 1))
+            degrees[~zero] = power - order
+        return degrees
 
     def _functions(self, states: np.ndarray) -> np.ndarray:
         """States ``(states, rungs, *state)`` as ``(quantities * states, rungs, components)``."""
@@ -244,25 +279,66 @@ def _resolved(power: int) -> float:
     return _RESOLVED * 10.0 ** -max(0, power - 4)
 
 
-def _in_steps(series: dict[int, _Series], power: int, growth: int) -> _Coefficient:
+def _in_steps(
+    series: dict[int, _Series], power: int, growth: int, degrees: np.ndarray
+) -> _Coefficient:
     """The coefficient of ``dt**power n**growth``.
 
-    At a fixed power of dt the error after n steps is a polynomial in n, once what the start has
-    set swinging has died away. Of polynomials of several degrees the one is taken whose estimated
-    error is smallest; what does not fit it counts as uncertainty.
+    At a fixed power of dt the error after n steps is a polynomial in n, at most of a known degree,
+    once what the start has set swinging has died away, or is fitted with it. Of several such fits
+    the one is taken whose estimated error is smallest. What does not fit counts as uncertainty, and
+    so does what the fit owes to the first steps or to the last: what dies away slowly looks like a
+    polynomial of high degree, but like another one later.
     """
     every = [each[power] for each in series.values()]
     values, errors = (np.stack([each[i] for each in every]) for i in range(2))
     value, error = np.zeros_like(values[0]), np.full_like(errors[0], np.inf)
-    for degree in range(growth, len(series) - 1):
-        vandermonde = np.vander(list(series), degree + 1, increasing=True)
-        fit = np.linalg.pinv(vandermonde)
-        coefficients = np.tensordot(fit, values, 1)
-        rest = _largest(values - np.tensordot(vandermonde, coefficients, 1))
-        uncertain = np.tensordot(np.abs(fit[growth]), np.maximum(errors, np.max(rest, axis=0)), 1)
-        better = uncertain < error
-        value[better], error[better] = coefficients[growth][better], uncertain[better]
+    for fit in _fits(tuple(series)):
+        if fit.powers <= growth:
+            continue
+        coefficients = np.tensordot(fit.weights, values, 1)
+        own = coefficients[growth]
+        rest = np.max(_largest(values - np.tensordot(fit.basis, coefficients, 1)), axis=0)
+        uncertain = np.tensordot(np.abs(fit.weights[growth]), np.maximum(errors, rest), 1)
+        for part in fit.parts:
+            uncertain = np.maximum(uncertain, _largest(np.tensordot(part[growth], values, 1) - own))
+        better = (uncertain < error) & (fit.powers <= degrees + 1)
+        value[better], error[better] = own[better], uncertain[better]
     return _Coefficient(value, error, every[-1].natural)
+
+
+class _Fit(NamedTuple):
+    """A fit of powers of n, and of powers that change their sign at each step.
+
+    Fields:
+        basis: ``(steps, terms)``.
+        weights: from values to coefficients, ``(terms, steps)``.
+        parts: as `weights`, without the first steps, and without the last ones.
+        powers: how many of the terms are powers of n.
+    """
+
+    basis: np.ndarray
+    weights: np.ndarray
+    parts: list[np.ndarray]
+    powers: int
+
+
+@functools.cache
+def _fits(steps: tuple[int, ...]) -> list[_Fit]:
+    n, fits = np.array(steps, dtype=float), []
+    for powers, swings in itertools.product(range(1, _MOST_TERMS + 1), range(_MOST_TERMS)):
+        if powers + swings > _MOST_TERMS or swings > powers:
+            continue
+        # A root -1 of the method makes terms that change their sign at each step.
+        swinging = (-1.0) ** n[:, None] * np.vander(n, swings, increasing=True)
+        basis = np.hstack([np.vander(n, powers, increasing=True), swinging])
+        parts = []
+        for some in (slice(_LEFT_OUT, None), slice(None, -_LEFT_OUT)):
+            part = np.zeros(basis.T.shape)
+            part[:, some] = np.linalg.pinv(basis[some])
+            parts.append(part)
+        fits.append(_Fit(basis, np.linalg.pinv(basis), parts, powers))
+    return fits
 
 
 def _is_one_step(
@@ -290,10 +366,16 @@ def _noise(
     Arguments:
         errors: of a step, ``(states, rungs, *state)``.
     """
-    near = y * (1.0 + _DISTURBANCE * _EPS * np.cos(np.arange(y.size)).reshape(y.shape))
-    uncertain = np.abs(samples.rates(t, near) - samples.rates(t, y))
-    size, rate = (_largest(_by_quantity(samples.problem, each[:, None])) for each in (y, uncertain))
-    noise = _EPS * size + dt * rate / _DISTURBANCE
+    rates, longest = samples.rates(t, y), np.max(dt, axis=1)
+    wave = np.cos(np.arange(y.size)).reshape(y.shape)
+    moved = np.abs(y) + longest.reshape(-1, *(1,) * (y.ndim - 1)) * np.abs(rates)
+    near = y + _DISTURBANCE * _EPS * wave * moved
+    late = t + _DISTURBANCE * _EPS * np.maximum(np.abs(t), np.abs(t + longest))
+    uncertain = np.abs(samples.rates(t, near) - rates) + np.abs(samples.rates(late, y) - rates)
+    size, speed, rate = (
+        _largest(_by_quantity(samples.problem, each[:, None])) for each in (y, rates, uncertain)
+    )
+    noise = _EPS * (size + dt * speed) + dt * rate / _DISTURBANCE
     if samples.problem.mechanics is not None:
         # A velocity may be computed as a difference of positions, whose rounding is divided by dt.
         # It is if the shortest steps show such errors at some state; at another, at rest, the

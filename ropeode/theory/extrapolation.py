@@ -11,6 +11,9 @@ import numpy as np
 # neighbours on it that one polynomial passes through.
 RUNGS, _RATIO, _MOST = 30, 2.0**-0.5, 8
 LADDER = _RATIO ** np.arange(RUNGS)
+# Which polynomials a polynomial is compared with: by how many rungs they begin later, and how many
+# rungs fewer they pass through.
+_COMPARED = (1, 1), (0, 1), (2, 1)
 # The extrapolation's own error is multiplied by this.
 _SAFETY = 2.0
 # How many functions are extrapolated at once, which bounds the memory that it takes.
@@ -43,10 +46,11 @@ def coefficient(
     """The coefficient of ``dt**power``, for the step sizes ``dt = LADDER``.
 
     Polynomials pass through every few neighbours on the ladder. Of all of them the one is taken
-    whose estimated error is smallest: the largest difference from polynomials through one rung
-    less or one rung further down, and what the noise of the values makes of it (Hairer, Norsett,
-    Wanner, Solving Ordinary Differential Equations I, section II.9, for the scheme of Aitken and
-    Neville; the choice is that of C. Ridders, Adv. Eng. Softw. 4 (1982)).
+    whose estimated error is smallest: the difference from polynomials of one degree less, through
+    all of its rungs but the coarsest or the finest, and through the next finer ones (of one such
+    difference in hundreds, some are small by accident), and what the noise of the values makes
+    of it (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9, for the
+    scheme of Aitken and Neville; the choice is that of C. Ridders, Adv. Eng. Softw. 4 (1982)).
 
     Arguments:
         values: at the first rungs, ``(functions, rungs, components)``; what is not finite is left
@@ -75,10 +79,10 @@ def _best(values: np.ndarray, noise: np.ndarray, power: int, known: int) -> Coef
     usable = np.all(np.isfinite(scaled), axis=2)
     limits = table.weights @ np.where(usable[..., None], scaled, 0.0)
     unusable = ~usable @ (table.weights != 0.0).T
-    shift = np.max(
-        [np.max(np.abs(limits - limits[:, other]), axis=2, initial=0.0) for other in table.others],
-        axis=0,
-    )
+    shift = np.zeros(limits.shape[:2])
+    for other in table.others:
+        away = np.max(np.abs(limits - limits[:, other]), axis=2, initial=0.0)
+        shift = np.maximum(shift, away)
     spread = (noise / divided) @ np.abs(table.weights).T
     errors = np.where(unusable | ~table.judged, np.inf, _SAFETY * shift + spread)
     best, every = np.argmin(errors, axis=1), np.arange(len(values))
@@ -90,9 +94,8 @@ class _Weights(NamedTuple):
 
     Fields:
         weights: ``(fits, RUNGS)``.
-        others: of each fit, those that it is held against: without its coarsest rung, without its
-            finest, and one rung further down; ``(3, fits)``.
-        judged: whether all of them exist, ``(fits,)``.
+        others: of each fit, those that it is compared with, ``(comparisons, fits)``.
+        judged: whether there are such, ``(fits,)``.
         first: the coarsest rung of each, ``(fits,)``.
     """
 
@@ -118,9 +121,10 @@ def _weights(power: int, rungs: int) -> _Weights:
             place[first, count] = len(rows)
             rows.append(row)
     others = [
-        [(first + 1, count - 1), (first, count - 1), (first + 1, count)] for first, count in place
+        [place.get((first + shift, count - fewer), -1) for first, count in place]
+        for shift, fewer in _COMPARED
     ]
-    judged = [all(each in place for each in group) for group in others]
-    indices = [[place.get(each, 0) for each in group] for group in others]
-    first = [first for first, _ in place]
-    return _Weights(np.array(rows), np.array(indices).T, np.array(judged), np.array(first))
+    judged = np.all(np.array(others) >= 0, axis=0)
+    return _Weights(
+        np.array(rows), np.array(others), judged, np.array([first for first, _ in place])
+    )

@@ -15,10 +15,12 @@ Rates = Callable[[np.ndarray, np.ndarray], np.ndarray]
 _PANELS = 4
 # Stages of the collocation method, and how often its equations are iterated at most.
 _STAGES, _MOST_ITERATIONS = 16, 60
+# An iteration that gains less than this in each round, from some round on, has no hope.
+_SLOW, _PATIENCE = 0.8, 8
 # What counts as converged, and as a polynomial that has all digits of the solution.
 _CLOSE, _TAIL = 4e-16, 2e-15
-# No part of the longest time shorter than this is tried, and no more panels than this.
-_SHORTEST, _MOST_PANELS = 2.0**-60, 2**14
+# No part of the longest time shorter than this is tried.
+_SHORTEST = 2.0**-60
 
 
 class Flow(NamedTuple):
@@ -48,7 +50,7 @@ class Flow(NamedTuple):
         return np.moveaxis(moved, 0, 1) * (length / panels)
 
 
-def short_flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float) -> Flow:
+def short_flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float | np.ndarray) -> Flow:
     """The exact solutions through several states, each over a time in which it is smooth.
 
     By Gauss collocation (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I,
@@ -59,49 +61,29 @@ def short_flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float) -> Fl
         rates: the right-hand side for many times and states, ``(many,)`` and ``(many, *state)``.
         t: times, ``(states,)``.
         y: states, ``(states, *state)``.
-        longest: time, in the problem's unit.
+        longest: time, in the problem's unit; of all states, or of each, ``(states,)``.
     """
+    longest = np.broadcast_to(longest, np.shape(t))
     length = np.full(len(t), np.nan)
     slopes = np.full((_PANELS, len(t), _STAGES, *y.shape[1:]), np.nan)
-    todo, tried = np.flatnonzero(_largest(rates(t, y)) < np.inf), float(longest)
-    while len(todo) and tried > longest * _SHORTEST:
-        found, good = _chain(rates, t[todo], y[todo], np.full(len(todo), tried), _PANELS)
+    todo, part = np.flatnonzero(_largest(rates(t, y)) < np.inf), 1.0
+    while len(todo) and part > _SHORTEST:
+        tried = part * longest[todo]
+        found, good = _chain(rates, t[todo], y[todo], tried)
         if found is not None:
-            slopes[:, todo[good]], length[todo[good]] = found[:, good], tried
-        todo, tried = todo[~good], tried / 2.0
+            slopes[:, todo[good]], length[todo[good]] = found[:, good], tried[good]
+        todo, part = todo[~good], part / 2.0
     return Flow(length, slopes)
 
 
-def long_flow(
-    rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray, part: float
-) -> Flow | None:
-    """The exact solutions through several states, each over a given time.
-
-    Arguments:
-        rates, t, y: as for `short_flow`.
-        length: time, ``(states,)``.
-        part: of it, in which `short_flow` found that the solutions are smooth.
-
-    Returns:
-        None where a time holds too many parts in which the solution is smooth: it is stiff.
-    """
-    panels = int(np.ceil(_PANELS / part))
-    while panels <= _MOST_PANELS:
-        found, good = _chain(rates, t, y, length, panels)
-        if found is not None and np.all(good):
-            return Flow(length, found)
-        panels *= 2
-    return None
-
-
 def _chain(
-    rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray, panels: int
+    rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray | None, np.ndarray]:
-    """Slopes at the nodes of each panel, if any solution is good to the end; and which ones are."""
+    """Slopes at the nodes of each of `_PANELS` panels, if any solution is good; and which are."""
     good, found = np.ones(len(t), dtype=bool), []
     k = rates(t, y)
-    for panel in range(panels):
-        y, slopes, fine = _panel(rates, t + length * panel / panels, y, k, length / panels)
+    for panel in range(_PANELS):
+        y, slopes, fine = _panel(rates, t + length * panel / _PANELS, y, k, length / _PANELS)
         good &= fine
         if not np.any(good):
             return None, good
@@ -120,16 +102,18 @@ def _panel(
     """
     nodes, stage_weights, tail = _collocation()
     times = (t[:, None] + length[:, None] * nodes).ravel()
-    size = _largest(y) + np.finfo(float).tiny
+    size = _largest(y) + length * _largest(k) + np.finfo(float).tiny
     slopes = np.repeat(k[:, None], _STAGES, axis=1)
     long = length.reshape(-1, *(1,) * (slopes.ndim - 1))
     with np.errstate(all="ignore"):
-        for _ in range(_MOST_ITERATIONS):
+        moved = np.full(len(t), np.inf)
+        for iteration in range(_MOST_ITERATIONS):
             stages = y[:, None] + long * _weighted(stage_weights, slopes)
             again = rates(times, stages.reshape(-1, *y.shape[1:])).reshape(slopes.shape)
-            moved, slopes = length * _largest(again - slopes), again
+            before, moved, slopes = moved, length * _largest(again - slopes), again
             converged = moved <= _CLOSE * size
-            if np.all(converged | ~np.isfinite(moved)):
+            hopeless = (moved > _SLOW * before) & (iteration >= _PATIENCE)
+            if np.all(converged | hopeless | ~np.isfinite(moved)):
                 break
         rest = length * _largest(_weighted(tail, slopes))
         end = y + (long * _weighted(_integrals(np.ones(1)), slopes))[:, 0]
@@ -162,7 +146,14 @@ def _legendre_coefficients(z: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _integrals(ends: np.ndarray) -> np.ndarray:
-    """Integrals from 0 to each end of the polynomials that are 1 at one node, ``(ends, nodes)``."""
+    """Integrals from 0 to each end of the polynomials that are 1 at one node, ``(ends, nodes)``.
+
+    The integral of a Legendre polynomial from -1 to z is ``(z**2 - 1) P_k'(z)/(k (k + 1))``, whose
+    first factor is small where the end is: so a short increment is right to rounding of itself.
+    """
     z, weights = np.polynomial.legendre.leggauss(_STAGES)
-    integrals = np.polynomial.legendre.legint(_legendre_coefficients(z, weights), lbnd=-1.0)
-    return np.polynomial.legendre.legval(2.0 * ends - 1.0, integrals).T / 2.0
+    orders = np.arange(1, _STAGES)
+    derivatives = np.polynomial.legendre.legder(np.eye(_STAGES)[1:], axis=1)
+    slopes = np.polynomial.legendre.legval(2.0 * ends - 1.0, derivatives.T)
+    above = -2.0 * ends * (1.0 - ends) * slopes / (orders * (orders + 1))[:, None]
+    return np.vstack([ends, above]).T @ _legendre_coefficients(z, weights)

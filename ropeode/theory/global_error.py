@@ -10,21 +10,22 @@ from typing import Any
 import jax
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import make_interp_spline
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem, Rhs
 from ropeode.references.reference import Reference
 from ropeode.simulation.method import Method
-from ropeode.theory.expansion import Expansion, expanded
-from ropeode.theory.flow import long_flow
+from ropeode.theory.expansion import STEPS, Expansion, expanded
+from ropeode.theory.solution_along import Pieces, solution_along
 from ropeode.theory.step_samples import StepSamples
 
-# Local errors are taken so many times in the shortest time over which a step is expanded; and from
-# so many rungs of its ladder.
-_DENSITY, _RUNGS = 6, 9
-# How many states the order is read off at, and the most at which local errors are taken.
-_STATES, _MOST = 8, 20_000
+# Local errors are taken from so many rungs of the ladder, and interpolated by splines of a degree.
+_RUNGS, _DEGREE = 9, 5
+# How many states the order is read off at.
+_STATES = 8
+# A prediction that is more uncertain is none.
+_MOST_UNCERTAIN = 0.1
 # The relative tolerance of the variational equation.
 _RTOL = 1e-7
 
@@ -70,73 +71,63 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
     times, states = problem.ts[: reference.trusted], reference.states[: reference.trusted]
     if problem.jump_times:
         return "the right-hand side jumps"
+    if not problem.equal_frames:
+        return "the frames differ in length, and so do the steps"
     if len(times) < 2:
         return "the reference is trusted for no frame"
-    samples, frames = StepSamples(problem, method), np.diff(times)
+    samples, longest = StepSamples(problem, method), float(np.max(np.diff(times)))
     some = np.unique(np.linspace(0, len(times) - 2, _STATES).astype(int))
-    local = expanded(samples, times[some], states[some], float(np.max(frames)))
-    order = local.order
-    if order is None:
-        return f"rounding hides the local error, which is of order {local.seen + 2} or higher"
-    if order < 1:
-        return "the step solves another equation"
-    # A part of each frame, the same for all, in which the solution is smooth.
-    part = float(np.nanmin(local.reach)) / float(np.max(frames))
-    along = _local_errors(samples, times, states, order, part)
-    if isinstance(along, str):
-        return along
-    begin = local.start(order).value[0]
+    local = begin = expanded(samples, times[some], states[some], longest)
+    if local.order is not None and local.order < 1 and not local.one_step:
+        # A start that is wrong at other states may be right at the first one.
+        begin = expanded(samples, times[:1], states[:1], longest)
+        samples = StepSamples(problem, method, settled=True)
+        local = expanded(samples, times[some], states[some], longest)
+    lacking = _lacks_order("the step", local) or _lacks_order("the start", begin)
+    if lacking:
+        return lacking
+    order = min(each.order for each in (local, begin) if each.order is not None)
+    along = solution_along(reference)
+    if along is None:
+        return "the solution is stiff: it is smooth over a small part of a frame only"
+    zeros = order + 1 if samples.carries_state else order
+    rate = np.concatenate([_local_error(samples, each, order, zeros) for each in along.pieces])
+    rate = rate[along.index]
+    start = begin.start(order).value[0]
     fine, coarse = (
-        _propagated(problem, times, begin, *(each[::stride] for each in along)) for stride in (1, 2)
+        _propagated(problem, times, start, *(each[::stride] for each in (along.t, along.y, rate)))
+        for stride in (1, 2)
     )
     size = float(np.max(np.abs(fine)))
     uncertain = float(np.max(np.abs(fine - coarse))) / size if size else 0.0
+    if uncertain > _MOST_UNCERTAIN:
+        return f"the prediction is uncertain by {uncertain:.0%}"
     return PredictedError(order, times, fine, uncertain)
 
 
-def _local_errors(
-    samples: StepSamples, times: np.ndarray, states: np.ndarray, order: int, part: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | str:
-    """Times along a solution, its states there, and the rates at which the error grows by itself.
+def _lacks_order(what: str, local: Expansion) -> str | None:
+    """Why there is no leading term of order 1 or more."""
+    if local.order is None and not local.one_step:
+        return (
+            f"{what} shows no order within {STEPS} steps: what is carried is still settling, or "
+            "rounding hides its error"
+        )
+    if local.order is None:
+        return f"rounding hides the local error, which is of order {local.seen + 2} or higher"
+    if local.order < 0:
+        return f"{what} is not the identity at dt = 0"
+    if local.order == 0:
+        return f"{what} solves another equation"
+    return None
 
-    Arguments:
-        samples: of the stepper on the problem.
-        times: where frames begin, and the last one ends.
-        states: of the solution, at these.
-        order: of the stepper.
-        part: of each frame, within which a step is expanded.
 
-    Returns:
-        The arrays with a leading axis of times, an odd number of them; or why there are none.
-    """
-    frames, count = np.diff(times), 2 * int(np.ceil(_DENSITY / part / 2.0))
-    if count * len(frames) > _MOST:
-        return "the solution is stiff: it is smooth over a small part of a frame only"
-    length = 1.0 + part
-    exact = long_flow(samples.rates, times[:-1], states[:-1], length * frames, part)
-    if exact is None:
-        return "the solution is stiff: it is smooth over a small part of a frame only"
-    # The last one is where the last frame ends.
-    places = np.arange(count + 1) / count
-    moved = exact.increments(places / length)
-    t = (times[:-1, None] + places * frames[:, None]).ravel()
-    y = (states[:-1, None] + moved).reshape(-1, *states.shape[1:])
-
-    def increments(fractions: np.ndarray) -> np.ndarray:
-        ends = ((places[:, None] + part * fractions) / length).ravel()
-        ahead = exact.increments(ends).reshape(*moved.shape[:2], -1, *states.shape[1:])
-        return (ahead - moved[:, :, None]).reshape(len(t), -1, *states.shape[1:])
-
-    reach = np.repeat(part * frames, len(places))
-    zeros = order + 1 if samples.carries_state else order
-    local = Expansion(samples, t, y, reach, increments, _RUNGS, zeros)
+def _local_error(samples: StepSamples, pieces: Pieces, order: int, zeros: int) -> np.ndarray:
+    """The rates at which the error grows by itself, ``(states, *state)``."""
+    local = Expansion(samples, pieces.t, pieces.y, pieces.reach, pieces.increments, _RUNGS, zeros)
     rate = local.rate(order).value
     if not local.one_step:
-        rate = rate - derivative(samples.problem)(t, y, local.start(order).value)
-    # Where one frame ends the next begins.
-    keep = np.r_[np.arange(len(t)) % len(places) < count]
-    keep[-1] = True
-    return t[keep], y[keep], rate[keep]
+        rate = rate - derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
+    return rate
 
 
 def _propagated(
@@ -148,7 +139,7 @@ def _propagated(
     rate: np.ndarray,
 ) -> np.ndarray:
     """The solution of ``e' = f_y e + rate`` at the sample times, ``(times, *state)``."""
-    along = CubicSpline(t, np.stack([y, rate], axis=1))
+    along = make_interp_spline(t, np.stack([y, rate], axis=1), _DEGREE)
     along_tangent, shape = derivative(problem), begin.shape
     scale = max(float(np.max(np.abs(rate))) * float(t[-1] - t[0]), float(np.max(np.abs(begin))))
 
@@ -171,12 +162,12 @@ def _propagated(
 
 def derivative(problem: Problem) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """The derivative of the right-hand side along tangents, for many times and states."""
-    along, args = _compiledderivative(problem.rhs), problem.args
+    along, args = _compiled_derivative(problem.rhs), problem.args
     return lambda t, y, tangent: np.asarray(along(t, y, tangent, args))
 
 
 @functools.lru_cache(maxsize=64)
-def _compiledderivative(rhs: Rhs) -> Callable:
+def _compiled_derivative(rhs: Rhs) -> Callable:
     def along(t: Any, y: Any, tangent: Any, args: Any) -> Any:
         return jax.jvp(lambda y: rhs(t, y, args), (y,), (tangent,))[1]
 

@@ -6,9 +6,12 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
+from jax.scipy.sparse.linalg import cg
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Mechanics, Problem, Rhs
@@ -21,6 +24,11 @@ from ropeode.steppers.base import Stepper
 
 # A compiled program takes so many cases at once; the last of them are repeated to fill it.
 _BATCH = 512
+# Newton steps by which what is carried is settled to a state, and the disturbance, beside the
+# largest number, by which its slopes are found in Python.
+_CORRECTIONS, _NUDGE = 3, 1e-6
+# Of the conjugate gradients that each of them takes in JAX.
+_TOLERANCE, _MOST_ITERATIONS = 1e-9, 30
 
 
 class StepSamples:
@@ -29,11 +37,14 @@ class StepSamples:
     Arguments:
         problem: that the steps are made on.
         method: the stepper.
+        settled: whether what is carried at the start is corrected by as little as possible such
+            that the stepper hands out the state that it starts from. A method with memory whose
+            own start is meant for one state only can so be looked at from any state.
     """
 
-    def __init__(self, problem: Problem, method: Method):
-        self.problem, self._method = problem, method
-        self._rates = _rates(problem)
+    def __init__(self, problem: Problem, method: Method, settled: bool = False):
+        self.problem, self._method, self._settled = problem, method, settled
+        self._rates = rates_of(problem)
 
     def rates(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
         """The right-hand side: times ``(cases,)``, states ``(cases, *state)``."""
@@ -64,13 +75,13 @@ class StepSamples:
         stepper, problem, sizes = self._method.stepper, self.problem, dt.shape[1]
         cases = np.repeat(t, sizes), np.repeat(y, sizes, axis=0), dt.ravel()
         if self._method.trial.compiled:
-            run = _compiled(stepper, problem.rhs, problem.mechanics, steps)
+            run = _compiled(stepper, problem.rhs, problem.mechanics, steps, self._settled)
             states = in_batches(lambda *each: on_user_clock(run, problem.args, *each), cases)
         else:
             own = PythonStepper(problem, stepper)
             with one_at_a_time(), np.errstate(all="ignore"):
                 lines = zip(cases[0].tolist(), cases[1], cases[2].tolist(), strict=True)
-                states = np.stack([_in_python(own, *line, steps) for line in lines])
+                states = np.stack([_in_python(own, *line, steps, self._settled) for line in lines])
         return states.reshape(*dt.shape, steps + 1, *y.shape[1:])
 
 
@@ -89,8 +100,13 @@ def in_batches(function: Callable[..., Any], cases: tuple[np.ndarray, ...]) -> n
     return np.concatenate(results)[:count]
 
 
-def _in_python(own: PythonStepper, t: float, y: np.ndarray, dt: float, steps: int) -> np.ndarray:
+def _in_python(
+    own: PythonStepper, t: float, y: np.ndarray, dt: float, steps: int, settled: bool
+) -> np.ndarray:
     carried = on_user_clock(own.init, t, y, dt)
+    if settled:
+        state = functools.partial(on_user_clock, own.state, t)
+        carried = _settled_in_python(lambda carried: state(carried, dt), carried, y)
     states = [np.array(on_user_clock(own.state, t, carried, dt))]
     for i in range(steps):
         carried = on_user_clock(own.step, t + i * dt, carried, dt)
@@ -98,7 +114,73 @@ def _in_python(own: PythonStepper, t: float, y: np.ndarray, dt: float, steps: in
     return np.stack(states)
 
 
-def _rates(problem: Problem) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+def _settled_in_jax(state: Callable[[Any], Any], carried: Any, y: Any, weight: Any) -> Any:
+    """What is carried, corrected so that its state is `y`: Newton's method, of least norm.
+
+    Arguments:
+        state: of what is carried.
+        carried: any pytree, of which numbers in floating point are corrected.
+        y: the state.
+        weight: of each component, flat. Velocities may be differences of positions over dt; times
+            dt they are of the size of positions.
+    """
+    numbers, others = eqx.partition(carried, eqx.is_inexact_array)
+    flat, unravel = ravel_pytree(numbers)
+
+    def away(flat: Any) -> Any:
+        return jnp.ravel(state(eqx.combine(unravel(flat), others)) - y)
+
+    for _ in range(_CORRECTIONS):
+        rest, forward = jax.linearize(away, flat)
+        backward = jax.linear_transpose(forward, flat)
+
+        def normal(w: Any, forward: Any = forward, backward: Any = backward) -> Any:
+            return weight * forward(*backward(weight * w))
+
+        w, _ = cg(normal, weight * rest, tol=_TOLERANCE, maxiter=_MOST_ITERATIONS)
+        flat = flat - backward(weight * w)[0]
+    return eqx.combine(unravel(flat), others)
+
+
+def _settled_in_python(state: Callable[[Any], Any], carried: Any, y: np.ndarray) -> Any:
+    """As `_settled_in_jax`, with difference quotients."""
+    leaves, structure = jax.tree.flatten(carried)
+    arrays = [np.asarray(leaf) for leaf in leaves]
+    own = [i for i, leaf in enumerate(arrays) if np.issubdtype(leaf.dtype, np.floating)]
+    if not own:
+        return carried
+    ends = np.cumsum([arrays[i].size for i in own])
+
+    def whole(flat: np.ndarray) -> Any:
+        parts = np.split(flat, ends[:-1])
+        changed = {i: part.reshape(arrays[i].shape) for i, part in zip(own, parts, strict=True)}
+        return jax.tree.unflatten(
+            structure, [changed.get(i, leaf) for i, leaf in enumerate(leaves)]
+        )
+
+    def away(flat: np.ndarray) -> np.ndarray:
+        return np.ravel(np.asarray(state(whole(flat))) - y)
+
+    flat = np.concatenate([arrays[i].ravel() for i in own]).astype(float)
+    rest, nudge = away(flat), _NUDGE * max(float(np.max(np.abs(flat))), float(np.max(np.abs(y))))
+    if not rest.any() or not nudge:
+        return carried
+    slopes = np.stack(
+        [(away(flat + nudge * unit) - rest) / nudge for unit in np.eye(flat.size)], axis=1
+    )
+    for _ in range(_CORRECTIONS):
+        rows, scaled = _rows_of_one_size(np, slopes, away(flat))
+        flat = flat - np.linalg.lstsq(rows, scaled, rcond=None)[0]
+    return whole(flat)
+
+
+def _rows_of_one_size(xp: Any, rows: Any, rest: Any) -> tuple[Any, Any]:
+    size = xp.maximum(xp.linalg.norm(rows, axis=1), np.finfo(float).tiny)
+    return rows / size[:, None], rest / size
+
+
+def rates_of(problem: Problem) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """The right-hand side of many cases: times ``(cases,)``, states ``(cases, *state)``."""
     rhs, args = problem.rhs, problem.args
     if isinstance(rhs, PythonRhs):
         return lambda t, y: np.stack(
@@ -114,12 +196,19 @@ def _every_rate(rhs: Rhs) -> Callable:
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None, steps: int) -> Callable:
+def _compiled(
+    stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None, steps: int, settled: bool
+) -> Callable:
     """The states after each number of steps, compiled for many cases at once."""
     init, step, state = on_stored_states(stepper, rhs, mechanics)
 
     def run(args: Any, t: Any, y: Any, dt: Any) -> Any:
         carried = init(args, t, y, dt)
+        if settled:
+            weight = jnp.ones_like(y) if mechanics is None else jnp.ones_like(y).at[1].set(dt)
+            carried = _settled_in_jax(
+                lambda carried: state(args, t, carried, dt), carried, y, weight.ravel()
+            )
 
         def advance(carried: Any, i: Any) -> tuple[Any, Any]:
             now = t + i * dt

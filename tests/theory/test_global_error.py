@@ -1,0 +1,99 @@
+"""The predicted leading term of the global error, against what is known in closed form."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode import Problem
+from ropeode.problems.links import LinearDamping
+from ropeode.references.certificate import Certificate
+from ropeode.references.reference import Reference
+from ropeode.simulation.method import method_of
+from ropeode.steppers.base import Stepper
+from ropeode.steppers.phase import Phase
+from ropeode.theory.global_error import predicted_error
+
+TIMES = np.linspace(0.0, 3.0, 7)
+
+
+def spring(t, x, v, args):
+    return -x
+
+
+def from_rest(start: float) -> Reference:
+    """An oscillator without damping, released at rest, and its exact solution."""
+    problem = Problem.second_order(
+        spring,
+        [start],
+        [0.0],
+        TIMES,
+        damping=lambda args: LinearDamping(jnp.zeros(()), jnp.zeros(())),
+    )
+    states = start * np.stack([np.cos(TIMES), -np.sin(TIMES)], axis=1)[..., None]
+    certificate = Certificate(
+        level="consensus",
+        solver="Dopri8",
+        rtol=1e-13,
+        atol=1e-13,
+        steps=1,
+        accuracy=1e-10,
+        bounds={},
+        drift={},
+        trusted=len(TIMES),
+        horizon=None,
+        horizon_reason=None,
+        witnesses=(),
+        stiff=False,
+        seconds=0.0,
+        compile_seconds=0.0,
+        versions={},
+    )
+    return Reference(problem, states, certificate)
+
+
+KNOWN = from_rest(0.8)
+X, V = np.moveaxis(KNOWN.states, 1, 0)
+
+
+class FromRestInPython(Stepper):
+    """The position form of Verlet with ``x(-dt) = x(0)``."""
+
+    needs = "second order"
+
+    def init(self, system, t, y, dt):
+        return np.array(y.x), np.array(y.x)
+
+    def step(self, system, t, carried, dt):
+        x, before = carried
+        a = np.asarray(system.acceleration(t, x, 0.0 * x))
+        return 2 * x - before + dt**2 * a, x
+
+    def state(self, system, t, carried, dt):
+        x, before = carried
+        after, _ = self.step(system, t, carried, dt)
+        return Phase(x, (after - before) / (2 * dt))
+
+
+@pytest.mark.parametrize(
+    ("stepper", "order", "positions", "velocities"),
+    [
+        # Each step lacks dt**2/2 y'', so that e' = J e + y/2 and e = t y/2.
+        ("explicit-euler", 1, TIMES[:, None] * X / 2, TIMES[:, None] * V / 2),
+        # The solution half a step later, whose velocity is shown half a step earlier.
+        ("semi-implicit-euler", 1, V / 2, 0.0 * V),
+        # It starts with half a step of acceleration too much.
+        ("stormer-verlet:start=rest", 1, V / 2, -X / 2),
+        pytest.param(FromRestInPython(), 1, V / 2, -X / 2, marks=pytest.mark.slow),
+        # The frequency is too high by dt**2/24, and the velocities too small by another factor.
+        ("velocity-verlet", 2, TIMES[:, None] * V / 24, -TIMES[:, None] * X / 24 - V / 8),
+    ],
+)
+def test_the_error_of_an_oscillator(stepper, order, positions, velocities):
+    found = predicted_error(KNOWN, method_of(stepper, KNOWN.problem))
+    assert not isinstance(found, str), found
+    assert found.order == order
+    expected = np.stack([positions, velocities], axis=1)
+    np.testing.assert_allclose(found.states, expected, atol=1e-5)
+    assert found.uncertain < 1e-4
