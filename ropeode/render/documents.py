@@ -24,6 +24,7 @@ def blocks(table: AccuracyTable) -> list[Block]:
             left=frozenset({0, 5, 6}),
             long=frozenset({6}),
         ),
+        *_constants(table),
         Paragraph(table_words.reference_words(table)),
     ]
 
@@ -31,3 +32,13 @@ def blocks(table: AccuracyTable) -> list[Block]:
 def _remarks(table: AccuracyTable, each: StepperOrder) -> str:
     left_out = table_words.left_out_words(table, each)
     return "; ".join(filter(None, (table_words.remark(each), each.order.why, left_out)))
+
+
+def _constants(table: AccuracyTable) -> list[Block]:
+    """The predicted errors beside the measured ones, where they were asked for."""
+    words = [(each.stepper, table_words.constant_words(table, each)) for each in table.orders]
+    rows = [(stepper, word) for stepper, word in words if word]
+    if not rows:
+        return []
+    grid = Grid(("stepper", "theory"), rows, left=frozenset({0, 1}), long=frozenset({1}))
+    return [Paragraph("The leading term of the error, by theory:"), grid]

@@ -34,11 +34,13 @@ SOURCES = (
     "simulation",
     "steppers",
     "study/accuracy_table.py",
+    "study/error_constant.py",
     "study/spec.py",
     "sweep/design",
     "sweep/execution/evaluate.py",
     "sweep/execution/references.py",
     "sweep/execution/runs.py",
+    "theory",
     "threads.py",
     "validation.py",
 )
