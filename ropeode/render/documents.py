@@ -13,18 +13,17 @@ def blocks(table: AccuracyTable) -> list[Block]:
     orders = [
         (*table_words.order_cells(table, each), _remarks(table, each)) for each in table.orders
     ]
+    headers = (*table_words.ORDER_HEADERS, "left out")
+    theory = [table_words.constant_words(table, each) or "" for each in table.orders]
+    if any(theory):
+        headers = (*headers, "theory")
+        orders = [(*cells, words) for cells, words in zip(orders, theory, strict=True)]
     return [
         Heading(table_words.title(table)),
         Paragraph(table_words.error_words(table)),
         Grid(("stepper", *table_words.RUN_HEADERS), runs, left=frozenset({0})),
         Paragraph(f"Observed orders ({table_words.RUN_HEADERS[2]}, as dt goes to 0):"),
-        Grid(
-            (*table_words.ORDER_HEADERS, "left out"),
-            orders,
-            left=frozenset({0, 5, 6}),
-            long=frozenset({6}),
-        ),
-        *_constants(table),
+        Grid(headers, orders, left=frozenset({0, 5, 6, 7}), long=frozenset({6, 7})),
         Paragraph(table_words.reference_words(table)),
     ]
 
@@ -32,13 +31,3 @@ def blocks(table: AccuracyTable) -> list[Block]:
 def _remarks(table: AccuracyTable, each: StepperOrder) -> str:
     left_out = table_words.left_out_words(table, each)
     return "; ".join(filter(None, (table_words.remark(each), each.order.why, left_out)))
-
-
-def _constants(table: AccuracyTable) -> list[Block]:
-    """The predicted errors beside the measured ones, where they were asked for."""
-    words = [(each.stepper, table_words.constant_words(table, each)) for each in table.orders]
-    rows = [(stepper, word) for stepper, word in words if word]
-    if not rows:
-        return []
-    grid = Grid(("stepper", "theory"), rows, left=frozenset({0, 1}), long=frozenset({1}))
-    return [Paragraph("The leading term of the error, by theory:"), grid]

@@ -369,4 +369,4 @@ def as_dict(explanation: Explanation) -> dict[str, Any]:
 
 
 def _difference_dict(each: StepDifference) -> dict[str, Any]:
-    return {"stepper": each.name, "same": each.same, **each._asdict()}
+    return {**each._asdict(), "same": each.same}

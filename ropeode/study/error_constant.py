@@ -110,12 +110,22 @@ def _predicted(
     """The power of dt and the error over it at each sample; or an observed power, and why."""
     if isinstance(prediction, str):
         return _whole(order), None, prediction
+    sizes = leading_term(problem, norm, prediction)
+    if sizes is None:
+        return _whole(order), None, f"the term with dt^{prediction.order} vanishes"
+    return prediction.order, sizes, None
+
+
+def leading_term(problem: Problem, norm: Norm, prediction: PredictedError) -> np.ndarray | None:
+    """The predicted error over ``dt**order`` at each trusted sample but the first, ``(times,)``.
+
+    None where it may be zero in this norm.
+    """
     states = prediction.states[1:]
     sizes = distance(problem, norm, states, np.zeros_like(states))
     largest = float(np.max(np.abs(states), initial=0.0))
-    if not np.max(sizes, initial=0.0) > _CERTAIN * prediction.uncertain * largest:
-        return _whole(order), None, f"the term with dt^{prediction.order} vanishes"
-    return prediction.order, sizes, None
+    certain = np.max(sizes, initial=0.0) > _CERTAIN * prediction.uncertain * largest
+    return sizes if certain else None
 
 
 def _whole(order: ObservedOrder) -> int | None:

@@ -8,7 +8,6 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from ropeode.analysis.errors import distances, resolution
 from ropeode.norms import norm_for
 from ropeode.precision import in_float64
 from ropeode.problems.library import PROBLEMS
@@ -30,6 +29,7 @@ from ropeode.study.accuracy_table import (
     problem_class,
     tables_in_norms,
 )
+from ropeode.study.curves import ErrorCurves, error_curve, errors_of
 from ropeode.study.error_constant import ErrorConstant
 from ropeode.theory.equal_steps import StepDifference, equal_steppers, step_difference
 from ropeode.theory.expansion import Expansion, Term, expanded
@@ -132,29 +132,6 @@ class ClassOrder:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class ErrorAgainstTime:
-    """The error of one run at each sample, in one norm.
-
-    Arguments:
-        norm: its name.
-        steps_per_frame: of the run.
-        dt: step size.
-        times: of the samples without the first one, ``(times,)``.
-        measured: the error there; infinite where the run diverged.
-        predicted: the leading term there; None where there is no prediction.
-        resolution: below which an error is unresolved.
-    """
-
-    norm: str
-    steps_per_frame: int
-    dt: float
-    times: np.ndarray
-    measured: np.ndarray
-    predicted: np.ndarray | None
-    resolution: np.ndarray
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
 class Explanation:
     """What one step of a stepper does, and what follows from it, beside what its runs show.
 
@@ -165,7 +142,7 @@ class Explanation:
         local: its expansion at single states.
         orders: local and declared, the problem's own class first.
         tables: errors, observed orders and error constants, one for each norm.
-        against_time: errors of a run or two in each norm.
+        against_time: errors of a run or two, with the predicted ones, for each norm.
         equal: steppers of ropeode that make the same steps.
         compared: the difference from the method that was named, if one was.
     """
@@ -176,7 +153,7 @@ class Explanation:
     local: LocalStep
     orders: tuple[ClassOrder, ...]
     tables: tuple[AccuracyTable, ...]
-    against_time: tuple[ErrorAgainstTime, ...]
+    against_time: tuple[ErrorCurves, ...]
     equal: tuple[StepDifference, ...]
     compared: StepDifference | None
 
@@ -364,16 +341,21 @@ def _with_other_damping(problem: Problem, own: ProblemClass) -> Problem | None:
     return PROBLEMS[kind](**{**parameters, "damping": 0.0 if own.damped else _DAMPING})
 
 
-def _against_time(ready: Method, tables: Sequence[AccuracyTable]) -> Iterator[ErrorAgainstTime]:
+def _against_time(ready: Method, tables: Sequence[AccuracyTable]) -> Iterator[ErrorCurves]:
     """The errors of two runs: the finest that the constant is measured at, and a coarser one."""
     runs: dict[int, Trajectory] = {}
     for table in tables:
-        (order,) = table.orders
-        assert order.constant is not None
-        for steps in _shown_steps(table, order.constant):
+        constant, curves = table.orders[0].constant, []
+        assert constant is not None
+        for steps in _shown_steps(table, constant):
             if steps not in runs:
                 runs[steps] = simulate(table.problem, ready, steps)
-            yield _error_against_time(table, runs[steps], order.constant)
+            run, predicted = runs[steps], constant.predicted_at
+            curve = error_curve(run, table.reference, table.norm)
+            if predicted is not None and constant.order is not None:
+                curve = dataclasses.replace(curve, predicted=predicted * run.dt**constant.order)
+            curves.append(curve)
+        yield errors_of(table.reference, table.norm, curves)
 
 
 def _shown_steps(table: AccuracyTable, constant: ErrorConstant) -> list[int]:
@@ -381,20 +363,3 @@ def _shown_steps(table: AccuracyTable, constant: ErrorConstant) -> list[int]:
     shown = shown or [row for row in table.rows if row.status == "ok"]
     shown.sort(key=lambda row: row.dt)
     return [row.steps_per_frame for row in shown[: _BETWEEN + 1 : _BETWEEN]]
-
-
-def _error_against_time(
-    table: AccuracyTable, run: Trajectory, constant: ErrorConstant
-) -> ErrorAgainstTime:
-    reference, norm, predicted = table.reference, table.norm, constant.predicted_at
-    if predicted is not None and constant.order is not None:
-        predicted = predicted * run.dt**constant.order
-    return ErrorAgainstTime(
-        norm=norm.name,
-        steps_per_frame=run.steps_per_frame,
-        dt=run.dt,
-        times=reference.times[1 : reference.trusted],
-        measured=distances(run.states, reference, norm)[1:],
-        predicted=predicted,
-        resolution=resolution(reference, norm)[1:],
-    )

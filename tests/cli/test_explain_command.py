@@ -16,10 +16,19 @@ def test_text_and_json(run, tmp_path):
     assert done.stdout.startswith("explicit-euler: rope, 4 nodes, damping 0.01, 3 frames\n\n")
     assert "the step is of order 1." in " ".join(done.stdout.split())
     assert all(len(line) <= 80 for line in done.stdout.splitlines())
-    done = run("explain", "explicit-euler", *QUICK, "--method", "rk4", "--out", "a.json")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    done = run(
+        *("explain", "explicit-euler", *QUICK),
+        *("--method", "rk4", "--out", "a.json", "--plots", "new"),
+    )
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == "wrote 4 pictures to new\n"
+    assert sorted(os.listdir(tmp_path / "new")) == [
+        f"{kind}-{quantity}.png"
+        for kind in ("convergence", "error")
+        for quantity in ("position", "velocity")
+    ]
     found = json.loads((tmp_path / "a.json").read_text())
-    assert found["compared_with"]["stepper"] == "rk4"
+    assert found["compared_with"]["name"] == "rk4"
 
 
 @pytest.mark.parametrize(
@@ -31,6 +40,7 @@ def test_text_and_json(run, tmp_path):
         (["rk4", "--steppers", "rk4"], "No such option"),
         (["velocity-verlet", "--problem", "lorenz"], "needs a second-order problem"),
         (["rk4", "--out", "missing/a.txt"], "create 'missing'"),
+        (["rk4", "--plots", "missing/new"], "plots: 'missing/new' given"),
         ([], "Missing argument"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

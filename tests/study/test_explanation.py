@@ -59,7 +59,8 @@ def test_a_right_step(right):
         assert order.constant is not None
         assert order.constant.ratio == pytest.approx(1, abs=0.02)
     for each in right.against_time:
-        assert each.predicted == pytest.approx(each.measured, rel=0.1)
+        (curve,) = each.curves
+        assert curve.predicted == pytest.approx(curve.values, rel=0.1)
 
 
 def test_what_it_is_and_what_it_is_not(right):
