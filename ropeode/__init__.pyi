@@ -51,6 +51,7 @@ from .references.files.verify import Verification as Verification
 from .references.files.verify import verify_reference as verify_reference
 from .references.reference import Reference as Reference
 from .render.formats import format_check as format_check
+from .render.formats import format_explanation as format_explanation
 from .render.formats import format_horizon as format_horizon
 from .render.formats import format_table as format_table
 from .render.plots.animation import animate as animate
@@ -73,6 +74,8 @@ from .study.accuracy_table import AccuracyTable as AccuracyTable
 from .study.accuracy_table import accuracy_table as accuracy_table
 from .study.curves import energy_curves as energy_curves
 from .study.curves import error_curves as error_curves
+from .study.explanation import Explanation as Explanation
+from .study.explanation import explain_stepper as explain_stepper
 from .study.horizon import Horizon as Horizon
 from .study.horizon import horizon as horizon
 from .study.node_paths import node_paths as node_paths

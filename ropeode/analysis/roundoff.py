@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,9 +61,9 @@ def round_off(
     trajectory: Trajectory,
     rescaled: Problem,
     samples: int,
-    norm: Norm,
+    norms: Sequence[Norm],
     method: Method | None = None,
-) -> float | None:
+) -> tuple[float | None, ...]:
     """The size of the round-off in a trajectory: its distance from the same run in other units.
 
     Both runs have round-off of the same size, but different round-off, so that their distance
@@ -75,18 +75,18 @@ def round_off(
         trajectory: a run that did not diverge.
         rescaled: its problem `in_other_units`.
         samples: how many samples, from the first on, count.
-        norm: the measure of the distance.
+        norms: the measures of the distance.
         method: the trajectory's stepper, ready to run, where the caller has it.
 
     Returns:
-        The distance; infinity where the other run diverges; None where the stepper computes
-        forces of its own, which do not know the other units.
+        The distance in each norm; infinity where the other run diverges; None where the stepper
+        computes forces of its own, which do not know the other units.
     """
     method = method or method_of(trajectory.stepper, trajectory.problem)
     if not keeps_units(trajectory.problem, method, rescaled):
-        return None
+        return (None,) * len(norms)
     repeated = simulate(rescaled, method, trajectory.steps_per_frame)
-    return distance_of_runs(trajectory, repeated, samples, norm)
+    return tuple(distance_of_runs(trajectory, repeated, samples, norm) for norm in norms)
 
 
 def distance_of_runs(

@@ -6,13 +6,17 @@ from pathlib import Path
 
 import click
 
-from ropeode.errors import InputError
-from ropeode.files import check_writable, write_whole
 from ropeode.progress import Progress
 from ropeode.terminal.lists import CommaSeparated
-from ropeode.terminal.output import format_for, format_option, out_option, put_out
-from ropeode.terminal.running import end_on_ctrl_c, not_interrupted, set_up_jax, with_progress
-from ropeode.validation import bad_value
+from ropeode.terminal.output import (
+    check_folder,
+    format_for,
+    format_option,
+    out_option,
+    put_out,
+    put_pictures,
+)
+from ropeode.terminal.running import end_on_ctrl_c, set_up_jax, with_progress
 
 
 @click.command()
@@ -40,7 +44,7 @@ def report(
     finished, and the same command goes on from there. Pictures need matplotlib: pip install
     '.[plots]'.
     """
-    folder = _check_folder(plots) if plots else None
+    folder = check_folder("plots", plots) if plots else None
     if folder:
         from ropeode.case_studies.pictures import draw_report
     set_up_jax()
@@ -62,25 +66,5 @@ def report(
 
     text, pictures = with_progress(work)
     if folder:
-        with not_interrupted():
-            folder.mkdir(exist_ok=True)
-            for name, contents in pictures.items():
-                write_whole(folder / name, contents)
+        put_pictures(pictures, folder)
     put_out(text, out)
-    if folder:
-        click.echo(f"wrote {len(pictures)} pictures to {folder}", err=True)
-
-
-def _check_folder(name: str) -> Path:
-    """A folder for pictures that exists or can be created, checked before anything is computed."""
-    folder = Path(name)
-    try:
-        if folder.exists():
-            check_writable("plots", folder / "figure.png")
-        else:
-            folder.mkdir()
-            folder.rmdir()
-    except (OSError, InputError) as error:
-        allowed = "a folder that you may write to, or the name of a new one in such a folder"
-        raise bad_value("plots", name, allowed, "choose another folder") from error
-    return folder

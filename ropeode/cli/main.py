@@ -13,6 +13,7 @@ import click
 from ropeode.case_studies.command import report
 from ropeode.cli.check import check
 from ropeode.cli.commands import spec, steppers, table
+from ropeode.cli.explain import explain
 from ropeode.cli.grade import grade
 from ropeode.cli.horizon import horizon
 from ropeode.cli.pictures import animate, plot
@@ -42,6 +43,7 @@ def cli(debug: bool) -> None:
 for command in (
     table,
     check,
+    explain,
     grade,
     reference,
     horizon,

@@ -98,12 +98,24 @@ dt_option = click.option(
 
 def table_options(function: Callable) -> Callable:
     """Add an option for each field of a table's spec and of the rope."""
-    for prefix, fields in (("rope_", ROPE), ("", TABLE)):
-        for field, option in reversed(fields.items()):
-            name = f"--{_SHORT.get(field, field).replace('_', '-')}"
-            add = click.option(name, prefix + field, metavar=option.metavar, help=option.help)
-            function = add(function)
-    return function
+    return table_options_without()(function)
+
+
+def table_options_without(*fields: str) -> Callable[[Callable], Callable]:
+    """Add an option for each field of a table's spec, but for these, and of the rope."""
+
+    def add(function: Callable) -> Callable:
+        for prefix, options in (("rope_", ROPE), ("", TABLE)):
+            for field, option in reversed(options.items()):
+                if field not in fields:
+                    name = f"--{_SHORT.get(field, field).replace('_', '-')}"
+                    add_one = click.option(
+                        name, prefix + field, metavar=option.metavar, help=option.help
+                    )
+                    function = add_one(function)
+        return function
+
+    return add
 
 
 def given_values(options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ropeode.problems.problem import Problem
 from ropeode.study.accuracy_table import AccuracyTable
+from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
 
 SCHEMA = "ropeode.accuracy-table/1"
 
@@ -50,10 +51,32 @@ def as_lines(table: AccuracyTable) -> list[dict[str, Any]]:
                 "order_high": high,
                 "verdict": order["verdict"],
                 "used_for_order": row["dt"] in order["used"],
+                "error_predicted": _error_predicted(row["dt"], order["error_constant"]),
                 "reference_bound": whole["reference"]["bound_max"],
             }
         )
     return lines
+
+
+def _error_predicted(dt: float, constant: dict[str, Any] | None) -> float | None:
+    """The leading term of the error of a run."""
+    if constant is None or constant["predicted"] is None:
+        return None
+    return constant["predicted"] * dt ** constant["order"]
+
+
+def constant_dict(constant: ErrorConstant) -> dict[str, Any]:
+    """What JSON says of an error constant."""
+    return {
+        "order": constant.order,
+        "predicted": constant.predicted,
+        "why": constant.why,
+        "measured": constant.measured,
+        "dt": constant.dt,
+        "ratio": constant.ratio,
+        "agree_10_percent": constant.agree_from(AGREE),
+        "agree_1_percent": constant.agree_from(AGREE_CLOSELY),
+    }
 
 
 def problem_dict(problem: Problem) -> dict[str, Any]:
@@ -115,6 +138,7 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
                 "why": each.order.why,
                 "used": list(each.order.used),
                 "left_out": [dataclasses.asdict(point) for point in each.order.left_out],
+                "error_constant": each.constant and constant_dict(each.constant),
             }
             for each in table.orders
         ],

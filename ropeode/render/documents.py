@@ -13,17 +13,17 @@ def blocks(table: AccuracyTable) -> list[Block]:
     orders = [
         (*table_words.order_cells(table, each), _remarks(table, each)) for each in table.orders
     ]
+    headers = (*table_words.ORDER_HEADERS, "left out")
+    theory = [table_words.constant_words(table, each) or "" for each in table.orders]
+    if any(theory):
+        headers = (*headers, "theory")
+        orders = [(*cells, words) for cells, words in zip(orders, theory, strict=True)]
     return [
         Heading(table_words.title(table)),
         Paragraph(table_words.error_words(table)),
         Grid(("stepper", *table_words.RUN_HEADERS), runs, left=frozenset({0})),
         Paragraph(f"Observed orders ({table_words.RUN_HEADERS[2]}, as dt goes to 0):"),
-        Grid(
-            (*table_words.ORDER_HEADERS, "left out"),
-            orders,
-            left=frozenset({0, 5, 6}),
-            long=frozenset({6}),
-        ),
+        Grid(headers, orders, left=frozenset({0, 5, 6, 7}), long=frozenset({6, 7})),
         Paragraph(table_words.reference_words(table)),
     ]
 

@@ -8,6 +8,7 @@ from typing import Any
 from ropeode.checking.report import CheckReport
 from ropeode.errors import InputError
 from ropeode.render import check as of_check
+from ropeode.render import explanation as of_explanation
 from ropeode.render import horizon as of_horizon
 from ropeode.render import markup
 from ropeode.render.data import as_dict, as_lines, csv_text, json_text
@@ -15,6 +16,7 @@ from ropeode.render.documents import blocks
 from ropeode.render.markup import Block
 from ropeode.render.plain_text import as_text
 from ropeode.study.accuracy_table import AccuracyTable
+from ropeode.study.explanation import Explanation
 from ropeode.study.horizon import Horizon
 from ropeode.validation import unknown
 
@@ -48,6 +50,12 @@ HORIZON_FORMATS = formats_of(
     of_horizon.as_text, of_horizon.blocks, of_horizon.as_lines, of_horizon.as_dict
 )
 CHECK_FORMATS = formats_of(of_check.as_text, of_check.blocks, of_check.as_lines, of_check.as_dict)
+EXPLANATION_FORMATS = formats_of(
+    of_explanation.as_text,
+    of_explanation.blocks,
+    of_explanation.as_lines,
+    of_explanation.as_dict,
+)
 
 
 def format_table(table: AccuracyTable, form: str = "text") -> str:
@@ -87,6 +95,19 @@ def format_check(report: CheckReport, form: str = "text") -> str:
         InputError: there is no such format.
     """
     return formatted(report, form, CHECK_FORMATS)
+
+
+def format_explanation(explanation: Explanation, form: str = "text") -> str:
+    """What a stepper does, as text.
+
+    Arguments:
+        explanation: from `ropeode.explain_stepper`.
+        form: one of `EXPLANATION_FORMATS`.
+
+    Raises:
+        InputError: there is no such format.
+    """
+    return formatted(explanation, form, EXPLANATION_FORMATS)
 
 
 def formatted(result: Any, form: str, formats: Mapping[str, Callable[[Any], str]]) -> str:

@@ -44,6 +44,12 @@ class Heading(NamedTuple):
     text: str
 
 
+class Section(NamedTuple):
+    """The heading of a part."""
+
+    text: str
+
+
 class Paragraph(NamedTuple):
     """A paragraph."""
 
@@ -72,7 +78,7 @@ class Code(NamedTuple):
     text: str
 
 
-Block = Heading | Paragraph | Grid | Code
+Block = Heading | Section | Paragraph | Grid | Code
 
 
 def plain(blocks: Sequence[Block]) -> str:
@@ -81,6 +87,8 @@ def plain(blocks: Sequence[Block]) -> str:
     for block in blocks:
         if isinstance(block, Heading):
             lines += wrapped(block.text)
+        elif isinstance(block, Section):
+            lines += [*[""] * (lines[-1] != ""), block.text, "-" * len(block.text)]
         elif isinstance(block, Paragraph):
             lines += [*wrapped(block.text), ""]
         elif isinstance(block, Code):
@@ -99,6 +107,7 @@ def markdown(blocks: Sequence[Block]) -> str:
     return _joined(
         blocks,
         heading=lambda text: f"# {text}",
+        section=lambda text: f"## {text}",
         paragraph=lambda text: text,
         grid=lambda grid: _tabulated(grid, "pipe", cell),
         code=lambda text: f"```python\n{text.rstrip()}\n```",
@@ -118,6 +127,7 @@ def latex(blocks: Sequence[Block]) -> str:
     return _joined(
         blocks,
         heading=lambda words: f"% needs \\usepackage{{booktabs}}\n\\section*{{{text(words)}}}",
+        section=lambda words: f"\\subsection*{{{text(words)}}}",
         paragraph=lambda words: text(words) + "\n",
         grid=grid,
         code=lambda words: f"\\begin{{verbatim}}\n{words.rstrip()}\n\\end{{verbatim}}",
@@ -130,6 +140,7 @@ def html_page(blocks: Sequence[Block]) -> str:
     body = _joined(
         blocks,
         heading=lambda text: f"<h1>{html.escape(text)}</h1>",
+        section=lambda text: f"<h2>{html.escape(text)}</h2>",
         paragraph=lambda text: f"<p>{html.escape(text)}</p>",
         grid=_html_grid,
         code=lambda text: f"<pre>{html.escape(text.rstrip())}</pre>",
@@ -168,6 +179,7 @@ def _joined(
     blocks: Sequence[Block],
     *,
     heading: Callable[[str], str],
+    section: Callable[[str], str],
     paragraph: Callable[[str], str],
     grid: Callable[[Grid], str],
     code: Callable[[str], str],
@@ -176,6 +188,8 @@ def _joined(
     for block in blocks:
         if isinstance(block, Heading):
             written.append(heading(block.text))
+        elif isinstance(block, Section):
+            written.append(section(block.text))
         elif isinstance(block, Paragraph):
             written.append(paragraph(block.text))
         elif isinstance(block, Code):

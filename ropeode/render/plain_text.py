@@ -40,6 +40,8 @@ def _order(table: AccuracyTable, each: StepperOrder) -> list[str]:
         finding = f"{verdict}, order {observed} {interval}, {used} steps/frame"
     claim = "" if expected == "-" else f"; expected {expected}"
     lines = [name, *wrapped(f"{finding}{claim}", indent=4)]
+    if constant := table_words.constant_words(table, each):
+        lines += wrapped(constant, indent=4)
     if remark := table_words.remark(each):
         lines += wrapped(remark, indent=4)
     if each.order.left_out:

@@ -13,6 +13,7 @@ from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.hints import remarks
 from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
+from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
 
 RUN_HEADERS = (
     "steps/frame",
@@ -99,6 +100,45 @@ def interval(order: ObservedOrder) -> str:
     if order.ci95 is None:
         return "-"
     return f"[{order.ci95[0]:.3f}, {order.ci95[1]:.3f}]"
+
+
+def constant_words(table: AccuracyTable, each: StepperOrder) -> str | None:
+    """The leading term of the error by theory, and how far the runs are from it."""
+    constant = each.constant
+    if constant is None:
+        return None
+    if constant.predicted is None:
+        return f"no error is predicted: {constant.why}"
+    words = f"predicted error {leading_term(constant)}"
+    if constant.ratio is None:
+        return f"{words}; no run can be held against it"
+    where = steps_at(table, each.stepper, constant.dt)
+    words += f", measured {constant.ratio:.4f} times that at {where} steps/frame"
+    first = constant.agree_from(AGREE)
+    if first is None:
+        return f"{words}: {unlike_words(constant)}"
+    if abs(constant.ratio - 1.0) > AGREE_CLOSELY:
+        words += f"; within 10% from {steps_at(table, each.stepper, first)} steps/frame on"
+    return words
+
+
+def leading_term(constant: ErrorConstant) -> str:
+    """The predicted error as a formula."""
+    power = "dt" if constant.order == 1 else f"dt^{constant.order}"
+    return f"{constant.predicted:.4g} {power}"
+
+
+def unlike_words(constant: ErrorConstant) -> str:
+    """What it means that the finest step size does not show the leading term to 10%."""
+    if constant.approaches:
+        return "pre-asymptotic, for finer steps come closer to the prediction"
+    return "theory and runs disagree, for finer steps come no closer to the prediction"
+
+
+def steps_at(table: AccuracyTable, stepper: str, dt: float | None) -> str:
+    """The steps per frame of a stepper's run with a step size."""
+    found = (row for row in table.rows if row.stepper == stepper and row.dt == dt)
+    return next((str(row.steps_per_frame) for row in found), "-")
 
 
 def left_out_words(table: AccuracyTable, each: StepperOrder) -> str:

@@ -20,11 +20,13 @@ from ropeode.progress import Progress, silent
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
-from ropeode.simulation import simulate
+from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import ProblemClass, Stepper
 from ropeode.steppers.functions import StepFunction
+from ropeode.study.error_constant import ErrorConstant, error_constant
+from ropeode.theory.global_error import PredictedError, predicted_error
 from ropeode.threads import cores, threads
 from ropeode.validation import bad_value, complaint, whole_number
 
@@ -91,12 +93,15 @@ class StepperOrder:
         order: what was observed.
         solves: whether the stepper is meant for this kind of problem; if not, the table says
             that it solves another one.
+        constant: of the error, as theory predicts it and as the runs show it; None where nobody
+            asked for it.
     """
 
     stepper: str
     expected: int | None
     order: ObservedOrder
     solves: bool = True
+    constant: ErrorConstant | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -124,6 +129,7 @@ def accuracy_table(
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
+    predict: bool = False,
     progress: Progress = silent,
     **asked: Unpack[Asked],
 ) -> AccuracyTable:
@@ -138,6 +144,7 @@ def accuracy_table(
             `DEFAULT_STEPPERS` that can run on the problem and are meant for it.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
+        predict: predict the error constants from single steps, and compare them with the runs.
         progress: called with what is being done and the fraction that is done.
         asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
@@ -145,9 +152,26 @@ def accuracy_table(
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference can be had for the problem.
     """
-    given, problem = problem, problem_of(problem)
+    measure = norm_for(problem_of(problem), norm)
+    options = ReferenceOptions(**asked)
+    (table,) = tables_in_norms(
+        problem, steppers, steps_per_frame, (measure,), predict, options, progress
+    )
+    return table
+
+
+def tables_in_norms(
+    given: Problem | Reference,
+    steppers: Any,
+    steps_per_frame: Sequence[int],
+    norms: Sequence[Norm],
+    predict: bool,
+    options: ReferenceOptions,
+    progress: Progress,
+) -> tuple[AccuracyTable, ...]:
+    """The same runs, measured in several norms; arguments and exceptions of `accuracy_table`."""
+    problem = problem_of(given)
     chosen, steps_per_frame = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    measure, options = norm_for(problem, norm), ReferenceOptions(**asked)
     # Each run is repeated in other units, which shows its round-off.
     rescaled = in_other_units(problem)
     with threads(_side_by_side(problem)) as pool:
@@ -160,37 +184,49 @@ def accuracy_table(
         reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
         for each in compiled:
             each.result()
+        predicting = [
+            pool.submit(predicted_error, reference, method) for method in methods if predict
+        ]
         # Those that take longest first, so that no processor is left without work at the end.
         running = {
-            pool.submit(_row, problem, rescaled, method, steps, reference, measure): steps
+            pool.submit(_rows, problem, rescaled, method, steps, reference, norms): steps
             for steps in sorted(steps_per_frame, reverse=True)
             for method in methods
         }
         finished, done = {}, 0
         for each in as_completed(running):
-            row, done = each.result(), done + running[each]
-            finished[row.stepper, row.steps_per_frame] = row
-            text = f"{row.stepper}: {row.steps_per_frame} steps per frame"
+            rows, done = each.result(), done + running[each]
+            finished[rows[0].stepper, rows[0].steps_per_frame] = rows
+            text = f"{rows[0].stepper}: {rows[0].steps_per_frame} steps per frame"
             progress(text, done / (len(chosen) * sum(steps_per_frame)))
-    rows = [finished[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
-    size = float(motion(problem, reference.states, measure)[reference.trusted - 1])
+        predictions = [each.result() for each in predicting] or [None] * len(chosen)
     progress("done", 1.0)
-    return AccuracyTable(
-        problem=problem,
-        reference=reference,
-        norm=measure,
-        rows=tuple(rows),
-        orders=tuple(
-            order_of(
-                problem,
-                stepper,
-                [row for row in rows if row.stepper == stepper.label],
-                float(RESOLUTION_FACTOR * reference.bound(measure)[-1]),
-                size,
-            )
-            for stepper in chosen
-        ),
+    every = [finished[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
+    return tuple(
+        _table([rows[i] for rows in every], chosen, predictions, reference, norm)
+        for i, norm in enumerate(norms)
     )
+
+
+def _table(
+    rows: Sequence[Row],
+    chosen: Sequence[Stepper],
+    predictions: Sequence[PredictedError | str | None],
+    reference: Reference,
+    norm: Norm,
+) -> AccuracyTable:
+    problem = reference.problem
+    resolution = float(RESOLUTION_FACTOR * reference.bound(norm)[-1])
+    size = float(motion(problem, reference.states, norm)[reference.trusted - 1])
+    orders = []
+    for stepper, prediction in zip(chosen, predictions, strict=True):
+        runs = [row for row in rows if row.stepper == stepper.label]
+        order = order_of(problem, stepper, runs, resolution, size)
+        if prediction is not None:
+            constant = error_constant(problem, norm, runs, order.order, prediction)
+            order = dataclasses.replace(order, constant=constant)
+        orders.append(order)
+    return AccuracyTable(problem, reference, norm, tuple(rows), tuple(orders))
 
 
 def _side_by_side(problem: Problem) -> int:
@@ -278,31 +314,41 @@ def check_steps(given: Sequence[int]) -> StepsPerFrame:
     return steps
 
 
-def _row(
+def _rows(
     problem: Problem,
     rescaled: Problem,
     method: Method,
     steps: int,
     reference: Reference,
-    norm: Norm,
-) -> Row:
+    norms: Sequence[Norm],
+) -> tuple[Row, ...]:
+    """One run as a row in each norm."""
     run = simulate(problem, method, steps)
-    errors: dict[str, Any] = dict.fromkeys(("error_final", "error_max", "error_rms", "round_off"))
+    rounding: Sequence[float | None] = [None] * len(norms)
+    if run.status == "ok":
+        rounding = round_off(run, rescaled, reference.trusted, norms, method)
+    return tuple(
+        _row(run, each, reference, norm) for norm, each in zip(norms, rounding, strict=True)
+    )
+
+
+def _row(run: Trajectory, rounding: float | None, reference: Reference, norm: Norm) -> Row:
+    errors: dict[str, Any] = dict.fromkeys(("error_final", "error_max", "error_rms"))
     if run.status == "ok":
         series = error_series(run, reference, norm.name)
         errors = {
             "error_final": series.final,
             "error_max": series.max,
             "error_rms": series.rms,
-            "round_off": round_off(run, rescaled, reference.trusted, norm, method),
         }
     return Row(
         stepper=run.stepper.label,
-        steps_per_frame=steps,
+        steps_per_frame=run.steps_per_frame,
         dt=run.dt,
         status=run.status,
         diverged_at=run.diverged_at,
         **errors,
+        round_off=rounding,
         resolved=errors["error_max"] is not None,
         resolution=float(RESOLUTION_FACTOR * reference.bound(norm)[-1]),
         rhs_evaluations=run.rhs_evaluations,

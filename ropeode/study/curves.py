@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Unpack
 
@@ -16,8 +17,11 @@ from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
+from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, check_steps, chosen_steppers
+from ropeode.study.error_constant import leading_term
+from ropeode.theory.global_error import PredictedError, predicted_error
 from ropeode.validation import bad_value
 
 
@@ -35,6 +39,8 @@ class Curve:
         diverged_at: the time of the first sample at which the run was not finite; None if it
             stayed finite.
         steps_per_frame: steps between two samples; None for a trajectory from a file.
+        predicted: by theory, the leading term of an error at all sample times of the study; None
+            where there is no prediction.
     """
 
     stepper: str
@@ -44,6 +50,7 @@ class Curve:
     values: np.ndarray
     diverged_at: float | None = None
     steps_per_frame: int | None = None
+    predicted: np.ndarray | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -97,6 +104,7 @@ def error_curves(
     steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
+    predict: bool = False,
     progress: Progress = silent,
     **asked: Unpack[Asked],
 ) -> ErrorCurves:
@@ -109,6 +117,7 @@ def error_curves(
         steppers: as for `ropeode.accuracy_table`.
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
+        predict: predict the leading terms of the errors from single steps as well.
         progress: called with what is being done and the fraction that is done.
         asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
@@ -118,10 +127,33 @@ def error_curves(
     """
     measure = norm_for(problem_of(problem), norm)
     reference, runs = _reference_and_runs(problem, steppers, steps_per_frame, progress, asked)
-    curves = (
-        _curve(run, run.times[1:], distances(run.states, reference, measure)[1:]) for run in runs
-    )
-    return errors_of(reference, measure, curves)
+
+    @functools.cache
+    def prediction(stepper: Stepper) -> PredictedError | str | None:
+        if not predict:
+            return None
+        return predicted_error(reference, method_of(stepper, reference.problem))
+
+    def curve(run: Trajectory) -> Curve:
+        found, own = prediction(run.stepper), error_curve(run, reference, measure)
+        if not isinstance(found, PredictedError):
+            return own
+        sizes = leading_term(reference.problem, measure, found)
+        predicted = None if sizes is None else sizes * run.dt**found.order
+        return dataclasses.replace(own, predicted=predicted)
+
+    return errors_of(reference, measure, map(curve, runs))
+
+
+def error_curve(run: Trajectory, reference: Reference, norm: Norm) -> Curve:
+    """The error of a run of any status against time, without the first sample.
+
+    Arguments:
+        run: on the problem of the reference.
+        reference: that it is compared with.
+        norm: in which errors are measured.
+    """
+    return _curve(run, run.times[1:], distances(run.states, reference, norm)[1:])
 
 
 def errors_of(reference: Reference, norm: Norm, curves: Iterable[Curve]) -> ErrorCurves:

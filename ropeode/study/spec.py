@@ -258,6 +258,7 @@ class TableJob:
             spec.steppers,
             spec.steps_per_frame,
             norm=spec.norm,
+            predict=True,
             progress=progress,
             **spec.asked,
         )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
+from ropeode.errors import InputError
 from ropeode.files import check_writable, write_whole
 from ropeode.terminal.running import not_interrupted
+from ropeode.validation import bad_value
 
 # The names in ropeode.render.formats, with their suffixes. They are listed here too because the
 # help text must not import the renderers; a test compares the two lists.
@@ -60,3 +62,35 @@ def put_out(text: str, path: Path | None) -> None:
         return
     with not_interrupted():
         write_whole(path, text)
+
+
+def check_folder(name: str, given: str) -> Path:
+    """A folder for pictures that exists or can be created, checked before anything is computed.
+
+    Arguments:
+        name: of the option that names it.
+        given: its path.
+
+    Raises:
+        InputError: no file can be written there.
+    """
+    folder = Path(given)
+    try:
+        if folder.exists():
+            check_writable(name, folder / "figure.png")
+        else:
+            folder.mkdir()
+            folder.rmdir()
+    except (OSError, InputError) as error:
+        allowed = "a folder that you may write to, or the name of a new one in such a folder"
+        raise bad_value(name, given, allowed, "choose another folder") from error
+    return folder
+
+
+def put_pictures(pictures: Mapping[str, bytes], folder: Path) -> None:
+    """Write pictures to files of a folder, which is made if need be, and say so."""
+    with not_interrupted():
+        folder.mkdir(exist_ok=True)
+        for name, contents in pictures.items():
+            write_whole(folder / name, contents)
+    click.echo(f"wrote {len(pictures)} pictures to {folder}", err=True)

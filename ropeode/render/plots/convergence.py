@@ -15,7 +15,15 @@ from matplotlib.lines import Line2D
 from ropeode.render import table_words
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.point_markers import MARKS, Point, in_legend, limits, points
-from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE, new_figure, stepper_style
+from ropeode.render.plots.style import (
+    BAND,
+    BAND_EDGE,
+    PREDICTED,
+    PREDICTION,
+    STYLE,
+    new_figure,
+    stepper_style,
+)
 from ropeode.render.plots.triangles import FittedLine, draw_triangles
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
 
@@ -41,7 +49,7 @@ def plot_convergence(table: AccuracyTable) -> Figure:
     figure = new_figure(
         f"Error against step size: {table_words.problem_words(table.problem)}",
         table_words.error_words(table).rstrip("."),
-        _AXES_HEIGHT + _LEGEND_LINE * max(len(drawn), len(shown) + 1),
+        _AXES_HEIGHT + _LEGEND_LINE * max(len(drawn), len(shown) + 2),
     )
     axes = figure.subplots()
     dts = [row.dt for row in table.rows]
@@ -57,6 +65,7 @@ def plot_convergence(table: AccuracyTable) -> Figure:
     lines = []
     for index, each in enumerate(table.orders):
         lines += _draw_stepper(axes, index, each, drawn[each.stepper])
+        _draw_prediction(axes, index, each)
     taken = [np.array([(p.dt, p.error) for p in each]) for each in drawn.values()]
     taken += [_dense(line) for line in lines]
     floor = max(table.rows[0].resolution, axes.get_ylim()[0])
@@ -113,6 +122,15 @@ def _draw_stepper(
     return [line]
 
 
+def _draw_prediction(axes: Axes, index: int, each: StepperOrder) -> None:
+    """The line ``C dt^p`` of theory, over all step sizes, where there is one."""
+    constant = each.constant
+    if constant is not None and constant.predicted is not None and constant.order is not None:
+        dts = np.array(axes.get_xlim())
+        line = constant.predicted * dts**constant.order
+        axes.plot(dts, line, color=stepper_style(index)[0], zorder=1.85, **PREDICTION)
+
+
 def _scatter(axes: Axes, drawn: Sequence[Point], **form: Any) -> None:
     axes.plot(
         [point.dt for point in drawn],
@@ -136,6 +154,8 @@ def _draw_legends(figure: Figure, table: AccuracyTable, shown: Sequence[str]) ->
     if any(each.order.used for each in table.orders):
         words = "filled: used for the order's line"
         marks.insert(0, Line2D([], [], color="0.3", marker="o", label=words))
+    if any(each.constant and each.constant.predicted for each in table.orders):
+        marks.append(Line2D([], [], color="0.3", label=PREDICTED, **PREDICTION))
     figure.legend(handles=steppers, loc="outside lower left")
     figure.legend(handles=marks, loc="outside lower right")
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.panels import Line, draw_legend, new_panels
-from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE
+from ropeode.render.plots.style import BAND, BAND_EDGE, PREDICTED, PREDICTION, STYLE
 from ropeode.render.plots.time_axes import draw_ends, draw_horizon
 from ropeode.study.curves import ErrorCurves
 
@@ -35,7 +35,7 @@ def plot_errors(curves: ErrorCurves) -> Figure:
         axes.set(yscale="log", ylim=_limits(curves))
         _draw_reference(axes, curves)
         for line in panel.lines:
-            _draw_line(axes, line, curves.resolution)
+            _draw_line(axes, line, curves.resolution, curves.times)
     draw_legend(figure, panels)
     return figure
 
@@ -64,7 +64,7 @@ def _draw_reference(axes: Axes, curves: ErrorCurves) -> None:
     draw_horizon(axes, curves.reference)
 
 
-def _draw_line(axes: Axes, line: Line, resolution: np.ndarray) -> None:
+def _draw_line(axes: Axes, line: Line, resolution: np.ndarray, times: np.ndarray) -> None:
     """Solid where errors are resolved, dotted and grey between all others."""
     low, high = axes.get_ylim()
     # What is out of sight is still a number that can be drawn.
@@ -89,3 +89,6 @@ def _draw_line(axes: Axes, line: Line, resolution: np.ndarray) -> None:
         label=line.label,
     )
     draw_ends(axes, line, values)
+    if line.curve.predicted is not None:
+        # Above the measured one, which it would else hide behind.
+        axes.plot(times, line.curve.predicted, color="0.1", label=PREDICTED, zorder=3, **PREDICTION)

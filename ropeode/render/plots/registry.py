@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -44,8 +45,12 @@ def _without_norm(study: Callable[..., Any]) -> Callable[..., Any]:
 
 
 PLOTS: dict[str, Plot] = {
-    "convergence": Plot(accuracy_table, trajectory_errors, plot_convergence),
-    "error": Plot(error_curves, trajectory_error_curves, plot_errors),
+    "convergence": Plot(
+        functools.partial(accuracy_table, predict=True), trajectory_errors, plot_convergence
+    ),
+    "error": Plot(
+        functools.partial(error_curves, predict=True), trajectory_error_curves, plot_errors
+    ),
     "energy": Plot(
         _without_norm(energy_curves), _without_norm(trajectory_energy_curves), plot_energies
     ),

@@ -41,6 +41,10 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 # One more than there are colours, so that the pairs repeat late.
 MARKERS = ("o", "s", "D", "^", "v", "p", "<", ">")
 
+# What theory predicts.
+PREDICTED = "predicted: the leading term"
+PREDICTION: Any = {"linestyle": (0, (5, 2.5)), "linewidth": 0.9, "alpha": 0.75}
+
 BAND = "0.85"
 BAND_EDGE = "0.55"
 

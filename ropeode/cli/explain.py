@@ -1,0 +1,72 @@
+"""The command that explains a stepper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ropeode.cli.job import job_from
+from ropeode.cli.options import table_options_without
+from ropeode.progress import Progress
+from ropeode.terminal.output import (
+    check_folder,
+    format_for,
+    format_option,
+    out_option,
+    put_out,
+    put_pictures,
+)
+from ropeode.terminal.running import set_up_jax, with_progress
+
+
+@click.command()
+@click.argument("step")
+@table_options_without("steppers")
+@click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
+@click.option("--plots", metavar="DIR", help="Write pictures of the errors to DIR.")
+@format_option
+@out_option("explanation")
+def explain(
+    step: str,
+    method: str | None,
+    plots: str | None,
+    form: str | None,
+    out: Path | None,
+    **options: str | None,
+) -> None:
+    """Explain a stepper: what one step does, and what follows from it.
+
+    STEP is whatever `ropeode check` takes: FILE.py:NAME, diffrax:NAME, scipy:NAME or the name of
+    a stepper of ropeode. Single steps tell what it is at dt = 0, which equation it solves, its
+    order and its local error. From these the error of runs is predicted, and set beside the
+    errors of runs on the default rope, or on another problem, as in `ropeode table`. Pictures
+    need matplotlib: pip install '.[plots]'.
+    """
+    folder = check_folder("plots", plots) if plots else None
+    if folder:
+        from ropeode.render.plots.explanation import explanation_pictures
+    set_up_jax()
+    from ropeode.render.formats import format_explanation
+    from ropeode.study.explanation import explain_stepper
+
+    job = job_from(None, options)
+    chosen = "steps_per_frame" in job.spec.model_fields_set
+
+    def work(progress: Progress) -> tuple[str, dict[str, bytes]]:
+        found = explain_stepper(
+            step,
+            job.given,
+            method=method,
+            steps_per_frame=job.spec.steps_per_frame if chosen else None,
+            norm=job.spec.norm,
+            progress=progress,
+            **job.spec.asked,
+        )
+        pictures = explanation_pictures(found) if folder else {}
+        return format_explanation(found, format_for(form, out)), pictures
+
+    text, pictures = with_progress(work)
+    if folder:
+        put_pictures(pictures, folder)
+    put_out(text, out)

@@ -1,0 +1,372 @@
+"""The explanation of a stepper in every format."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from ropeode.render import data, markup, table_words
+from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
+from ropeode.steppers.base import ProblemClass
+from ropeode.study.accuracy_table import AccuracyTable
+from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
+from ropeode.study.explanation import ClassOrder, Explanation, LocalQuantity, LocalStep, Part
+from ropeode.theory.equal_steps import StepDifference
+
+SCHEMA = "ropeode.explain/1"
+_PLURAL = {"position": "positions", "velocity": "velocities", "state": "the state"}
+_LOCAL = ("quantity", "order", "change at dt = 0", "rate - f", "largest at")
+_ORDERS = ("problems", "local", "observed", "declared")
+_CONSTANTS = ("error", "p", "C predicted", "C measured", "at", "ratio", "10% from", "1% from")
+
+
+def as_text(explanation: Explanation) -> str:
+    """Paragraphs and tables, for 80 columns."""
+    return markup.plain(blocks(explanation))
+
+
+def blocks(explanation: Explanation) -> list[Block]:
+    """The page, part by part."""
+    return [
+        Heading(title(explanation)),
+        Section("One step"),
+        Paragraph(" ".join(step_words(explanation.local))),
+        _local_grid(explanation),
+        *(Paragraph(words) for words in likeness_words(explanation)),
+        Section("Order"),
+        *_order_blocks(explanation),
+        Section("Error constant"),
+        *_constant_blocks(explanation),
+        Paragraph(table_words.reference_words(explanation.tables[0])),
+    ]
+
+
+def title(explanation: Explanation) -> str:
+    """The stepper and the problem."""
+    return f"{explanation.stepper}: {table_words.problem_words(explanation.problem)}"
+
+
+def step_words(local: LocalStep) -> list[str]:
+    """What one step does, sentence by sentence."""
+    words = [_identity_words(local)]
+    if local.order is None or local.order > -1:
+        words.append(_rate_words(local))
+    words += _order_words(local)
+    if not local.one_step:
+        words.append("The step has memory: all this holds for what it does after its own start.")
+    short, long = local.longest
+    lengths = f"{long:.2g}" if f"{short:.2g}" == f"{long:.2g}" else f"{short:.2g} to {long:.2g}"
+    states = "1 state" if len(local.times) == 1 else f"{len(local.times)} states"
+    along = "along the solution" if local.one_step else "like those along the solution"
+    words.append(f"This is read off steps at most {lengths} long, from {states} {along}.")
+    return words
+
+
+def _identity_words(local: LocalStep) -> str:
+    if local.order != -1:
+        return f"At dt = 0 the step is the identity, to {_bound(local, 'identity')}."
+    changes = _listed(
+        f"multiplies {_PLURAL[each.quantity]} by {1.0 + each.identity.factor:.7g}"
+        if each.identity.factor is not None
+        else f"changes {_by_up_to(each, each.identity)}"
+        for each in local.quantities
+        if each.identity.known
+    )
+    return (
+        f"At dt = 0 the step is not the identity: it {changes}. It does so at every step, "
+        "however short, and so it solves no differential equation."
+    )
+
+
+def _rate_words(local: LocalStep) -> str:
+    if local.order != 0:
+        return f"Its rate of change there is the right-hand side f, to {_bound(local, 'rate')}."
+    off = _listed(_by_up_to(each, each.rate) for each in local.quantities if each.rate.known)
+    return (
+        "It solves another equation: at dt = 0 its rate of change differs from the right-hand "
+        f"side f, in {off}."
+    )
+
+
+def _by_up_to(each: LocalQuantity, part: Part) -> str:
+    return f"{_PLURAL[each.quantity]} by up to {part.largest:.4g}"
+
+
+def _bound(local: LocalStep, name: str) -> str:
+    parts = [getattr(each, name) for each in local.quantities]
+    return f"{max(max(part.largest, part.error) for part in parts):.1g}"
+
+
+def _order_words(local: LocalStep) -> list[str]:
+    if local.order is None:
+        return [f"Rounding hides its error: the order is {local.at_least} or higher."]
+    if local.order < 1:
+        return []
+    words = [
+        f"The error of a step begins with dt^{local.order + 1}: the step is of order {local.order}."
+    ]
+    better = [each for each in local.quantities if each.order is None or each.order > local.order]
+    for each in better:
+        verb = "is" if each.quantity == "state" else "are"
+        order = f"{each.at_least} or higher" if each.order is None else str(each.order)
+        words.append(f"{_PLURAL[each.quantity].capitalize()} alone {verb} of order {order}.")
+    return words
+
+
+def _local_grid(explanation: Explanation) -> Grid:
+    local, headers = explanation.local, list(_LOCAL)
+    known = local.order is not None and local.order >= 1
+    if known:
+        headers.insert(4, f"error/dt^{local.order + 1}")  # type: ignore[operator]
+    rows = []
+    for each in local.quantities:
+        shown = _shown_part(local, each)
+        row = [
+            each.quantity,
+            f"> {each.at_least - 1}" if each.order is None else str(each.order),
+            _size(each.identity),
+            _size(each.rate) if local.order != -1 else "-",
+            f"{_node(explanation, shown)}t = {shown.time:.4g}" if shown.known else "-",
+        ]
+        if known:
+            row.insert(4, _size(each.local_error) if each.local_error else "-")
+        rows.append(row)
+    return Grid(headers, rows, left=frozenset({0, len(headers) - 1}))
+
+
+def _shown_part(local: LocalStep, each: LocalQuantity) -> Part:
+    if local.order == -1:
+        return each.identity
+    return each.rate if each.local_error is None else each.local_error
+
+
+def _node(explanation: Explanation, part: Part) -> str:
+    kind = "node" if explanation.problem.mechanics is not None else "component"
+    return f"{kind} {part.index}, "
+
+
+def _size(part: Part) -> str:
+    """A number if it is one, else how small it is."""
+    if part.known:
+        return f"{part.largest:.4g}"
+    bound = max(part.largest, part.error)
+    return f"< {bound:.0e}" if bound else "0"
+
+
+def likeness_words(explanation: Explanation) -> list[str]:
+    """Which steppers of ropeode make the same steps, and how far the one that was named is."""
+    words = []
+    if (other := explanation.compared) is not None:
+        words.append(_compared_words(explanation.stepper, other))
+    same = [each for each in explanation.equal if each != other]
+    if same:
+        names = _listed(each.name for each in same)
+        worst = max(each.largest for each in same)
+        words.append(f"Its steps equal those of {names}, {_to(worst)}.")
+    return words
+
+
+def _compared_words(stepper: str, other: StepDifference) -> str:
+    if other.same:
+        return f"The steps of {stepper} equal those of {other.name}, {_to(other.largest)}."
+    words = (
+        f"It is not {other.name}: after one to three steps their states differ by up to "
+        f"{other.largest:.1e} of their size"
+    )
+    if other.power is not None:
+        words += f", and after one step with the power {other.power:.2f} of dt"
+    return f"{words}."
+
+
+def _to(difference: float) -> str:
+    return "to the last bit" if difference == 0 else f"to {difference:.0e} of the state"
+
+
+def _order_blocks(explanation: Explanation) -> list[Block]:
+    table = explanation.tables[0]
+    observed = table_words.order_cells(table, table.orders[0])
+    rows = [
+        (
+            class_words(each, explanation),
+            _local_order(each),
+            f"{observed[2]} {observed[3]}" if each.own and observed[2] != "-" else "-",
+            "-" if each.declared is None else str(each.declared or "none"),
+        )
+        for each in explanation.orders
+    ]
+    parts: list[Block] = [Grid(_ORDERS, rows, left=frozenset({0}))]
+    for table in explanation.tables:
+        order = table.orders[0]
+        name = _PLURAL[table.norm.quantity]
+        words = f"Observed for {name}: {order.order.verdict}"
+        if order.order.observed is None:
+            words += f", {order.order.why}"
+        else:
+            cells = table_words.order_cells(table, order)
+            words += f", order {cells[2]} {cells[3]}, {cells[4]} steps/frame"
+        if order.order.left_out:
+            words += f"; left out: {table_words.left_out_words(table, order)}"
+        parts.append(Paragraph(f"{words}."))
+    return parts
+
+
+def class_words(each: ClassOrder, explanation: Explanation) -> str:
+    """A class of problems in words."""
+    own = " (this one)" if each.own else ""
+    if explanation.problem.mechanics is None:
+        return f"first-order{own}"
+    return f"{_class(each.of_class)}{own}"
+
+
+def _class(of_class: ProblemClass) -> str:
+    words = ["damped" if of_class.damped else "undamped"]
+    words.append("from rest" if of_class.at_rest else "moving at the start")
+    if of_class.rigid:
+        words.append("rigid")
+    return ", ".join(words)
+
+
+def _local_order(each: ClassOrder) -> str:
+    if each.local is None:
+        return f"> {each.at_least - 1}"
+    return str(each.local) if each.local >= 1 else "none"
+
+
+def _constant_blocks(explanation: Explanation) -> list[Block]:
+    rows = []
+    for table, constant in _constants(explanation):
+        if constant.order is not None:
+            rows.append(
+                (
+                    table.norm.name,
+                    str(constant.order),
+                    "-" if constant.predicted is None else f"{constant.predicted:.5g}",
+                    "-" if constant.measured is None else f"{constant.measured:.5g}",
+                    "-" if constant.dt is None else _steps_at(table, constant.dt),
+                    "-" if constant.ratio is None else f"{constant.ratio:.4f}",
+                    _steps_at(table, constant.agree_from(AGREE)),
+                    _steps_at(table, constant.agree_from(AGREE_CLOSELY)),
+                )
+            )
+    parts: list[Block] = []
+    if rows:
+        last = explanation.reference.trusted - 1
+        parts += [
+            Paragraph(
+                f"As dt goes to 0, the largest error over samples 1 to {last} is C dt^p. C is "
+                "predicted from the local error d, by e' = f_y e + d along the reference, and "
+                "measured at the finest step size whose error is resolved and free of round-off. "
+                "The last columns say from how many steps per frame on the two agree to 10% and to "
+                "1%."
+            ),
+            Grid(_CONSTANTS, rows, left=frozenset({0})),
+        ]
+    return parts + [Paragraph(words) for words in constant_words(explanation)]
+
+
+def _constants(explanation: Explanation) -> Iterator[tuple[AccuracyTable, ErrorConstant]]:
+    for table in explanation.tables:
+        constant = table.orders[0].constant
+        assert constant is not None
+        yield table, constant
+
+
+def constant_words(explanation: Explanation) -> list[str]:
+    """Where a constant is missing, or is not what was predicted."""
+    words = []
+    by_reason: dict[str, list[str]] = {}
+    for table, constant in _constants(explanation):
+        if constant.why is not None:
+            by_reason.setdefault(constant.why, []).append(table.norm.name)
+    for why, norms in by_reason.items():
+        of = "" if len(norms) == len(explanation.tables) else f" of {_listed(norms)}"
+        words.append(f"No error constant{of} is predicted: {why}.")
+    for table, constant in _constants(explanation):
+        if (sentence := _ratio_words(table, constant)) is not None:
+            words.append(sentence)
+    return words
+
+
+def _ratio_words(table: AccuracyTable, constant: ErrorConstant) -> str | None:
+    if constant.predicted is None:
+        return None
+    name = table.norm.name
+    if constant.ratio is None:
+        return f"No run can be held against the prediction of {name}; see what is left out."
+    if abs(constant.ratio - 1.0) <= AGREE:
+        return None
+    where = f"at {_steps_at(table, constant.dt)} steps per frame, the finest that can be used"
+    return (
+        f"In {name} the error {where}, is {constant.ratio:.3g} times what is predicted: "
+        f"{table_words.unlike_words(constant)}."
+    )
+
+
+def _steps_at(table: AccuracyTable, dt: float | None) -> str:
+    return table_words.steps_at(table, table.orders[0].stepper, dt)
+
+
+def _listed(words: Iterable[str]) -> str:
+    words = list(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
+
+
+def as_lines(explanation: Explanation) -> list[dict[str, Any]]:
+    """One line for each run and norm, with the prediction beside its error."""
+    lines = []
+    for table in explanation.tables:
+        lines += [{"norm": table.norm.name, **line} for line in data.as_lines(table)]
+    return lines
+
+
+def as_dict(explanation: Explanation) -> dict[str, Any]:
+    """The explanation as nested plain values, schema `ropeode.explain/1`."""
+    local = explanation.local
+    order = explanation.tables[0].orders[0]
+    constants = [data.constant_dict(each) for _, each in _constants(explanation)]
+    return {
+        "schema": SCHEMA,
+        "stepper": explanation.stepper,
+        "problem": data.problem_dict(explanation.problem),
+        "identity_defect": {
+            each.quantity: dataclasses.asdict(each.identity) for each in local.quantities
+        },
+        "rhs_defect": {each.quantity: dataclasses.asdict(each.rate) for each in local.quantities},
+        "local_error": {
+            each.quantity: each.local_error and dataclasses.asdict(each.local_error)
+            for each in local.quantities
+        },
+        "one_step": local.one_step,
+        "order": {
+            "local": explanation.orders[0].local,
+            "at_least": explanation.orders[0].at_least,
+            "observed": order.order.observed,
+            "declared": order.expected,
+            "by_quantity": {each.quantity: each.order for each in local.quantities},
+            "classes": [
+                {
+                    **each.of_class._asdict(),
+                    "own": each.own,
+                    "local": each.local,
+                    "at_least": each.at_least,
+                    "declared": each.declared,
+                }
+                for each in explanation.orders
+            ],
+        },
+        "error_constant": {
+            **constants[0],
+            "by_norm": {
+                table.norm.name: constant
+                for table, constant in zip(explanation.tables, constants, strict=True)
+            },
+        },
+        "equal_to": [_difference_dict(each) for each in explanation.equal],
+        "compared_with": explanation.compared and _difference_dict(explanation.compared),
+        "tables": {table.norm.name: data.as_dict(table) for table in explanation.tables},
+    }
+
+
+def _difference_dict(each: StepDifference) -> dict[str, Any]:
+    return {**each._asdict(), "same": each.same}

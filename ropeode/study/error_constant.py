@@ -1,0 +1,137 @@
+"""The leading term of the error, as theory predicts it and as runs show it."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, ObservedOrder
+from ropeode.norms import Norm, distance
+from ropeode.problems.problem import Problem
+from ropeode.theory.global_error import PredictedError
+
+# Theory and runs agree to this part, or closely.
+AGREE, AGREE_CLOSELY = 0.1, 0.01
+# A predicted size that is not so many times its uncertainty may be zero.
+_CERTAIN = 10.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ErrorConstant:
+    """C in ``max error = C dt**order``, predicted and measured in one norm.
+
+    Arguments:
+        order: the power of dt; None where there is no prediction, and no whole order was observed.
+        predicted_at: the error over ``dt**order`` at each trusted sample but the first, from the
+            local error and the variational equation; None where there is no prediction.
+        why: the reason for that.
+        measured_at: the largest error of a run over ``dt**order``, by step size from the finest to
+            the coarsest, where the error is resolved, stable and free of round-off.
+    """
+
+    order: int | None
+    predicted_at: np.ndarray | None
+    why: str | None
+    measured_at: Mapping[float, float]
+
+    @property
+    def predicted(self) -> float | None:
+        """C by theory."""
+        return None if self.predicted_at is None else float(np.max(self.predicted_at))
+
+    @property
+    def dt(self) -> float | None:
+        """The finest step size of `measured_at`."""
+        return next(iter(self.measured_at), None)
+
+    @property
+    def measured(self) -> float | None:
+        """C by the run with that step size."""
+        return next(iter(self.measured_at.values()), None)
+
+    @property
+    def ratio(self) -> float | None:
+        """Measured over predicted."""
+        return next(iter(self.ratios.values()), None)
+
+    @property
+    def ratios(self) -> dict[float, float]:
+        """Measured over predicted, by step size from the finest on."""
+        size = self.predicted
+        return {} if size is None else {dt: c / size for dt, c in self.measured_at.items()}
+
+    def agree_from(self, part: float) -> float | None:
+        """The largest step size from which on, to the finest, the two agree to within this part."""
+        found = None
+        for dt, ratio in self.ratios.items():
+            if abs(ratio - 1.0) > part:
+                break
+            found = dt
+        return found
+
+    @property
+    def approaches(self) -> bool:
+        """Whether the ratio comes closer to 1 with each of the three finest step sizes."""
+        apart = [abs(ratio - 1.0) for ratio in self.ratios.values()][:3]
+        return len(apart) > 1 and all(a < b for a, b in itertools.pairwise(apart))
+
+
+def error_constant(
+    problem: Problem,
+    norm: Norm,
+    rows: Sequence[Any],
+    order: ObservedOrder,
+    prediction: PredictedError | str,
+) -> ErrorConstant:
+    """What theory predicts beside what runs with several step sizes show.
+
+    Arguments:
+        problem: that was solved.
+        norm: in which the errors are measured.
+        rows: the runs, with `dt` and `error_max`.
+        order: what was observed of them.
+        prediction: from `ropeode.theory.global_error.predicted_error`.
+    """
+    power, predicted, why = _predicted(problem, norm, order, prediction)
+    barred = (UNSTABLE, UNRESOLVED, ROUND_OFF)
+    unusable = {each.dt for each in order.left_out if each.reason in barred}
+    errors = {row.dt: row.error_max for row in rows if row.error_max and row.dt not in unusable}
+    measured = {} if power is None else {dt: errors[dt] / dt**power for dt in sorted(errors)}
+    return ErrorConstant(power, predicted, why, measured)
+
+
+def _predicted(
+    problem: Problem, norm: Norm, order: ObservedOrder, prediction: PredictedError | str
+) -> tuple[int | None, np.ndarray | None, str | None]:
+    """The power of dt and the error over it at each sample; or an observed power, and why."""
+    if isinstance(prediction, str):
+        return _whole(order), None, prediction
+    sizes = leading_term(problem, norm, prediction)
+    if sizes is None:
+        return _whole(order), None, f"the term with dt^{prediction.order} vanishes"
+    return prediction.order, sizes, None
+
+
+def leading_term(problem: Problem, norm: Norm, prediction: PredictedError) -> np.ndarray | None:
+    """The predicted error over ``dt**order`` at each trusted sample but the first, ``(times,)``.
+
+    None where it may be zero in this norm.
+    """
+    states = prediction.states[1:]
+    sizes = distance(problem, norm, states, np.zeros_like(states))
+    largest = float(np.max(np.abs(states), initial=0.0))
+    certain = np.max(sizes, initial=0.0) > _CERTAIN * prediction.uncertain * largest
+    return sizes if certain else None
+
+
+def _whole(order: ObservedOrder) -> int | None:
+    """The one whole number that the observed order can be."""
+    if order.ci95 is None or order.verdict != "converges":
+        return None
+    low, high = order.ci95
+    inside = [p for p in range(1, int(high) + 1) if p >= low]
+    return inside[0] if len(inside) == 1 else None

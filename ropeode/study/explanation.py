@@ -1,0 +1,365 @@
+"""A stepper explained: what one step does, and what follows for its errors."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any, Unpack
+
+import numpy as np
+
+from ropeode.norms import norm_for
+from ropeode.precision import in_float64
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
+from ropeode.references.certificate import largest_norms
+from ropeode.references.compute import reference_for
+from ropeode.references.options import Asked, ReferenceOptions
+from ropeode.references.reference import Reference, problem_of
+from ropeode.simulation import Trajectory, simulate
+from ropeode.simulation.method import Method, method_of
+from ropeode.steppers import as_stepper
+from ropeode.steppers.base import ProblemClass
+from ropeode.steppers.registry import registered
+from ropeode.study.accuracy_table import (
+    DEFAULT_STEPS_PER_FRAME,
+    AccuracyTable,
+    check_steps,
+    problem_class,
+    tables_in_norms,
+)
+from ropeode.study.curves import ErrorCurves, error_curve, errors_of
+from ropeode.study.error_constant import ErrorConstant
+from ropeode.theory.equal_steps import StepDifference, equal_steppers, step_difference
+from ropeode.theory.expansion import Expansion, Term, expanded
+from ropeode.theory.step_samples import StepSamples
+
+# Of a step that runs in Python, which takes some 30 us each time.
+_MOST_IN_PYTHON = 1024
+# States at which a step is expanded.
+_STATES = 8
+# How closely a term is a multiple of the state.
+_PROPORTIONAL = 1e-4
+# Of the runs whose errors are shown against time, one is finer than the other by so many rows.
+_BETWEEN = 4
+# Where a problem has none, to see what damping does.
+_DAMPING = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """A term of the expansion of a step, in one quantity.
+
+    Arguments:
+        largest: the largest component at any of the states, in the units of the problem.
+        error: its estimated error.
+        known: whether the term is certainly not zero at some state.
+        time: of the state where it is largest.
+        index: of the component there; for a mechanical problem that of the node.
+        factor: where the term is this multiple of the quantity itself; else None.
+    """
+
+    largest: float
+    error: float
+    known: bool
+    time: float
+    index: int
+    factor: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class LocalQuantity:
+    """What one step does to one quantity, as dt goes to 0.
+
+    Arguments:
+        quantity: position, velocity or state.
+        order: at which its error begins; -1: the step is not the identity at dt = 0; 0: another
+            equation is solved. None where rounding hides it.
+        at_least: up to this order, it is certain that there is no error.
+        identity: what a step of dt = 0 changes.
+        rate: by how much the rate of change differs from the right-hand side.
+        local_error: the coefficient of ``dt**(order + 1)`` in the error of a step, at the order
+            of the whole step; None where that is not known, or below 1.
+    """
+
+    quantity: str
+    order: int | None
+    at_least: int
+    identity: Part
+    rate: Part
+    local_error: Part | None
+
+
+@dataclasses.dataclass(frozen=True)
+class LocalStep:
+    """What one step does at states along the solution.
+
+    Arguments:
+        order: the lowest of the quantities' orders; None where rounding hides it.
+        at_least: as in `LocalQuantity`.
+        one_step: whether a step depends on nothing but state, time and step size.
+        quantities: one for each.
+        times: of the states.
+        longest: step of the expansion, as the smallest and largest of these states.
+    """
+
+    order: int | None
+    at_least: int
+    one_step: bool
+    quantities: tuple[LocalQuantity, ...]
+    times: tuple[float, ...]
+    longest: tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class ClassOrder:
+    """The order on a class of problems.
+
+    Arguments:
+        of_class: whether problems are damped, start at rest, and are rigid.
+        own: whether the explained problem is one of them.
+        local: read off single steps; None where rounding hides it.
+        at_least: as in `LocalQuantity`.
+        declared: by the stepper; None where it declares nothing.
+    """
+
+    of_class: ProblemClass
+    own: bool
+    local: int | None
+    at_least: int
+    declared: int | None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Explanation:
+    """What one step of a stepper does, and what follows from it, beside what its runs show.
+
+    Arguments:
+        stepper: its name with options.
+        problem: that it is explained on.
+        reference: that its runs are compared with.
+        local: its expansion at single states.
+        orders: local and declared, the problem's own class first.
+        tables: errors, observed orders and error constants, one for each norm.
+        against_time: errors of a run or two, with the predicted ones, for each norm.
+        equal: steppers of ropeode that make the same steps.
+        compared: the difference from the method that was named, if one was.
+    """
+
+    stepper: str
+    problem: Problem
+    reference: Reference
+    local: LocalStep
+    orders: tuple[ClassOrder, ...]
+    tables: tuple[AccuracyTable, ...]
+    against_time: tuple[ErrorCurves, ...]
+    equal: tuple[StepDifference, ...]
+    compared: StepDifference | None
+
+
+@in_float64
+def explain_stepper(
+    step: Any,
+    problem: Problem | Reference,
+    *,
+    method: str | None = None,
+    steps_per_frame: Sequence[int] | None = None,
+    norm: str | None = None,
+    progress: Progress = silent,
+    **asked: Unpack[Asked],
+) -> Explanation:
+    """Explain a stepper: what one step does, and what follows for its errors.
+
+    Single steps from states of a reference are expanded in dt. That tells what the step is at
+    dt = 0, which equation it solves, its order and local error, and from these the leading term
+    of its error along the solution, which is then set beside the errors of runs.
+
+    Arguments:
+        step: whatever `ropeode.as_stepper` takes.
+        problem: on which it is explained, or a reference of it.
+        method: the stepper of ropeode that it is meant to be, by name with options.
+        steps_per_frame: of the runs, whole numbers, each once; by default 16, 32, ..., 16384, up to
+            1024 for a step that runs in Python.
+        norm: one of `ropeode.norms.NORMS`; by default the largest error of each quantity.
+        progress: called with what is being done and the fraction that is done.
+        asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+        UserCodeError: the step raised, or returned what is no state.
+        ReferenceRefused: no reference of the problem can be certified.
+    """
+    own, options = problem_of(problem), ReferenceOptions(**asked)
+    norms = tuple(largest_norms(own).values()) if norm is None else (norm_for(own, norm),)
+    stepper = as_stepper(step)
+    stepper.require(own)
+    known = None if method is None else registered(method)
+    if known is not None:
+        known.require(own)
+    ladder = None if steps_per_frame is None else check_steps(steps_per_frame)
+    ready = method_of(stepper, own)
+    if ladder is None:
+        most = np.inf if ready.trial.compiled else _MOST_IN_PYTHON
+        ladder = check_steps([each for each in DEFAULT_STEPS_PER_FRAME if each <= most])
+    reference = reference_for(problem, options, lambda text, _: progress(text, 0.0))
+
+    progress("expanding a step", 0.2)
+    samples, label = StepSamples(own, ready), ready.stepper.label
+    at = _expansion(samples, *_states(reference))
+    local = _started(at, samples, problem_class(own))
+    # What moves nodes in a step of dt = 0 may do so to keep lengths.
+    lengths = own.rigid or bool(np.any(_combined(at, -1).known[0]))
+    equal = list(equal_steppers(samples, at, lengths=lengths))
+    compared = None if known is None else step_difference(samples, known, at)
+    orders = tuple(_class_orders(ready, own, at, local))
+    tables = tables_in_norms(
+        reference,
+        [stepper],
+        ladder,
+        norms,
+        True,
+        options,
+        lambda text, done: progress(text, None if done is None else 0.4 + 0.6 * done),
+    )
+    return Explanation(
+        stepper=label,
+        problem=own,
+        reference=reference,
+        local=_local_step(local),
+        orders=orders,
+        tables=tables,
+        against_time=tuple(_against_time(ready, tables)),
+        equal=tuple(each for each in equal if each.name != label),
+        compared=compared,
+    )
+
+
+def _states(reference: Reference) -> tuple[np.ndarray, np.ndarray]:
+    """Some times at which a reference is trusted, and its states there."""
+    last = max(reference.trusted - 1, 0)
+    some = np.unique(np.linspace(0, last, _STATES).astype(int))
+    return reference.times[some], reference.states[some]
+
+
+def _expansion(samples: StepSamples, t: np.ndarray, y: np.ndarray) -> Expansion:
+    return expanded(samples, t, y, float(np.max(np.diff(samples.problem.ts))))
+
+
+def _local_step(at: Expansion) -> LocalStep:
+    order = at.order
+    identity, rate = _combined(at, -1), _combined(at, 0)
+    local = None if order is None or order < 1 else at.rate(order)
+    return LocalStep(
+        order=order,
+        at_least=at.seen + 1,
+        one_step=at.one_step,
+        quantities=tuple(
+            LocalQuantity(
+                quantity=quantity,
+                order=None if np.all(np.isnan(at.orders[i])) else int(np.nanmin(at.orders[i])),
+                at_least=at.seen + 1,
+                identity=_part(at, identity, i),
+                rate=_part(at, rate, i),
+                local_error=None if local is None else _part(at, local, i),
+            )
+            for i, quantity in enumerate(at.problem.quantities)
+        ),
+        times=tuple(at.t.tolist()),
+        longest=(float(np.nanmin(at.reach)), float(np.nanmax(at.reach))),
+    )
+
+
+def _combined(at: Expansion, order: int) -> Term:
+    """The term that grows with the steps; where that is not known, the one of the start."""
+    grows, start = at.rate(order), at.start(order)
+    return start if np.any(start.known) and not np.any(grows.known) else grows
+
+
+def _part(at: Expansion, term: Term, quantity: int) -> Part:
+    problem, name = at.problem, at.problem.quantities[quantity]
+    values = np.nan_to_num(problem.quantity(name, term.value))
+    sizes = np.max(np.abs(values), axis=2)
+    state, index = np.unravel_index(np.argmax(sizes), sizes.shape)
+    return Part(
+        largest=float(sizes[state, index]),
+        error=float(np.nanmax(term.error[quantity])),
+        known=bool(np.any(term.known[quantity])),
+        time=float(at.t[state]),
+        index=int(index),
+        factor=_factor(values, problem.quantity(name, at.y)),
+    )
+
+
+def _factor(values: np.ndarray, states: np.ndarray) -> float | None:
+    """The factor, where values are a multiple of states."""
+    factor = float(np.sum(values * states) / (np.sum(states**2) or 1.0))
+    rest = np.max(np.abs(values - factor * states))
+    return factor if rest <= _PROPORTIONAL * np.max(np.abs(values)) else None
+
+
+def _started(at: Expansion, samples: StepSamples, of_class: ProblemClass) -> Expansion:
+    """The expansion for problems that start at rest, where a step has memory of its start."""
+    if at.one_step or not of_class.at_rest:
+        return at
+    still = at.y.copy()
+    still[:, 1] = 0.0
+    return _expansion(samples, at.t, still)
+
+
+def _class_orders(
+    ready: Method, problem: Problem, at: Expansion, local: Expansion
+) -> Iterator[ClassOrder]:
+    """The order on the problem's own class, and on others that differ in damping and start."""
+
+    def order(of_class: ProblemClass, at: Expansion) -> ClassOrder:
+        declared = ready.stepper.order(of_class)
+        return ClassOrder(of_class, of_class == own, at.order, at.seen + 1, declared)
+
+    own = problem_class(problem)
+    yield order(own, local)
+    if problem.mechanics is None:
+        return
+    moving = own._replace(at_rest=not own.at_rest)
+    yield order(moving, _started(at, StepSamples(problem, ready), moving))
+    other = _with_other_damping(problem, own)
+    if other is None or ready.stepper.refusal(other) is not None:
+        return
+    samples = StepSamples(other, ready)
+    at = _expansion(samples, at.t, at.y)
+    for of_class in (own, moving):
+        of_class = of_class._replace(damped=not own.damped)
+        yield order(of_class, _started(at, samples, of_class))
+
+
+def _with_other_damping(problem: Problem, own: ProblemClass) -> Problem | None:
+    """The same problem without damping, or with some where it has none; None if nobody can say."""
+    parameters = dict(problem.parameters)
+    kind = parameters.pop("kind", None)
+    if kind not in PROBLEMS or "damping" not in parameters:
+        return None
+    return PROBLEMS[kind](**{**parameters, "damping": 0.0 if own.damped else _DAMPING})
+
+
+def _against_time(ready: Method, tables: Sequence[AccuracyTable]) -> Iterator[ErrorCurves]:
+    """The errors of two runs: the finest that the constant is measured at, and a coarser one."""
+    runs: dict[int, Trajectory] = {}
+    for table in tables:
+        constant, curves = table.orders[0].constant, []
+        assert constant is not None
+        for steps in _shown_steps(table, constant):
+            if steps not in runs:
+                runs[steps] = simulate(table.problem, ready, steps)
+            run, predicted = runs[steps], constant.predicted_at
+            curve = error_curve(run, table.reference, table.norm)
+            if predicted is not None and constant.order is not None:
+                curve = dataclasses.replace(curve, predicted=predicted * run.dt**constant.order)
+            curves.append(curve)
+        yield errors_of(table.reference, table.norm, curves)
+
+
+def _shown_steps(table: AccuracyTable, constant: ErrorConstant) -> list[int]:
+    shown = [row for row in table.rows if row.dt in constant.measured_at]
+    shown = shown or [row for row in table.rows if row.status == "ok"]
+    shown.sort(key=lambda row: row.dt)
+    return [row.steps_per_frame for row in shown[: _BETWEEN + 1 : _BETWEEN]]

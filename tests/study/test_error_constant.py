@@ -1,0 +1,78 @@
+"""The leading term of the error, predicted and measured."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from ropeode.analysis.order import observed_order
+from ropeode.norms import norm_for
+from ropeode.problems.problem import Problem
+from ropeode.study.accuracy_table import accuracy_table
+from ropeode.study.error_constant import ErrorConstant, error_constant
+from ropeode.theory.global_error import PredictedError
+
+
+def decay(t, y, args):
+    return -y
+
+
+@dataclasses.dataclass
+class Run:
+    dt: float
+    error_max: float | None
+
+
+def constant(measured, predicted=2.0):
+    return ErrorConstant(1, np.array([predicted / 2, predicted]), None, measured)
+
+
+@pytest.mark.slow
+def test_against_a_formula():
+    # (1 - dt)^n = exp(-t - t dt/2 + ...): the error is t/2 exp(-t) dt.
+    problem = Problem(decay, [1.0], [0.0, 1.0, 2.0])
+    table = accuracy_table(problem, ["explicit-euler"], (64, 128, 256), predict=True)
+    found = table.orders[0].constant
+    assert found is not None
+    times = problem.ts[1:]
+    np.testing.assert_allclose(found.predicted_at, times / 2 * np.exp(-times), rtol=1e-5)
+    assert found.order == 1
+    assert found.predicted == pytest.approx(0.5 / np.e)
+    # The next term of the error is smaller by about dt.
+    assert found.ratio == pytest.approx(1.0, abs=2 / 256)
+    assert found.agree_from(0.1) == 1 / 64
+    assert accuracy_table(problem, ["explicit-euler"], (64, 128)).orders[0].constant is None
+
+
+def test_agreement_begins_where_it_lasts_to_the_finest_step():
+    found = constant({0.1: 2.01, 0.2: 2.15, 0.4: 2.5, 0.8: 2.0})
+    assert (found.dt, found.measured, found.ratio) == (0.1, 2.01, 1.005)
+    assert found.agree_from(0.01) == 0.1
+    assert found.agree_from(0.1) == 0.2
+    assert constant({0.1: 2.5, 0.2: 2.0}).agree_from(0.1) is None
+
+
+def test_what_comes_closer_is_pre_asymptotic():
+    assert constant({0.1: 3.0, 0.2: 4.0, 0.4: 6.0}).approaches
+    assert not constant({0.1: 4.0, 0.2: 4.0, 0.4: 6.0}).approaches
+    assert not constant({0.1: 4.0}).approaches
+
+
+def test_runs_that_cannot_be_used_count_for_nothing():
+    problem = Problem(decay, [1.0], [0.0, 1.0, 2.0])
+    dts = [0.5, 0.25, 0.125, 0.0625, 0.03125]
+    errors = [9.0, 0.25, 0.126, 0.0626, 0.9]
+    order = observed_order(dts, errors, rounding=[0, 0, 0, 0, 0.5], motion=1.0)
+    runs = [Run(dt, error) for dt, error in zip(dts, errors, strict=True)]
+    prediction = PredictedError(1, problem.ts, np.array([[0.0], [1.0], [0.5]]), 1e-6)
+    found = error_constant(problem, norm_for(problem), runs, order, prediction)
+    assert list(found.measured_at) == [0.0625, 0.125, 0.25]
+    assert found.measured == pytest.approx(0.0626 / 0.0625)
+    none = error_constant(problem, norm_for(problem), runs, order, "nobody knows")
+    assert (none.predicted, none.why, none.order, none.ratio) == (None, "nobody knows", 1, None)
+    zero = PredictedError(1, problem.ts, np.zeros((3, 1)), 0.0)
+    zero = error_constant(problem, norm_for(problem), runs, order, zero)
+    assert zero.predicted is None
+    assert zero.why == "the term with dt^1 vanishes"

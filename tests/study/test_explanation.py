@@ -1,0 +1,152 @@
+"""What one step of a stepper does, and what follows from it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.references.compute import reference
+from ropeode.render.formats import EXPLANATION_FORMATS, format_explanation
+from ropeode.study.explanation import explain_stepper
+from ropeode.terminal.output import FORMATS as NAMES
+
+STEPS = (64, 128, 256)
+
+
+def damped_per_step(acceleration, t, x, v, dt, args):
+    x_new = x + (1 - 5e-5) * v * dt + np.asarray(acceleration(t, x, v, args)) * dt**2
+    return x_new, (x_new - x) / dt
+
+
+def heavy(acceleration, t, x, v, dt, args):
+    v_new = v + dt * 1.01 * acceleration(t, x, v, args)
+    return x + dt * v_new, v_new
+
+
+def own_euler(rhs, t, y, dt, args):
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+@pytest.fixture(scope="module")
+def known():
+    return reference(Rope(num_nodes=4).problem(frames=3))
+
+
+@pytest.fixture(scope="module")
+def right(known):
+    return explain_stepper(own_euler, known, steps_per_frame=STEPS, method="semi-implicit-euler")
+
+
+@pytest.fixture(scope="module")
+def wrong(known):
+    return explain_stepper(damped_per_step, known, steps_per_frame=STEPS)
+
+
+def test_a_right_step(right):
+    local = right.local
+    assert (local.order, local.one_step) == (1, True)
+    assert [each.order for each in local.quantities] == [1, 1]
+    assert not any(each.identity.known or each.rate.known for each in local.quantities)
+    for table in right.tables:
+        (order,) = table.orders
+        assert order.constant is not None
+        assert order.constant.ratio == pytest.approx(1, abs=0.02)
+    for each in right.against_time:
+        (curve,) = each.curves
+        assert curve.predicted == pytest.approx(curve.values, rel=0.1)
+
+
+def test_what_it_is_and_what_it_is_not(right):
+    assert [each.name for each in right.equal] == ["explicit-euler"]
+    # Positions differ by dt^2 a.
+    assert right.compared.power == pytest.approx(2, abs=0.01)
+    assert not right.compared.same
+
+
+@pytest.mark.slow
+def test_orders_of_other_classes(known):
+    found = explain_stepper("stormer-verlet:start=rest", known, steps_per_frame=STEPS)
+    assert [(*each.of_class[:2], each.local or 0, each.declared) for each in found.orders] == [
+        (True, True, 1, 1),
+        (True, False, 0, 0),
+        (False, True, 1, 1),
+        (False, False, 0, 0),
+    ]
+    assert not found.local.one_step
+    assert found.local.order == 1
+
+
+def test_no_identity(wrong):
+    assert wrong.local.order == -1
+    position, velocity = wrong.local.quantities
+    assert not position.identity.known
+    assert velocity.identity.factor == pytest.approx(-5e-5, rel=1e-4)
+    text = " ".join(format_explanation(wrong).split())
+    assert "it multiplies velocities by 0.99995." in text
+    assert "No error constant is predicted" in text
+    assert wrong.tables[0].orders[0].constant.predicted is None
+
+
+def test_another_equation(known):
+    found = explain_stepper(heavy, known, steps_per_frame=STEPS)
+    assert found.local.order == 0
+    assert found.local.quantities[1].rate.known
+    assert "It solves another equation" in format_explanation(found)
+
+
+@pytest.mark.slow
+def test_a_first_order_problem():
+    problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0, 2.0])
+    found = explain_stepper("rk4", problem, steps_per_frame=(4, 8, 16))
+    assert found.local.order == 4
+    # Of y' = -y the error of a step is dt^5/120, and that of the solution t/120 exp(-t) dt^4.
+    assert found.tables[0].orders[0].constant.predicted == pytest.approx(1 / 120 / np.e, rel=1e-3)
+    assert "first-order (this one)" in format_explanation(found)
+
+
+def test_formats_are_those_of_the_command_line():
+    assert list(EXPLANATION_FORMATS) == list(NAMES)
+
+
+@pytest.mark.parametrize("which", ["right", "wrong"])
+@pytest.mark.parametrize("form", NAMES)
+def test_every_format(which, form, request):
+    found = request.getfixturevalue(which)
+    text = format_explanation(found, form)
+    assert text.endswith("\n")
+    if form == "csv":
+        rows = list(csv.DictReader(io.StringIO(text)))
+        assert [row["norm"] for row in rows] == ["position-max"] * 3 + ["velocity-max"] * 3
+    elif form == "json":
+        values = json.loads(text)
+        assert values["schema"] == "ropeode.explain/1"
+        assert values["order"]["local"] == found.local.order
+        assert values["error_constant"]["ratio"] == found.tables[0].orders[0].constant.ratio
+        assert values["identity_defect"]["velocity"]["known"] == (which == "wrong")
+        assert {"stepper", "problem", "rhs_defect", "equal_to"} <= values.keys()
+        assert {"local", "observed", "declared"} <= values["order"].keys()
+    else:
+        assert "steps/frame" in text
+    if form == "text":
+        assert all(len(line) <= 80 for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"method": "verlet"}, "stepper: 'verlet' given, which does not exist"),
+        ({"norm": "state-max"}, "norm: 'state-max' given"),
+        ({"steps_per_frame": [4, 4]}, "one is repeated"),
+        ({"rtol": 2}, "rtol"),
+    ],
+)
+def test_bad_input(given, words, known):
+    with pytest.raises(InputError, match=words):
+        explain_stepper("rk4", known.problem, **given)
