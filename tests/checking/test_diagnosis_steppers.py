@@ -149,7 +149,7 @@ def test_both_faults_of_the_natural_verlet_are_named():
     assert "multiplies velocities by 0.99995," in per_step.line
     assert per_step.evidence["lost_per_step"] == pytest.approx(5e-5, rel=1e-7)
     assert equation.cause == "equation"
-    assert "the damping is left out" in equation.line
+    assert "solves another equation: the damping is left out (all else" in equation.line
 
 
 def swapped(acceleration, t, x, v, dt, args):

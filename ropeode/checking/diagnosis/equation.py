@@ -42,7 +42,15 @@ def diagnose_equation(
         return pace
     faults, evidence = [], {}
     if moved:
-        faults += _positions(expansions, evidence)
+        # Positions that move with the velocity which is kept have no fault of their own.
+        by_velocity = _positions(expansions, evidence)
+        share = evidence["positions"].get("velocity")
+        if (
+            kept is None
+            or share is None
+            or np.max(np.abs(_free(expansions, kept) - share)) > _SPREAD
+        ):
+            faults += by_velocity
     if accelerated:
         faults += _velocities(expansions, evidence)
     if kept is not None and not all(fault.named for fault in faults):
@@ -56,6 +64,12 @@ def diagnose_equation(
         texts[-1] += f" (all else is right to {max(evidence['rest'], 1e-16):.0e})"
     line = "at dt = 0 the step solves another equation: " + "; ".join(texts)
     return Diagnosis("equation", line, evidence)
+
+
+def _free(expansions: Sequence[Expansion], kept: np.ndarray) -> np.ndarray:
+    """What is kept at the free nodes of all ropes."""
+    free = [each.problem.args.free > 0.0 for each in expansions]
+    return np.concatenate([row[mask] for row, mask in zip(kept, free, strict=True)])
 
 
 def _is_only_kept(expansions: Sequence[Expansion], kept: np.ndarray) -> bool:
@@ -117,18 +131,22 @@ def _standstill(expansions: Sequence[Expansion]) -> str:
 def _positions(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
     """What the positions change by in place of the velocity."""
     target, fields = [], []
+    moved = 0.0
     for each in expansions:
+        free = each.problem.args.free > 0.0
         v, a, difference = _fields(each)
-        target.append(difference[:, 0].ravel())
-        fields.append([v.ravel(), a.ravel(), each.y[:, 0].ravel()])
+        moved = max(moved, float(np.max(np.abs(difference[:, 0, ~free]))))
+        target.append(difference[:, 0, free].ravel())
+        fields.append([part[:, free].ravel() for part in (v, a, each.y[:, 0])])
     joined = np.concatenate(target)
     found = project(joined, np.concatenate(fields, axis=1))
     size = float(np.max(np.abs(np.concatenate([each[0] for each in fields]))))
+    faults = [Fault("pinned nodes move")] if moved > _EXPLAINED * size else []
     if found.rest > _EXPLAINED * size:
         part = float(np.max(np.abs(joined))) / size
         evidence["positions"] = {"difference": part}
         text = f"positions change at another rate than the velocity, by up to {part:.2g} of it"
-        return [Fault(text, named=False)]
+        return [*faults, Fault(text, named=False)]
     velocity, acceleration, position = map(float, found.coefficients)
     evidence["positions"] = {
         "velocity": 1.0 + velocity,
@@ -136,7 +154,6 @@ def _positions(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
         "position": position,
         "rest": found.rest,
     }
-    faults = []
     if abs(velocity + 1.0) <= _EXPLAINED:
         faults.append(Fault("positions do not move with the velocity"))
     elif abs(velocity) > _EXPLAINED:

@@ -34,6 +34,13 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     size = max(float(np.max(np.abs(each.y))) for each in expansions)
     evidence: dict = {"size": max(float(np.max(np.abs(each))) for each in change) / size}
     of_x, of_v = _coefficients(positions, size), _coefficients(velocities, size)
+    if _puts_to_rest_lengths(expansions):
+        return Diagnosis(
+            "constraint",
+            "each step puts springs back to their rest lengths, however short it is: this is a "
+            "constraint (a rigid link), and not a spring",
+            evidence,
+        )
     if of_x is None or of_v is None:
         changed = np.max([np.max(np.abs(each), axis=(0, 1, 2)) for each in change], axis=0)
         axes = "".join(
@@ -77,6 +84,16 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     evidence["lost_per_step"] = -_mean(vv)
     evidence["kept"] = _by_rope(1.0 + vv, velocities, expansions)
     return Diagnosis("damping-per-step", f"at dt = 0 {'; '.join(texts)}", evidence)
+
+
+def _puts_to_rest_lengths(expansions: Sequence[Expansion]) -> bool:
+    """Whether a spring has its rest length after the shortest step, at all states."""
+    off = []
+    for each in expansions:
+        after = each.samples.after(each.t, each.y, each.ladder[:, None] * _SHORTEST, 1)[:, 0, 1, 0]
+        length = np.linalg.norm(np.diff(after, axis=1), axis=2)
+        off.append(np.max(np.abs(length / each.problem.args.rest_length - 1.0), axis=0))
+    return bool(np.min(np.max(off, axis=0)) <= _SHORTEST)
 
 
 def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:

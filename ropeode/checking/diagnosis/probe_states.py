@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,12 +49,41 @@ def probe_ropes() -> tuple[Problem, ...]:
     return first, second
 
 
-def expansions(examination: Examination, moving: bool = True) -> list[Expansion]:
+class Region(NamedTuple):
+    """Where the states are.
+
+    Fields:
+        words: that say it.
+        lengths, speeds: by which factor springs are longer and nodes faster than in the middle.
+        times: from and to.
+    """
+
+    words: str = ""
+    lengths: float = 1.0
+    speeds: float = 1.0
+    times: tuple[float, float] = (0.2, 2.0)
+
+
+USUAL = Region()
+AT_REST = Region("at rest", speeds=0.0)
+# Each far from the usual states in one respect.
+ELSEWHERE = (
+    Region("at times from 5 to 50", times=(5.0, 50.0)),
+    Region("at times from 500 to 5000", times=(500.0, 5000.0)),
+    Region("at times from -5 to -1", times=(-5.0, -1.0)),
+    Region("at speeds of about 1e-4", speeds=1e-4),
+    Region("at speeds of about 300", speeds=300.0),
+    Region("where springs are stretched to four times their length", lengths=4.0),
+    Region("where springs are pressed to a third of their length", lengths=0.3),
+)
+
+
+def expansions(examination: Examination, region: Region = USUAL) -> list[Expansion]:
     """The expansions of a step at random states of `probe_ropes`.
 
     Arguments:
         examination: of the stepper.
-        moving: whether the ropes move; if not, they are at rest.
+        region: where the states are.
 
     Raises:
         UserCodeError: the step raised.
@@ -64,10 +94,12 @@ def expansions(examination: Examination, moving: bool = True) -> list[Expansion]
         draw = np.random.default_rng(seed)
         free = problem.args.free[:, None]
         x = CROOKED + 0.25 * draw.normal(size=(_STATES, *CROOKED.shape)) * free
-        v = draw.normal(size=x.shape) * free * moving
-        t = draw.uniform(0.2, 2.0, _STATES)
+        v = draw.normal(size=x.shape) * free
+        t = draw.uniform(*region.times, _STATES)
+        pin = CROOKED[problem.args.free == 0.0][0]
+        y = np.stack([pin + region.lengths * (x - pin), region.speeds * v], axis=1)
         samples = StepSamples(problem, examination.method)
-        found.append(expanded(samples, t, np.stack([x, v], axis=1), _LONGEST))
+        found.append(expanded(samples, t, y, _LONGEST))
     return found
 
 

@@ -11,7 +11,12 @@ from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.equation import diagnose_equation
 from ropeode.checking.diagnosis.identity import diagnose_identity
 from ropeode.checking.diagnosis.low_order import diagnose_order_1
-from ropeode.checking.diagnosis.probe_states import expansions, probe_ropes
+from ropeode.checking.diagnosis.probe_states import (
+    AT_REST,
+    ELSEWHERE,
+    expansions,
+    probe_ropes,
+)
 from ropeode.checking.diagnosis.single_precision import diagnose_single_precision
 from ropeode.checking.diagnosis.start import diagnose_start
 from ropeode.checking.report import Diagnosis
@@ -47,24 +52,49 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
     expected = examination.expected(found[0].problem) or 0
     start = diagnose_start(found, expected or 1)
     if start is not None and start.evidence["order"] == 0:
-        from_rest = diagnose_start(expansions(examination, moving=False), expected)
+        from_rest = diagnose_start(expansions(examination, AT_REST), expected)
         return tuple(each for each in (start, from_rest) if each is not None)
-    identity = diagnose_identity(found)
-    causes = [identity, start]
-    if identity is None:
-        causes.append(diagnose_equation(found))
-    elif (kept := identity.evidence.get("kept")) is not None:
-        causes.append(diagnose_equation(found, np.array(kept)))
-    named = tuple(cause for cause in causes if cause is not None)
+    named = _at(found, start)
     if not named:
         order = _order(found)
         low = diagnose_order_1(found) if order == 1 else None
         if low is None or (expected <= 1 and low.cause != "in-place"):
             low = _order_alone(found, order, expected)
         named = (low,)
+    if named[0].cause == "unknown":
+        return _elsewhere(examination, expected) or named
     if {cause.cause for cause in named} <= _OF_A_METHOD:
         return tuple(_with_tableau(each, examination, expected) for each in named)
     return named
+
+
+def _at(found: Sequence[Expansion], start: Diagnosis | None) -> tuple[Diagnosis, ...]:
+    """What is wrong at dt = 0, at the states of expansions."""
+    identity = diagnose_identity(found)
+    causes = [identity, start]
+    if identity is None:
+        causes.append(diagnose_equation(found))
+    elif (kept := identity.evidence.get("kept")) is not None:
+        causes.append(diagnose_equation(found, np.array(kept)))
+    return tuple(cause for cause in causes if cause is not None)
+
+
+def _elsewhere(examination: Examination, expected: int) -> tuple[Diagnosis, ...]:
+    """What is wrong at states far from the usual ones, at which nothing is."""
+    for region in ELSEWHERE:
+        found = expansions(examination, region)
+        named = _at(found, None)
+        order = _order(found)
+        if not named and order is not None and order < min(expected, min(e.seen for e in found)):
+            named = (_order_alone(found, order, expected),)
+        if named:
+            return tuple(
+                dataclasses.replace(
+                    each, line=f"{region.words}, and not at usual states: {each.line}"
+                )
+                for each in named
+            )
+    return ()
 
 
 def _with_tableau(diagnosis: Diagnosis, examination: Examination, expected: int) -> Diagnosis:
