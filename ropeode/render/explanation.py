@@ -57,8 +57,8 @@ def step_words(local: LocalStep) -> list[str]:
         words.append("The step has memory: all this holds for what it does after its own start.")
     short, long = local.longest
     lengths = f"{long:.2g}" if f"{short:.2g}" == f"{long:.2g}" else f"{short:.2g} to {long:.2g}"
-    states = "1 state" if len(local.times) == 1 else f"{len(local.times)} states"
     along = "along the solution" if local.one_step else "like those along the solution"
+    states = "1 state" if len(local.times) == 1 else f"{len(local.times)} states"
     words.append(f"This is read off steps at most {lengths} long, from {states} {along}.")
     return words
 

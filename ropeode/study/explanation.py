@@ -39,6 +39,9 @@ from ropeode.theory.step_samples import StepSamples
 _MOST_IN_PYTHON = 1024
 # States at which a step is expanded.
 _STATES = 8
+# Steps per frame of a run that such states are taken from, and how closely it must keep
+# constraints, as a part of the state's size.
+_STEPS, _KEPT = 256, 1e-12
 # How closely a term is a multiple of the state.
 _PROPORTIONAL = 1e-4
 # Of the runs whose errors are shown against time, one is finer than the other by so many rows.
@@ -206,7 +209,7 @@ def explain_stepper(
 
     progress("expanding a step", 0.2)
     samples, label = StepSamples(own, ready), ready.stepper.label
-    at = _expansion(samples, *_states(reference))
+    at = _expansion(samples, *_states(reference, ready))
     local = _started(at, samples, problem_class(own))
     # What moves nodes in a step of dt = 0 may do so to keep lengths.
     lengths = own.rigid or bool(np.any(_combined(at, -1).known[0]))
@@ -235,11 +238,18 @@ def explain_stepper(
     )
 
 
-def _states(reference: Reference) -> tuple[np.ndarray, np.ndarray]:
-    """Some times at which a reference is trusted, and its states there."""
-    last = max(reference.trusted - 1, 0)
-    some = np.unique(np.linspace(0, last, _STATES).astype(int))
-    return reference.times[some], reference.states[some]
+def _states(reference: Reference, ready: Method) -> tuple[np.ndarray, np.ndarray]:
+    """Some times at which a reference is trusted, and states there."""
+    problem, states = reference.problem, reference.states[: reference.trusted]
+    if problem.rigid:
+        # A reference drifts from constraints by more than rounding, and steps that keep them would
+        # show that. The stepper's own run may keep them as its steps do; its start always does.
+        run = simulate(problem, ready, _STEPS).states[: reference.trusted]
+        drift = np.max(list(problem.drift(run).values()), axis=0)
+        kept = np.cumprod(drift <= _KEPT * problem.scale).astype(bool)
+        states = run[: max(1, np.sum(kept))]
+    some = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
+    return reference.times[some], states[some]
 
 
 def _expansion(samples: StepSamples, t: np.ndarray, y: np.ndarray) -> Expansion:
@@ -318,7 +328,7 @@ def _class_orders(
 
     own = problem_class(problem)
     yield order(own, local)
-    if problem.mechanics is None:
+    if problem.mechanics is None or len(at.t) == 1:
         return
     moving = own._replace(at_rest=not own.at_rest)
     yield order(moving, _started(at, StepSamples(problem, ready), moving))
