@@ -33,7 +33,10 @@ from ropeode.study.curves import ErrorCurves, error_curve, errors_of
 from ropeode.study.error_constant import ErrorConstant
 from ropeode.theory.equal_steps import StepDifference, equal_steppers, step_difference
 from ropeode.theory.expansion import Expansion, Term, expanded
+from ropeode.theory.linear_stability import LinearStability, linear_stability
 from ropeode.theory.step_samples import StepSamples
+from ropeode.theory.structure import Property, structure
+from ropeode.theory.tableau_of_step import StepTableau, tableau_of
 
 # Of a step that runs in Python, which takes some 30 us each time.
 _MOST_IN_PYTHON = 1024
@@ -146,6 +149,10 @@ class Explanation:
         orders: local and declared, the problem's own class first.
         tables: errors, observed orders and error constants, one for each norm.
         against_time: errors of a run or two, with the predicted ones, for each norm.
+        tableau: its Runge-Kutta or Nystrom coefficients, or why it has none.
+        stability: how long its steps may be, predicted and measured.
+        structure: which properties of the exact solution a step has, by name; or why there is
+            nothing to say.
         equal: steppers of ropeode that make the same steps.
         compared: the difference from the method that was named, if one was.
     """
@@ -157,6 +164,9 @@ class Explanation:
     orders: tuple[ClassOrder, ...]
     tables: tuple[AccuracyTable, ...]
     against_time: tuple[ErrorCurves, ...]
+    tableau: StepTableau
+    stability: LinearStability
+    structure: dict[str, Property] | str
     equal: tuple[StepDifference, ...]
     compared: StepDifference | None
 
@@ -216,6 +226,9 @@ def explain_stepper(
     equal = list(equal_steppers(samples, at, lengths=lengths))
     compared = None if known is None else step_difference(samples, known, at)
     orders = tuple(_class_orders(ready, own, at, local))
+    tableau = tableau_of(stepper, own)
+    progress("stability and structure", 0.3)
+    stability, properties = linear_stability(reference, ready), structure(own, ready)
     tables = tables_in_norms(
         reference,
         [stepper],
@@ -233,6 +246,9 @@ def explain_stepper(
         orders=orders,
         tables=tables,
         against_time=tuple(_against_time(ready, tables)),
+        tableau=tableau,
+        stability=stability,
+        structure=properties,
         equal=tuple(each for each in equal if each.name != label),
         compared=compared,
     )
