@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from ropeode.render import data, markup, table_words
@@ -13,8 +14,17 @@ from ropeode.study.accuracy_table import AccuracyTable
 from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
 from ropeode.study.explanation import ClassOrder, Explanation, LocalQuantity, LocalStep, Part
 from ropeode.theory.equal_steps import StepDifference
+from ropeode.theory.growth import StableSteps
+from ropeode.theory.linear_stability import LinearStability
+from ropeode.theory.recognised_methods import describe
+from ropeode.theory.stability_limits import StabilityLimits, StableInterval
+from ropeode.theory.structure import Property
+from ropeode.theory.tableau_of_step import StepTableau
 
 SCHEMA = "ropeode.explain/1"
+_STABILITY = ("disturbances", "predicted", "dt", "measured")
+_STRUCTURE = ("property", "kept", "defect", "falls like", "at dt")
+_HOLDS = {True: "yes", False: "no", None: "-"}
 _PLURAL = {"position": "positions", "velocity": "velocities", "state": "the state"}
 _LOCAL = ("quantity", "order", "change at dt = 0", "rate - f", "largest at")
 _ORDERS = ("problems", "local", "observed", "declared")
@@ -38,6 +48,10 @@ def blocks(explanation: Explanation) -> list[Block]:
         *_order_blocks(explanation),
         Section("Error constant"),
         *_constant_blocks(explanation),
+        Section("Stability"),
+        *_stability_blocks(explanation.stability),
+        Section("Structure"),
+        *_structure_blocks(explanation.structure),
         Paragraph(table_words.reference_words(explanation.tables[0])),
     ]
 
@@ -57,8 +71,10 @@ def step_words(local: LocalStep) -> list[str]:
         words.append("The step has memory: all this holds for what it does after its own start.")
     short, long = local.longest
     lengths = f"{long:.2g}" if f"{short:.2g}" == f"{long:.2g}" else f"{short:.2g} to {long:.2g}"
-    states = "1 state" if len(local.times) == 1 else f"{len(local.times)} states"
     along = "along the solution" if local.one_step else "like those along the solution"
+    states = "1 state" if len(local.times) == 1 else f"{len(local.times)} states"
+    if len(local.times) == 1:
+        along += ", which may be a special one: elsewhere the order may be lower"
     words.append(f"This is read off steps at most {lengths} long, from {states} {along}.")
     return words
 
@@ -164,7 +180,16 @@ def likeness_words(explanation: Explanation) -> list[str]:
         names = _listed(each.name for each in same)
         worst = max(each.largest for each in same)
         words.append(f"Its steps equal those of {names}, {_to(worst)}.")
+    words.append(tableau_words(explanation.tableau))
     return words
+
+
+def tableau_words(found: StepTableau) -> str:
+    """The method that a step is by its coefficients, or why it has none."""
+    if found.tableau is None:
+        return f"It has no Runge-Kutta or Nystrom coefficients: it {found.reason}."
+    words = describe(found.tableau)
+    return f"By the coefficients that its step shows, {words[0].lower()}{words[1:]}"
 
 
 def _compared_words(stepper: str, other: StepDifference) -> str:
@@ -307,6 +332,83 @@ def _steps_at(table: AccuracyTable, dt: float | None) -> str:
     return table_words.steps_at(table, table.orders[0].stepper, dt)
 
 
+def _stability_blocks(found: LinearStability) -> list[Block]:
+    parts: list[Block] = []
+    if found.limits is not None:
+        parts.append(Paragraph(_limits_words(found.limits)))
+    rows = [
+        (where, _steps(predicted and predicted.steps), _dt(predicted and predicted.steps), measured)
+        for where, predicted, measured in (
+            ("along the solution", found.predicted, _count(found.bounded_from)),
+            ("about its equilibrium", found.predicted_at_rest, _steps(found.measured_at_rest)),
+        )
+    ]
+    if any(cell != "-" for row in rows for cell in row[1:]):
+        parts += [
+            Paragraph(
+                "Steps per frame from which on nothing grows that does not grow in the solution: "
+                "predicted from the problem's eigenvalues, and measured. Along the solution, runs "
+                "are measured that do not blow up; slow growth does not show in a short run."
+            ),
+            Grid(_STABILITY, rows, left=frozenset({0})),
+        ]
+    return parts + [Paragraph(note) for note in found.notes]
+
+
+def _limits_words(limits: StabilityLimits) -> str:
+    words = f"An oscillation without damping {_interval_words(limits.imaginary, 'dt omega')}"
+    if limits.real is not None:
+        words += f"; a decay {_interval_words(limits.real, 'dt |lambda|')}"
+    return f"{words}."
+
+
+def _interval_words(interval: StableInterval, size: str) -> str:
+    if not interval.ends:
+        return f"is stable at all {size} up to {interval.looked_to:g}"
+    if interval.limit > 0.0:
+        return f"is stable up to {size} = {interval.limit:.6g}"
+    if interval.growth is None:
+        return f"is stable at no {size}"
+    term = f"{interval.growth.coefficient:.3g} ({size})^{interval.growth.power}"
+    return f"is stable at no {size}: a step multiplies it by 1 + {term} and smaller terms"
+
+
+def _steps(found: StableSteps | None) -> str:
+    return "-" if found is None else _count(found.steps_per_frame)
+
+
+def _count(steps: int | None) -> str:
+    return "-" if steps is None else str(steps)
+
+
+def _dt(found: StableSteps | None) -> str:
+    return f"{found.dt:.5g}" if found is not None and 0.0 < found.dt < math.inf else "-"
+
+
+def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
+    if isinstance(found, str):
+        return [Paragraph(f"There is nothing to say: {found}.")]
+    rows = [
+        (
+            name,
+            _HOLDS[each.holds],
+            "-" if each.defect is None else f"{each.defect:.1e}",
+            "-" if each.power is None else f"dt^{each.power}" if each.power else "stays",
+            f"{each.dt:.3g}",
+        )
+        for name, each in found.items()
+    ]
+    by_note: dict[str, list[str]] = {}
+    for name, each in found.items():
+        if each.note:
+            by_note.setdefault(each.note, []).append(name)
+    return [
+        Paragraph("Without damping, by what part one step misses what the exact solution keeps:"),
+        Grid(_STRUCTURE, rows, left=frozenset({0, 1})),
+        *(Paragraph(f"{_listed(names).capitalize()}: {note}.") for note, names in by_note.items()),
+    ]
+
+
 def _listed(words: Iterable[str]) -> str:
     words = list(words)
     return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
@@ -362,9 +464,31 @@ def as_dict(explanation: Explanation) -> dict[str, Any]:
                 for table, constant in zip(explanation.tables, constants, strict=True)
             },
         },
+        "stability": _stability_dict(explanation.stability),
+        "structure": {
+            name: dataclasses.asdict(each) for name, each in explanation.structure.items()
+        }
+        if not isinstance(explanation.structure, str)
+        else explanation.structure,
+        "method": tableau_words(explanation.tableau),
         "equal_to": [_difference_dict(each) for each in explanation.equal],
         "compared_with": explanation.compared and _difference_dict(explanation.compared),
         "tables": {table.norm.name: data.as_dict(table) for table in explanation.tables},
+    }
+
+
+def _stability_dict(found: LinearStability) -> dict[str, Any]:
+    """Steps per frame, along the solution and about its equilibrium; and the limits on the axes."""
+    along, at_rest, measured = found.predicted, found.predicted_at_rest, found.measured_at_rest
+    return {
+        "predicted": along and along.steps.steps_per_frame,
+        "measured": found.bounded_from,
+        "predicted_dt": along and along.steps.dt,
+        "predicted_at_rest": at_rest and at_rest.steps.steps_per_frame,
+        "measured_at_rest": measured and measured.steps_per_frame,
+        "imaginary_axis": found.limits and found.limits.imaginary.limit,
+        "real_axis": found.limits and found.limits.real and found.limits.real.limit,
+        "notes": list(found.notes),
     }
 
 

@@ -33,12 +33,18 @@ from ropeode.study.curves import ErrorCurves, error_curve, errors_of
 from ropeode.study.error_constant import ErrorConstant
 from ropeode.theory.equal_steps import StepDifference, equal_steppers, step_difference
 from ropeode.theory.expansion import Expansion, Term, expanded
+from ropeode.theory.linear_stability import LinearStability, linear_stability
 from ropeode.theory.step_samples import StepSamples
+from ropeode.theory.structure import Property, structure
+from ropeode.theory.tableau_of_step import StepTableau, tableau_of
 
 # Of a step that runs in Python, which takes some 30 us each time.
 _MOST_IN_PYTHON = 1024
 # States at which a step is expanded.
 _STATES = 8
+# Steps per frame of a run that such states are taken from, and how closely it must keep
+# constraints, as a part of the state's size.
+_STEPS, _KEPT = 256, 1e-12
 # How closely a term is a multiple of the state.
 _PROPORTIONAL = 1e-4
 # Of the runs whose errors are shown against time, one is finer than the other by so many rows.
@@ -143,6 +149,10 @@ class Explanation:
         orders: local and declared, the problem's own class first.
         tables: errors, observed orders and error constants, one for each norm.
         against_time: errors of a run or two, with the predicted ones, for each norm.
+        tableau: its Runge-Kutta or Nystrom coefficients, or why it has none.
+        stability: how long its steps may be, predicted and measured.
+        structure: which properties of the exact solution a step has, by name; or why there is
+            nothing to say.
         equal: steppers of ropeode that make the same steps.
         compared: the difference from the method that was named, if one was.
     """
@@ -154,6 +164,9 @@ class Explanation:
     orders: tuple[ClassOrder, ...]
     tables: tuple[AccuracyTable, ...]
     against_time: tuple[ErrorCurves, ...]
+    tableau: StepTableau
+    stability: LinearStability
+    structure: dict[str, Property] | str
     equal: tuple[StepDifference, ...]
     compared: StepDifference | None
 
@@ -206,13 +219,16 @@ def explain_stepper(
 
     progress("expanding a step", 0.2)
     samples, label = StepSamples(own, ready), ready.stepper.label
-    at = _expansion(samples, *_states(reference))
+    at = _expansion(samples, *_states(reference, ready))
     local = _started(at, samples, problem_class(own))
     # What moves nodes in a step of dt = 0 may do so to keep lengths.
     lengths = own.rigid or bool(np.any(_combined(at, -1).known[0]))
     equal = list(equal_steppers(samples, at, lengths=lengths))
     compared = None if known is None else step_difference(samples, known, at)
     orders = tuple(_class_orders(ready, own, at, local))
+    tableau = tableau_of(stepper, own)
+    progress("stability and structure", 0.3)
+    stability, properties = linear_stability(reference, ready), structure(own, ready)
     tables = tables_in_norms(
         reference,
         [stepper],
@@ -230,16 +246,26 @@ def explain_stepper(
         orders=orders,
         tables=tables,
         against_time=tuple(_against_time(ready, tables)),
+        tableau=tableau,
+        stability=stability,
+        structure=properties,
         equal=tuple(each for each in equal if each.name != label),
         compared=compared,
     )
 
 
-def _states(reference: Reference) -> tuple[np.ndarray, np.ndarray]:
-    """Some times at which a reference is trusted, and its states there."""
-    last = max(reference.trusted - 1, 0)
-    some = np.unique(np.linspace(0, last, _STATES).astype(int))
-    return reference.times[some], reference.states[some]
+def _states(reference: Reference, ready: Method) -> tuple[np.ndarray, np.ndarray]:
+    """Some times at which a reference is trusted, and states there."""
+    problem, states = reference.problem, reference.states[: reference.trusted]
+    if problem.rigid:
+        # A reference drifts from constraints by more than rounding, and steps that keep them would
+        # show that. The stepper's own run may keep them as its steps do; its start always does.
+        run = simulate(problem, ready, _STEPS).states[: reference.trusted]
+        drift = np.max(list(problem.drift(run).values()), axis=0)
+        kept = np.cumprod(drift <= _KEPT * problem.scale).astype(bool)
+        states = run[: max(1, np.sum(kept))]
+    some = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
+    return reference.times[some], states[some]
 
 
 def _expansion(samples: StepSamples, t: np.ndarray, y: np.ndarray) -> Expansion:
@@ -318,7 +344,7 @@ def _class_orders(
 
     own = problem_class(problem)
     yield order(own, local)
-    if problem.mechanics is None:
+    if problem.mechanics is None or len(at.t) == 1:
         return
     moving = own._replace(at_rest=not own.at_rest)
     yield order(moving, _started(at, StepSamples(problem, ready), moving))

@@ -68,6 +68,10 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
         UserCodeError: the step raised.
     """
     problem = reference.problem
+    if problem.rigid:
+        return (
+            "the problem has constraints, and its reference keeps them less exactly than steps do"
+        )
     times, states = problem.ts[: reference.trusted], reference.states[: reference.trusted]
     if problem.jump_times:
         return "the right-hand side jumps"

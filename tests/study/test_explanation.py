@@ -130,7 +130,8 @@ def test_every_format(which, form, request):
         assert values["order"]["local"] == found.local.order
         assert values["error_constant"]["ratio"] == found.tables[0].orders[0].constant.ratio
         assert values["identity_defect"]["velocity"]["known"] == (which == "wrong")
-        assert {"stepper", "problem", "rhs_defect", "equal_to"} <= values.keys()
+        assert {"stepper", "problem", "rhs_defect", "equal_to", "structure"} <= values.keys()
+        assert {"predicted", "measured"} <= values["stability"].keys()
         assert {"local", "observed", "declared"} <= values["order"].keys()
     else:
         assert "steps/frame" in text
