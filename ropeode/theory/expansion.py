@@ -378,11 +378,13 @@ def _noise(
     noise = _EPS * (size + dt * speed) + dt * rate / _DISTURBANCE
     if samples.problem.mechanics is not None:
         # A velocity may be computed as a difference of positions, whose rounding is divided by dt.
-        # It is if the shortest steps show such errors at some state; at another, at rest, the
-        # position may not move at all, which looks exact.
+        # It is if the shortest steps show such errors at some state where they would be large; at
+        # another, at rest, the position may not move at all, which looks exact.
         difference = _EPS * size[0] / dt
-        shown = _largest(_by_quantity(samples.problem, errors)[1])[:, -1] / difference[:, -1]
-        noise[1] += min(1.0, float(np.nanmax(shown, initial=0.0))) * difference
+        clear = difference[:, -1] > _DISTURBANCE * noise[1, :, -1]
+        shown = _largest(_by_quantity(samples.problem, errors)[1])[clear, -1]
+        share = float(np.nanmax(shown / difference[clear, -1], initial=0.0))
+        noise[1] += min(1.0, share) * difference
     return _ROUNDINGS * noise
 
 
