@@ -105,6 +105,7 @@ class Expansion:
         moved = {n: increments(n / steps * LADDER[:rungs]) for n in every}
         errors = {n: (states[:, :, n] - y[:, None]) - moved[n] for n in every}
         noise = _noise(samples, t, y, dt, errors[every[0]]).reshape(-1, rungs)
+        self._missing = zeros
         self._terms: dict[tuple[int, int], Term] = {}
         self._series = {
             n: _Series(self._functions(errors[n]), self._functions(moved[n]), noise, zeros)
@@ -174,7 +175,7 @@ class Expansion:
 
     def _new_term(self, power: int, growth: int) -> Term:
         shape = (len(self.problem.quantities), len(self.t))
-        if power < 0 or (self.one_step and not growth):
+        if power < self._missing or (self.one_step and not growth):
             none = np.zeros(shape)
             return Term(np.zeros_like(self.y), none, none > 0.0, none == 0.0)
         if self.one_step:
