@@ -173,7 +173,7 @@ def plot_propagated(found: Sequence[Propagated]) -> Figure:
     """
     figure = new_figure(
         "Predicted from single steps (lines), measured in runs (points)",
-        "default rope; error of the horizontal place of a node in its middle, over dt to the order",
+        "default rope; horizontal error of a node in its middle, over dt to the order",
         _HEIGHT,
     )
     for panel, each in zip(figure.subplots(1, len(found)), found, strict=True):

@@ -105,6 +105,7 @@ class Expansion:
         moved = {n: increments(n / steps * LADDER[:rungs]) for n in every}
         errors = {n: (states[:, :, n] - y[:, None]) - moved[n] for n in every}
         noise = _noise(samples, t, y, dt, errors[every[0]]).reshape(-1, rungs)
+        self._missing = zeros
         self._terms: dict[tuple[int, int], Term] = {}
         self._series = {
             n: _Series(self._functions(errors[n]), self._functions(moved[n]), noise, zeros)
@@ -174,7 +175,7 @@ class Expansion:
 
     def _new_term(self, power: int, growth: int) -> Term:
         shape = (len(self.problem.quantities), len(self.t))
-        if power < 0 or (self.one_step and not growth):
+        if power < self._missing or (self.one_step and not growth):
             none = np.zeros(shape)
             return Term(np.zeros_like(self.y), none, none > 0.0, none == 0.0)
         if self.one_step:
@@ -378,11 +379,13 @@ def _noise(
     noise = _EPS * (size + dt * speed) + dt * rate / _DISTURBANCE
     if samples.problem.mechanics is not None:
         # A velocity may be computed as a difference of positions, whose rounding is divided by dt.
-        # It is if the shortest steps show such errors at some state; at another, at rest, the
-        # position may not move at all, which looks exact.
+        # It is if the shortest steps show such errors at some state where they would be large; at
+        # another, at rest, the position may not move at all, which looks exact.
         difference = _EPS * size[0] / dt
-        shown = _largest(_by_quantity(samples.problem, errors)[1])[:, -1] / difference[:, -1]
-        noise[1] += min(1.0, float(np.nanmax(shown, initial=0.0))) * difference
+        clear = difference[:, -1] > _DISTURBANCE * noise[1, :, -1]
+        shown = _largest(_by_quantity(samples.problem, errors)[1])[clear, -1]
+        share = float(np.nanmax(shown / difference[clear, -1], initial=0.0))
+        noise[1] += min(1.0, share) * difference
     return _ROUNDINGS * noise
 
 

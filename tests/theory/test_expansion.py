@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from ropeode import Problem
+from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.simulation.method import method_of
+from ropeode.steppers.base import Stepper
+from ropeode.steppers.phase import Phase
 from ropeode.theory.expansion import expanded
 from ropeode.theory.step_samples import StepSamples
 
@@ -26,9 +29,9 @@ STATES = np.array(
 )
 
 
-def expansion(stepper):
+def expansion(stepper, times=TIMES, states=STATES):
     samples = StepSamples(PENDULUM, method_of(stepper, PENDULUM))
-    return expanded(samples, TIMES, STATES, longest=1.0)
+    return expanded(samples, times, states, longest=1.0)
 
 
 def second_derivatives(t, x, v):
@@ -44,6 +47,21 @@ def velocity_of_the_last_step(acceleration, t, x, v, dt, args):
     """The damping acts by a factor per step, and the velocity is a difference of positions."""
     x_new = np.asarray(x) + (1.0 - 5e-5) * dt * v + dt**2 * acceleration(t, x, 0.0 * v, args)
     return x_new, (x_new - x) / dt
+
+
+class Leapfrog(Stepper):
+    """The explicit midpoint rule over two steps, whose second root is -1."""
+
+    def init(self, system, t, y, dt):
+        y = np.stack([y.x, y.v])
+        return y, y - dt * np.asarray(system.rhs(t, y))
+
+    def step(self, system, t, carried, dt):
+        y, last = carried
+        return last + 2 * dt * np.asarray(system.rhs(t, y)), y
+
+    def state(self, system, t, carried, dt):
+        return Phase(*carried[0])
 
 
 @pytest.mark.parametrize("step", ["explicit-euler", euler])
@@ -70,3 +88,32 @@ def test_a_step_that_is_not_the_identity_says_what_it_multiplies():
     assert found.order == -1
     np.testing.assert_allclose(found.rate(-1).value[:, 1], -5e-5 * STATES[:, 1], rtol=1e-7)
     assert np.all(found.rate(-1).zero[0])
+
+
+def test_a_state_of_zeros_has_all_digits_of_its_moves():
+    still = STATES * np.array([0.0, 1.0])[:, None]
+    assert expansion("rk4", states=still).order == 4
+
+
+def test_rounding_late_in_time_is_not_taken_for_an_error():
+    late = expansion("rk4", times=TIMES + 1e6)
+    assert late.order in (4, None)
+    assert not np.any(late.rate(0).known)
+
+
+def test_errors_that_change_their_sign_at_each_step_are_told_from_those_that_grow():
+    found = expansion(Leapfrog())
+    assert not found.one_step
+    assert found.order == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sweeps", [1, 3])
+def test_what_is_still_settling_shows_no_order(sweeps):
+    problem = InextensibleRope().problem(frames=3)
+    method = method_of(f"constraint-verlet:sweeps={sweeps}", problem)
+    x, v = problem.y0
+    turned = np.stack([x, 0.3 * (x - x[:, :1])[::-1] * np.array([[-1.0], [1.0]])])
+    y = np.stack([turned, turned * np.array([1.0, 0.5])[:, None, None]])
+    assert np.all(v == 0.0)
+    assert expanded(StepSamples(problem, method), np.zeros(2), y, longest=1.0).order is None

@@ -88,6 +88,8 @@ class FromRestInPython(Stepper):
         pytest.param(FromRestInPython(), 1, V / 2, -X / 2, marks=pytest.mark.slow),
         # The frequency is too high by dt**2/24, and the velocities too small by another factor.
         ("velocity-verlet", 2, TIMES[:, None] * V / 24, -TIMES[:, None] * X / 24 - V / 8),
+        # The same positions, and velocities by central differences: the same, too.
+        ("stormer-verlet", 2, TIMES[:, None] * V / 24, -TIMES[:, None] * X / 24 - V / 8),
     ],
 )
 def test_the_error_of_an_oscillator(stepper, order, positions, velocities):
