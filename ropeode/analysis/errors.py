@@ -139,3 +139,14 @@ def differences(states: np.ndarray, reference: Reference) -> np.ndarray:
 def resolution(reference: Reference, norm: Norm) -> np.ndarray:
     """The smallest error that the reference can tell at each trusted sample, ``(samples,)``."""
     return RESOLUTION_FACTOR * reference.bound(norm)[: reference.trusted]
+
+
+def error_sizes(problem: Problem, errors: np.ndarray, norm: Norm) -> np.ndarray:
+    """The size of errors that are known as vectors, ``(times,)``.
+
+    Arguments:
+        problem: whose states they belong to.
+        errors: ``(times, *state)``.
+        norm: in which they are measured.
+    """
+    return distance(problem, norm, errors, np.zeros_like(errors))

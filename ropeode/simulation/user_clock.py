@@ -97,7 +97,8 @@ class UserClock:
 
     def age(self) -> float:
         """The wall time since it was made, but without waiting for a processor."""
-        return self._now().wall - self._made.wall
+        # Not `_now`: a thread that has ended has no processor time any more.
+        return time.monotonic() - self._queued_time() - self._made.wall
 
     def interrupt(self) -> None:
         """Raise `TimeIsUp` in the user's code: at its next line of Python, or when it begins."""

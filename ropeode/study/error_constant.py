@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ropeode.analysis.errors import error_sizes
 from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, ObservedOrder
-from ropeode.norms import Norm, distance
+from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
 from ropeode.theory.global_error import PredictedError
 
@@ -122,7 +123,7 @@ def leading_term(problem: Problem, norm: Norm, prediction: PredictedError) -> np
     None where it may be zero in this norm.
     """
     states = prediction.states[1:]
-    sizes = distance(problem, norm, states, np.zeros_like(states))
+    sizes = error_sizes(problem, states, norm)
     largest = float(np.max(np.abs(states), initial=0.0))
     certain = np.max(sizes, initial=0.0) > _CERTAIN * prediction.uncertain * largest
     return sizes if certain else None

@@ -120,6 +120,22 @@ class Expansion:
         """The error of this order at the start."""
         return self._term(order, 0)
 
+    def at_zero(self) -> tuple[np.ndarray, Term]:
+        """What a settled step does at dt = 0: the states before it, and how it changes them."""
+        if self.one_step:
+            return self.y, self.rate(-1)
+        before, after = (self._series[n][0] for n in (_SETTLED, _SETTLED + 1))
+        shape = (len(self.problem.quantities), len(self.t))
+        base, change = (
+            np.moveaxis(value.reshape(*shape, -1), 0, 1).reshape(self.y.shape)
+            for value in (before.value, after.value - before.value)
+        )
+        error = before.error + after.error
+        known = _largest(after.value - before.value) > _CERTAIN * error
+        zero = ~known & (error <= _RESOLVED * before.natural)
+        parts = (each.reshape(shape) for each in (error, known, zero))
+        return self.y + base, Term(change, *parts)
+
     @functools.cached_property
     def orders(self) -> np.ndarray:
         """Of the first term of each quantity that is known not to be zero.

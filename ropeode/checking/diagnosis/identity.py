@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.checking.diagnosis.probe_states import motion_of
 from ropeode.checking.report import Diagnosis
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import project
@@ -20,20 +19,23 @@ _NO_LIMIT = "so the runs have no limit as dt goes to 0"
 
 def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     """What a step adds to positions and velocities at dt = 0; None if it adds nothing."""
-    if not any(np.any(each.rate(-1).known) for each in expansions):
+    found = [each.at_zero() for each in expansions]
+    if not any(np.any(change.known) for _, change in found):
         return _shortest_step(expansions)
-    change = [each.rate(-1).value for each in expansions]
+    change = [each.value for _, each in found]
     positions, velocities = (
         [
-            (motion.x[:, node], motion.v[:, node], each[:, half, node], motion.args, node)
-            for each, motion in zip(change, map(motion_of, expansions), strict=True)
-            for node in np.flatnonzero(motion.args.free)
+            (base[:, 0, node], base[:, 1, node], each.value[:, half, node], args, node)
+            for (base, each), args in zip(
+                found, (each.problem.args for each in expansions), strict=True
+            )
+            for node in np.flatnonzero(args.free)
         ]
         for half in (0, 1)
     )
     size = max(float(np.max(np.abs(each.y))) for each in expansions)
     evidence: dict = {"size": max(float(np.max(np.abs(each))) for each in change) / size}
-    of_x, of_v = _coefficients(positions, size), _coefficients(velocities, size)
+    of_x, of_v = _coefficients(positions), _coefficients(velocities)
     if _puts_to_rest_lengths(expansions):
         return Diagnosis(
             "constraint",
@@ -118,12 +120,12 @@ def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:
     return Diagnosis("identity", line, {"size": change / size, "part": _SHORTEST})
 
 
-def _coefficients(nodes: list[tuple], size: float) -> list[tuple[float, float]] | None:
+def _coefficients(nodes: list[tuple]) -> list[tuple[float, float]] | None:
     """By which part of its position and of its velocity each node changes; None if by neither."""
     found = []
     for x, v, change, _, _ in nodes:
         each = project(change.ravel(), np.stack([x.ravel(), v.ravel()]))
-        if each.rest > _EXPLAINED * size:
+        if each.rest > _EXPLAINED * max(np.max(np.abs(change)), _EXPLAINED * np.max(np.abs(v))):
             return None
         found.append(tuple(map(float, each.coefficients)))
     return found
