@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
@@ -177,7 +178,7 @@ class _Compiled:
 
     def __call__(self, *given: Any) -> Any:
         leaves, structure = jax.tree.flatten(given)
-        key = structure, tuple((np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
+        key = structure, tuple((np.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
         if key not in self._compiled:
             self._compiled[key] = self._jitted.lower(*given).compile()
         own = self._compiled[key]

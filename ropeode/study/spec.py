@@ -258,7 +258,8 @@ class TableJob:
             spec.steppers,
             spec.steps_per_frame,
             norm=spec.norm,
-            predict=True,
+            # That of all default steppers would take longer than their runs.
+            predict=spec.steppers is not None,
             progress=progress,
             **spec.asked,
         )
