@@ -26,6 +26,8 @@ _EPS = float(np.finfo(np.float64).eps)
 # what its rounding does to the right-hand side, and how closely two steps must be the same as one
 # after another.
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
+# At what part of the states a term must be seen.
+_ENOUGH = 1.0 / 3.0
 # Steps of a method with memory, and how many of the first are left to its start.
 STEPS, _SETTLED = 10, 3
 # The most terms that are fitted to what the steps show, and how many steps are left out to see what
@@ -153,7 +155,7 @@ class Expansion:
 
     @functools.cached_property
     def seen(self) -> int:
-        """The order up to which the terms of each quantity are known or zero at most states.
+        """The order up to which the terms of each quantity are known or zero at enough states.
 
         It is -2 where none are.
         """
@@ -176,12 +178,14 @@ class Expansion:
         return None
 
     def _is_seen(self, order: int) -> bool:
-        """Whether each quantity has terms of this order that are known or zero at most states.
+        """Whether each quantity has terms of this order that are known or zero at enough states.
 
         One state may be special: at rest much is zero that is not so elsewhere.
         """
         terms = self.start(order), self.rate(order)
-        return all(bool(np.all(np.mean(each.zero | each.known, axis=1) > 0.5)) for each in terms)
+        return all(
+            bool(np.all(np.mean(each.zero | each.known, axis=1) >= _ENOUGH)) for each in terms
+        )
 
     def _term(self, power: int, growth: int) -> Term:
         """The coefficient of ``dt**power n**growth``."""
