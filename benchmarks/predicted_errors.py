@@ -118,7 +118,7 @@ def runs_of(truth: Reference, method: Method, quantity: str) -> list[tuple[float
         run = simulate(problem, method, steps)
         if run.status == "ok":
             error = problem.quantity(quantity, differences(run.states, truth))
-            rounding = round_off(run, rescaled, truth.trusted, norm, method)
+            (rounding,) = round_off(run, rescaled, truth.trusted, [norm], method)
             left = RESOLVED * (norm_bound(truth, norm) + (rounding or 0.0))
             # Rounded coefficients are the same in all units: what they do grows with each step.
             drift = DRIFT * np.finfo(float).eps * problem.scale * steps * problem.frames
@@ -156,12 +156,10 @@ def judged(
         return found
     if largest(expected) <= NOTHING * max(prediction.uncertain, 1e-6) * largest(prediction.states):
         return {"constant": 0.0, "dt": runs[-1][0], "measured": largest(measured[-1])}
-    apart = [largest(each - expected) / largest(expected) for each in measured]
     found |= {
         "dt": runs[-1][0],
         "ratio": float(np.sum(measured[-1] * expected) / np.sum(expected**2)),
-        "apart": apart[-1],
-        "all": apart,
+        "apart": largest(measured[-1] - expected) / largest(expected),
     }
     if len(measured) > 2:
         third, second, first = measured[-3:]
@@ -208,12 +206,12 @@ def main() -> None:
 
 def shown(lines: list[dict[str, Any]]) -> str:
     """The result, in Markdown."""
-    rows, counts = [], Counter()
+    rows, reasons, counts = [], [], Counter()
     for line in sorted(lines, key=lambda each: list(PROBLEMS).index(each["problem"])):
         start = [line["problem"], f"`{line['stepper']}`"]
         if "why" in line:
             counts["none"] += 1
-            rows.append([*start, "-", line["why"]])
+            reasons.append(f"- {' on '.join(reversed(start))}: {line['why']}.")
             continue
         for quantity, each in line["quantities"].items():
             kind = "unresolved" if "dt" not in each else "apart" in each and each["apart"] <= AGREE
@@ -247,9 +245,11 @@ def shown(lines: list[dict[str, Any]]) -> str:
         f"{len(lines)} pairs. Of {counts[True] + counts[False]} quantities whose error is resolved "
         f"{counts[True]} agree within {AGREE:.0%} in every component, at every sample, at the "
         f"finest step size. {counts['zero']} have no error of the method's order, as predicted. "
-        f"For {counts['none']} pairs there is no prediction."
+        f"For {counts['none']} pairs there is no prediction:"
     )
-    return "\n".join([words, "", tabulate(rows, head, tablefmt="pipe", disable_numparse=True)])
+    return "\n".join(
+        [words, "", *reasons, "", tabulate(rows, head, tablefmt="pipe", disable_numparse=True)]
+    )
 
 
 if __name__ == "__main__":

@@ -26,8 +26,6 @@ _EPS = float(np.finfo(np.float64).eps)
 # what its rounding does to the right-hand side, and how closely two steps must be the same as one
 # after another.
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
-# At what part of the states a term must be seen.
-_ENOUGH = 1.0 / 3.0
 # Steps of a method with memory, and how many of the first are left to its start.
 STEPS, _SETTLED = 10, 3
 # The most terms that are fitted to what the steps show, and how many steps are left out to see what
@@ -178,14 +176,19 @@ class Expansion:
         return None
 
     def _is_seen(self, order: int) -> bool:
-        """Whether each quantity has terms of this order that are known or zero at enough states.
+        """Whether each quantity has terms of this order that are known, or zero.
 
-        One state may be special: at rest much is zero that is not so elsewhere.
+        At most states they must be; one state may be special, for at rest much is zero that is not
+        so elsewhere. Of a one-step method one will do, if at most others nothing speaks against
+        zero.
         """
-        terms = self.start(order), self.rate(order)
-        return all(
-            bool(np.all(np.mean(each.zero | each.known, axis=1) >= _ENOUGH)) for each in terms
-        )
+        for term in (self.start(order), self.rate(order)):
+            clear = term.zero | term.known
+            size = _largest(_by_quantity(self.problem, term.value[:, None])[..., 0, :])
+            likely = clear | (size <= term.error) if self.one_step else clear
+            if not np.all(np.any(clear, axis=1) & (np.mean(likely, axis=1) > 0.5)):
+                return False
+        return True
 
     def _term(self, power: int, growth: int) -> Term:
         """The coefficient of ``dt**power n**growth``."""
@@ -375,7 +378,9 @@ def _is_one_step(
         ],
         axis=1,
     )
-    close = _SAME * _EPS * np.max(np.abs(y))
+    # Velocities that are differences of positions have their rounding, divided by dt.
+    size = _EPS * float(np.max(np.abs(y)))
+    close = _SAME * size + _DISTURBANCE * size / dt[:, rungs].reshape(-1, 2, *(1,) * (y.ndim - 1))
     return bool(np.all(np.abs(start - y[:, None]) <= close) and np.all(abs(again - twice) <= close))
 
 

@@ -13,7 +13,7 @@ RUNGS, _RATIO, _MOST = 30, 2.0**-0.5, 8
 LADDER = _RATIO ** np.arange(RUNGS)
 # Which polynomials a polynomial is compared with: by how many rungs they begin later, and how many
 # rungs fewer they pass through.
-_COMPARED = (1, 1), (0, 1), (2, 1)
+_COMPARED = (1, 1), (2, 1)
 # The extrapolation's own error is multiplied by this.
 _SAFETY = 2.0
 # How many functions are extrapolated at once, which bounds the memory that it takes.
@@ -46,9 +46,9 @@ def coefficient(
     """The coefficient of ``dt**power``, for the step sizes ``dt = LADDER``.
 
     Polynomials pass through every few neighbours on the ladder. Of all of them the one is taken
-    whose estimated error is smallest: the difference from polynomials of one degree less, through
-    all of its rungs but the coarsest or the finest, and through the next finer ones (of one such
-    difference in hundreds, some are small by accident), and what the noise of the values makes
+    whose estimated error is smallest: the difference from two polynomials of one degree less,
+    through its finer rungs but the coarsest and through the next finer ones (of hundreds of such
+    differences, some are small by accident), and what the noise of the values makes
     of it (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9, for the
     scheme of Aitken and Neville; the choice is that of C. Ridders, Adv. Eng. Softw. 4 (1982)).
 

@@ -16,7 +16,7 @@ _PANELS = 4
 # Stages of the collocation method, and how often its equations are iterated at most.
 _STAGES, _MOST_ITERATIONS = 16, 60
 # An iteration that gains less than this in each round, from some round on, has no hope.
-_SLOW, _PATIENCE = 0.8, 8
+_SLOW, _PATIENCE, _ROUNDED = 0.8, 8, 1e-12
 # What counts as converged, and as a polynomial that has all digits of the solution.
 _CLOSE, _TAIL = 4e-16, 2e-15
 # No part of the longest time shorter than this is tried.
@@ -112,7 +112,9 @@ def _panel(
             again = rates(times, stages.reshape(-1, *y.shape[1:])).reshape(slopes.shape)
             before, moved, slopes = moved, length * _largest(again - slopes), again
             converged = moved <= _CLOSE * size
-            hopeless = (moved > _SLOW * before) & (iteration >= _PATIENCE)
+            # Near the end an iteration may dwell on rounding for a while.
+            slow = (moved > _SLOW * before) & (moved > _ROUNDED * size)
+            hopeless = slow & (iteration >= _PATIENCE)
             if np.all(converged | hopeless | ~np.isfinite(moved)):
                 break
         rest = length * _largest(_weighted(tail, slopes))

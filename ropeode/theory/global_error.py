@@ -87,6 +87,11 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
         begin = expanded(samples, times[:1], states[:1], longest)
         samples = StepSamples(problem, method, settled=True)
         local = expanded(samples, times[some], states[some], longest)
+    if begin is not local and local.order is not None and local.order < 1:
+        return (
+            "started from other states than the first, it solves another equation, or what is "
+            "carried is still settling"
+        )
     lacking = _lacks_order("the step", local) or _lacks_order("the start", begin)
     if lacking:
         return lacking
