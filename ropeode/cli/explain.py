@@ -24,7 +24,7 @@ from ropeode.terminal.running import set_up_jax, with_progress
 @click.argument("step")
 @table_options_without("steppers")
 @click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
-@click.option("--plots", metavar="DIR", help="Write pictures of the errors to DIR.")
+@click.option("--plots", metavar="DIR", help="Write pictures of errors and stability to DIR.")
 @format_option
 @out_option("explanation")
 def explain(

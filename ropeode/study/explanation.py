@@ -34,6 +34,8 @@ from ropeode.study.error_constant import ErrorConstant
 from ropeode.theory.equal_steps import StepDifference, equal_steppers, step_difference
 from ropeode.theory.expansion import Expansion, Term, expanded
 from ropeode.theory.linear_stability import LinearStability, linear_stability
+from ropeode.theory.stability_function import StabilityFunction
+from ropeode.theory.stability_limits import StabilityRegion, stability_region
 from ropeode.theory.step_samples import StepSamples
 from ropeode.theory.structure import Property, structure
 from ropeode.theory.tableau_of_step import StepTableau, tableau_of
@@ -151,6 +153,7 @@ class Explanation:
         against_time: errors of a run or two, with the predicted ones, for each norm.
         tableau: its Runge-Kutta or Nystrom coefficients, or why it has none.
         stability: how long its steps may be, predicted and measured.
+        region: where on the complex plane a mode does not grow; None where there is no such plane.
         structure: which properties of the exact solution a step has, by name; or why there is
             nothing to say.
         equal: steppers of ropeode that make the same steps.
@@ -166,6 +169,7 @@ class Explanation:
     against_time: tuple[ErrorCurves, ...]
     tableau: StepTableau
     stability: LinearStability
+    region: StabilityRegion | None
     structure: dict[str, Property] | str
     equal: tuple[StepDifference, ...]
     compared: StepDifference | None
@@ -248,10 +252,17 @@ def explain_stepper(
         against_time=tuple(_against_time(ready, tables)),
         tableau=tableau,
         stability=stability,
+        region=_region(stability),
         structure=properties,
         equal=tuple(each for each in equal if each.name != label),
         compared=compared,
     )
+
+
+def _region(stability: LinearStability) -> StabilityRegion | None:
+    if stability.limits is None or not isinstance(stability.function, StabilityFunction):
+        return None
+    return stability_region(stability.function, stability.limits)
 
 
 def _states(reference: Reference, ready: Method) -> tuple[np.ndarray, np.ndarray]:

@@ -21,11 +21,14 @@ def test_text_and_json(run, tmp_path):
         *("--method", "rk4", "--out", "a.json", "--plots", "new"),
     )
     assert (done.returncode, done.stdout) == (0, "")
-    assert done.stderr == "wrote 4 pictures to new\n"
+    assert done.stderr == "wrote 5 pictures to new\n"
     assert sorted(os.listdir(tmp_path / "new")) == [
-        f"{kind}-{quantity}.png"
-        for kind in ("convergence", "error")
-        for quantity in ("position", "velocity")
+        *(
+            f"{kind}-{quantity}.png"
+            for kind in ("convergence", "error")
+            for quantity in ("position", "velocity")
+        ),
+        "stability.png",
     ]
     found = json.loads((tmp_path / "a.json").read_text())
     assert found["compared_with"]["name"] == "rk4"

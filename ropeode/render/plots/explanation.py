@@ -5,11 +5,15 @@ from __future__ import annotations
 from ropeode.render.plots.convergence import plot_convergence
 from ropeode.render.plots.error import plot_errors
 from ropeode.render.plots.files import figure_bytes
+from ropeode.render.plots.stability import plot_stability
 from ropeode.study.explanation import Explanation
+
+# Of how many runs the eigenvalues are drawn.
+_STEP_SIZES = 4
 
 
 def explanation_pictures(explanation: Explanation) -> dict[str, bytes]:
-    """Errors against step size and against time, measured and predicted.
+    """Errors against step size and against time, measured and predicted; the region of stability.
 
     Arguments:
         explanation: from `ropeode.explain_stepper`.
@@ -21,6 +25,10 @@ def explanation_pictures(explanation: Explanation) -> dict[str, bytes]:
         f"convergence-{table.norm.quantity}": plot_convergence(table)
         for table in explanation.tables
     }
+    if explanation.region is not None:
+        # The coarsest step sizes of the runs, whose eigenvalues lie farthest out.
+        coarsest = [row.steps_per_frame for row in explanation.tables[0].rows[:_STEP_SIZES]]
+        figures["stability"] = plot_stability(explanation.region, explanation.stability, coarsest)
     for curves in explanation.against_time:
         if curves.curves:
             figures[f"error-{curves.norm.quantity}"] = plot_errors(curves)
