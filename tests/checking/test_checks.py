@@ -137,7 +137,22 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("check", CHECKS)
+# It says what is predicted and measured, and judges nothing.
+REPORTS = {"error-constant"}
+
+
+def test_every_other_check_has_a_stepper_that_fails_it():
+    assert {*WRONG} == {*CHECKS} - REPORTS
+
+
+def test_the_error_of_runs_is_the_predicted_one():
+    (finding,) = check_stepper("semi-implicit-euler", only=["error-constant"]).findings
+    assert finding.status == "note"
+    for quantity in ("position", "velocity"):
+        assert finding.evidence[quantity]["ratio"] == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("check", WRONG)
 def test_each_check_fails_a_wrong_stepper(check):
     step, claims = WRONG[check]
     report = check_stepper(step, **claims, only=[check], diagnose=False)

@@ -25,6 +25,7 @@ from ropeode.checking.checks.symmetry import (
     translation,
     units,
 )
+from ropeode.checking.checks.theory import predicted
 from ropeode.checking.report import Finding
 
 Check = Callable[[Examination], Finding]
@@ -34,6 +35,7 @@ CHECKS: dict[str, Check] = {
     "purity": purity,
     "first-sample": first_sample,
     **{f"order-{name}": functools.partial(order, problem=name) for name in convergence_problems()},
+    "error-constant": predicted,
     "free-flight": free_flight,
     "pins": pins,
     "momentum": momentum,
@@ -62,6 +64,7 @@ SLOW = (
     "order-damped",
     "order-uneven",
     "order-free",
+    "error-constant",
     "stability",
     "energy",
     "symplectic",
