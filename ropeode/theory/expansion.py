@@ -30,7 +30,7 @@ _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
 STEPS, _SETTLED = 10, 3
 # The most terms that are fitted to what the steps show, and how many steps are left out to see what
 # the fit owes to them.
-_MOST_TERMS, _LEFT_OUT = 5, 2
+_MOST_TERMS, _LEFT_OUT = 7, 1
 
 
 class Term(NamedTuple):
@@ -108,7 +108,7 @@ class Expansion:
         self._missing = zeros
         self._terms: dict[tuple[int, int], Term] = {}
         self._series = {
-            n: _Series(self._functions(errors[n]), self._functions(moved[n]), noise, zeros)
+            n: _Series(self._functions(errors[n]), self._functions(moved[n]), n * noise, zeros)
             for n in every
         }
 
@@ -221,13 +221,14 @@ class Expansion:
         """The highest power of n that comes with a power of dt, ``(states,)``.
 
         The error of order p moves with the time ``n dt``, so that ``dt**p (n dt)**k`` appear, from
-        the first p on at which there is an error.
+        the first p on at which there is an error. What is done at each step whatever dt is, as by
+        a factor, makes all powers of n.
         """
-        degrees = np.ones(len(self.t), dtype=int)
+        degrees = np.full(len(self.t), 1 if power else _MOST_TERMS - 1)
         for order in range(power - 1, -2, -1):
             terms = [self.start(order), *([self.rate(order)] if order < power - 1 else [])]
             zero = np.all([each.zero for each in terms], axis=(0, 1))
-            degrees[~zero] = power - order
+            degrees[~zero] = power - order if order >= 0 else _MOST_TERMS - 1
         return degrees
 
     def _functions(self, states: np.ndarray) -> np.ndarray:
@@ -317,6 +318,7 @@ def _in_steps(
     every = [each[power] for each in series.values()]
     values, errors = (np.stack([each[i] for each in every]) for i in range(2))
     value, error = np.zeros_like(values[0]), np.full_like(errors[0], np.inf)
+    least = error
     for fit in _fits(tuple(series)):
         if fit.powers <= growth:
             continue
@@ -324,9 +326,13 @@ def _in_steps(
         own = coefficients[growth]
         rest = np.max(_largest(values - np.tensordot(fit.basis, coefficients, 1)), axis=0)
         uncertain = np.tensordot(np.abs(fit.weights[growth]), np.maximum(errors, rest), 1)
-        for part in fit.parts:
+        for part in fit.parts if power else ():
             uncertain = np.maximum(uncertain, _largest(np.tensordot(part[growth], values, 1) - own))
-        better = (uncertain < error) & (fit.powers <= degrees + 1)
+        # What is done at each step whatever dt is, as by a factor, makes a power series in n, of the
+        # same kind at all states: so is its fit.
+        doubt = uncertain if power else np.full_like(uncertain, np.max(uncertain))
+        better = (doubt < least) & (fit.powers <= degrees + 1)
+        least = np.where(better, doubt, least)
         value[better], error[better] = own[better], uncertain[better]
     return _Coefficient(value, error, every[-1].natural)
 
