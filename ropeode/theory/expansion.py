@@ -328,8 +328,8 @@ def _in_steps(
         uncertain = np.tensordot(np.abs(fit.weights[growth]), np.maximum(errors, rest), 1)
         for part in fit.parts if power else ():
             uncertain = np.maximum(uncertain, _largest(np.tensordot(part[growth], values, 1) - own))
-        # What is done at each step whatever dt is, as by a factor, makes a power series in n, of the
-        # same kind at all states: so is its fit.
+        # What is done at each step whatever dt is, as by a factor, makes a power series in n, of
+        # the same kind at all states: so is its fit.
         doubt = uncertain if power else np.full_like(uncertain, np.max(uncertain))
         better = (doubt < least) & (fit.powers <= degrees + 1)
         least = np.where(better, doubt, least)
