@@ -328,8 +328,8 @@ def _in_steps(
         uncertain = np.tensordot(np.abs(fit.weights[growth]), np.maximum(errors, rest), 1)
         for part in fit.parts if power else ():
             uncertain = np.maximum(uncertain, _largest(np.tensordot(part[growth], values, 1) - own))
-        # What is done at each step whatever dt is, as by a factor, makes a power series in n, of
-        # the same kind at all states: so is its fit.
+        # What is done at each step whatever dt is, as by a factor, makes a power series in n, and
+        # of the same kind at all states: so is its fit.
         doubt = uncertain if power else np.full_like(uncertain, np.max(uncertain))
         better = (doubt < least) & (fit.powers <= degrees + 1)
         least = np.where(better, doubt, least)
@@ -402,13 +402,18 @@ def _noise(
     wave = np.cos(np.arange(y.size)).reshape(y.shape)
     moved = np.abs(y) + longest.reshape(-1, *(1,) * (y.ndim - 1)) * np.abs(rates)
     near = y + _DISTURBANCE * _EPS * wave * moved
-    late = t + _DISTURBANCE * _EPS * np.maximum(np.abs(t), np.abs(t + longest))
-    uncertain = np.abs(samples.rates(t, near) - rates) + np.abs(samples.rates(late, y) - rates)
+    uncertain = np.abs(samples.rates(t, near) - rates)
+    # A rate may stand still at one time and not at another.
+    for time in (t, t + longest / 2.0):
+        late = time + _DISTURBANCE * _EPS * np.abs(time)
+        uncertain += np.abs(samples.rates(late, y) - samples.rates(time, y))
     size, speed, rate = (
         _largest(_by_quantity(samples.problem, each[:, None])) for each in (y, rates, uncertain)
     )
     noise = _EPS * (size + dt * speed) + dt * rate / _DISTURBANCE
     if samples.problem.mechanics is not None:
+        # Positions move with the velocities.
+        noise[0] += dt * noise[1] * (0.0 if samples.carries_state else STEPS)
         # A velocity may be computed as a difference of positions, whose rounding is divided by dt.
         # It is if the shortest steps show such errors at some state where they would be large; at
         # another, at rest, the position may not move at all, which looks exact.

@@ -83,6 +83,7 @@ def test_orders_of_other_classes(known):
     assert found.local.order == 1
 
 
+@pytest.mark.slow
 def test_no_identity(wrong):
     assert wrong.local.order == -1
     position, velocity = wrong.local.quantities
@@ -94,6 +95,7 @@ def test_no_identity(wrong):
     assert wrong.tables[0].orders[0].constant.predicted is None
 
 
+@pytest.mark.slow
 def test_another_equation(known):
     found = explain_stepper(heavy, known, steps_per_frame=STEPS)
     assert found.local.order == 0

@@ -40,7 +40,13 @@ def damped():
 
 
 @pytest.mark.parametrize(
-    "stepper", ["explicit-euler", "velocity-verlet", "stormer-verlet:damping=lagged", kick_in_numpy]
+    "stepper",
+    [
+        "velocity-verlet",
+        kick_in_numpy,
+        pytest.param("explicit-euler", marks=pytest.mark.slow),
+        pytest.param("stormer-verlet:damping=lagged", marks=pytest.mark.slow),
+    ],
 )
 def test_what_is_predicted_is_measured(damped, stepper):
     found = linear_stability(damped, stepper)
