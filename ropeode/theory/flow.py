@@ -19,6 +19,9 @@ _STAGES, _MOST_ITERATIONS = 16, 60
 _SLOW, _PATIENCE, _ROUNDED = 0.8, 8, 1e-12
 # What counts as converged, and as a polynomial that has all digits of the solution.
 _CLOSE, _TAIL = 4e-16, 2e-15
+# The disturbance of time, in units of its last place, that shows what its rounding does to slopes;
+# and how many times that a polynomial may miss.
+_DISTURBANCE, _ROUGH = 64.0, 16.0
 # No part of the longest time shorter than this is tried.
 _SHORTEST = 2.0**-60
 
@@ -67,9 +70,15 @@ def short_flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float | np.n
     length = np.full(len(t), np.nan)
     slopes = np.full((_PANELS, len(t), _STAGES, *y.shape[1:]), np.nan)
     todo, part = np.flatnonzero(_largest(rates(t, y)) < np.inf), 1.0
+    # Late in time the rounding of time shows in the slopes, and no polynomial follows that.
+    rough = np.zeros(len(t))
+    for time in (t, t + longest):
+        late = time + _DISTURBANCE * np.spacing(np.abs(time))
+        change = _largest(rates(late, y) - rates(time, y)) / _DISTURBANCE
+        rough = np.fmax(rough, change)
     while len(todo) and part > _SHORTEST:
         tried = part * longest[todo]
-        found, good = _chain(rates, t[todo], y[todo], tried)
+        found, good = _chain(rates, t[todo], y[todo], tried, rough[todo])
         if found is not None:
             slopes[:, todo[good]], length[todo[good]] = found[:, good], tried[good]
         todo, part = todo[~good], part / 2.0
@@ -77,13 +86,13 @@ def short_flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float | np.n
 
 
 def _chain(
-    rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray
+    rates: Rates, t: np.ndarray, y: np.ndarray, length: np.ndarray, rough: np.ndarray
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """Slopes at the nodes of each of `_PANELS` panels, if any solution is good; and which are."""
     good, found = np.ones(len(t), dtype=bool), []
     k = rates(t, y)
     for panel in range(_PANELS):
-        y, slopes, fine = _panel(rates, t + length * panel / _PANELS, y, k, length / _PANELS)
+        y, slopes, fine = _panel(rates, t + length * panel / _PANELS, y, k, length / _PANELS, rough)
         good &= fine
         if not np.any(good):
             return None, good
@@ -93,12 +102,18 @@ def _chain(
 
 
 def _panel(
-    rates: Rates, t: np.ndarray, y: np.ndarray, k: np.ndarray, length: np.ndarray
+    rates: Rates,
+    t: np.ndarray,
+    y: np.ndarray,
+    k: np.ndarray,
+    length: np.ndarray,
+    rough: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One step of collocation from several states: their ends, slopes, and whether they are good.
 
     Arguments:
         k: a slope of each to begin with.
+        rough: how far the rounding of time moves a slope of each.
     """
     nodes, stage_weights, tail = _collocation()
     times = (t[:, None] + length[:, None] * nodes).ravel()
@@ -119,7 +134,7 @@ def _panel(
                 break
         rest = length * _largest(_weighted(tail, slopes))
         end = y + (long * _weighted(_integrals(np.ones(1)), slopes))[:, 0]
-    return end, slopes, converged & (rest <= _TAIL * size)
+    return end, slopes, converged & (rest <= _TAIL * size + _ROUGH * length * rough)
 
 
 def _weighted(weights: np.ndarray, slopes: np.ndarray) -> np.ndarray:
