@@ -221,7 +221,7 @@ NAMED = {
     "semi_implicit_euler: time stands still": "there is the driving force of t = 0",
     "semi_implicit_euler: growth of 1e-3": "0.001 times the velocity too much",
     "velocity_verlet: dt once": "positions change by 0.5 dt times the acceleration",
-    "velocity_verlet: no second-order term": "the half of dt^2 a is missing",
+    "velocity_verlet: no second-order term": "0 in place of 1/2 as the factor of dt^2 k1",
     "leapfrog: half a drift": "positions move with 0.5 times the velocity",
     "heun: second stage at t": "with all slopes taken at time t",
     "heun: first slope only": "this is explicit-euler; its order is 1 (declared: 2)",

@@ -74,13 +74,11 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     if _all(vv, -1.0) or _all(vv, 0.0):
         return Diagnosis("identity", f"at dt = 0 {'; '.join(texts)}", evidence)
     damping = np.array([args.damping[node] for *_, args, node in velocities])
-    share = (
-        ""
-        if not _all(vv / damping, _mean(vv / damping))
-        else (f": 1 - {-_mean(vv / damping):.6g} times the damping coefficient")
-    )
+    part = -_mean(vv / damping)
+    times = "" if _all(np.array([part]), 1.0) else f"{part:.6g} "
+    share = f", 1 - {times}damping," if _all(vv / damping, -part) else ","
     texts.append(
-        f"each step multiplies velocities by {_factor(vv)}{share}, whatever dt is, {_NO_LIMIT}; "
+        f"each step multiplies velocities by {_factor(vv)}{share} whatever dt is, {_NO_LIMIT}; "
         "let the factor depend on dt, as 1 - rate dt does"
     )
     evidence["lost_per_step"] = -_mean(vv)
