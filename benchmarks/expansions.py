@@ -36,6 +36,7 @@ from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
 from ropeode.theory.expansion import Expansion, expanded
 from ropeode.theory.step_samples import StepSamples
+from tests.checking.right_steppers import TABLEAUS as PUBLISHED
 
 STATES = 6
 
@@ -84,23 +85,10 @@ TABLEAUS = {
     "euler": (1, [[]], [1]),
     "midpoint": (2, [[], [1 / 2]], [0, 1]),
     "heun": (2, [[], [1]], [1 / 2, 1 / 2]),
-    "ralston": (2, [[], [2 / 3]], [1 / 4, 3 / 4]),
-    "kutta3": (3, [[], [1 / 2], [-1, 2]], [1 / 6, 2 / 3, 1 / 6]),
-    "ssprk3": (3, [[], [1], [1 / 4, 1 / 4]], [1 / 6, 1 / 6, 2 / 3]),
+    **{name: PUBLISHED[name] for name in ("ralston", "kutta3", "ssprk3")},
     "rk4": (4, [[], [1 / 2], [0, 1 / 2], [0, 0, 1]], [1 / 6, 1 / 3, 1 / 3, 1 / 6]),
-    "three-eighths": (4, [[], [1 / 3], [-1 / 3, 1], [1, -1, 1]], [1 / 8, 3 / 8, 3 / 8, 1 / 8]),
-    "dopri5": (
-        5,
-        [
-            [],
-            [1 / 5],
-            [3 / 40, 9 / 40],
-            [44 / 45, -56 / 15, 32 / 9],
-            [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
-            [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
-        ],
-        [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
-    ),
+    "three-eighths": PUBLISHED["three-eighths"],
+    "dopri5": PUBLISHED["dormand-prince5"],
 }
 
 

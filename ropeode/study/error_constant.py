@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -84,7 +83,7 @@ class ErrorConstant:
 def error_constant(
     problem: Problem,
     norm: Norm,
-    rows: Sequence[Any],
+    errors: Mapping[float, float | None],
     order: ObservedOrder,
     prediction: PredictedError | str,
 ) -> ErrorConstant:
@@ -93,15 +92,15 @@ def error_constant(
     Arguments:
         problem: that was solved.
         norm: in which the errors are measured.
-        rows: the runs, with `dt` and `error_max`.
+        errors: the largest error of each run, by step size; None where it is not known.
         order: what was observed of them.
         prediction: from `ropeode.theory.global_error.predicted_error`.
     """
     power, predicted, why = _predicted(problem, norm, order, prediction)
     barred = (UNSTABLE, UNRESOLVED, ROUND_OFF)
     unusable = {each.dt for each in order.left_out if each.reason in barred}
-    errors = {row.dt: row.error_max for row in rows if row.error_max and row.dt not in unusable}
-    measured = {} if power is None else {dt: errors[dt] / dt**power for dt in sorted(errors)}
+    usable = {dt: error for dt, error in sorted(errors.items()) if error and dt not in unusable}
+    measured = {} if power is None else {dt: error / dt**power for dt, error in usable.items()}
     return ErrorConstant(power, predicted, why, measured)
 
 

@@ -126,10 +126,7 @@ class Expansion:
             return self.y, self.rate(-1)
         before, after = (self._series[n][0] for n in (_SETTLED, _SETTLED + 1))
         shape = (len(self.problem.quantities), len(self.t))
-        base, change = (
-            np.moveaxis(value.reshape(*shape, -1), 0, 1).reshape(self.y.shape)
-            for value in (before.value, after.value - before.value)
-        )
+        base, change = map(self._states, (before.value, after.value - before.value))
         error = before.error + after.error
         known = _largest(after.value - before.value) > _CERTAIN * error
         zero = ~known & (error <= _RESOLVED * before.natural)
@@ -209,9 +206,8 @@ class Expansion:
         known = _largest(value) > _CERTAIN * error
         zero = error <= _resolved(power) * natural
         unit = self.ladder**power
-        values = value.reshape(*shape, -1) / unit[:, None]
         return Term(
-            np.moveaxis(values, 0, 1).reshape(self.y.shape),
+            self._states(value.reshape(*shape, -1) / unit[:, None]),
             error.reshape(shape) / unit,
             known.reshape(shape),
             (zero & ~known).reshape(shape),
@@ -230,6 +226,11 @@ class Expansion:
             zero = np.all([each.zero for each in terms], axis=(0, 1))
             degrees[~zero] = power - order if order >= 0 else _MOST_TERMS - 1
         return degrees
+
+    def _states(self, values: np.ndarray) -> np.ndarray:
+        """The opposite of `_functions`, of values without rungs: ``(states, *state)``."""
+        by_quantity = values.reshape(len(self.problem.quantities), len(self.t), -1)
+        return np.moveaxis(by_quantity, 0, 1).reshape(self.y.shape)
 
     def _functions(self, states: np.ndarray) -> np.ndarray:
         """States ``(states, rungs, *state)`` as ``(quantities * states, rungs, components)``."""
@@ -278,6 +279,7 @@ class _Series:
         self._errors, self._moved, self._noise, self._first = errors, moved, noise, zeros
         self._found: list[_Coefficient] = []
         self._zeros = np.full(len(errors), zeros)
+        self._sizes: dict[int, np.ndarray] = {}
 
     def __getitem__(self, power: int) -> _Coefficient:
         while len(self._found) <= power - self._first:
@@ -286,17 +288,24 @@ class _Series:
 
     def _find(self, power: int) -> None:
         own = coefficient(self._errors, self._noise, power, self._zeros)
-        first = np.zeros_like(self._zeros)
-        sizes = [
-            _largest(coefficient(self._moved, self._noise, each, np.minimum(first + 1, each)).value)
-            for each in (power, power + 1)
-        ]
-        natural = np.maximum(*sizes) if power else _largest(self._moved[:, 0])
+        natural = self._natural(power)
         zero = (_largest(own.value) <= _CERTAIN * own.error) & (
             own.error <= _resolved(power) * natural
         )
         self._zeros[zero & (self._zeros == power)] = power + 1
         self._found.append(_Coefficient(own.value, own.error, natural))
+
+    def _natural(self, power: int) -> np.ndarray:
+        """The size of the solution's own coefficients of this power and the next one."""
+        if not power:
+            return _largest(self._moved[:, 0])
+        for each in (power, power + 1):
+            if each not in self._sizes:
+                # The solution does not move at dt = 0.
+                known = np.ones_like(self._zeros)
+                own = coefficient(self._moved, self._noise, each, known)
+                self._sizes[each] = _largest(own.value)
+        return np.maximum(self._sizes[power], self._sizes[power + 1])
 
 
 def _resolved(power: int) -> float:

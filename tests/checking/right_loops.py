@@ -391,33 +391,10 @@ def newton(residual, derivative, x, iterations=30, tolerance=1e-13):
     return x
 
 
-def implicit_euler_by_newton(acceleration, t, x, v, dt, args):
-    """Backward Euler: Newton's method for the new positions of the free nodes."""
+def positions_after(h, x, v, args):
+    """Backward Euler over the time h: Newton's method for the new positions of the free nodes."""
     free, mass, c = _flat(x, v, args)
     x0, v0 = x.ravel(), v.ravel()
-
-    def whole(z):
-        out = x0.copy()
-        out[free] = z
-        return out
-
-    def residual(z):
-        y = whole(z)
-        f = forces(y.reshape(x.shape), (y - x0).reshape(x.shape) / dt, args).ravel()
-        return (mass * (y - x0 - dt * v0) - dt**2 * f)[free]
-
-    def derivative(z):
-        k = stiffness_matrix(whole(z).reshape(x.shape), args)
-        return (np.diag(mass + dt * c) - dt**2 * k)[np.ix_(free, free)]
-
-    new = whole(newton(residual, derivative, (x0 + dt * v0)[free]))
-    return new.reshape(x.shape), ((new - x0) / dt).reshape(x.shape)
-
-
-def midpoint_by_newton(acceleration, t, x, v, dt, args):
-    """Implicit midpoint: Newton's method for the positions in the middle."""
-    free, mass, c = _flat(x, v, args)
-    x0, v0, h = x.ravel(), v.ravel(), 0.5 * dt
 
     def whole(z):
         out = x0.copy()
@@ -433,11 +410,20 @@ def midpoint_by_newton(acceleration, t, x, v, dt, args):
         k = stiffness_matrix(whole(z).reshape(x.shape), args)
         return (np.diag(mass + h * c) - h**2 * k)[np.ix_(free, free)]
 
-    middle = whole(newton(residual, derivative, (x0 + h * v0)[free]))
-    v_middle = (middle - x0) / h
-    return (2 * middle - x0).reshape(x.shape), (2 * v_middle - v0).reshape(x.shape) * args.free[
-        :, None
-    ]
+    return whole(newton(residual, derivative, (x0 + h * v0)[free])).reshape(x.shape)
+
+
+def implicit_euler_by_newton(acceleration, t, x, v, dt, args):
+    """Backward Euler."""
+    new = positions_after(dt, x, v, args)
+    return new, (new - x) / dt
+
+
+def midpoint_by_newton(acceleration, t, x, v, dt, args):
+    """Implicit midpoint: half a step of backward Euler, twice as far."""
+    middle = positions_after(0.5 * dt, x, v, args)
+    v_middle = (middle - x) / (0.5 * dt)
+    return 2 * middle - x, (2 * v_middle - v) * args.free[:, None]
 
 
 def trapezium_by_fixed_point(acceleration, t, x, v, dt, args):

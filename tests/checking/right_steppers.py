@@ -29,7 +29,7 @@ def explicit(stages: list[list[float]], weights: list[float]) -> Callable:
 
 
 # J. C. Butcher, Numerical Methods for Ordinary Differential Equations (2008), section 23.
-_TABLEAUS: dict[str, tuple[int, list[list[float]], list[float]]] = {
+TABLEAUS: dict[str, tuple[int, list[list[float]], list[float]]] = {
     "ralston": (2, [[], [2 / 3]], [1 / 4, 3 / 4]),
     "kutta3": (3, [[], [1 / 2], [-1, 2]], [1 / 6, 2 / 3, 1 / 6]),
     "heun3": (3, [[], [1 / 3], [0, 2 / 3]], [1 / 4, 0, 3 / 4]),
@@ -245,7 +245,7 @@ RIGHT: dict[str, tuple[Any, dict[str, Any]]] = {
     },
     **{
         name: (explicit(stages, weights), {"expected_order": order})
-        for name, (order, stages, weights) in _TABLEAUS.items()
+        for name, (order, stages, weights) in TABLEAUS.items()
     },
     # H. Yoshida, Phys. Lett. A 150 (1990); M. Suzuki, Phys. Lett. A 146 (1990).
     "yoshida4": (

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -17,12 +15,6 @@ from ropeode.theory.global_error import PredictedError
 
 def decay(t, y, args):
     return -y
-
-
-@dataclasses.dataclass
-class Run:
-    dt: float
-    error_max: float | None
 
 
 def constant(measured, predicted=2.0):
@@ -65,7 +57,7 @@ def test_runs_that_cannot_be_used_count_for_nothing():
     dts = [0.5, 0.25, 0.125, 0.0625, 0.03125]
     errors = [9.0, 0.25, 0.126, 0.0626, 0.9]
     order = observed_order(dts, errors, rounding=[0, 0, 0, 0, 0.5], motion=1.0)
-    runs = [Run(dt, error) for dt, error in zip(dts, errors, strict=True)]
+    runs = dict(zip(dts, errors, strict=True))
     prediction = PredictedError(1, problem.ts, np.array([[0.0], [1.0], [0.5]]), 1e-6)
     found = error_constant(problem, norm_for(problem), runs, order, prediction)
     assert list(found.measured_at) == [0.0625, 0.125, 0.25]

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.checks.conservation import energy, free_flight, momentum, pins
+from ropeode.checking.checks.error_constant import predicted
 from ropeode.checking.checks.far_states import far_states
 from ropeode.checking.checks.orders import order
 from ropeode.checking.checks.rounding import float32, zero_length
@@ -25,7 +26,6 @@ from ropeode.checking.checks.symmetry import (
     translation,
     units,
 )
-from ropeode.checking.checks.theory import predicted
 from ropeode.checking.report import Finding
 
 Check = Callable[[Examination], Finding]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from ropeode.checking.check_context import Examination, reference_of
 from ropeode.checking.report import Finding
@@ -11,13 +11,6 @@ from ropeode.study.error_constant import AGREE, ErrorConstant, error_constant
 from ropeode.theory.global_error import predicted_error
 
 _ROPE = "unequal"
-
-
-class _Run(NamedTuple):
-    """A run as `error_constant` takes it."""
-
-    dt: float
-    error_max: float | None
 
 
 def predicted(examination: Examination) -> Finding:
@@ -31,9 +24,8 @@ def predicted(examination: Examination) -> Finding:
     convergence, lines = examination.convergence(_ROPE), []
     evidence: dict[str, Any] = {"order": prediction.order}
     for quantity, order in convergence.orders.items():
-        errors = zip(convergence.dts, convergence.errors[quantity], strict=True)
-        runs = [_Run(dt, error) for dt, error in errors]
-        found = error_constant(problem, NORMS[f"{quantity}-max"], runs, order, prediction)
+        errors = dict(zip(convergence.dts, convergence.errors[quantity], strict=True))
+        found = error_constant(problem, NORMS[f"{quantity}-max"], errors, order, prediction)
         lines.append(f"{quantity} {_words(found)}")
         evidence[quantity] = {
             "predicted": found.predicted,
