@@ -17,14 +17,12 @@ import pandas as pd
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.references.certificate import Certificate
-from ropeode.references.reference import Reference
-from ropeode.references.solvers.solver import DOPRI8
 from ropeode.render.sweep import as_text
 from ropeode.sweep.execution import references
 from ropeode.sweep.run import run_sweep
 from ropeode.sweep.storage.folder import locked
 from ropeode.sweep.storage.load import load_sweep
+from tests.exact_reference import exact_reference
 
 # `num_nodes` counts as a size, so that each of its values has a task of its own.
 PROBLEM = """
@@ -87,25 +85,7 @@ def from_exact_solution(ensemble, **asked):
         decay, sine = np.exp(-rate * t / 2), np.sin(frequency * t) / frequency
         x = decay * (np.cos(frequency * t) + rate / 2 * sine)
         states = np.stack([x, -decay * sine], axis=1).reshape(-1, *problem.y0.shape)
-        certificate = Certificate(
-            level="consensus",
-            solver=DOPRI8,
-            rtol=1e-13,
-            atol=1e-13,
-            steps=1,
-            accuracy=1e-8,
-            bounds=dict.fromkeys(problem.quantities, np.full(len(t), 1e-14)),
-            drift={},
-            trusted=len(t),
-            horizon=None,
-            horizon_reason=None,
-            witnesses=(),
-            stiff=False,
-            seconds=0.0,
-            compile_seconds=0.0,
-            versions={},
-        )
-        yield Reference(problem, states, certificate)
+        yield exact_reference(problem, states)
 
 
 @pytest.fixture

@@ -8,12 +8,12 @@ import pytest
 
 from ropeode import Problem
 from ropeode.problems.links import LinearDamping
-from ropeode.references.certificate import Certificate
 from ropeode.references.reference import Reference
 from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase
 from ropeode.theory.global_error import predicted_error
+from tests.exact_reference import exact_reference
 
 TIMES = np.linspace(0.0, 3.0, 7)
 
@@ -32,25 +32,7 @@ def from_rest(start: float) -> Reference:
         damping=lambda args: LinearDamping(jnp.zeros(()), jnp.zeros(())),
     )
     states = start * np.stack([np.cos(TIMES), -np.sin(TIMES)], axis=1)[..., None]
-    certificate = Certificate(
-        level="consensus",
-        solver="Dopri8",
-        rtol=1e-13,
-        atol=1e-13,
-        steps=1,
-        accuracy=1e-10,
-        bounds={},
-        drift={},
-        trusted=len(TIMES),
-        horizon=None,
-        horizon_reason=None,
-        witnesses=(),
-        stiff=False,
-        seconds=0.0,
-        compile_seconds=0.0,
-        versions={},
-    )
-    return Reference(problem, states, certificate)
+    return exact_reference(problem, states)
 
 
 KNOWN = from_rest(0.8)
