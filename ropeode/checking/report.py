@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from ropeode.analysis.order import ObservedOrder
+from ropeode.theory.diagnosis import Diagnosis
 
 Status = Literal["pass", "fail", "undetermined", "note", "skip"]
 Verdict = Literal["right", "wrong", "undetermined"]
@@ -119,22 +120,6 @@ def as_claimed(
 def exactly(difference: float) -> str:
     """How well two numbers agree that differ by rounding at most."""
     return "exactly" if difference == 0.0 else f"to rounding ({difference:.1e})"
-
-
-@dataclasses.dataclass(frozen=True)
-class Diagnosis:
-    """What is wrong, as far as the evidence goes.
-
-    Arguments:
-        cause: a keyword, such as `parameters`, `start`, `lagged-damping`,
-            `damping-per-step`, `stage-time`, `in-place`, `float32`, or `unknown`.
-        line: a sentence for the author.
-        evidence: the numbers behind it, as plain JSON values.
-    """
-
-    cause: str
-    line: str
-    evidence: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,7 +11,6 @@ from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import CROOKED, check_rope
 from ropeode.problems.problem import Problem
 from ropeode.theory.expansion import Expansion, expanded
-from ropeode.theory.rope_terms import Motion
 from ropeode.theory.step_samples import StepSamples
 
 _STATES, _LONGEST = 12, 0.5
@@ -101,9 +100,3 @@ def expansions(examination: Examination, region: Region = USUAL) -> list[Expansi
         samples = StepSamples(problem, examination.method)
         found.append(expanded(samples, t, y, _LONGEST))
     return found
-
-
-def motion_of(expansion: Expansion) -> Motion:
-    """The states of an expansion."""
-    x, v = expansion.y[:, 0], expansion.y[:, 1]
-    return Motion(expansion.problem.args, expansion.t, x, v)

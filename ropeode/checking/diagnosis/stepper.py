@@ -8,8 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.checking.check_context import Examination
-from ropeode.checking.diagnosis.equation import diagnose_equation
-from ropeode.checking.diagnosis.identity import diagnose_identity
 from ropeode.checking.diagnosis.low_order import diagnose_order_1
 from ropeode.checking.diagnosis.probe_states import (
     AT_REST,
@@ -23,6 +21,8 @@ from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
 from ropeode.theory.expansion import HIGHEST, Expansion
 from ropeode.theory.recognised_methods import describe, recognised
+from ropeode.theory.solved_equation import diagnose_equation
+from ropeode.theory.step_at_zero import diagnose_identity
 from ropeode.theory.tableau_of_step import tableau_of
 
 # What the coefficients of a Runge-Kutta method may explain.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.checking.report import Diagnosis
+from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import project
 

@@ -8,12 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.checking.diagnosis.factors import Factor, Fault, mistakes_in
-from ropeode.checking.diagnosis.probe_states import motion_of
-from ropeode.checking.report import Diagnosis
+from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import project
-from ropeode.theory.rope_terms import NODE_LAWS, SPRING_LAWS, RopeTerm, other_terms, own_terms
+from ropeode.theory.rope_terms import (
+    NODE_LAWS,
+    SPRING_LAWS,
+    Motion,
+    RopeTerm,
+    other_terms,
+    own_terms,
+)
+from ropeode.theory.term_factors import Factor, Fault, mistakes_in
 
 # What may be left over of the difference from the right equation, as a part of the equation.
 _EXPLAINED = 1e-6
@@ -301,12 +307,18 @@ def _node(
     expansion: Expansion, node: int, laws: Sequence[str]
 ) -> tuple[list[tuple[RopeTerm, float]], float]:
     """The coefficients of the difference in one node's acceleration, and what is left over."""
-    motion, difference = motion_of(expansion), expansion.rate(0).value[:, 1, node]
+    motion, difference = _motion(expansion), expansion.rate(0).value[:, 1, node]
     # Of terms that depend on each other, the first are used: what an explanation adds.
     terms = [term for law in laws for term in other_terms(motion, node, law)]
     terms += own_terms(motion, node)
     found = project(difference.ravel(), np.stack([term.values.ravel() for term in terms]))
     return list(zip(terms, map(float, found.coefficients), strict=True)), found.rest
+
+
+def _motion(expansion: Expansion) -> Motion:
+    """The states of an expansion."""
+    x, v = expansion.y[:, 0], expansion.y[:, 1]
+    return Motion(expansion.problem.args, expansion.t, x, v)
 
 
 def _unexplained(expansions: Sequence[Expansion], size: float, evidence: dict) -> Fault:
