@@ -5,8 +5,8 @@
 
 Every stepper of ropeode, with all its options, runs on every problem of the library that it is for.
 The signed error of its runs, divided by dt**order, is compared with the predicted one, component by
-component and at each sample time. The finest step size counts at which the error is resolved: a
-thousand times the reference's bound, and what rounding may add to so many steps.
+component and at each sample time. The finest step size counts at which the error stands clear of
+what reference and rounding leave open (`least_clear_error`).
 
 The outcome of each pair is written to the file at once, as a line; the same command resumes if
 interrupted. `--show` runs nothing, and prints the outcomes in the file, for docs/global-error.md.
@@ -30,8 +30,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from ropeode import reference, simulate
 from ropeode.analysis.errors import differences
-from ropeode.analysis.roundoff import in_other_units, round_off
-from ropeode.norms import Norm, norm_for
+from ropeode.analysis.roundoff import in_other_units, least_clear_error, round_off
+from ropeode.norms import norm_for
 from ropeode.problems.library import PROBLEMS
 from ropeode.references.reference import Reference
 from ropeode.render.stepper_list import variants
@@ -59,8 +59,6 @@ FEWEST, MOST_STEPS = 8, 2**20
 AGREE = 0.01
 # A quantity whose coefficient is so many times its uncertainty, or less, has none.
 NOTHING = 3.0
-# An error is resolved if it is so many times what the reference and rounding leave open.
-RESOLVED, DRIFT = 300.0, 30.0
 STEPPERS_TRIED = [
     *(each for cls in STEPPERS.values() for each in variants(cls)),
     ConstraintVerlet(sweeps=3),
@@ -119,19 +117,11 @@ def runs_of(truth: Reference, method: Method, quantity: str) -> list[tuple[float
         if run.status == "ok":
             error = problem.quantity(quantity, differences(run.states, truth))
             (rounding,) = round_off(run, rescaled, truth.trusted, [norm], method)
-            left = RESOLVED * (norm_bound(truth, norm) + (rounding or 0.0))
-            # Rounded coefficients are the same in all units: what they do grows with each step.
-            drift = DRIFT * np.finfo(float).eps * problem.scale * steps * problem.frames
-            if largest(error) < max(left, drift):
+            if largest(error) < least_clear_error(truth, norm, run.dt, rounding):
                 break
-            runs.append((float(np.max(np.diff(problem.ts))) / steps, error))
+            runs.append((run.dt, error))
         steps *= 2
     return runs
-
-
-def norm_bound(truth: Reference, norm: Norm) -> float:
-    """What the reference leaves open."""
-    return float(truth.bound(norm)[truth.trusted - 1])
 
 
 def judged(

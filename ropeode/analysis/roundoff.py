@@ -11,6 +11,7 @@ import numpy as np
 from ropeode.norms import Norm, distance
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.problem import FirstOrderForm, Problem
+from ropeode.references.reference import Reference
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.system import InUnits
@@ -20,6 +21,10 @@ from ropeode.steppers.base import BuiltIn
 # that the last place of most numbers keeps about the same value.
 _INVERSE = 0.8414709848078965
 _RATIO = 1.0 / _INVERSE
+# An error is a stepper's own, to well below 1%, if it is so many times what the reference and
+# round-off leave open, and so many times what one rounding in each step makes that repeats. (Rounded
+# coefficients are the same in all units; what they do grows with each step.)
+_CLEAR, _DRIFT = 300.0, 30.0
 # Steps per frame, of which few are unstable, and how closely a frame with them has to agree.
 _FINE, _SAME = 256, 1e-6
 
@@ -102,6 +107,23 @@ def distance_of_runs(
 def largest_distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> float:
     """The largest distance of two runs ``(times, *state)``, neither of which is the truth."""
     return float(np.max(distance(problem, norm, a, b)))
+
+
+def least_clear_error(
+    reference: Reference, norm: Norm, dt: float, rounding: float | None
+) -> float:
+    """The smallest error of a run that is the stepper's own, without a part of 1% of anything else.
+
+    Arguments:
+        reference: that the error is measured against.
+        norm: in which it is measured.
+        dt: step size of the run.
+        rounding: its round-off in that norm; None where nobody knows.
+    """
+    problem, last = reference.problem, reference.trusted - 1
+    steps = float(problem.ts[last] - problem.ts[0]) / dt
+    drift = float(np.finfo(np.float64).eps) * problem.scale * steps
+    return max(_CLEAR * (float(reference.bound(norm)[last]) + (rounding or 0.0)), _DRIFT * drift)
 
 
 def keeps_units(problem: Problem, method: Method, rescaled: Problem) -> bool:

@@ -111,26 +111,28 @@ def converging(
     problem, dts = reference.problem, tuple(dt for dt, _, _ in runs)
     errors: dict[str, tuple[float | None, ...]] = {}
     orders: dict[str, ObservedOrder] = {}
+    rounding: dict[str, tuple[float, ...]] = {}
     resolution: dict[str, float] = {}
     limits: dict[str, tuple[float, float]] = {}
     for quantity in quantities or problem.quantities:
         norm = NORMS[f"{quantity}-max"]
-        rounding = [_round_off(states, double, reference, norm) for _, states, double in runs]
+        own = tuple(_round_off(states, double, reference, norm) for _, states, double in runs)
+        rounding[quantity] = own
         errors[quantity] = tuple(_largest_error(states, reference, norm) for _, states, _ in runs)
         resolution[quantity] = float(resolution_of(reference, norm)[-1])
         orders[quantity] = observed_order(
             dts,
             errors[quantity],
             resolution=resolution[quantity],
-            rounding=rounding,
+            rounding=own,
             motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
             claimed=expected,
         )
         # The round-off of the finer half: coarse runs may have grown huge.
-        limit = _distance_of_limit(reference, runs, norm, max(rounding[len(rounding) // 2 :]))
+        limit = _distance_of_limit(reference, runs, norm, max(own[len(own) // 2 :]))
         if limit is not None:
             limits[quantity] = limit
-    return Convergence(problem.name, dts, errors, resolution, orders, expected, limits)
+    return Convergence(problem.name, dts, errors, rounding, resolution, orders, expected, limits)
 
 
 def _largest_error(states: np.ndarray, reference: Reference, norm: Norm) -> float | None:

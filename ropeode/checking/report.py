@@ -45,6 +45,7 @@ class Convergence:
         dts: step sizes, from coarse to fine.
         errors: for each quantity (position, velocity) the largest error at each step size;
             None for a run that diverged.
+        rounding: for each quantity the round-off at each step size; 0 where it is not known.
         resolution: for each quantity ten times the reference's estimated bound: a smaller
             error is unresolved.
         orders: the observed order of each quantity.
@@ -57,6 +58,7 @@ class Convergence:
     problem: str
     dts: tuple[float, ...]
     errors: Mapping[str, tuple[float | None, ...]]
+    rounding: Mapping[str, tuple[float, ...]]
     resolution: Mapping[str, float]
     orders: Mapping[str, ObservedOrder]
     expected: int | None

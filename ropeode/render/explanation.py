@@ -281,9 +281,9 @@ def _constant_blocks(explanation: Explanation) -> list[Block]:
             Paragraph(
                 f"As dt goes to 0, the largest error over samples 1 to {last} is C dt^p. C is "
                 "predicted from the local error d, by e' = f_y e + d along the reference, and "
-                "measured at the finest step size whose error is resolved and free of round-off. "
-                "The last columns say from how many steps per frame on the two agree to 10% and to "
-                "1%."
+                "measured at the most steps per frame at which rounding and the reference leave "
+                "open less than 1% of the error. The last columns say from how many steps per "
+                "frame on, up to there, the two agree to 10% and to 1%."
             ),
             Grid(_CONSTANTS, rows, left=frozenset({0})),
         ]
@@ -318,10 +318,13 @@ def _ratio_words(table: AccuracyTable, constant: ErrorConstant) -> str | None:
         return None
     name = table.norm.name
     if constant.ratio is None:
-        return f"No run can be held against the prediction of {name}; see what is left out."
+        return (
+            f"No run can be held against the prediction of {name}: at each step size the run is "
+            "unstable, or rounding and the reference leave open more than 1% of its error."
+        )
     if abs(constant.ratio - 1.0) <= AGREE:
         return None
-    where = f"at {_steps_at(table, constant.dt)} steps per frame, the finest that can be used"
+    where = f"at {_steps_at(table, constant.dt)} steps per frame, the most that can be used"
     return (
         f"In {name} the error {where}, is {constant.ratio:.3g} times what is predicted: "
         f"{table_words.unlike_words(constant)}."

@@ -223,8 +223,8 @@ def _table(
         runs = [row for row in rows if row.stepper == stepper.label]
         order = order_of(problem, stepper, runs, resolution, size)
         if prediction is not None:
-            errors = {row.dt: row.error_max for row in runs}
-            constant = error_constant(problem, norm, errors, order.order, prediction)
+            errors = {row.dt: (row.error_max, row.round_off) for row in runs}
+            constant = error_constant(reference, norm, errors, order.order, prediction)
             order = dataclasses.replace(order, constant=constant)
         orders.append(order)
     return AccuracyTable(problem, reference, norm, tuple(rows), tuple(orders))

@@ -9,9 +9,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ropeode.analysis.errors import error_sizes
-from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, ObservedOrder
+from ropeode.analysis.order import UNSTABLE, ObservedOrder
+from ropeode.analysis.roundoff import least_clear_error
 from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
+from ropeode.references.reference import Reference
 from ropeode.theory.global_error import PredictedError
 
 # Theory and runs agree to this part, or closely.
@@ -30,7 +32,7 @@ class ErrorConstant:
             local error and the variational equation; None where there is no prediction.
         why: the reason for that.
         measured_at: the largest error of a run over ``dt**order``, by step size from the finest to
-            the coarsest, where the error is resolved, stable and free of round-off.
+            the coarsest, where it is stable and clear of round-off.
     """
 
     order: int | None
@@ -81,26 +83,31 @@ class ErrorConstant:
 
 
 def error_constant(
-    problem: Problem,
+    reference: Reference,
     norm: Norm,
-    errors: Mapping[float, float | None],
+    runs: Mapping[float, tuple[float | None, float | None]],
     order: ObservedOrder,
     prediction: PredictedError | str,
 ) -> ErrorConstant:
     """What theory predicts beside what runs with several step sizes show.
 
     Arguments:
-        problem: that was solved.
+        reference: of the problem that was solved.
         norm: in which the errors are measured.
-        errors: the largest error of each run, by step size; None where it is not known.
+        runs: the largest error of each and its round-off, by step size; None where not known.
         order: what was observed of them.
         prediction: from `ropeode.theory.global_error.predicted_error`.
     """
-    power, predicted, why = _predicted(problem, norm, order, prediction)
-    barred = (UNSTABLE, UNRESOLVED, ROUND_OFF)
-    unusable = {each.dt for each in order.left_out if each.reason in barred}
-    usable = {dt: error for dt, error in sorted(errors.items()) if error and dt not in unusable}
-    measured = {} if power is None else {dt: error / dt**power for dt, error in usable.items()}
+    power, predicted, why = _predicted(reference.problem, norm, order, prediction)
+    unstable = {each.dt for each in order.left_out if each.reason == UNSTABLE}
+    measured = {
+        dt: error / dt**power
+        for dt, (error, rounding) in sorted(runs.items())
+        if power is not None
+        and error is not None
+        and dt not in unstable
+        and error >= least_clear_error(reference, norm, dt, rounding)
+    }
     return ErrorConstant(power, predicted, why, measured)
 
 

@@ -143,17 +143,21 @@ class Setting:
     ) -> Property:
         """A defect at so many of the states and step sizes, as a `Property`."""
         states, sizes = tried
-        found = []
+        found, no_map = [], False
         with np.errstate(all="ignore"):
             for dt in self.dts[:sizes].tolist():
-                size = float(np.max([defect(y, dt) for y in self.states[:states]]))
+                try:
+                    size = float(np.max([defect(y, dt) for y in self.states[:states]]))
+                except NoSampleMap:
+                    no_map = True
+                    continue
                 # An implicit step may fail where it is long.
                 if np.isfinite(size):
                     found.append((dt, size))
                 if size <= rounding:
                     break
         if not found:
-            return self.missing("no step was finite")
+            return self.missing(_NO_MAP if no_map else "no step was finite")
         dt, largest = found[0]
         if largest <= rounding and dt < self.dts[0]:
             return self.missing("longer steps, which would show a defect, were not finite")

@@ -28,6 +28,7 @@ def test_an_interval_that_holds_a_lower_order_decides_nothing(bend, status, word
         problem="made up",
         dts=dts,
         errors={"position": errors},
+        rounding={"position": (0.0,) * 3},
         resolution={"position": 0.0},
         orders={"position": order},
         expected=1,
@@ -53,7 +54,14 @@ def test_errors_that_show_no_order_may_still_fall_too_slowly(errors, too_slowly)
     order = observed_order(dts, found, claimed=2)
     assert order.verdict == "undetermined"
     convergence = Convergence(
-        "made up", tuple(dts), {"position": found}, {"position": 0.0}, {"position": order}, 2, {}
+        problem="made up",
+        dts=tuple(dts),
+        errors={"position": found},
+        rounding={"position": (0.0,) * len(dts)},
+        resolution={"position": 0.0},
+        orders={"position": order},
+        expected=2,
+        limits={},
     )
     assert falls_too_slowly(convergence) is too_slowly
     lost = observed_order(dts, found, claimed=2, resolution=2e-3)

@@ -18,14 +18,16 @@ def predicted(examination: Examination) -> Finding:
     check, problem = "error-constant", examination.problems[_ROPE]
     if refusal := examination.refusal(problem):
         return Finding(check, "skip", refusal)
-    prediction = predicted_error(reference_of(problem), examination.method)
+    reference = reference_of(problem)
+    prediction = predicted_error(reference, examination.method)
     if isinstance(prediction, str):
         return Finding(check, "skip", f"nothing is predicted: {prediction}")
     convergence, lines = examination.convergence(_ROPE), []
     evidence: dict[str, Any] = {"order": prediction.order}
     for quantity, order in convergence.orders.items():
-        errors = dict(zip(convergence.dts, convergence.errors[quantity], strict=True))
-        found = error_constant(problem, NORMS[f"{quantity}-max"], errors, order, prediction)
+        errors = zip(convergence.errors[quantity], convergence.rounding[quantity], strict=True)
+        runs = dict(zip(convergence.dts, errors, strict=True))
+        found = error_constant(reference, NORMS[f"{quantity}-max"], runs, order, prediction)
         lines.append(f"{quantity} {_words(found)}")
         evidence[quantity] = {
             "predicted": found.predicted,
