@@ -118,6 +118,12 @@ def shown(value: Any) -> str:
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
+def listed(values: Iterable[Any]) -> str:
+    """Words or numbers in a row, with "and" before the last."""
+    *first, last = map(str, values)
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def in_one_line(error: Exception) -> str:
     """The message of an exception in one line, with its type unless it is one of ropeode's own."""
     text = " ".join(str(error).split()) or "no message"

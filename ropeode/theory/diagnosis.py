@@ -13,11 +13,13 @@ class Diagnosis:
 
     Arguments:
         cause: a keyword, such as `parameters`, `start`, `lagged-damping`,
-            `damping-per-step`, `stage-time`, `in-place`, `float32`, or `unknown`.
+            `damping-per-step`, `stage-time`, `in-place`, `float32`, `step-size`, or `unknown`.
         line: a sentence for the author.
         evidence: the numbers behind it, as plain JSON values.
+        remedy: what to write instead, if that is known.
     """
 
     cause: str
     line: str
     evidence: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    remedy: str = ""

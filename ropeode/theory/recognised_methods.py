@@ -12,6 +12,7 @@ from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER, publ
 from ropeode.theory.nystrom import NystromTableau
 from ropeode.theory.stages import Number, Row, dot, ones, same
 from ropeode.theory.tableau import Tableau
+from ropeode.validation import listed
 
 AnyTableau = Tableau | NystromTableau
 
@@ -307,7 +308,7 @@ def _change(place: _Place, mine: Row, other: Row) -> _Change:
     if len(different) > 1 and ratio and all(map(same, mine, [ratio * each for each in other])):
         return _Change(1, f"its slopes times {_shown(ratio)} in {place.name}")
     entries = [_entry(place.symbol.format(i + 1), mine[i], other[i]) for i in different]
-    return _Change(len(entries), _listed(entries))
+    return _Change(len(entries), listed(entries))
 
 
 def _changed_times(given: AnyTableau, known: AnyTableau) -> Iterator[_Change]:
@@ -333,9 +334,3 @@ def _entry(name: str, mine: Number, other: Number) -> str:
 
 def _shown(number: Number) -> str:
     return str(number) if isinstance(number, Fraction) else f"{number:.10g}"
-
-
-def _listed(words: Sequence[str]) -> str:
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} and {words[-1]}"

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.theory.rope_terms import Place
+from ropeode.validation import listed
 
 
 class Factor(NamedTuple):
@@ -75,7 +76,7 @@ def mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
     if whole := _of_all(by_kind):
         return [whole]
     still = _nodes_that_stand_still(factors)
-    texts = [Fault(f"node {_listed(still)} is held, though it is free")] if still else []
+    texts = [Fault(f"node {listed(still)} is held, though it is free")] if still else []
     springs = {(id(each.place.args), *each.place[1:]): each.value for each in by_kind["spring"]}
     if kinds & {"spring", "rest"} and all(
         each.equals(springs.get((id(each.place.args), *each.place[1:]), np.nan))
@@ -161,12 +162,8 @@ def _where(kind: str, wrong: list[Factor]) -> str:
         ends = {each.place.node - each.place.element for each in wrong}
         if len(ends) == 1 and len(springs) > 1:
             return f"at the {'first' if ends == {0} else 'second'} node of each spring"
-        return f"in spring {_listed(springs)}, at node {_listed(nodes)}"
-    return f"at node {_listed(nodes)}"
-
-
-def _listed(indices: list[int]) -> str:
-    return ", ".join(map(str, indices))
+        return f"in spring {listed(springs)}, at node {listed(nodes)}"
+    return f"at node {listed(nodes)}"
 
 
 def _times(factor: Factor) -> str:

@@ -177,6 +177,42 @@ def in_decimals(acceleration, t, x, v, dt, args):
     return np.round(x + dt * v, 7), v
 
 
+def with_dt(change):
+    """Semi-implicit Euler with another step size."""
+
+    def step(acceleration, t, x, v, dt, args):
+        dt = change(float(dt))
+        v = v + dt * args.free[:, None] * right(np.asarray(x), v, args)
+        return x + dt * v, v
+
+    return step
+
+
+@pytest.mark.parametrize(
+    ("change", "cause", "words"),
+    [
+        (lambda dt: float(np.float32(dt)), "float32", "dt is rounded to float32: the result jumps"),
+        (lambda dt: round(dt, 3), "step-size", "dt is rounded to the nearest multiple of 0.001"),
+        (lambda dt: int(1000 * dt) / 1000, "step-size", "rounded down to a multiple of 0.001"),
+        (lambda dt: min(dt, 1 / 60), "step-size", "above 0.0166667 give the same: there dt is cut"),
+        (lambda dt: max(dt, 1e-3), "step-size", "below 0.001 give the same: there dt is made"),
+        (lambda dt: 0.01, "step-size", "to the last bit, so dt is not used"),
+    ],
+)
+def test_a_step_size_that_is_not_used_as_given(change, cause, words):
+    (found,) = diagnosed(with_dt(change), 1)
+    assert found.cause == cause
+    assert words in found.line
+
+
+@pytest.mark.parametrize("name", ["gravity", "mass"])
+def test_a_parameter_in_float32_is_named(name):
+    step = with_args(**{name: lambda args: getattr(args, name).astype(np.float32).astype(float)})
+    (found,) = diagnosed(step, 1)
+    assert found.cause == "float32"
+    assert found.line.startswith(f"{name} is rounded to float32")
+
+
 @pytest.mark.parametrize(
     ("step", "order", "expected", "words"),
     [

@@ -10,10 +10,11 @@ import numpy as np
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import CROOKED, check_rope
 from ropeode.problems.problem import Problem
-from ropeode.theory.expansion import Expansion, expanded
+from ropeode.theory.expansion import STEPS, Expansion, expanded
 from ropeode.theory.step_samples import StepSamples
 
-_STATES, _LONGEST = 12, 0.5
+# States on each rope, and on the one that a `Probe` has; the longest step.
+_STATES, _FEW, LONGEST = 12, 3, 0.5
 
 
 @functools.cache
@@ -38,7 +39,7 @@ def probe_ropes() -> tuple[Problem, ...]:
         (0.0, 1.0),
         mass=(1.35, 0.7, 1.15, 0.55, 1.6),
         stiffness=(2.2, 3.7, 5.1, 2.9),
-        rest_length=(1.25, 0.7, 0.95, 1.4),
+        rest_length=(1.65, 0.7, 0.95, 1.4),
         pinned=(1,),
         gravity=(-0.52, -0.67, 0.41),
         damping=(0.33, 0.41, 0.17, 0.22, 0.38),
@@ -55,18 +56,22 @@ class Region(NamedTuple):
         words: that say it.
         lengths, speeds: by which factor springs are longer and nodes faster than in the middle.
         times: from and to.
+        longest: step that is made.
     """
 
     words: str = ""
     lengths: float = 1.0
     speeds: float = 1.0
     times: tuple[float, float] = (0.2, 2.0)
+    longest: float = LONGEST
 
 
 USUAL = Region()
 AT_REST = Region("at rest", speeds=0.0)
-# Each far from the usual states in one respect.
+# Each far from the usual states in one respect. Where the motion is fast, steps are short, too: so
+# short steps come first.
 ELSEWHERE = (
+    *(Region(f"in steps shorter than {dt:g}", longest=dt) for dt in (1e-3, 1e-5)),
     Region("at times from 5 to 50", times=(5.0, 50.0)),
     Region("at times from 500 to 5000", times=(500.0, 5000.0)),
     Region("at times from -5 to -1", times=(-5.0, -1.0)),
@@ -75,6 +80,48 @@ ELSEWHERE = (
     Region("where springs are stretched to four times their length", lengths=4.0),
     Region("where springs are pressed to a third of their length", lengths=0.3),
 )
+
+
+class Probe:
+    """A step from a few states of the first rope, of which many variants are tried.
+
+    Attributes:
+        problem: the rope.
+        t, y: times ``(states,)`` and states ``(states, *state)``.
+    """
+
+    def __init__(self, examination: Examination):
+        self.problem = examination.told(probe_ropes()[0])
+        self._method = examination.method
+        t, y = _drawn(self.problem, 0, USUAL)
+        self.t, self.y = t[:_FEW], y[:_FEW]
+
+    def after(
+        self, t: np.ndarray, y: np.ndarray, dt: np.ndarray, problem: Problem | None = None
+    ) -> np.ndarray:
+        """The states after one step; of a stepper that may remember more than them, after several.
+
+        Arguments:
+            t: times, ``(cases,)``.
+            y: states, ``(cases, *state)``.
+            dt: step sizes, ``(cases,)``.
+            problem: another rope.
+        """
+        samples = StepSamples(self.problem if problem is None else problem, self._method)
+        # As many as the expansions take first, so that the same program is compiled.
+        steps = 1 if samples.carries_state else STEPS
+        return samples.after(t, y, dt[:, None], steps)[:, 0, -1]
+
+
+def _drawn(problem: Problem, seed: int, region: Region) -> tuple[np.ndarray, np.ndarray]:
+    """Random times and states of a rope."""
+    draw = np.random.default_rng(seed)
+    free = problem.args.free[:, None]
+    x = CROOKED + 0.25 * draw.normal(size=(_STATES, *CROOKED.shape)) * free
+    v = draw.normal(size=x.shape) * free
+    t = draw.uniform(*region.times, _STATES)
+    pin = CROOKED[problem.args.free == 0.0][0]
+    return t, np.stack([pin + region.lengths * (x - pin), region.speeds * v], axis=1)
 
 
 def expansions(examination: Examination, region: Region = USUAL) -> list[Expansion]:
@@ -90,13 +137,6 @@ def expansions(examination: Examination, region: Region = USUAL) -> list[Expansi
     found = []
     for seed, rope in enumerate(probe_ropes()):
         problem = examination.told(rope)
-        draw = np.random.default_rng(seed)
-        free = problem.args.free[:, None]
-        x = CROOKED + 0.25 * draw.normal(size=(_STATES, *CROOKED.shape)) * free
-        v = draw.normal(size=x.shape) * free
-        t = draw.uniform(*region.times, _STATES)
-        pin = CROOKED[problem.args.free == 0.0][0]
-        y = np.stack([pin + region.lengths * (x - pin), region.speeds * v], axis=1)
         samples = StepSamples(problem, examination.method)
-        found.append(expanded(samples, t, y, _LONGEST))
+        found.append(expanded(samples, *_drawn(problem, seed, region), region.longest))
     return found

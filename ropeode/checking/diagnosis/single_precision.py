@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import generic, in_other_units
-from ropeode.checking.report import Diagnosis
+from ropeode.checking.check_ropes import in_other_units
+from ropeode.checking.diagnosis.probe_states import LONGEST, Probe
 from ropeode.problems.problem import Problem
+from ropeode.theory.diagnosis import Diagnosis
+from ropeode.validation import listed
 
-_STEPS = 4
+# How near to a number of float32, and to the middle between two, a step is tried: as a part of it.
+_NEAR = 2.0**-40
+# A jump exceeds the change that is as near to a number of float32, which no rounding makes, by this
+# factor, and is at least this part of the state.
+_JUMP, _LEAST_JUMP = 30.0, 1e-11
 _NUDGES = 8
 # Changes of the initial state: as small as float32's rounding, so that some are rounded up and
 # some down; and far larger.
@@ -20,44 +25,109 @@ _LEAST, _MOST = 1e-11, 1e-6
 _SMOOTH = 0.05
 # A power of two changes no digit of a binary number, whether it has 24 or 53 bits.
 _UNITS = 1024.0
+_STATE = ("positions", "velocities")
+_REMEDY = "convert nothing to float32; where a type is named, write float64"
 
 
-def diagnose_single_precision(examination: Examination) -> Diagnosis | None:
-    """Test whether a stepper responds to tiny changes in jumps of the size of float32's rounding.
+def diagnose_single_precision(probe: Probe) -> Diagnosis | None:
+    """Find the numbers that a stepper rounds to float32: state, time, step size, parameters.
 
-    It must respond to larger changes smoothly, and give the same result to the last bit if
-    lengths are measured in a unit 1024 times smaller. Binary rounding does; rounding to
-    decimals, or a step that is not smooth, does not.
+    If a number is rounded, the result jumps where it passes the middle between two neighbours in
+    float32, and is smooth at the neighbours themselves. If only what is computed from the state is
+    rounded, the result responds to tiny changes of the state in jumps, and yet is the same to the
+    last bit in a unit of length 1024 times smaller.
     """
-    problem = generic()
-    own = examination.run(problem, _STEPS)
-    jumps = _jumps(examination, problem, _SMALL)
-    unsmooth = _jumps(examination, problem, _LARGE) / _LARGE
-    scaled = examination.run(in_other_units(problem, _UNITS), _STEPS)
-    binary = np.array_equal(scaled, _UNITS * own)
-    if not (_LEAST <= jumps <= _MOST and unsmooth <= _SMOOTH and binary):
+    t, y = probe.t, probe.y
+    dt = LONGEST / 8.0 * np.linspace(0.6, 1.0, len(t))
+    free = probe.after(t, y, dt)[:, :, probe.problem.args.free > 0.0]
+    if np.array_equal(free, free.astype(np.float32)):
+        line = "states are rounded to float32: each number that the step returns is one of float32"
+        return Diagnosis("float32", line, {"states_are_float32": True}, _REMEDY)
+    jumps = _jumps_at_midpoints(probe, dt)
+    if not jumps:
+        return _inside(probe, float(dt[0]))
+    names = [name.replace("_", " ") for name in jumps]
+    one = len(names) == 1 and names[0] not in _STATE
+    line = (
+        f"{listed(names)} {'is' if one else 'are'} rounded to float32: the result jumps, by up to "
+        f"{max(jumps.values()):.1e} of the rope's size, where {'it passes' if one else 'they pass'}"
+        " the middle between two neighbouring numbers of float32, and nowhere else"
+    )
+    return Diagnosis("float32", line, {"jumps": jumps, "states_are_float32": False}, _REMEDY)
+
+
+def _jumps_at_midpoints(probe: Probe, dt: np.ndarray) -> dict[str, float]:
+    """The jumps that rounding makes, by what is rounded, as parts of the state's size."""
+    size, found = float(np.max(np.abs(probe.y))), {}
+    own = {"dt": dt, "t": probe.t, "positions": probe.y[:, 0], "velocities": probe.y[:, 1]}
+
+    def cases(name: str, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        each = {**own, name: values}
+        return each["t"], np.stack([each[half] for half in _STATE], axis=1), each["dt"]
+
+    every = [cases(name, at) for name, values in own.items() for at in _around(values)]
+    t, y, sizes = (np.concatenate(parts) for parts in zip(*every, strict=True))
+    after = probe.after(t, y, sizes)
+    for name, results in zip(own, after.reshape(len(own), 4, *probe.y.shape), strict=True):
+        if jump := _jump(results, size):
+            found[name] = jump
+    args = probe.problem.args
+    names = [name for name in args._fields if name != "free" and np.any(getattr(args, name))]
+
+    def of_parameters(names: list[str]) -> float:
+        around = zip(*(_around(getattr(args, name)) for name in names), strict=True)
+        ropes = [args._replace(**dict(zip(names, each, strict=True))) for each in around]
+        results = [
+            probe.after(probe.t, probe.y, dt, probe.problem.changed(args=rope)) for rope in ropes
+        ]
+        return _jump(np.stack(results), size)
+
+    # Each alone only where there is something to find.
+    if of_parameters(names):
+        found |= {name: jump for name in names if (jump := of_parameters([name]))}
+    return found
+
+
+def _around(values: np.ndarray) -> list[np.ndarray]:
+    """On both sides of the nearest numbers of float32, and of the middle to the next ones."""
+    own = values.astype(np.float32)
+    following = np.nextafter(own, np.float32(np.inf)).astype(float)
+    exact = own.astype(float)
+    return [
+        at * (1.0 + side * _NEAR) for at in (exact, (exact + following) / 2.0) for side in (-1, 1)
+    ]
+
+
+def _jump(results: np.ndarray, size: float) -> float:
+    """The jump in the middle, as a part of the size; 0 if it is as smooth there as elsewhere."""
+    smooth, jump = (float(np.max(np.abs(results[i + 1] - results[i]))) for i in (0, 2))
+    return jump / size if jump > max(_JUMP * smooth, _LEAST_JUMP * size) else 0.0
+
+
+def _inside(probe: Probe, dt: float) -> Diagnosis | None:
+    """Whether a number that a step computes from the state is rounded to float32."""
+    problem, y = probe.problem, probe.y[0]
+    direction = np.random.default_rng(5).normal(size=y.shape) * problem.args.free[:, None]
+    factors = (np.arange(_NUDGES) / (_NUDGES - 1.0)).reshape(-1, 1, 1, 1)
+    states = np.concatenate([y + factors * size * direction for size in (_SMALL, _LARGE)])
+
+    def after(states: np.ndarray, problem: Problem) -> np.ndarray:
+        every = np.ones(len(states))
+        return probe.after(probe.t[0] * every, states, dt * every, problem)
+
+    results = after(states, problem)
+    scaled = after(_UNITS * states, in_other_units(problem, _UNITS))
+    small, large = (
+        float(np.max(np.abs(each - (each[0] + factors * (each[-1] - each[0]))))) / problem.scale
+        for each in np.split(results, 2)
+    )
+    smooth = large <= _SMOOTH * _LARGE
+    if not (_LEAST <= small <= _MOST and smooth and np.array_equal(scaled, _UNITS * results)):
         return None
-    free = own[1:][:, :, problem.args.free > 0]
-    stored = bool(np.array_equal(free, free.astype(np.float32)))
-    where = "states are" if stored else "a number inside the step is"
     return Diagnosis(
         "float32",
-        f"{where} rounded to float32: the result responds to changes of {_SMALL:.0e} in jumps of "
-        f"{jumps:.1e} of the rope's size (float64: 1e-16); convert nothing to float32",
-        {"jumps": jumps, "states_are_float32": stored, "nonlinearity_of_large_changes": unsmooth},
+        "a number inside the step is rounded to float32: the result responds to changes of "
+        f"{_SMALL:.0e} in jumps of {small:.1e} of the rope's size (float64: 1e-16)",
+        {"jumps": {"state": small}, "states_are_float32": False},
+        _REMEDY,
     )
-
-
-def _jumps(examination: Examination, problem: Problem, size: float) -> float:
-    """How far the response to changes in one direction is off a straight line."""
-    direction = np.random.default_rng(5).normal(size=problem.y0.shape)
-    direction *= problem.args.free[None, :, None]
-    factors = np.arange(_NUDGES) / (_NUDGES - 1.0)
-    runs = np.stack(
-        [
-            examination.run(problem.changed(y0=problem.y0 + k * size * direction), _STEPS)
-            for k in factors
-        ]
-    )
-    straight = runs[0] + factors.reshape(-1, 1, 1, 1, 1) * (runs[-1] - runs[0])
-    return float(np.max(np.abs(runs - straight))) / problem.scale

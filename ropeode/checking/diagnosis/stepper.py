@@ -12,11 +12,13 @@ from ropeode.checking.diagnosis.low_order import diagnose_order_1
 from ropeode.checking.diagnosis.probe_states import (
     AT_REST,
     ELSEWHERE,
+    Probe,
     expansions,
     probe_ropes,
 )
 from ropeode.checking.diagnosis.single_precision import diagnose_single_precision
 from ropeode.checking.diagnosis.start import diagnose_start
+from ropeode.checking.diagnosis.step_size import diagnose_step_size
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
 from ropeode.theory.expansion import HIGHEST, Expansion
@@ -44,10 +46,10 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
     Raises:
         UserCodeError: the step raised.
     """
-    single = diagnose_single_precision(examination)
-    if single is not None:
-        # Rounding to float32 looks like other mistakes; it has to be mended first.
-        return (single,)
+    probe = Probe(examination)
+    # What rounds its numbers has no expansion in dt: it looks like other mistakes.
+    if rounded := diagnose_single_precision(probe) or diagnose_step_size(probe):
+        return (rounded,)
     found = expansions(examination)
     expected = examination.expected(found[0].problem) or 0
     start = diagnose_start(found, expected or 1)

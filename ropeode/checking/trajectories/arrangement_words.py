@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from ropeode.checking.trajectories.arrangement import Arrangement, Held
 from ropeode.checking.trajectories.run_files import Run
+from ropeode.validation import listed
 
 # What columns hold, where there are no velocities beside them.
 _NUMBERS = {"": "positions", "state": "numbers"}
@@ -90,7 +91,7 @@ def _exchanged(held: Held, axes: Sequence[str]) -> list[Mistake]:
     if not moved:
         return []
     words = [f"column {column} holds {axis}" for column, axis in moved]
-    return [Mistake(_listed(words), f"write {' before '.join(axes)}")]
+    return [Mistake(listed(words), f"write {' before '.join(axes)}")]
 
 
 def _mirrored(signs: Sequence[int], axes: Sequence[str]) -> list[Mistake]:
@@ -127,7 +128,3 @@ def _moved(held: Held, what: str) -> list[Mistake]:
         return []
     words = f"{what} are shifted by ({', '.join(f'{each:.6g}' for each in held.offset)})"
     return [Mistake(words, "use the origin of the spec")]
-
-
-def _listed(words: Sequence[str]) -> str:
-    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))

@@ -6,6 +6,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from ropeode.validation import listed
+
 _NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?", re.IGNORECASE)
 
 
@@ -23,8 +25,4 @@ def each_once(faults: Sequence[tuple[Path, str]]) -> list[str]:
 
 def _together(paths: Sequence[Path], line: str) -> str:
     others = list(dict.fromkeys(path.name for path in paths[1:] if path != paths[0]))
-    return f"{line} So in {_listed(others)}." if others else line
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    return f"{line} So in {listed(others)}." if others else line
