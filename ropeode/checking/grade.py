@@ -106,7 +106,7 @@ def grade(
             diagnosis = _diagnosed(reference, runs, files, dts, order, late)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
-            notes = (*notes, late.diagnosis.line)
+            notes = (*notes, "; ".join(filter(None, (late.words, late.fix))))
     progress("done", 1.0)
     return CheckReport(
         label=names_of(runs),
@@ -175,12 +175,13 @@ def _diagnosed(
 
 def _of_files(written: Explanation) -> Diagnosis:
     """The diagnosis that a program solves the problem, and writes it wrongly."""
-    evidence = {"read_so": written.agreement, "fix": written.fix}
-    line = f"{written.line}; {written.fix}"
+    evidence = {"read_so": written.agreement}
+    line, remedy = written.line, written.fix
     if (late := late_samples(written.reference, written.runs)) is not None:
         line += f". Moreover, {late.diagnosis.line}"
+        remedy = "; ".join(filter(None, (remedy, late.diagnosis.remedy)))
         evidence |= late.diagnosis.evidence
-    return Diagnosis(written.cause, line, evidence)
+    return Diagnosis(written.cause, line, evidence, remedy)
 
 
 def _with_what_is_right(diagnosis: Diagnosis, order: Finding) -> Diagnosis:

@@ -10,6 +10,7 @@ from ropeode.render.text_layout import columns, hanging, wrapped
 
 SCHEMA = "ropeode.check/1"
 _MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip": "skip"}
+_REMEDY = "To mend it: "
 _HEADERS = ("", "check", "finding")
 
 
@@ -26,6 +27,7 @@ def as_text(report: CheckReport) -> str:
         lines += columns([grid.headers, *grid.rows], grid.left)
     for diagnosis in report.diagnosis:
         lines += ["", *wrapped(f"Diagnosis ({diagnosis.cause}): {diagnosis.line}")]
+        lines += hanging(_REMEDY, diagnosis.remedy) if diagnosis.remedy else []
     for note in report.notes:
         words, code = _apart(note)
         lines += ["", *wrapped(f"Note: {words}")]
@@ -65,7 +67,12 @@ def as_dict(report: CheckReport) -> dict[str, Any]:
             for finding in report.findings
         ],
         "diagnosis": [
-            {"cause": each.cause, "finding": each.line, "evidence": dict(each.evidence)}
+            {
+                "cause": each.cause,
+                "finding": each.line,
+                "remedy": each.remedy or None,
+                "evidence": dict(each.evidence),
+            }
             for each in report.diagnosis
         ],
         "notes": list(report.notes),
@@ -110,7 +117,12 @@ def blocks(report: CheckReport) -> list[Block]:
     if convergence := shown(report):
         shown_blocks += [Paragraph(_errors_title(convergence)), _errors_grid(convergence)]
     shown_blocks += [
-        Paragraph(f"Diagnosis ({each.cause}): {each.line}") for each in report.diagnosis
+        Paragraph(text)
+        for each in report.diagnosis
+        for text in (
+            f"Diagnosis ({each.cause}): {each.line}",
+            *([f"{_REMEDY}{each.remedy}"] if each.remedy else []),
+        )
     ]
     for note in report.notes:
         words, code = _apart(note)

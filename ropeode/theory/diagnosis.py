@@ -13,7 +13,7 @@ class Diagnosis:
 
     Arguments:
         cause: a keyword, such as `parameters`, `start`, `lagged-damping`,
-            `damping-per-step`, `stage-time`, `in-place`, `float32`, `step-size`, or `unknown`.
+            `damping-per-step`, `stage-time`, `in-place`, `float32`, `step-size`, `unknown`.
         line: a sentence for the author.
         evidence: the numbers behind it, as plain JSON values.
         remedy: what to write instead, if that is known.

@@ -16,10 +16,13 @@ class Projection(NamedTuple):
     Fields:
         coefficients: ``(fields,)``; 0 for those that the ones before contain.
         rest: the largest component that is left over.
+        spread: how far each coefficient is off at most, if no error of the target is larger than
+            what is left over, ``(fields,)``.
     """
 
     coefficients: np.ndarray
     rest: float
+    spread: np.ndarray
 
 
 def project(target: np.ndarray, fields: np.ndarray) -> Projection:
@@ -29,7 +32,7 @@ def project(target: np.ndarray, fields: np.ndarray) -> Projection:
         target: at several states, ``(components,)``.
         fields: ``(fields, components)``; of those that depend on each other the first are used.
     """
-    coefficients = np.zeros(len(fields))
+    coefficients, gain = np.zeros(len(fields)), np.zeros(len(fields))
     size = np.linalg.norm(fields, axis=1)
     used = np.flatnonzero(size > 0.0)
     if len(used):
@@ -38,5 +41,7 @@ def project(target: np.ndarray, fields: np.ndarray) -> Projection:
         added = np.abs(np.diag(np.linalg.qr(units, mode="r")))
         used, units = used[added > _INDEPENDENT], units[:, added > _INDEPENDENT]
         coefficients[used] = np.linalg.lstsq(units, target)[0] / size[used]
+        inverse = np.linalg.inv(np.linalg.qr(units, mode="r"))
+        gain[used] = np.linalg.norm(inverse, axis=1) / size[used]
     rest = float(np.max(np.abs(target - coefficients @ fields), initial=0.0))
-    return Projection(coefficients, rest)
+    return Projection(coefficients, rest, gain * rest * np.sqrt(len(target)))

@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER, published
+from ropeode.theory.method_lines import is_result, lines_of
 from ropeode.theory.nystrom import NystromTableau
 from ropeode.theory.stages import Number, Row, dot, ones, same
 from ropeode.theory.tableau import Tableau
@@ -31,12 +32,24 @@ class Recognition(NamedTuple):
     Fields:
         name: of the well-known method.
         known: its tableau.
+        given: the tableau that is compared with it.
         differences: where the tableau differs, in words; none where it is that method.
     """
 
     name: str
     known: AnyTableau
+    given: AnyTableau
     differences: tuple[str, ...]
+
+    @property
+    def corrections(self) -> list[str]:
+        """The lines of the well-known method that are others in the tableau's."""
+        if not self.differences:
+            return []
+        given = self.given
+        if isinstance(given, NystromTableau) and isinstance(self.known, NystromTableau):
+            given = given if self.known.a else dataclasses.replace(given, a=None)
+        return [line for line in lines_of(self.known) if line not in lines_of(given)]
 
 
 def recognised(tableau: AnyTableau) -> Recognition | None:
@@ -61,7 +74,7 @@ def recognised(tableau: AnyTableau) -> Recognition | None:
             words = tuple(change.words for change in changes)
             key = (cost and cost + fewer, len(words))
             if best is None or key < best[0]:
-                best = key, Recognition(name, known, words)
+                best = key, Recognition(name, known, given, words)
     if best is None:
         return None
     (cost, _), found = best
@@ -143,7 +156,7 @@ def _remarks(tableau: AnyTableau) -> Iterator[str]:
             yield f"k{j + 1} and k{i + 1} are computed with equal arguments."
     for i in tableau.unused:
         # Many methods take it for their next step.
-        where = ", the slope at the new state," if _is_result(tableau, i) else ""
+        where = ", the slope at the new state," if is_result(tableau, i) else ""
         yield f"k{i + 1}{where} is not used in the step."
     if isinstance(tableau, Tableau) or tableau.a is None or not _have_trees():
         return
@@ -164,14 +177,7 @@ def _time(moved: Number) -> str:
 
 def _for_next_step(tableau: AnyTableau) -> int:
     """How many slopes are taken at the new state, for the next step."""
-    return sum(_is_result(tableau, i) for i in tableau.unused)
-
-
-def _is_result(tableau: AnyTableau, stage: int) -> bool:
-    """Whether a stage's state is the result."""
-    if isinstance(tableau, Tableau):
-        return all(map(same, tableau.a[stage], tableau.b))
-    return same(tableau.d[stage], Fraction(1)) and all(map(same, tableau.p[stage], tableau.q))
+    return sum(is_result(tableau, i) for i in tableau.unused)
 
 
 def _simplest(tableau: AnyTableau) -> AnyTableau:
@@ -236,7 +242,7 @@ def _changes(given: AnyTableau, known: AnyTableau) -> Iterator[_Change]:
     if (ratio := _ratio(given, known)) is not None:
         yield _Change(1, f"all its slopes times {_shown(ratio)}")
         return
-    at_end = {i for i in range(given.stages) if _is_result(given, i) and _is_result(known, i)}
+    at_end = {i for i in range(given.stages) if is_result(given, i) and is_result(known, i)}
     # One who takes the old positions leaves out all that makes them new ones.
     old = set()
     if isinstance(given, NystromTableau) and isinstance(known, NystromTableau):

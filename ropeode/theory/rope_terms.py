@@ -14,7 +14,8 @@ class Place(NamedTuple):
     Fields:
         args: of the rope.
         node: whose acceleration it is part of.
-        element: a spring for `spring` and `rest`, an axis for `gravity` and `drive`.
+        element: a spring for `spring`, `rest` and other forces of springs, an axis for `gravity`
+            and `drive`, and which of its parts for another force on a node.
     """
 
     args: Any
@@ -142,16 +143,34 @@ def _in_plane(axes: tuple[int, ...]) -> SpringLaw:
     return _with_length(lambda d: _length(d[:, list(axes)]))
 
 
+def _stretched_in_plane(axes: tuple[int, ...]) -> SpringLaw:
+    def law(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+        return motion.args.stiffness[spring] * _length(d[:, list(axes)]) * d / _length(d)
+
+    return law
+
+
+def _axes(plane: str) -> tuple[int, int]:
+    return "xyz".index(plane[0]), "xyz".index(plane[-1])
+
+
 PLANES = ("x and y", "x and z", "y and z")
 SPRING_LAWS: dict[str, tuple[SpringLaw, ...]] = {
     "a dashpot along each spring": (_dashpot,),
     "friction between neighbours": (lambda motion, spring, d, w: w,),
+    "a pull proportional to the distance of neighbours": (lambda motion, spring, d, w: d,),
     "a force of slack springs": (_pushing,),
     "a force of stretched springs": (_pulling,),
     **{f"a spring force along {'xyz'[axis]}": (_along(axis),) for axis in range(3)},
     **{
         f"a rest length whose direction is divided by a length of {plane} alone": (
-            _in_plane(("xyz".index(plane[0]), "xyz".index(plane[-1]))),
+            _in_plane(_axes(plane)),
+        )
+        for plane in PLANES
+    },
+    **{
+        f"a length in the spring force that is one of {plane} alone": (
+            _stretched_in_plane(_axes(plane)),
         )
         for plane in PLANES
     },
@@ -185,24 +204,64 @@ def _to_node(other: int, power: int) -> NodeLaw:
     return law
 
 
-def _drive_at_zero(motion: Motion, node: int) -> np.ndarray:
-    return _constant(motion, getattr(motion.args, "drive", np.zeros(motion.x.shape[2])))
+def _drive(factor: Callable[[np.ndarray, float], np.ndarray]) -> tuple[NodeLaw]:
+    """The drive with another function of time and frequency."""
+
+    def law(motion: Motion, node: int) -> np.ndarray:
+        args = motion.args
+        if not hasattr(args, "drive"):
+            return np.zeros(motion.x[:, node].shape)
+        return factor(motion.t, float(args.frequency))[:, None] * args.drive
+
+    return (law,)
 
 
+def _across(axis: int) -> NodeLaw:
+    def law(motion: Motion, node: int) -> np.ndarray:
+        v = motion.v[:, node]
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turned = np.zeros(v.shape)
+        if max(i, j) < v.shape[1]:
+            turned[:, i], turned[:, j] = -v[:, j], v[:, i]
+        return turned
+
+    return law
+
+
+def _attraction(motion: Motion, node: int) -> np.ndarray:
+    d = np.delete(motion.x, node, axis=1) - motion.x[:, node : node + 1]
+    return np.sum(d / _length(d) ** 3, axis=1)
+
+
+NOT_JOINED = "a force between nodes that no spring joins"
+CONSTANT = "a constant acceleration"
 NODE_LAWS: dict[str, tuple[NodeLaw, ...]] = {
-    "the driving force of t = 0": (_drive_at_zero,),
+    **{
+        f"the driving force {words}": _drive(factor)
+        for words, factor in {
+            "of t = 0": lambda t, w: np.ones(len(t)),
+            "with a sine in place of the cosine": lambda t, w: np.sin(w * t),
+            "of 1000 t": lambda t, w: np.cos(1000.0 * w * t),
+            "of t / 1000": lambda t, w: np.cos(w * t / 1000.0),
+            "with 2 pi times the frequency": lambda t, w: np.cos(2.0 * np.pi * w * t),
+            "with the frequency over 2 pi": lambda t, w: np.cos(w * t / (2.0 * np.pi)),
+        }.items()
+    },
     "drag that grows with the square of the speed": (
         lambda motion, node: _length(motion.v[:, node]) * motion.v[:, node],
     ),
+    "drag that grows with the square of each component of the velocity": (
+        lambda motion, node: np.abs(motion.v[:, node]) * motion.v[:, node],
+    ),
+    "a force across the velocity": tuple(_across(axis) for axis in range(3)),
+    "an attraction of all other nodes that falls with the square of the distance": (_attraction,),
     "friction that does not depend on the speed": (
         lambda motion, node: motion.v[:, node] / _length(motion.v[:, node]),
     ),
     "a force along the position": (lambda motion, node: motion.x[:, node],),
     "a force proportional to the velocity": (lambda motion, node: motion.v[:, node],),
-    "a force between nodes that no spring joins": tuple(
-        _to_node(other, power) for other in range(5) for power in (0, 1)
-    ),
-    "a constant force": tuple(
+    NOT_JOINED: tuple(_to_node(other, power) for other in range(5) for power in (0, 1)),
+    CONSTANT: tuple(
         lambda motion, node, axis=axis: _constant(motion, np.eye(3)[axis, : motion.x.shape[2]])
         for axis in range(3)
     ),
@@ -213,8 +272,10 @@ def other_terms(motion: Motion, node: int, law: str) -> list[RopeTerm]:
     """Terms of one of `SPRING_LAWS` or `NODE_LAWS` in the acceleration of a node."""
     args = motion.args
     if law in NODE_LAWS:
-        place = Place(args, node, node)
-        return [RopeTerm(law, place, each(motion, node)) for each in NODE_LAWS[law]]
+        return [
+            RopeTerm(law, Place(args, node, part), each(motion, node))
+            for part, each in enumerate(NODE_LAWS[law])
+        ]
     return [
         RopeTerm(law, Place(args, node, spring), each(motion, spring, d, w) / args.mass[node])
         for spring, d, w in motion.springs(node)

@@ -3,28 +3,60 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion
-from ropeode.theory.projection import project
+from ropeode.theory.known_mistakes import RIGHT, mass
+from ropeode.theory.projection import Projection, project
 from ropeode.theory.rope_terms import (
+    CONSTANT,
     NODE_LAWS,
+    NOT_JOINED,
     SPRING_LAWS,
     Motion,
+    Place,
     RopeTerm,
     other_terms,
     own_terms,
 )
 from ropeode.theory.term_factors import Factor, Fault, mistakes_in
+from ropeode.validation import listed
 
 # What may be left over of the difference from the right equation, as a part of the equation.
 _EXPLAINED = 1e-6
-# How far a coefficient may be off at least, and in units of the vector field's own uncertainty.
-_SPREAD, _UNCERTAIN = 1e-8, 1e3
+# How far a coefficient may be off at least, and in units of what the error that is left over makes
+# of it at most.
+_SPREAD, _UNCERTAIN = 1e-9, 3.0
+# Of a number, what rounding its factors to float32 takes off at most.
+_FLOAT32 = 1e-6
+_POSITIONS = "x_new = x + dt * v + dt**2 / 2 * a"
+_PINS = "let the acceleration and the velocity of pinned nodes be 0"
+_DAMPING = " * damping / mass"
+# Of which numbers of a node the coefficients of a force are multiples.
+_SCALES: dict[str, Callable[[Place], float]] = {
+    "": lambda place: 1.0,
+    " / mass": lambda place: 1.0 / mass(place),
+    " * mass": mass,
+    _DAMPING: lambda place: place.args.damping[place.node] / mass(place),
+}
+_OF_SPRINGS = ("a force of", "a spring force along")
+# Terms that come back in another form: the subject, how the other form begins, and the verb.
+_FORMS = (
+    ("the rest length", "there is a rest length whose ", "'s"),
+    ("the spring force", "there is a spring force whose ", "'s"),
+    (
+        "the length in the spring force",
+        "there is a length in the spring force that ",
+        "",
+    ),
+    ("the driving force", "there is the driving force ", " is the one"),
+)
+# How many states must be on each side of a threshold.
+_SOME = 3
 
 
 def diagnose_equation(
@@ -69,7 +101,8 @@ def diagnose_equation(
     if "rest" in evidence:
         texts[-1] += f" (all else is right to {max(evidence['rest'], 1e-16):.0e})"
     line = "at dt = 0 the step solves another equation: " + "; ".join(texts)
-    return Diagnosis("equation", line, evidence)
+    remedies = dict.fromkeys(fault.remedy for fault in faults if fault.remedy)
+    return Diagnosis("equation", line, evidence, "; ".join(remedies))
 
 
 def _free(expansions: Sequence[Expansion], kept: np.ndarray) -> np.ndarray:
@@ -110,8 +143,18 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
     if found.rest > _EXPLAINED * np.max(np.abs(np.concatenate(right))):
         return None
     pace = 1.0 + float(found.coefficients[0])
-    if abs(pace - 1.0) <= _EXPLAINED:
+    near, spread = abs(pace - 1.0), _UNCERTAIN * float(found.spread[0])
+    if near <= max(spread, _SPREAD):
         return None
+    if near <= _FLOAT32:
+        return Diagnosis(
+            "digits",
+            f"at dt = 0 positions and velocities both change at a rate that is off by {near:.1e} "
+            "of itself: a number of the method has few digits, as 0.1666667 has, or those of "
+            "float32",
+            {"pace": pace, "rest": found.rest},
+            "write fractions as such (dt / 6), in float64",
+        )
     if abs(pace) < _EXPLAINED:
         return Diagnosis("equation", _standstill(expansions), {"pace": 0.0})
     return Diagnosis(
@@ -120,6 +163,7 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
         f"change at {pace:.6g} times the right rate, as if the weights of the method added up to "
         "this factor, or the step used another dt",
         {"pace": pace, "rest": found.rest},
+        "let the weights of the slopes add up to 1",
     )
 
 
@@ -147,12 +191,15 @@ def _positions(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
     joined = np.concatenate(target)
     found = project(joined, np.concatenate(fields, axis=1))
     size = float(np.max(np.abs(np.concatenate([each[0] for each in fields]))))
-    faults = [Fault("pinned nodes move")] if moved > _EXPLAINED * size else []
+    faults = [Fault("pinned nodes move", remedy=_PINS)] if moved > _EXPLAINED * size else []
     if found.rest > _EXPLAINED * size:
         part = float(np.max(np.abs(joined))) / size
         evidence["positions"] = {"difference": part}
         text = f"positions change at another rate than the velocity, by up to {part:.2g} of it"
-        return [*faults, Fault(text, named=False)]
+        return [
+            *faults,
+            _with_neighbours(expansions) or Fault(text, named=False, remedy=_POSITIONS),
+        ]
     velocity, acceleration, position = map(float, found.coefficients)
     evidence["positions"] = {
         "velocity": 1.0 + velocity,
@@ -160,19 +207,40 @@ def _positions(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
         "position": position,
         "rest": found.rest,
     }
+    texts = []
     if abs(velocity + 1.0) <= _EXPLAINED:
-        faults.append(Fault("positions do not move with the velocity"))
+        texts.append("positions do not move with the velocity")
     elif abs(velocity) > _EXPLAINED:
-        faults.append(Fault(f"positions move with {1.0 + velocity:.6g} times the velocity"))
+        texts.append(f"positions move with {1.0 + velocity:.6g} times the velocity")
     if abs(acceleration) > _EXPLAINED:
-        faults.append(
-            Fault(
-                f"positions change by {acceleration:.6g} dt times the acceleration: dt^2 is right"
-            )
-        )
+        texts.append(f"positions change by {acceleration:.6g} dt times the acceleration")
     if abs(position) > _EXPLAINED:
-        faults.append(Fault(f"positions change by {position:.6g} dt times themselves"))
-    return faults
+        texts.append(f"positions change by {position:.6g} dt times themselves")
+    return faults + [Fault(text, remedy=_POSITIONS) for text in texts]
+
+
+def _with_neighbours(expansions: Sequence[Expansion]) -> Fault | None:
+    """Whether the velocities of other nodes move a node, too."""
+    found = {}
+    for each, node in _free_nodes(expansions):
+        v = each.y[:, 1]
+        shares = project(
+            each.rate(0).value[:, 0, node].ravel(), np.moveaxis(v, 1, 0).reshape(v.shape[1], -1)
+        )
+        if shares.rest > _EXPLAINED * float(np.max(np.abs(v))):
+            return None
+        own = {i: float(f"{share:.6g}") for i, share in enumerate(shares.coefficients)}
+        found[node] = {
+            i: share for i, share in own.items() if i != node and abs(share) > _EXPLAINED
+        }
+    node, others = max(found.items(), key=lambda pair: len(pair[1]))
+    if not others:
+        return None
+    words = listed(f"{share:.6g} of that of node {i}" for i, share in others.items())
+    return Fault(
+        f"positions move with the velocities of other nodes, too: node {node} with {words}",
+        remedy=_POSITIONS,
+    )
 
 
 class _Explanation(NamedTuple):
@@ -198,15 +266,14 @@ def _velocities(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
     """Which terms of the acceleration are off by which factors, or what else is in it."""
     size = max(float(np.max(np.abs(each.slopes[:, 1]))) for each in expansions)
     faults = _pins(expansions, size)
+    nodes = [_Node(each, node) for each, node in _free_nodes(expansions)]
     laws = (*NODE_LAWS, *SPRING_LAWS)
     found: list[_Explanation] = []
     for several in range(3):
-        tried = (
-            _explanation(expansions, size, law) for law in itertools.combinations(laws, several)
-        )
+        tried = (_explanation(nodes, size, law) for law in itertools.combinations(laws, several))
         found += [each for each in tried if each is not None]
-        # Two at once explain much: only where nothing simpler does.
-        if found and several:
+        # Two at once explain much: only where nothing simpler names all.
+        if several and any(not each.plain[0] for each in found):
             break
     if not found:
         return [*faults, _unexplained(expansions, size, evidence)]
@@ -232,59 +299,117 @@ def _with_mean_velocity(expansions: Sequence[Expansion], faults: list[Fault]) ->
     return [
         Fault(
             "the acceleration is counted half in the velocity, which is (x_new - x)/dt: that is "
-            "the mean velocity of the step, and contains dt/2 a; add the other dt/2 a"
+            "the mean velocity of the step, and contains dt/2 a",
+            remedy="v_new = (x_new - x) / dt + dt / 2 * a",
         )
     ]
 
 
-def _explanation(
-    expansions: Sequence[Expansion], size: float, laws: tuple[str, ...]
-) -> _Explanation | None:
+class _Node:
+    """The acceleration of one node in one expansion, and its terms, which are computed once."""
+
+    def __init__(self, expansion: Expansion, node: int):
+        x, v = expansion.y[:, 0], expansion.y[:, 1]
+        self._motion, self._index = Motion(expansion.problem.args, expansion.t, x, v), node
+        self._difference = expansion.rate(0).value[:, 1, node].ravel()
+        self._own = own_terms(self._motion, node)
+        self._others: dict[str, list[RopeTerm]] = {}
+
+    def project(self, laws: tuple[str, ...]) -> tuple[list[RopeTerm], Projection]:
+        """The terms of some laws, and the rope's own, with their coefficients in the difference."""
+        for law in laws:
+            if law not in self._others:
+                self._others[law] = other_terms(self._motion, self._index, law)
+        # Of terms that depend on each other, the first are used: what an explanation adds.
+        terms = [*(term for law in laws for term in self._others[law]), *self._own]
+        fields = np.stack([term.values.ravel() for term in terms])
+        return terms, project(self._difference, fields)
+
+
+def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> _Explanation | None:
     """The rope's own terms and some others, if they make up the difference."""
-    terms: list[tuple[RopeTerm, float]] = []
+    factors: list[Factor] = []
     worst = 0.0
-    for each, node in _free_nodes(expansions):
-        group, rest = _node(each, node, laws)
-        if rest > _EXPLAINED * size:
+    for node in nodes:
+        terms, found = node.project(laws)
+        if found.rest > _EXPLAINED * size:
             return None
-        terms, worst = terms + group, max(worst, rest)
-    spread = _spread(expansions, size)
-    factors = [
-        Factor(term.kind, term.place, 1.0 + value, spread)
-        for term, value in terms
-        if term.kind not in laws
-    ]
-    faults = mistakes_in(factors)
+        worst = max(worst, found.rest)
+        spreads = np.maximum(_SPREAD, _UNCERTAIN * found.spread)
+        factors += [
+            Factor(term.kind, term.place, float(value) + (term.kind not in laws), float(spread))
+            for term, value, spread in zip(terms, found.coefficients, spreads, strict=True)
+        ]
+    own = [each for each in factors if each.kind not in laws]
+    faults = mistakes_in(own)
     for law in laws:
-        values = [value for term, value in terms if term.kind == law and value]
-        faults.append(_law(law, values, spread))
-    return _Explanation(_merged(faults), factors, worst)
+        # Where a spring is never slack, say, the force of slack springs has no coefficient.
+        present = [each for each in factors if each.kind == law and each.value]
+        if all(each.equals(0.0) for each in present):
+            return None
+        faults.append(_law(law, present))
+    return _Explanation(_merged(faults), own, worst)
 
 
-def _spread(expansions: Sequence[Expansion], size: float) -> float:
-    """How far a coefficient may be off."""
-    error = max(float(np.median(each.rate(0).error[1])) for each in expansions)
-    return max(_SPREAD, _UNCERTAIN * error / size)
+def _law(law: str, factors: list[Factor]) -> Fault:
+    """A force that is no term of a rope, from its coefficients at all places."""
+    remedy = RIGHT["drive"] if law.startswith("the driving force") else f"leave out {law}"
+    if law == NOT_JOINED:
+        pairs = {
+            tuple(sorted((each.place.node, each.place.element // 2)))
+            for each in factors
+            if not each.equals(0.0)
+        }
+        words = listed(f"{i}-{j}" for i, j in sorted(pairs))
+        return Fault(
+            f"there is a force between nodes {words}, which no spring joins", remedy=remedy
+        )
+    found = _multiples(factors, law in NODE_LAWS)
+    if found is None:
+        return Fault(f"there is {law}", named=False, remedy=remedy)
+    words, text = found
+    if text + words == "-1" and law.startswith(_OF_SPRINGS):
+        return Fault(f"{law} is left out", remedy=RIGHT["spring"])
+    if law == CONSTANT and words == _DAMPING:
+        text = f"there is a wind of {text}: damping is that of the velocity less the wind's"
+        return Fault(text, remedy=RIGHT["damping"])
+    return Fault(f"there is {law} (coefficient {text}{words})", remedy=remedy)
 
 
-def _law(law: str, values: list[float], spread: float) -> Fault:
-    if values and np.ptp(values) <= spread * (1.0 + abs(values[0])):
-        if abs(values[0] + 1.0) <= spread:
-            return Fault(f"{law} is left out")
-        return Fault(f"there is {law} (coefficient {values[0]:.6g})")
-    return Fault(f"there is {law}", named=False)
+def _multiples(factors: list[Factor], in_parts: bool) -> tuple[str, str] | None:
+    """Of which number of a node all coefficients are the same multiple, and of which.
+
+    Arguments:
+        factors: at all places.
+        in_parts: whether a force has several parts, each with a multiple of its own.
+
+    Returns:
+        The words for the number, and the multiple, or one for each part in parentheses.
+    """
+    for words, scale in _SCALES.items():
+        parts: dict[int, list[float]] = {}
+        for each in factors:
+            part = each.place.element if in_parts else 0
+            parts.setdefault(part, []).append(each.value / scale(each.place))
+        spread = max(each.spread / scale(each.place) for each in factors)
+        if all(np.ptp(of) <= 2.0 * spread * (1.0 + abs(of[0])) for of in parts.values()):
+            means = [float(np.mean(parts[part])) for part in sorted(parts)]
+            texts = [f"{0.0 if abs(mean) <= spread else mean:.6g}" for mean in means]
+            return words, texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
+    return None
 
 
 def _merged(faults: list[Fault]) -> list[Fault]:
-    """A term that is left out, and comes back with another direction, as one fault."""
+    """A term that is left out, and comes back in another form, as one fault."""
     words = [fault.words for fault in faults]
-    for subject in ("rest length", "spring force"):
-        gone, start = f"the {subject} is left out", f"there is a {subject} whose "
+    for subject, start, verb in _FORMS:
+        gone = f"{subject} is left out"
         back = [each for each in words if each.startswith(start) and each.endswith("ient 1)")]
         if gone in words and back:
             text = back[0].removeprefix(start).removesuffix(" (coefficient 1)")
+            remedy = faults[words.index(gone)].remedy
             rest = [fault for fault in faults if fault.words not in (gone, back[0])]
-            return [Fault(f"the {subject}'s {text}"), *rest]
+            return [Fault(f"{subject}{verb} {text}", remedy=remedy), *rest]
     return faults
 
 
@@ -294,31 +419,13 @@ def _pins(expansions: Sequence[Expansion], size: float) -> list[Fault]:
         float(np.max(np.abs(each.rate(0).value[:, 1, each.problem.args.free == 0.0])))
         for each in expansions
     )
-    return [Fault("pinned nodes are accelerated")] if off > _EXPLAINED * size else []
+    return [Fault("pinned nodes are accelerated", remedy=_PINS)] if off > _EXPLAINED * size else []
 
 
 def _free_nodes(expansions: Sequence[Expansion]) -> list[tuple[Expansion, int]]:
     return [
         (each, int(node)) for each in expansions for node in np.flatnonzero(each.problem.args.free)
     ]
-
-
-def _node(
-    expansion: Expansion, node: int, laws: Sequence[str]
-) -> tuple[list[tuple[RopeTerm, float]], float]:
-    """The coefficients of the difference in one node's acceleration, and what is left over."""
-    motion, difference = _motion(expansion), expansion.rate(0).value[:, 1, node]
-    # Of terms that depend on each other, the first are used: what an explanation adds.
-    terms = [term for law in laws for term in other_terms(motion, node, law)]
-    terms += own_terms(motion, node)
-    found = project(difference.ravel(), np.stack([term.values.ravel() for term in terms]))
-    return list(zip(terms, map(float, found.coefficients), strict=True)), found.rest
-
-
-def _motion(expansion: Expansion) -> Motion:
-    """The states of an expansion."""
-    x, v = expansion.y[:, 0], expansion.y[:, 1]
-    return Motion(expansion.problem.args, expansion.t, x, v)
 
 
 def _unexplained(expansions: Sequence[Expansion], size: float, evidence: dict) -> Fault:
@@ -332,9 +439,38 @@ def _unexplained(expansions: Sequence[Expansion], size: float, evidence: dict) -
     evidence["difference"] = largest
     evidence["nodes"] = nodes
     every = {node for node, _ in off}
-    where = "" if {*nodes} == every else f", at node {', '.join(map(str, nodes))} alone"
+    where = _only_where(expansions, _EXPLAINED * size)
+    if not where and {*nodes} != every:
+        where = f", at node {listed(nodes)} alone"
     return Fault(
         f"the acceleration is off by up to {largest:.2g} of its size{where}, and by no combination "
         "of factors on the rope's own terms",
         named=False,
     )
+
+
+def _only_where(expansions: Sequence[Expansion], least: float) -> str:
+    """In words, beyond which threshold nodes are off, if one number tells them from the others."""
+    off: list[np.ndarray] = []
+    numbers: dict[str, list[np.ndarray]] = {}
+    for each, node in _free_nodes(expansions):
+        off.append(np.max(np.abs(each.rate(0).value[:, 1, node]), axis=1) > least)
+        x, v = each.y[:, 0, node], each.y[:, 1, node]
+        own = {
+            **{f"the node's {axis}": x[:, i] for i, axis in enumerate("xyz"[: x.shape[1]])},
+            "the node's speed": np.linalg.norm(v, axis=1),
+            "t": each.t,
+        }
+        for name, values in own.items():
+            numbers.setdefault(name, []).append(values)
+    there = np.concatenate(off)
+    if not _SOME <= np.sum(there) <= len(there) - _SOME:
+        return ""
+    for name, parts in numbers.items():
+        values = np.concatenate(parts)
+        here, elsewhere = values[there], values[~there]
+        for side, low, high in (("below", here, elsewhere), ("above", elsewhere, here)):
+            if np.max(low) < np.min(high):
+                between = f"between {np.max(low):.3g} and {np.min(high):.3g}"
+                return f", only where {name} is {side} a number {between}"
+    return ""

@@ -12,8 +12,12 @@ from ropeode.theory.projection import project
 
 # What may be left over, as a part of the state, and how close two numbers must be.
 _EXPLAINED, _CLOSE = 1e-6, 1e-6
+# How many numbers must be at a limit.
+_SOME = 3
 # The shortest step, as a part of the longest, and by how much of its size it may move a state.
 _SHORTEST, _MOVES = 2.0**-14, 2e-3
+_UNCHANGED = "x_new = x + dt * (...), v_new = v + dt * (...): both must be as they were if dt is 0"
+_PER_TIME = "v *= exp(-damping * dt / mass), or put -damping * v / mass into the acceleration"
 _NO_LIMIT = "so the runs have no limit as dt goes to 0"
 
 
@@ -42,8 +46,12 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
             "each step puts springs back to their rest lengths, however short it is: this is a "
             "constraint (a rigid link), and not a spring",
             evidence,
+            "let the stretch make a force, stiffness * (length - rest_length), and no displacement",
         )
     if of_x is None or of_v is None:
+        if named := _limited(expansions) or _averaged(expansions):
+            line = f"at dt = 0 the step changes the state: {named}, {_NO_LIMIT}"
+            return Diagnosis("identity", line, evidence, _UNCHANGED)
         changed = np.max([np.max(np.abs(each), axis=(0, 1, 2)) for each in change], axis=0)
         axes = "".join(
             a for a, each in zip("xyz", changed, strict=True) if each > _EXPLAINED * size
@@ -51,15 +59,15 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         where = "" if axes == "xyz" else f", along {' and '.join(axes)} alone"
         line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
         line += where
-        return Diagnosis("identity", f"{line}, {_NO_LIMIT}; x(t + 0) must be x(t)", evidence)
+        return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
     (xx, xv), (vx, vv) = (np.array(each).T for each in (of_x, of_v))
     evidence |= {
         "positions": {"times_position": _mean(xx), "times_velocity": _mean(xv)},
         "velocities": {"times_position": _mean(vx), "times_velocity": _mean(vv)},
     }
     if _all(xx, -1.0) and _all(xv, 1.0) and _all(vx, 1.0) and _all(vv, -1.0):
-        line = "the step returns the velocities first: it must return positions, then velocities"
-        return Diagnosis("swapped", line, evidence)
+        line = "the step returns the velocities first"
+        return Diagnosis("swapped", line, evidence, "return positions, then velocities")
     texts = []
     if _all(xx, -1.0):
         texts.append("the new positions do not contain the old ones")
@@ -72,26 +80,103 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     if not _all(vx, 0.0):
         texts.append(f"velocities change by {_range(vx)} times the positions, without dt")
     if _all(vv, -1.0) or _all(vv, 0.0):
-        return Diagnosis("identity", f"at dt = 0 {'; '.join(texts)}", evidence)
+        line = f"at dt = 0 {'; '.join(texts)}"
+        return Diagnosis("identity", line, evidence, _UNCHANGED)
     damping = np.array([args.damping[node] for *_, args, node in velocities])
-    part = -_mean(vv / damping)
-    times = "" if _all(np.array([part]), 1.0) else f"{part:.6g} "
-    share = f", 1 - {times}damping," if _all(vv / damping, -part) else ","
+    masses = np.array([args.mass[node] for *_, args, node in velocities])
+    share = ""
+    for words, rate in (("damping", damping), ("damping / mass", damping / masses)):
+        part = -_mean(vv / rate)
+        if _all(vv / rate, -part):
+            share = f", 1 - {'' if _all(np.array([part]), 1.0) else f'{part:.6g} '}{words}"
     texts.append(
-        f"each step multiplies velocities by {_factor(vv)}{share} whatever dt is, {_NO_LIMIT}; "
-        "let the factor depend on dt, as 1 - rate dt does"
+        f"each step multiplies velocities by {_factor(vv)}{share}, whatever dt is, {_NO_LIMIT}"
     )
     evidence["lost_per_step"] = -_mean(vv)
     evidence["kept"] = _by_rope(1.0 + vv, velocities, expansions)
-    return Diagnosis("damping-per-step", f"at dt = 0 {'; '.join(texts)}", evidence)
+    line = f"at dt = 0 {'; '.join(texts)}"
+    return Diagnosis("damping-per-step", line, evidence, _PER_TIME)
+
+
+def _shortest(expansion: Expansion) -> np.ndarray:
+    """The states after the shortest step, ``(states, *state)``."""
+    dt = expansion.ladder[:, None] * _SHORTEST
+    return expansion.samples.after(expansion.t, expansion.y, dt, 1)[:, 0, 1]
+
+
+def _limited(expansions: Sequence[Expansion]) -> str | None:
+    """Which number all that changes is set to, if it is one: a limit, a floor, rest."""
+    before, after = (
+        np.concatenate([states[:, :, each.problem.args.free > 0.0] for each, states in pairs])
+        for pairs in (
+            [(each, each.y) for each in expansions],
+            [(each, _shortest(each)) for each in expansions],
+        )
+    )
+    near = _MOVES * float(np.max(np.abs(before)))
+    moved = np.abs(after - before) > near
+    speeds = [np.linalg.norm(states[:, 1], axis=-1) for states in (before, after)]
+    limited = {
+        **{
+            f"{axis} of the nodes": (before[:, 0, :, i], after[:, 0, :, i], moved[:, 0, :, i])
+            for i, axis in enumerate("xyz"[: before.shape[3]])
+        },
+        "each component of the velocity": (
+            *(np.abs(states[:, 1]) for states in (before, after)),
+            moved[:, 1],
+        ),
+        "the speed": (*speeds, np.abs(speeds[1] - speeds[0]) > near),
+    }
+    texts = []
+    for name, (old, new, changed) in limited.items():
+        if np.sum(changed) < _SOME or np.all(changed):
+            continue
+        value = float(np.median(new[changed]))
+        rest = old[~changed]
+        if np.max(np.abs(new[changed] - value)) > near:
+            continue
+        if np.all(old[changed] > value) and np.all(rest <= value + 2.0 * near):
+            texts.append(f"{name} is at most {value:.3g}")
+        elif np.all(old[changed] < value) and np.all(rest >= value - 2.0 * near):
+            texts.append(f"{name} is at least {value:.3g}")
+    if not texts:
+        return None
+    # A speed is limited as well where each component is.
+    return " and ".join(
+        texts[:-1] if len(texts) > 1 and texts[-1].startswith("the speed") else texts
+    )
+
+
+def _averaged(expansions: Sequence[Expansion]) -> str | None:
+    """Whether velocities, and nothing else, become sums of those of several nodes."""
+    most: dict[int, float] = {}
+    of = 0
+    for each in expansions:
+        base, change = each.at_zero()
+        v, off = base[:, 1], change.value
+        size = float(np.max(np.abs(v)))
+        if np.max(np.abs(off[:, 0])) > _EXPLAINED * size:
+            return None
+        fields = np.moveaxis(v, 1, 0).reshape(v.shape[1], -1)
+        for node in np.flatnonzero(each.problem.args.free):
+            found = project(off[:, 1, node].ravel(), fields)
+            if found.rest > _EXPLAINED * size:
+                return None
+            shares = {i: float(c) + (i == node) for i, c in enumerate(found.coefficients)}
+            shares = {i: share for i, share in shares.items() if abs(share) > _EXPLAINED}
+            if len(shares) > max(1, len(most)):
+                most, of = shares, int(node)
+    if not most:
+        return None
+    words = " + ".join(f"{share:.6g} v{i}" for i, share in sorted(most.items()))
+    return f"velocities are mixed with those of other nodes (v{of} becomes {words})"
 
 
 def _puts_to_rest_lengths(expansions: Sequence[Expansion]) -> bool:
     """Whether a spring has its rest length after the shortest step, at all states."""
     off = []
     for each in expansions:
-        after = each.samples.after(each.t, each.y, each.ladder[:, None] * _SHORTEST, 1)[:, 0, 1, 0]
-        length = np.linalg.norm(np.diff(after, axis=1), axis=2)
+        length = np.linalg.norm(np.diff(_shortest(each)[:, 0], axis=1), axis=2)
         off.append(np.max(np.abs(length / each.problem.args.rest_length - 1.0), axis=0))
     return bool(np.min(np.max(off, axis=0)) <= _SHORTEST)
 
@@ -99,11 +184,7 @@ def _puts_to_rest_lengths(expansions: Sequence[Expansion]) -> bool:
 def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:
     """What a very short step does, where many of them have no expansion in powers of dt."""
     size = max(float(np.max(np.abs(each.y))) for each in expansions)
-    change = max(
-        float(np.max(np.abs(after[:, 0, 1] - each.y)))
-        for each in expansions
-        for after in [each.samples.after(each.t, each.y, each.ladder[:, None] * _SHORTEST, 1)]
-    )
+    change = max(float(np.max(np.abs(_shortest(each) - each.y))) for each in expansions)
     if change <= _MOVES * size:
         return None
     if change > size / _MOVES:

@@ -7,8 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ropeode.theory.known_mistakes import MISTAKES, NUMBERS, RIGHT, SUBJECTS, Mistake, mass
 from ropeode.theory.rope_terms import Place
 from ropeode.validation import listed
+
+# Of a number, what rounding two of its factors to float32 takes off at most.
+_FLOAT32 = 2.0**-23
 
 
 class Factor(NamedTuple):
@@ -31,37 +35,18 @@ class Factor(NamedTuple):
         return abs(self.value - other) <= self.spread * (1.0 + abs(other))
 
 
-class _Mistake(NamedTuple):
-    """What a mistake makes of a factor.
-
-    Fields:
-        words: what follows the subject, such as "the damping".
-        value: the factor, at a place.
-    """
-
-    words: str
-    value: Callable[[Place], float]
-
-
 class Fault(NamedTuple):
     """Something that is wrong.
 
     Fields:
         words: that say it.
         named: whether they name the mistake; if not, they only say how far off a term is.
+        remedy: what is to be written instead, if that is known.
     """
 
     words: str
     named: bool = True
-
-
-SUBJECTS = {
-    "gravity": "gravity",
-    "drive": "the driving force",
-    "damping": "the damping",
-    "spring": "the spring force",
-    "rest": "the rest length",
-}
+    remedy: str = ""
 
 
 def mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
@@ -84,9 +69,13 @@ def mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
     ):
         # One factor for both: it is the force that is off.
         kinds -= {"rest"}
-    for kind in SUBJECTS:
+    for kind, subject in SUBJECTS.items():
         if kind in kinds:
-            texts += _of_kind(kind, [e for e in by_kind[kind] if e.place.node not in still])
+            if kind == "spring" and not any(each.kind == "rest" for each in wrong):
+                subject = "the length in the spring force"
+            moving = [each for each in by_kind[kind] if each.place.node not in still]
+            own = _of_kind(kind, subject, moving)
+            texts += [fault._replace(remedy=RIGHT[kind]) for fault in own]
     return texts
 
 
@@ -98,11 +87,15 @@ def _of_all(by_kind: dict[str, list[Factor]]) -> Fault | None:
     if not all({each.value for each in by_kind[kind]} - {1.0} for kind in ("spring", "damping")):
         return None
     right = all(each.equals(1.0) for each in accelerations)
-    for mistake in (*_MASS, *_MASS_ALONE) if right else _MASS:
+    for mistake in MISTAKES["mass"]:
         if _explains(mistake, forces if right else every):
-            return Fault(f"the mass {mistake.words}")
-    if not every[0].equals(1.0) and all(each.equals(every[0].value) for each in every):
-        return Fault(f"the acceleration {_times(every[0])}")
+            return Fault(f"the mass {mistake.words}", remedy=RIGHT["mass"])
+    if not forces[0].equals(1.0) and all(each.equals(forces[0].value) for each in forces):
+        if right and not forces[0].equals(0.0):
+            inverse = forces[0]._replace(value=1.0 / forces[0].value)
+            return Fault(f"the mass {_times(inverse)}", remedy=RIGHT["mass"])
+        if all(each.equals(forces[0].value) for each in accelerations):
+            return Fault(f"the acceleration {_times(forces[0])}")
     return None
 
 
@@ -117,12 +110,11 @@ def _nodes_that_stand_still(factors: Sequence[Factor]) -> list[int]:
     return [] if still == nodes else still
 
 
-def _of_kind(kind: str, factors: list[Factor]) -> list[Fault]:
-    subject = SUBJECTS[kind]
+def _of_kind(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
     wrong = [each for each in factors if not each.equals(1.0)]
     if not wrong:
         return []
-    for mistake in (*_MISTAKES[kind], *_NUMBERS):
+    for mistake in (*MISTAKES[kind], *NUMBERS):
         if _explains(mistake, factors):
             return [Fault(f"{subject} {mistake.words}")]
     if (own := _own_number(kind, factors)) is not None:
@@ -132,11 +124,13 @@ def _of_kind(kind: str, factors: list[Factor]) -> list[Fault]:
     axes = sorted({each.place.element for each in wrong})
     if kind in ("gravity", "drive") and len(axes) < len({e.place.element for e in factors}):
         return [
-            Fault(text.words.replace(subject, f"the {'xyz'[axis]} component of {subject}"))
-            if text.named
-            else text
+            fault
             for axis in axes
-            for text in _of_kind(kind, [each for each in factors if each.place.element == axis])
+            for fault in _of_kind(
+                kind,
+                f"the {'xyz'[axis]} component of {subject}",
+                [each for each in factors if each.place.element == axis],
+            )
         ]
     if all(each.equals(wrong[0].value) for each in wrong):
         text = f"{subject} {_times(wrong[0])}"
@@ -149,7 +143,7 @@ def _of_kind(kind: str, factors: list[Factor]) -> list[Fault]:
 def _growth(factors: list[Factor]) -> float | None:
     """What is added to all damping rates, if it is the same for all nodes."""
     values = [
-        (1.0 - each.value) * each.place.args.damping[each.place.node] / _mass(each.place)
+        (1.0 - each.value) * each.place.args.damping[each.place.node] / mass(each.place)
         for each in factors
     ]
     return values[0] if np.ptp(values) <= factors[0].spread * (1.0 + abs(values[0])) else None
@@ -167,10 +161,12 @@ def _where(kind: str, wrong: list[Factor]) -> str:
 
 
 def _times(factor: Factor) -> str:
-    for mistake in _NUMBERS:
-        if factor.equals(mistake.value(factor.place)):
+    for mistake in NUMBERS:
+        if factor.equals(mistake.factor(factor.place)):
             return mistake.words
     off = factor.value - 1.0
+    if abs(off) <= _FLOAT32:
+        return f"is off by {off:.1e} of itself, as a constant in float32 makes it"
     if abs(off) < 0.5:
         return f"is {100.0 * abs(off):.4g}% too {'large' if off > 0 else 'small'}"
     return f"is {factor.value:.6g} times what it should be"
@@ -194,107 +190,17 @@ def _own_number(kind: str, factors: list[Factor]) -> str | None:
     if any(np.ptp(values) > spread * (1.0 + abs(values[0])) for values in by_part.values()):
         return None
     means = [float(np.mean(values)) for _, values in sorted(by_part.items())]
-    numbers = [f"{0.0 if abs(mean) <= spread else mean:.6g}" for mean in means]
+    numbers = [_own_in_words(mean, spread) for mean in means]
     return numbers[0] if len(numbers) == 1 else f"({', '.join(numbers)})"
 
 
-def _explains(mistake: _Mistake, factors: list[Factor]) -> bool:
-    return all(each.equals(mistake.value(each.place)) for each in factors)
+def _own_in_words(value: float, spread: float) -> str:
+    """A number with six digits, and whether float32 has rounded it."""
+    text = f"{0.0 if abs(value) <= spread else value:.6g}"
+    off, rounded = value - float(text), float(np.float32(float(text)))
+    near = spread * (1.0 + abs(value))
+    return f"{text} in float32" if abs(off) > near >= abs(value - rounded) else text
 
 
-def _mass(place: Place) -> float:
-    return place.args.mass[place.node]
-
-
-def _first_for_all(name: str, part: str) -> _Mistake:
-    def value(place: Place) -> float:
-        array = getattr(place.args, name)
-        return array[0] / array[getattr(place, part)]
-
-    noun = name.replace("_", " ")
-    return _Mistake(f"takes the first {noun} for all", value)
-
-
-def _mean_for_all(name: str, part: str) -> _Mistake:
-    def value(place: Place) -> float:
-        array = getattr(place.args, name)
-        return float(np.mean(array)) / array[getattr(place, part)]
-
-    return _Mistake(f"takes the mean {name.replace('_', ' ')} for all", value)
-
-
-def _next(name: str, shift: int) -> _Mistake:
-    def value(place: Place) -> float:
-        array = getattr(place.args, name)
-        return array[(place.element + shift) % len(array)] / array[place.element]
-
-    which = "next" if shift > 0 else "previous"
-    return _Mistake(f"takes the {name.replace('_', ' ')} of the {which} spring", value)
-
-
-_NUMBERS = (
-    _Mistake("is left out", lambda place: 0.0),
-    _Mistake("has the wrong sign", lambda place: -1.0),
-    _Mistake("is counted twice", lambda place: 2.0),
-    _Mistake("is counted half", lambda place: 0.5),
-)
-_MASS = (
-    _Mistake("is left out: forces are not divided by it", _mass),
-    _Mistake("counts twice: forces are divided by it twice", lambda place: 1.0 / _mass(place)),
-    _Mistake("multiplies forces in place of dividing them", lambda place: _mass(place) ** 2),
-    _Mistake("of the first node is taken for all", lambda p: _mass(p) / p.args.mass[0]),
-    _Mistake("is the mean of all nodes", lambda p: _mass(p) / float(np.mean(p.args.mass))),
-)
-# Where gravity is right.
-_MASS_ALONE = (
-    _Mistake("is counted twice", lambda place: 0.5),
-    _Mistake("is counted half", lambda place: 2.0),
-)
-_OF_A_FORCE = (
-    _Mistake("is not divided by the mass", _mass),
-    _Mistake("is divided by the mass twice", lambda place: 1.0 / _mass(place)),
-    _Mistake("is divided by the first node's mass", lambda p: _mass(p) / p.args.mass[0]),
-    _Mistake("is divided by the mean mass", lambda p: _mass(p) / float(np.mean(p.args.mass))),
-)
-_OF_AN_ACCELERATION = (
-    _Mistake("is an acceleration, and is multiplied by the mass", _mass),
-    _Mistake("is an acceleration, and is divided by the mass", lambda place: 1.0 / _mass(place)),
-    _Mistake("is multiplied by the mass twice", lambda place: _mass(place) ** 2),
-)
-_MISTAKES: dict[str, tuple[_Mistake, ...]] = {
-    "gravity": _OF_AN_ACCELERATION,
-    "drive": _OF_AN_ACCELERATION,
-    "damping": (
-        *_OF_A_FORCE,
-        _first_for_all("damping", "node"),
-        _mean_for_all("damping", "node"),
-    ),
-    "spring": (
-        *_OF_A_FORCE,
-        _Mistake("is divided by the rest length", lambda p: 1.0 / p.args.rest_length[p.element]),
-        _Mistake("is multiplied by the rest length", lambda p: p.args.rest_length[p.element]),
-        _first_for_all("stiffness", "element"),
-        _mean_for_all("stiffness", "element"),
-        _next("stiffness", 1),
-        _next("stiffness", -1),
-        _Mistake(
-            "is divided by the mass of the spring's other end",
-            lambda p: _mass(p) / p.args.mass[2 * p.element + 1 - p.node],
-        ),
-    ),
-    "rest": (
-        _Mistake(
-            "is truncated to a whole number",
-            lambda p: np.trunc(p.args.rest_length[p.element]) / p.args.rest_length[p.element],
-        ),
-        _Mistake(
-            "is rounded to a whole number",
-            lambda p: np.round(p.args.rest_length[p.element]) / p.args.rest_length[p.element],
-        ),
-        _first_for_all("rest_length", "element"),
-        _mean_for_all("rest_length", "element"),
-        _next("rest_length", 1),
-        _next("rest_length", -1),
-        _Mistake("is squared", lambda p: p.args.rest_length[p.element]),
-    ),
-}
+def _explains(mistake: Mistake, factors: list[Factor]) -> bool:
+    return all(each.equals(mistake.factor(each.place)) for each in factors)

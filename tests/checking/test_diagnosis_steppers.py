@@ -121,6 +121,21 @@ EQUATIONS = {
         springs(lambda length, args: args.stiffness * (length - args.rest_length) * length**2),
         "a spring force that is no linear function of the length",
     ),
+    "a wind": (
+        added(lambda x, v, args: np.outer(args.damping / args.mass, [0.5, 0.0, 0.2])),
+        "there is a wind of (0.5, 0, 0.2)",
+    ),
+    "a ground": (
+        added(lambda x, v, args: np.where(x[:, 1:2] < -0.2, -50 * x[:, 1:2] - 10, 0) * [0, 1, 0]),
+        "only where the node's y is below a number between -0.2",
+    ),
+    "a time in milliseconds": (
+        lambda acceleration, t, x, v, dt, args: (
+            x + dt * v,
+            v + dt * acceleration(1000 * t, x, v, args),
+        ),
+        "the driving force is the one of 1000 t",
+    ),
     "one node": (
         added(lambda x, v, args: 0.01 * np.eye(5)[:, 3:4] * np.sin(7.0 * x)),
         "at node 3 alone, and by no combination of factors",
@@ -156,6 +171,17 @@ def test_both_faults_of_the_natural_verlet_are_named():
     assert per_step.evidence["lost_per_step"] == pytest.approx(5e-5, rel=1e-7)
     assert equation.cause == "equation"
     assert "solves another equation: the damping is left out (all else" in equation.line
+
+
+def smoothed(acceleration, t, x, v, dt, args):
+    v = v + dt * acceleration(t, x, v, args)
+    v[1:-1] = 0.8 * v[1:-1] + 0.1 * (v[:-2] + v[2:])
+    return x + dt * v, v * args.free[:, None]
+
+
+def limited(acceleration, t, x, v, dt, args):
+    v = np.clip(v + dt * np.asarray(acceleration(t, x, v, args)), -0.8, 0.8)
+    return x + dt * v, v
 
 
 def swapped(acceleration, t, x, v, dt, args):
@@ -217,6 +243,8 @@ def test_a_parameter_in_float32_is_named(name):
     ("step", "order", "expected", "words"),
     [
         (swapped, 1, ["swapped"], "returns the velocities first"),
+        (limited, 1, ["identity"], "each component of the velocity is at most 0.8"),
+        (smoothed, 1, ["identity"], "v3 becomes 0.1 v2 + 0.8 v3 + 0.1 v4"),
         (mean_velocity, 2, ["equation"], "velocity, which is (x_new - x)/dt"),
         (weights_of_11_tenths, 2, ["pace"], "its slopes times 11/10"),
         ("stormer-verlet:start=rest", 2, ["start", "start"], "forgets the initial velocity"),
@@ -233,9 +261,36 @@ def test_each_cause_is_named(step, order, expected, words):
     assert words in found[0].line
 
 
+@pytest.mark.parametrize(
+    ("step", "order", "remedies"),
+    [
+        (EQUATIONS["two at once"][0], 1, ["a += gravity; a -= damping * v / mass"]),
+        (mean_velocity, 2, ["v_new = (x_new - x) / dt + dt / 2 * a"]),
+        (
+            weights_of_11_tenths,
+            2,
+            ["y_new = y + dt * (1/2 * k1 + 1/2 * k2)"],
+        ),
+    ],
+)
+def test_the_line_that_is_right_is_named(step, order, remedies):
+    assert [each.remedy for each in diagnosed(step, order)] == remedies
+
+
 def test_the_pace_is_a_number():
     (found,) = diagnosed(weights_of_11_tenths, 2)
     assert found.evidence["pace"] == pytest.approx(1.1, abs=1e-10)
+
+
+def short_sixth(rhs, t, y, dt, args):
+    k = rhs(t, y, args)
+    return y + 0.5000001 * dt * (k + rhs(t + dt, y + dt * k, args))
+
+
+def test_a_weight_with_few_digits_is_no_other_pace():
+    (found,) = diagnosed(short_sixth, 2)
+    assert found.cause == "digits"
+    assert "off by 2.0e-07 of itself" in found.line
 
 
 def test_rounding_to_decimals_is_no_other_equation():
@@ -254,7 +309,7 @@ NAMED = {
     "own_euler: mass times force": "the mass multiplies forces in place of dividing them",
     "own_euler: force not by direction": "direction is not divided by the length",
     "own_verlet: positions updated node by node, forces computed between": "updated in place",
-    "semi_implicit_euler: time stands still": "there is the driving force of t = 0",
+    "semi_implicit_euler: time stands still": "the driving force is the one of t = 0",
     "semi_implicit_euler: growth of 1e-3": "0.001 times the velocity too much",
     "velocity_verlet: dt once": "positions change by 0.5 dt times the acceleration",
     "velocity_verlet: no second-order term": "0 in place of 1/2 as the factor of dt^2 k1",

@@ -158,7 +158,7 @@ def test_the_report_names_the_mistake_once(tmp_path, known, runs):
     report = grade(made, known, expected_order=2)
     (diagnosis,) = report.diagnosis
     assert diagnosis.cause == "columns"
-    assert diagnosis.line.endswith("; write them in the problem's units")
+    assert diagnosis.remedy == "write them in the problem's units"
     made = written(tmp_path, runs, numbers(COLUMNS["x points the other way"]))
     with pytest.raises(InputError) as caught:
         grade(made, known)

@@ -10,6 +10,7 @@ import numpy as np
 from ropeode.analysis.errors import RESOLUTION_FACTOR, distances, resolution
 from ropeode.analysis.order import TOLERANCE, ObservedOrder, observed_order
 from ropeode.checking.diagnosis.fitted_numbers import (
+    NamedMistake,
     Number,
     numbers_of,
     rounded,
@@ -98,7 +99,7 @@ def _order(reference: Reference, runs: Runs, name: str, limit: ObservedLimit) ->
 
 
 def parameters_diagnosis(
-    solved: Sequence[EffectiveProblem], mistakes: Sequence[tuple[str, ...]]
+    solved: Sequence[EffectiveProblem], mistakes: Sequence[tuple[NamedMistake, ...]]
 ) -> Diagnosis:
     """The diagnosis that a stepper solves a rope with other parameters.
 
@@ -108,13 +109,14 @@ def parameters_diagnosis(
     """
     first, *others = solved
     words = [" and ".join(number.words for number in each.numbers) for each in solved]
+    said = [[f"as if {each.words}" for each in several] for several in mistakes]
     line = f"your stepper solves, to {_orders_in_words(first)}, the rope with "
     if not others:
-        line += ": ".join(filter(None, (words[0], "; ".join(mistakes[0]))))
+        line += ": ".join(filter(None, (words[0], "; ".join(said[0]))))
     else:
         line += "; or, which moves exactly the same, with ".join(
             f"{each} ({'; '.join(texts)})" if texts else each
-            for each, texts in zip(words, mistakes, strict=True)
+            for each, texts in zip(words, said, strict=True)
         )
     numbers = [{number.name: number.as_json() for number in each.numbers} for each in solved]
     evidence = {
@@ -126,9 +128,11 @@ def parameters_diagnosis(
         },
         "reference_bound": first.bound,
         "misfit": first.misfit,
-        "hints": list(dict.fromkeys(text for texts in mistakes for text in texts)),
+        "hints": list(dict.fromkeys(text for texts in said for text in texts)),
     }
-    return Diagnosis("parameters", line, evidence)
+    # Which of several changes is meant nobody knows.
+    remedies = [] if others else [each.remedy for each in mistakes[0]]
+    return Diagnosis("parameters", line, evidence, "; ".join(dict.fromkeys(remedies)))
 
 
 def _orders_in_words(solved: EffectiveProblem) -> str:

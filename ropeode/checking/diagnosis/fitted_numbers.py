@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.checking.diagnosis.known_mistakes import MISTAKES, Mistake, Uniform
 from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.diagnosis.parameters import dimension, places, units
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems.problem import Problem
+from ropeode.theory.known_mistakes import MISTAKES, NUMBERS, RIGHT, SUBJECTS
+from ropeode.theory.rope_terms import Place
+from ropeode.validation import listed
 
 # A larger spread than this part of a number is too much to guess what the number is exactly.
 _LARGEST_SPREAD = 1e-2
 _DIGITS_SHOWN = 4
+# How closely factors at several places are the same.
+_SAME = 1e-12
 _WORDS = {"rest_length": "rest length", "velocity": "initial velocity"}
+# The terms in which a mistake looks like another parameter.
+_KINDS = {"stiffness": "spring", "rest_length": "rest"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,10 +121,8 @@ def _number(problem: Problem, fit: Fit, name: str) -> Number:
 
 def simplified(problem: Problem, number: Number) -> Number:
     """With the exact value that a known mistake gives, or else the shortest decimal."""
-    mistakes = matching_mistakes(problem, number)
-    if mistakes:
-        exact = mistakes[0].value(number.claimed, _uniform(problem))
-        return dataclasses.replace(number, fitted=exact)
+    if named := named_mistakes(problem, number):
+        return dataclasses.replace(number, fitted=named[0].value)
     return rounded(number)
 
 
@@ -128,24 +132,63 @@ def rounded(number: Number, part: float = 1.0) -> Number:
     return dataclasses.replace(number, fitted=np.array([shortest(*pair) for pair in pairs]))
 
 
-def matching_mistakes(problem: Problem, number: Number) -> tuple[Mistake, ...]:
-    """The known mistakes that turn the claimed number into the fitted one, to its spread."""
+class NamedMistake(NamedTuple):
+    """A known mistake that gives a fitted number.
+
+    Fields:
+        words: that say it.
+        remedy: what is right.
+        value: the number that it gives exactly.
+    """
+
+    words: str
+    remedy: str
+    value: np.ndarray
+
+
+def named_mistakes(problem: Problem, number: Number) -> list[NamedMistake]:
+    """The known mistakes that turn the claimed number into the fitted one, to its spread.
+
+    A mistake multiplies terms of the acceleration. It is one of a parameter if it multiplies those
+    of all nodes, or springs, by the same factor.
+    """
     claimed, fitted, spread = number.claimed, number.fitted, number.spread
-    if not number.is_precise or np.all(np.abs(claimed - fitted) <= spread):
-        return ()
-    rope = _uniform(problem)
-    return tuple(
-        mistake
-        for mistake in MISTAKES[number.name]
-        if np.all(np.abs(mistake.value(claimed, rope) - fitted) <= spread)
-    )
+    off = np.abs(claimed - fitted) > spread
+    if not number.is_precise or not np.any(off):
+        return []
+    kind = _KINDS.get(number.name, number.name)
+    found = []
+    for mistake in (*MISTAKES[kind], *NUMBERS):
+        factors = [mistake.factor(place) for place in _places(problem, kind)]
+        if not np.allclose(factors, factors[0], rtol=_SAME, atol=0.0):
+            continue
+        # All forces are divided by the mass.
+        factor = factors[0] if number.name != "mass" else 1.0 / (factors[0] or np.nan)
+        value = claimed * factor
+        subject = SUBJECTS[kind]
+        if number.name == "gravity" and not np.all(off[claimed != 0.0]):
+            subject = (
+                f"the {listed('xyz'[axis] for axis in np.flatnonzero(off))} component of gravity"
+            )
+            value = np.where(off, value, claimed)
+        if np.all(np.abs(value - fitted) <= spread):
+            found.append(NamedMistake(f"{subject} {mistake.words}", RIGHT[kind], value))
+    return found
 
 
-def _uniform(problem: Problem) -> Uniform:
-    def one(values: np.ndarray) -> float:
-        return float(np.ravel(values)[0]) if np.all(values == np.ravel(values)[0]) else np.nan
-
-    return Uniform(one(problem.args.mass), one(problem.args.rest_length))
+def _places(problem: Problem, kind: str) -> list[Place]:
+    """Where the terms of a kind stand."""
+    args = problem.args
+    nodes = np.flatnonzero(args.free)
+    if kind not in ("spring", "rest"):
+        return [Place(args, int(node), int(node)) for node in nodes]
+    last = len(args.stiffness) - 1
+    return [
+        Place(args, int(node), int(spring))
+        for node in nodes
+        for spring in (node - 1, node)
+        if 0 <= spring <= last
+    ]
 
 
 def with_fitted(problem: Problem, numbers: Sequence[Number]) -> Problem:

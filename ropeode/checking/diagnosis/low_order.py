@@ -57,9 +57,9 @@ def _in_words(found: dict[str, dict[str, float]]) -> Diagnosis | None:
         return Diagnosis(
             "lagged-damping",
             f"the damping takes the velocity {_when(v['velocity'])}; all other forces are right: "
-            "its term of dt^2 must have the factor 1/2, as with the mean of the old velocity and "
-            "the new one",
+            "its term of dt^2 must have the factor 1/2",
             evidence,
+            "damping force: -damping * (v + v_new) / 2",
         )
     if _is(position, 0.5) and wrong == {"time"}:
         return Diagnosis(
@@ -67,25 +67,31 @@ def _in_words(found: dict[str, dict[str, float]]) -> Diagnosis | None:
             f"forces that depend on time are taken {_when(v['time'])}; all else is right: a stage "
             "at t + c dt needs the force at t + c dt",
             evidence,
+            "v_new = v + dt / 2 * (a(t, x, v) + a(t + dt, x_new, v_new))",
         )
     if not _is(before, behind):
         return Diagnosis(
             "in-place",
             "nodes are updated in place: the neighbour before a node in the row has moved when "
-            f"its force is computed (by {before:.3g} of dt^2 where 1/2 is right), the one behind "
-            f"has not ({behind:.3g}). Compute all forces before the first node moves",
+            f"its force is computed, the one behind has not (their terms of dt^2 have the factors "
+            f"{before:.3f} and {behind:.3f}; 1/2 is right)",
             evidence,
+            "compute the forces on all nodes before the first one moves",
         )
-    parts = []
+    parts, remedies = [], []
     if position is None or not _is(position, 0.5):
         parts.append(_positions(x, position))
+        remedies.append("x_new = x + dt * v + dt**2 / 2 * a")
+    if wrong:
+        remedies.append("v_new = v + dt / 2 * (a(t, x, v) + a(t + dt, x_new, v_new))")
     if force is not None and not _is(force, 0.5):
         parts.append(f"the force is taken {_when(force)}")
     elif wrong:
         parts += _of_force({name: v[name] for name in v if name in wrong})
     if not parts:
         return None
-    return Diagnosis("order", f"the step is of order 1: {'; '.join(parts)}", evidence)
+    line = f"the step is of order 1: {'; '.join(parts)}"
+    return Diagnosis("order", line, evidence, "; ".join(remedies))
 
 
 def _of_force(wrong: dict[str, float]) -> list[str]:
@@ -100,7 +106,7 @@ def _positions(x: dict[str, float], common: float | None) -> str:
     if common is None:
         return f"damping enters the positions with {x['damping']:.4g} dt^2 in place of 1/2 dt^2"
     if _is(common, 0.0):
-        return "the half of dt^2 a is missing in the positions: x + dt v + dt^2/2 a"
+        return "the half of dt^2 a is missing in the positions"
     if _is(common, 1.0):
         return "the positions contain dt^2 a in place of dt^2/2 a, as x + dt v_new does"
     return f"the positions contain {common:.4g} dt^2 a in place of dt^2/2 a"

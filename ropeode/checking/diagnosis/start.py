@@ -12,7 +12,7 @@ from ropeode.theory.global_error import derivative
 from ropeode.theory.projection import project
 
 _EXPLAINED, _CLOSE = 1e-2, 1e-2
-_VERLET = "x(-dt) = x(0) - dt v(0) + dt^2/2 a(0) is right"
+_REMEDY = "for Verlet, start with x(-dt) = x(0) - dt * v(0) + dt**2 / 2 * a(0)"
 
 
 def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis | None:
@@ -67,13 +67,13 @@ def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis 
             f"the state that is handed out is of order {order}, while the steps are of a higher "
             f"one: its {' and its '.join(texts)}"
         )
-        return Diagnosis("output", line, evidence)
+        return Diagnosis("output", line, evidence, "hand out positions and velocities of one time")
     if order == 0 and texts == ["velocities are off by -1 times the velocity"]:
         what = "it forgets the initial velocity, as x(-dt) = x(0) does"
     else:
         what = " and ".join(texts)
     line = f"the start of the method is of order {order}: {what}"
-    return Diagnosis("start", f"{line}. For Verlet, {_VERLET}", evidence)
+    return Diagnosis("start", line, evidence, _REMEDY)
 
 
 def _is_handed_out(expansions: Sequence[Expansion], order: int) -> bool:

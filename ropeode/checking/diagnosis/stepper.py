@@ -91,9 +91,7 @@ def _elsewhere(examination: Examination, expected: int) -> tuple[Diagnosis, ...]
             named = (_order_alone(found, order, expected),)
         if named:
             return tuple(
-                dataclasses.replace(
-                    each, line=f"{region.words}, and not at usual states: {each.line}"
-                )
+                dataclasses.replace(each, line=f"{region.words}, and not otherwise: {each.line}")
                 for each in named
             )
     return ()
@@ -106,14 +104,18 @@ def _with_tableau(diagnosis: Diagnosis, examination: Examination, expected: int)
         # Its tableau is read without damping, of which it treats itself.
         return diagnosis
     tableau = tableau_of(stepper, probe_ropes()[0]).tableau
-    if tableau is None or recognised(tableau) is None:
+    method = None if tableau is None else recognised(tableau)
+    if tableau is None or method is None:
         return diagnosis
     words = describe(tableau, expected or None)
     line = f"{words[0].lower()}{words[1:].rstrip('.')}"
     if diagnosis.cause in ("stage-time", "lagged-damping"):
         line += f". {diagnosis.line[0].upper()}{diagnosis.line[1:]}"
     return dataclasses.replace(
-        diagnosis, line=line, evidence={**diagnosis.evidence, "method": words}
+        diagnosis,
+        line=line,
+        evidence={**diagnosis.evidence, "method": words},
+        remedy="; ".join(method.corrections) or diagnosis.remedy,
     )
 
 
@@ -144,6 +146,7 @@ def _order_alone(found: Sequence[Expansion], order: int | None, expected: int) -
             f"the step solves the right equation, with local {orders} at all of {states} random "
             f"states; order {expected} is expected",
             evidence,
+            f"use a method of order {expected}, or claim order {order}",
         )
     return Diagnosis(
         "unknown",

@@ -13,7 +13,7 @@ from ropeode.checking.diagnosis.effective_problem import (
     confirmed_problem,
     parameters_diagnosis,
 )
-from ropeode.checking.diagnosis.fitted_numbers import matching_mistakes
+from ropeode.checking.diagnosis.fitted_numbers import NamedMistake, named_mistakes
 from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, observe_limit
 from ropeode.checking.diagnosis.parameter_fit import Fit, fit_parameters, smallest_fits
 from ropeode.checking.diagnosis.parameters import has_parameters
@@ -134,10 +134,10 @@ def _agree(first: Fit, second: Fit) -> bool:
     return bool(np.all(np.abs(first.changes - second.changes) <= first.spread + second.spread))
 
 
-def _mistakes(problem: Problem, solved: EffectiveProblem) -> tuple[str, ...]:
+def _mistakes(problem: Problem, solved: EffectiveProblem) -> tuple[NamedMistake, ...]:
     """The mistake that would explain each number, where there is exactly one."""
-    each = (matching_mistakes(problem, number) for number in solved.numbers)
-    return tuple(f"as if {mistakes[0].words}" for mistakes in each if len(mistakes) == 1)
+    each = (named_mistakes(problem, number) for number in solved.numbers)
+    return tuple(mistakes[0] for mistakes in each if len(mistakes) == 1)
 
 
 def _unknown(line: str) -> Diagnosis:

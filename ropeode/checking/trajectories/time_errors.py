@@ -219,7 +219,7 @@ class LateSamples:
     def diagnosis(self) -> Diagnosis:
         """The same as a diagnosis."""
         evidence = {"left_over": self.left_over, "late": [*self.quantities]}
-        return Diagnosis(self.cause, "; ".join(filter(None, (self.words, self.fix))), evidence)
+        return Diagnosis(self.cause, self.words, evidence, self.fix)
 
 
 def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | None:
