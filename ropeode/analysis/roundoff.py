@@ -109,9 +109,7 @@ def largest_distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray)
     return float(np.max(distance(problem, norm, a, b)))
 
 
-def least_clear_error(
-    reference: Reference, norm: Norm, dt: float, rounding: float | None
-) -> float:
+def least_clear_error(reference: Reference, norm: Norm, dt: float, rounding: float | None) -> float:
     """The smallest error of a run that is the stepper's own, without a part of 1% of anything else.
 
     Arguments:

@@ -16,12 +16,16 @@ from ropeode.study.explanation import ClassOrder, Explanation, LocalQuantity, Lo
 from ropeode.theory.equal_steps import StepDifference
 from ropeode.theory.growth import StableSteps
 from ropeode.theory.linear_stability import LinearStability
+from ropeode.theory.modified_energy import ModifiedEnergy
 from ropeode.theory.recognised_methods import describe
 from ropeode.theory.stability_limits import StabilityLimits, StableInterval
 from ropeode.theory.structure import Property
 from ropeode.theory.tableau_of_step import StepTableau
 
+_SOLVES_ANOTHER = "at dt = 0 the step solves another equation: "
 SCHEMA = "ropeode.explain/1"
+# Of the swing of the energy, what may be left where its leading correction explains it.
+_KEPT = 0.1
 _STABILITY = ("disturbances", "predicted", "dt", "measured")
 _STRUCTURE = ("property", "kept", "defect", "falls like", "at dt")
 _HOLDS = {True: "yes", False: "no", None: "-"}
@@ -52,6 +56,7 @@ def blocks(explanation: Explanation) -> list[Block]:
         *_stability_blocks(explanation.stability),
         Section("Structure"),
         *_structure_blocks(explanation.structure),
+        *(Paragraph(words) for words in energy_words(explanation.modified)),
         Paragraph(table_words.reference_words(explanation.tables[0])),
     ]
 
@@ -82,6 +87,9 @@ def step_words(local: LocalStep) -> list[str]:
 def _identity_words(local: LocalStep) -> str:
     if local.order != -1:
         return f"At dt = 0 the step is the identity, to {_bound(local, 'identity')}."
+    if local.wrong is not None:
+        line = local.wrong.line.removeprefix("at dt = 0 ")
+        return f"At dt = 0 the step is not the identity. {_sentence(line)}"
     changes = _listed(
         f"multiplies {_PLURAL[each.quantity]} by {1.0 + each.identity.factor:.7g}"
         if each.identity.factor is not None
@@ -101,8 +109,18 @@ def _rate_words(local: LocalStep) -> str:
     off = _listed(_by_up_to(each, each.rate) for each in local.quantities if each.rate.known)
     return (
         "It solves another equation: at dt = 0 its rate of change differs from the right-hand "
-        f"side f, in {off}."
+        f"side f, in {off}." + _equation_words(local)
     )
+
+
+def _equation_words(local: LocalStep) -> str:
+    if local.wrong is None:
+        return " No change of the problem's own terms or parameters makes up the difference."
+    return f" {_sentence(local.wrong.line.removeprefix(_SOLVES_ANOTHER))}"
+
+
+def _sentence(words: str) -> str:
+    return f"{words[0].upper()}{words[1:]}."
 
 
 def _by_up_to(each: LocalQuantity, part: Part) -> str:
@@ -412,6 +430,26 @@ def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
     ]
 
 
+def energy_words(found: ModifiedEnergy | str | None) -> list[str]:
+    """What a symplectic step keeps better than the energy."""
+    if found is None:
+        return []
+    if isinstance(found, str):
+        return [f"No energy near H is known that the step keeps: {found}."]
+    p, (predicted, measured, left) = found.order, found.swings
+    power = "dt" if p == 1 else f"dt^{p}"
+    words = (
+        f"The energy H itself swings, by {measured:.4g} in {len(found.times) - 1} frames at "
+        f"{found.steps_per_frame} steps per frame. Theory predicts {predicted:.4g}: what the step "
+        f"keeps to higher order is H + {power} H_{p}, where dH_{p} = w(d, .) with the local error "
+        f"d and the form w. "
+    )
+    if left > _KEPT * measured:
+        return [words + "At this step size further terms count as much."]
+    ratio = measured / predicted
+    return [f"{words}The ratio is {ratio:.5f}, and H + {power} H_{p} swings by {left:.1g} only."]
+
+
 def _listed(words: Iterable[str]) -> str:
     words = list(words)
     return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
@@ -435,9 +473,13 @@ def as_dict(explanation: Explanation) -> dict[str, Any]:
         "stepper": explanation.stepper,
         "problem": data.problem_dict(explanation.problem),
         "identity_defect": {
-            each.quantity: dataclasses.asdict(each.identity) for each in local.quantities
+            **{each.quantity: dataclasses.asdict(each.identity) for each in local.quantities},
+            **_wrong_dict(local, -1),
         },
-        "rhs_defect": {each.quantity: dataclasses.asdict(each.rate) for each in local.quantities},
+        "rhs_defect": {
+            **{each.quantity: dataclasses.asdict(each.rate) for each in local.quantities},
+            **_wrong_dict(local, 0),
+        },
         "local_error": {
             each.quantity: each.local_error and dataclasses.asdict(each.local_error)
             for each in local.quantities
@@ -473,11 +515,33 @@ def as_dict(explanation: Explanation) -> dict[str, Any]:
         }
         if not isinstance(explanation.structure, str)
         else explanation.structure,
+        "modified_energy": _energy_dict(explanation.modified),
         "method": tableau_words(explanation.tableau),
         "equal_to": [_difference_dict(each) for each in explanation.equal],
         "compared_with": explanation.compared and _difference_dict(explanation.compared),
         "tables": {table.norm.name: data.as_dict(table) for table in explanation.tables},
     }
+
+
+def _energy_dict(found: ModifiedEnergy | str | None) -> dict[str, Any] | str | None:
+    if not isinstance(found, ModifiedEnergy):
+        return found
+    predicted, measured, left = found.swings
+    return {
+        "order": found.order,
+        "steps_per_frame": found.steps_per_frame,
+        "frames": len(found.times) - 1,
+        "predicted": predicted,
+        "measured": measured,
+        "ratio": measured / predicted if predicted else None,
+        "modified": left,
+    }
+
+
+def _wrong_dict(local: LocalStep, order: int) -> dict[str, Any]:
+    """What is wrong at dt = 0, if that is of an order, in words and numbers."""
+    wrong = local.wrong if local.order == order else None
+    return {"sentence": wrong and wrong.line, "coefficients": wrong and dict(wrong.evidence)}
 
 
 def _stability_dict(found: LinearStability) -> dict[str, Any]:

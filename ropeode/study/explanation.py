@@ -11,6 +11,7 @@ import numpy as np
 from ropeode.norms import norm_for
 from ropeode.precision import in_float64
 from ropeode.problems.library import PROBLEMS
+from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import largest_norms
@@ -31,11 +32,18 @@ from ropeode.study.accuracy_table import (
 )
 from ropeode.study.curves import ErrorCurves, error_curve, errors_of
 from ropeode.study.error_constant import ErrorConstant
+from ropeode.theory.changed_parameters import diagnose_parameters
+from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.equal_steps import StepDifference, equal_steppers, step_difference
 from ropeode.theory.expansion import Expansion, Term, expanded
 from ropeode.theory.linear_stability import LinearStability, linear_stability
+from ropeode.theory.modified_energy import ModifiedEnergy, modified_energy
+from ropeode.theory.nodes_first import nodes_first
+from ropeode.theory.rope_terms import is_rope
+from ropeode.theory.solved_equation import diagnose_equation
 from ropeode.theory.stability_function import StabilityFunction
 from ropeode.theory.stability_limits import StabilityRegion, stability_region
+from ropeode.theory.step_at_zero import diagnose_identity
 from ropeode.theory.step_samples import StepSamples
 from ropeode.theory.structure import Property, structure
 from ropeode.theory.tableau_of_step import StepTableau, tableau_of
@@ -47,6 +55,11 @@ _STATES = 8
 # Steps per frame of a run that such states are taken from, and how closely it must keep
 # constraints, as a part of the state's size.
 _STEPS, _KEPT = 256, 1e-12
+# How far, as a part of its size, a state is moved where it may be a special one, and how many are
+# made of each.
+_AWAY, _NEAR = 0.1, 2
+# Near this number of steps per frame the energy is looked at.
+_SHOWN = 64
 # How closely a term is a multiple of the state.
 _PROPORTIONAL = 1e-4
 # Of the runs whose errors are shown against time, one is finer than the other by so many rows.
@@ -110,6 +123,8 @@ class LocalStep:
         quantities: one for each.
         times: of the states.
         longest: step of the expansion, as the smallest and largest of these states.
+        wrong: what it is at dt = 0, where it is not the identity; or which equation it solves
+            in place of the problem's; None where it is right, or where nobody can say.
     """
 
     order: int | None
@@ -118,6 +133,7 @@ class LocalStep:
     quantities: tuple[LocalQuantity, ...]
     times: tuple[float, ...]
     longest: tuple[float, float]
+    wrong: Diagnosis | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,6 +172,8 @@ class Explanation:
         region: where on the complex plane a mode does not grow; None where there is no such plane.
         structure: which properties of the exact solution a step has, by name; or why there is
             nothing to say.
+        modified: the energy that a symplectic step keeps, with its leading correction, along a
+            run; or why there is none; None where the step is not symplectic, or keeps the energy.
         equal: steppers of ropeode that make the same steps.
         compared: the difference from the method that was named, if one was.
     """
@@ -171,6 +189,7 @@ class Explanation:
     stability: LinearStability
     region: StabilityRegion | None
     structure: dict[str, Property] | str
+    modified: ModifiedEnergy | str | None
     equal: tuple[StepDifference, ...]
     compared: StepDifference | None
 
@@ -224,7 +243,7 @@ def explain_stepper(
     progress("expanding a step", 0.2)
     samples, label = StepSamples(own, ready), ready.stepper.label
     at = _expansion(samples, *_states(reference, ready))
-    local = _started(at, samples, problem_class(own))
+    local = _from_its_start(at, samples, ready, problem_class(own))
     # What moves nodes in a step of dt = 0 may do so to keep lengths.
     lengths = own.rigid or bool(np.any(_combined(at, -1).known[0]))
     equal = list(equal_steppers(samples, at, lengths=lengths))
@@ -233,6 +252,7 @@ def explain_stepper(
     tableau = tableau_of(stepper, own)
     progress("stability and structure", 0.3)
     stability, properties = linear_stability(reference, ready), structure(own, ready)
+    modified = _modified_energy(own, ready, properties, ladder)
     tables = tables_in_norms(
         reference,
         [stepper],
@@ -246,7 +266,7 @@ def explain_stepper(
         stepper=label,
         problem=own,
         reference=reference,
-        local=_local_step(local),
+        local=_local_step(local, _wrong(samples, local)),
         orders=orders,
         tables=tables,
         against_time=tuple(_against_time(ready, tables)),
@@ -254,9 +274,18 @@ def explain_stepper(
         stability=stability,
         region=_region(stability),
         structure=properties,
+        modified=modified,
         equal=tuple(each for each in equal if each.name != label),
         compared=compared,
     )
+
+
+def _modified_energy(
+    problem: Problem, ready: Method, found: dict[str, Property] | str, ladder: Sequence[int]
+) -> ModifiedEnergy | str | None:
+    if isinstance(found, str) or not found["symplectic"].holds or found["energy"].holds:
+        return None
+    return modified_energy(problem, ready, min(ladder, key=lambda n: abs(np.log2(n / _SHOWN))))
 
 
 def _region(stability: LinearStability) -> StabilityRegion | None:
@@ -283,7 +312,37 @@ def _expansion(samples: StepSamples, t: np.ndarray, y: np.ndarray) -> Expansion:
     return expanded(samples, t, y, float(np.max(np.diff(samples.problem.ts))))
 
 
-def _local_step(at: Expansion) -> LocalStep:
+def _wrong(samples: StepSamples, at: Expansion) -> Diagnosis | None:
+    """What is wrong at dt = 0, in terms of the problem, from states where it has no symmetry."""
+    if at.order not in (-1, 0):
+        return None
+    problem, near = samples.problem, at
+    if not problem.rigid:
+        near = _expansion(samples, *_states_near(problem, at))
+        if near.order != at.order:
+            near = at
+    if is_rope(problem):
+        near = [nodes_first(near)]
+        return diagnose_identity(near) if at.order == -1 else diagnose_equation(near)
+    return None if at.order == -1 else diagnose_parameters(near)
+
+
+def _states_near(problem: Problem, at: Expansion) -> tuple[np.ndarray, np.ndarray]:
+    """States so near to given ones that nothing else is, with times."""
+    t, y = np.tile(at.t, _NEAR), np.concatenate([at.y] * _NEAR)
+    draw = np.random.default_rng(7).normal(size=y.shape)
+    if problem.mechanics is None:
+        return t, y * (1.0 + _AWAY * draw)
+    size = float(np.max(np.abs(at.y[:, 0])))
+    if is_rope(problem):
+        size = float(np.min(problem.args.rest_length, initial=size))
+    # As fast as the acceleration makes it on such a way.
+    speed = np.sqrt(size * np.max(np.abs(at.slopes[:, 1])))
+    away = _AWAY * np.array([size, speed]).reshape(2, *[1] * (y.ndim - 2)) * draw
+    return t, y + np.where(free_coordinates(problem), away, 0.0)
+
+
+def _local_step(at: Expansion, wrong: Diagnosis | None) -> LocalStep:
     order = at.order
     identity, rate = _combined(at, -1), _combined(at, 0)
     local = None if order is None or order < 1 else at.rate(order)
@@ -304,6 +363,7 @@ def _local_step(at: Expansion) -> LocalStep:
         ),
         times=tuple(at.t.tolist()),
         longest=(float(np.nanmin(at.reach)), float(np.nanmax(at.reach))),
+        wrong=wrong,
     )
 
 
@@ -342,6 +402,19 @@ def _started(at: Expansion, samples: StepSamples, of_class: ProblemClass) -> Exp
     still = at.y.copy()
     still[:, 1] = 0.0
     return _expansion(samples, at.t, still)
+
+
+def _from_its_start(
+    at: Expansion, samples: StepSamples, ready: Method, of_class: ProblemClass
+) -> Expansion:
+    """The expansion for the problem's own class."""
+    local, problem = _started(at, samples, of_class), samples.problem
+    if local is not at and not problem.rigid:
+        # A step that does something else at dt = 0 may do it to what moves alone.
+        settled = _expansion(StepSamples(problem, ready, settled=True), at.t, at.y)
+        if settled.order is not None and settled.order < 1:
+            return settled
+    return local
 
 
 def _class_orders(

@@ -17,8 +17,8 @@ from ropeode.theory.step_samples import StepSamples
 from ropeode.theory.structure import Setting
 from ropeode.validation import check_whole
 
-# Gauss points on the straight line to each sample.
-_POINTS = 8
+# Gauss points on the straight line from each sample to the next, and the most samples.
+_POINTS, _SAMPLES = 6, 25
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -27,19 +27,30 @@ class ModifiedEnergy:
 
     Arguments:
         order: p, of the method.
+        steps_per_frame: of the run.
         dt: step size.
         times: of the samples, ``(times,)``.
         correction: ``H_p`` less its value at the start, ``(times,)``.
         energy: H less its value at the start, ``(times,)``.
-        modified: ``H + dt**p H_p`` less its value at the start, ``(times,)``.
     """
 
     order: int
+    steps_per_frame: int
     dt: float
     times: np.ndarray
     correction: np.ndarray
     energy: np.ndarray
-    modified: np.ndarray
+
+    @property
+    def modified(self) -> np.ndarray:
+        """``H + dt**p H_p`` less its value at the start, ``(times,)``."""
+        return self.energy + self.dt**self.order * self.correction
+
+    @property
+    def swings(self) -> tuple[float, float, float]:
+        """How far H swings along the run by theory and as measured, and the modified one."""
+        by_theory = self.dt**self.order * self.correction
+        return float(np.ptp(by_theory)), float(np.ptp(self.energy)), float(np.ptp(self.modified))
 
 
 @in_float64
@@ -48,9 +59,9 @@ def modified_energy(problem: Problem, stepper: Any, steps_per_frame: int) -> Mod
 
     A step with the local error ``dt**(p + 1) d(y)`` follows the vector field ``f + dt**p d``, up to
     higher terms. If the step is symplectic, d is Hamiltonian as f is: with the form w of the
-    problem, ``w(d, .)`` is the differential of a function ``H_p``. It is integrated here along the
-    straight line from the initial state to each sample, and so does not know of the run; where
-    the step is not symplectic, there is no such function, and the integral is of no use. It is as
+    problem, ``w(d, .)`` is the differential of a function ``H_p``. It is integrated here along
+    straight lines from sample to sample of a run, as along any way. (Where the step is not
+    symplectic, there is no such function, and the integral depends on the way.) It is as
     exact as d is known, which is to 1e-6 or so.
 
     Damping is left out, as by `ropeode.theory.structure.structure`.
@@ -85,8 +96,9 @@ def modified_energy(problem: Problem, stepper: Any, steps_per_frame: int) -> Mod
     if order is None or order < 1:
         return "the order of the step is not known"
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
-    way = run.states - problem.y0
-    on_lines = problem.y0 + np.multiply.outer(0.5 * (nodes + 1.0), way)
+    states = run.states[:_SAMPLES]
+    way = np.diff(states, axis=0)
+    on_lines = states[:-1] + np.multiply.outer(0.5 * (nodes + 1.0), way)
     flat = on_lines.reshape(-1, *problem.y0.shape)
     at = np.full(len(flat), problem.ts[0])
     errors = expanded(samples, at, flat, longest).rate(order).value
@@ -95,9 +107,14 @@ def modified_energy(problem: Problem, stepper: Any, steps_per_frame: int) -> Mod
         error.ravel()[free] @ setting.flow.form(y) for y, error in zip(flat, errors, strict=True)
     ]
     along = np.reshape(slopes, (_POINTS, len(way), -1)) * way.reshape(len(way), -1)[:, free]
-    correction = 0.5 * np.tensordot(weights, np.sum(along, axis=2), 1)
-    energy = problem.energies(run.states)
-    moved = energy - energy[0]
+    parts = 0.5 * np.tensordot(weights, np.sum(along, axis=2), 1)
+    correction = np.concatenate([[0.0], np.cumsum(parts)])
+    energy = problem.energies(states)
     return ModifiedEnergy(
-        order, run.dt, run.times, correction, moved, moved + run.dt**order * correction
+        order=order,
+        steps_per_frame=steps,
+        dt=run.dt,
+        times=run.times[:_SAMPLES],
+        correction=correction,
+        energy=energy - energy[0],
     )

@@ -7,6 +7,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ropeode.problems.problem import Problem
+
+_ARGUMENTS = {"mass", "stiffness", "rest_length", "free", "gravity", "damping"}
+
+
+def is_rope(problem: Problem) -> bool:
+    """Whether a problem is one rope, whose acceleration is made of the terms of this module."""
+    return (
+        problem.mechanics is not None
+        and problem.y0.ndim == 3
+        and {*getattr(problem.args, "_fields", ())} >= _ARGUMENTS
+        and np.ndim(problem.args.mass) == 1
+    )
+
 
 class Place(NamedTuple):
     """Where a term stands in the equations of a rope.
@@ -128,7 +142,7 @@ def _pulling(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.nd
 
 
 def _along(axis: int) -> SpringLaw:
-    return lambda motion, spring, d, w: _force(motion, spring, d, w) * np.eye(d.shape[1])[axis]
+    return lambda motion, spring, d, w: _force(motion, spring, d, w) * np.eye(3)[axis, : d.shape[1]]
 
 
 def _with_length(length: Callable[[np.ndarray], np.ndarray]) -> SpringLaw:
@@ -139,13 +153,18 @@ def _with_length(length: Callable[[np.ndarray], np.ndarray]) -> SpringLaw:
     return law
 
 
+def _components(d: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    """Those along some axes, as far as there are such."""
+    return d[:, [axis for axis in axes if axis < d.shape[1]]]
+
+
 def _in_plane(axes: tuple[int, ...]) -> SpringLaw:
-    return _with_length(lambda d: _length(d[:, list(axes)]))
+    return _with_length(lambda d: _length(_components(d, axes)))
 
 
 def _stretched_in_plane(axes: tuple[int, ...]) -> SpringLaw:
     def law(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
-        return motion.args.stiffness[spring] * _length(d[:, list(axes)]) * d / _length(d)
+        return motion.args.stiffness[spring] * _length(_components(d, axes)) * d / _length(d)
 
     return law
 

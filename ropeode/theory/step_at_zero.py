@@ -12,6 +12,8 @@ from ropeode.theory.projection import project
 
 # What may be left over, as a part of the state, and how close two numbers must be.
 _EXPLAINED, _CLOSE = 1e-6, 1e-6
+# In units of its estimated error, what a term may be that is zero.
+_UNCERTAIN = 10.0
 # How many numbers must be at a limit.
 _SOME = 3
 # The shortest step, as a part of the longest, and by how much of its size it may move a state.
@@ -29,7 +31,11 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     change = [each.value for _, each in found]
     positions, velocities = (
         [
-            (base[:, 0, node], base[:, 1, node], each.value[:, half, node], args, node)
+            (
+                float(np.max(each.error[half])),
+                *(base[:, 0, node], base[:, 1, node], each.value[:, half, node]),
+                *(args, node),
+            )
             for (base, each), args in zip(
                 found, (each.problem.args for each in expansions), strict=True
             )
@@ -54,9 +60,9 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
             return Diagnosis("identity", line, evidence, _UNCHANGED)
         changed = np.max([np.max(np.abs(each), axis=(0, 1, 2)) for each in change], axis=0)
         axes = "".join(
-            a for a, each in zip("xyz", changed, strict=True) if each > _EXPLAINED * size
+            a for a, each in zip("xyz", changed, strict=False) if each > _EXPLAINED * size
         )
-        where = "" if axes == "xyz" else f", along {' and '.join(axes)} alone"
+        where = "" if len(axes) == len(changed) else f", along {' and '.join(axes)} alone"
         line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
         line += where
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
@@ -86,6 +92,9 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     masses = np.array([args.mass[node] for *_, args, node in velocities])
     share = ""
     for words, rate in (("damping", damping), ("damping / mass", damping / masses)):
+        # Of one rope alone a factor says nothing of what it depends on.
+        if len(expansions) == 1 or not np.all(rate):
+            continue
         part = -_mean(vv / rate)
         if _all(vv / rate, -part):
             share = f", 1 - {'' if _all(np.array([part]), 1.0) else f'{part:.6g} '}{words}"
@@ -202,9 +211,10 @@ def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:
 def _coefficients(nodes: list[tuple]) -> list[tuple[float, float]] | None:
     """By which part of its position and of its velocity each node changes; None if by neither."""
     found = []
-    for x, v, change, _, _ in nodes:
+    for error, x, v, change, _, _ in nodes:
         each = project(change.ravel(), np.stack([x.ravel(), v.ravel()]))
-        if each.rest > _EXPLAINED * max(np.max(np.abs(change)), _EXPLAINED * np.max(np.abs(v))):
+        least = _EXPLAINED * max(np.max(np.abs(change)), _EXPLAINED * np.max(np.abs(v)))
+        if each.rest > max(least, _UNCERTAIN * error):
             return None
         found.append(tuple(map(float, each.coefficients)))
     return found
@@ -232,6 +242,6 @@ def _factor(change: np.ndarray) -> str:
 
 
 def _range(values: np.ndarray) -> str:
-    if np.ptp(values) <= _CLOSE:
-        return f"{_mean(values):.10g}"
+    if (spread := np.ptp(values)) <= _CLOSE:
+        return f"{_mean(values):.{int(-np.log10(max(spread, 1e-10)))}g}"
     return f"{np.min(values):.6g} to {np.max(values):.6g}"

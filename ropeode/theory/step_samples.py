@@ -179,9 +179,14 @@ def _rows_of_one_size(xp: Any, rows: Any, rest: Any) -> tuple[Any, Any]:
     return rows / size[:, None], rest / size
 
 
-def rates_of(problem: Problem) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """The right-hand side of many cases: times ``(cases,)``, states ``(cases, *state)``."""
-    rhs, args = problem.rhs, problem.args
+def rates_of(problem: Problem, args: Any = None) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """The right-hand side of many cases: times ``(cases,)``, states ``(cases, *state)``.
+
+    Arguments:
+        problem: that it belongs to.
+        args: in place of those of the problem.
+    """
+    rhs, args = problem.rhs, problem.args if args is None else args
     if isinstance(rhs, PythonRhs):
         return lambda t, y: np.stack(
             [rhs.in_numpy(one_t, one_y, args) for one_t, one_y in zip(t, y, strict=True)]

@@ -87,7 +87,7 @@ def _of_all(by_kind: dict[str, list[Factor]]) -> Fault | None:
     if not all({each.value for each in by_kind[kind]} - {1.0} for kind in ("spring", "damping")):
         return None
     right = all(each.equals(1.0) for each in accelerations)
-    for mistake in MISTAKES["mass"]:
+    for mistake in MISTAKES["mass"] if _of_several_ropes(every) else ():
         if _explains(mistake, forces if right else every):
             return Fault(f"the mass {mistake.words}", remedy=RIGHT["mass"])
     if not forces[0].equals(1.0) and all(each.equals(forces[0].value) for each in forces):
@@ -114,12 +114,13 @@ def _of_kind(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
     wrong = [each for each in factors if not each.equals(1.0)]
     if not wrong:
         return []
-    for mistake in (*MISTAKES[kind], *NUMBERS):
+    several = _of_several_ropes(factors)
+    for mistake in (*MISTAKES[kind], *NUMBERS) if several else NUMBERS:
         if _explains(mistake, factors):
             return [Fault(f"{subject} {mistake.words}")]
-    if (own := _own_number(kind, factors)) is not None:
+    if several and (own := _own_number(kind, factors)) is not None:
         return [Fault(f"{subject} is {own} on every rope, whatever the problem says")]
-    if kind == "damping" and (growth := _growth(factors)) is not None:
+    if several and kind == "damping" and (growth := _growth(factors)) is not None:
         return [Fault(f"there is an acceleration of {growth:.6g} times the velocity too much")]
     axes = sorted({each.place.element for each in wrong})
     if kind in ("gravity", "drive") and len(axes) < len({e.place.element for e in factors}):
@@ -138,6 +139,14 @@ def _of_kind(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
     low, high = (pick(each.value for each in wrong) for pick in (min, max))
     text = f"{subject} is {low:.4g} to {high:.4g} times what it should be {_where(kind, wrong)}"
     return [Fault(text, named=False)]
+
+
+def _of_several_ropes(factors: Sequence[Factor]) -> bool:
+    """Whether the terms are of ropes with different parameters.
+
+    One rope cannot tell a factor from one that depends on the parameters.
+    """
+    return len({id(each.place.args) for each in factors}) > 1
 
 
 def _growth(factors: list[Factor]) -> float | None:

@@ -6,10 +6,10 @@ import pytest
 
 from ropeode import Rope, simulate
 from ropeode.checking.check_ropes import convergence_problems
-from ropeode.checking.diagnosis.parameters import has_parameters
 from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
 from ropeode.problems.library import PROBLEMS
 from ropeode.references.compute import reference
+from ropeode.theory.rope_terms import is_rope
 
 FRAMES = 3
 STEPS = (64, 128, 256, 512)
@@ -133,4 +133,4 @@ def test_what_is_no_rope_has_no_such_numbers(known):
 
 
 def test_the_ropes_of_a_check_are_ropes_too():
-    assert all(has_parameters(problem) for problem in convergence_problems().values())
+    assert all(is_rope(problem) for problem in convergence_problems().values())

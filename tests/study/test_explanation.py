@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.kepler import kepler
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.render.formats import EXPLANATION_FORMATS, format_explanation
+from ropeode.render.stepper_list import variants
+from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study.explanation import explain_stepper
 from ropeode.terminal.output import FORMATS as NAMES
 
@@ -90,7 +94,7 @@ def test_no_identity(wrong):
     assert not position.identity.known
     assert velocity.identity.factor == pytest.approx(-5e-5, rel=1e-4)
     text = " ".join(format_explanation(wrong).split())
-    assert "it multiplies velocities by 0.99995." in text
+    assert "Each step multiplies velocities by 0.99995, whatever dt is" in text
     assert "No error constant is predicted" in text
     assert wrong.tables[0].orders[0].constant.predicted is None
 
@@ -100,7 +104,41 @@ def test_another_equation(known):
     found = explain_stepper(heavy, known, steps_per_frame=STEPS)
     assert found.local.order == 0
     assert found.local.quantities[1].rate.known
-    assert "It solves another equation" in format_explanation(found)
+    text = " ".join(format_explanation(found).split())
+    assert "in velocities by up to" in text
+    assert "The acceleration is 1% too large" in text
+
+
+@pytest.mark.slow
+def test_damping_at_each_step_shows_in_problems_that_start_at_rest():
+    problem = Rope(num_nodes=4, damping=0.05).problem(frames=3)
+    found = explain_stepper("stormer-verlet:damping=per-step", problem, steps_per_frame=STEPS)
+    assert found.local.order is not None
+    assert found.local.order < 1
+    assert found.orders[0].local == found.local.order
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "stepper", [each.label for cls in STEPPERS.values() for each in variants(cls)]
+)
+@pytest.mark.parametrize(
+    "problem", [Rope(num_nodes=3).problem(2), InextensibleRope(num_nodes=3).problem(2), kepler(4)]
+)
+def test_every_stepper_can_be_explained(stepper, problem):
+    if as_stepper(stepper).refusal(problem):
+        return
+    found = explain_stepper(stepper, problem, steps_per_frame=(8, 16, 32))
+    for each in found.orders:
+        solves = as_stepper(stepper).solves(each.of_class)
+        if len(found.local.times) == 1 or each.local is None or each.declared is None:
+            continue
+        if solves:
+            assert max(each.local, 0) == each.declared
+    # Nothing is said against a step that is right.
+    assert (found.local.wrong is None) >= (found.local.order is None or found.local.order > 0)
+    for form in NAMES:
+        assert format_explanation(found, form)
 
 
 @pytest.mark.slow
@@ -132,6 +170,10 @@ def test_every_format(which, form, request):
         assert values["order"]["local"] == found.local.order
         assert values["error_constant"]["ratio"] == found.tables[0].orders[0].constant.ratio
         assert values["identity_defect"]["velocity"]["known"] == (which == "wrong")
+        sentence = values["identity_defect"]["sentence"]
+        assert (sentence is not None) == (which == "wrong")
+        assert sentence is None or "multiplies velocities by 0.99995" in sentence
+        assert values["rhs_defect"]["coefficients"] is None
         assert {"stepper", "problem", "rhs_defect", "equal_to", "structure"} <= values.keys()
         assert {"predicted", "measured"} <= values["stability"].keys()
         assert {"local", "observed", "declared"} <= values["order"].keys()

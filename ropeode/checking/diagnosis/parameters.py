@@ -34,16 +34,6 @@ class Units(NamedTuple):
     scale: np.ndarray
 
 
-def has_parameters(problem: Problem) -> bool:
-    """Whether a problem is a rope with these parameters."""
-    fields = getattr(problem.args, "_fields", ())
-    return (
-        problem.mechanics is not None
-        and problem.y0.ndim == 3
-        and {*PARAMETERS, "free"} - {"velocity"} <= {*fields}
-    )
-
-
 def dimension(problem: Problem) -> int:
     """How many coordinates a node has."""
     return int(np.size(problem.args.gravity))

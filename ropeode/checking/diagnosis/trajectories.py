@@ -16,13 +16,13 @@ from ropeode.checking.diagnosis.effective_problem import (
 from ropeode.checking.diagnosis.fitted_numbers import NamedMistake, named_mistakes
 from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, observe_limit
 from ropeode.checking.diagnosis.parameter_fit import Fit, fit_parameters, smallest_fits
-from ropeode.checking.diagnosis.parameters import has_parameters
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.written_precision import rounding_of
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.compute import reference as certify
 from ropeode.references.reference import Reference
+from ropeode.theory.rope_terms import is_rope
 
 # At first a motion depends on the parameters most simply, and later frames add little. With
 # fewer than three frames none could be kept back to confirm what the others say.
@@ -51,7 +51,7 @@ def diagnose_trajectories(
     Returns:
         One diagnosis; `unknown` if no change of parameters explains the runs.
     """
-    if not has_parameters(problem):
+    if not is_rope(problem):
         return (_unknown("the problem has no parameters that could be fitted"),)
     beginnings = [
         (frames, *_beginning(problem, runs, frames))
