@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import time
 from collections.abc import Iterable, Iterator
@@ -32,6 +33,8 @@ EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {
     "node-order",
     "float32",
 }
+# A step that seems to obey a threshold may be one that differs from call to call.
+_THRESHOLDS = ("time-shift", "scales", "sizes", "far-states")
 
 
 def check_stepper(
@@ -103,7 +106,12 @@ def check_stepper(
                 check = in_float64(CHECKS[name])
                 work = functools.partial(check, examination)
                 try:
-                    findings.append(within(limit, f"the check {name!r}", work))
+                    finding = within(limit, f"the check {name!r}", work)
+                    if finding.status == "fail" and name in _THRESHOLDS:
+                        again = within(limit, f"the check {name!r}", work)
+                        if again.line != finding.line:
+                            finding = dataclasses.replace(finding, line=HIDDEN_STATE)
+                    findings.append(finding)
                 except OutOfTime as error:
                     if name not in EDGE_CASES:
                         raise

@@ -8,6 +8,8 @@ who keeps one.
 from __future__ import annotations
 
 import os
+import random
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -21,7 +23,25 @@ from ropeode.simulation.python_driver import PythonStepper
 _STEPS = 4
 # By how much a caller changes a state between two steps: not a shift, which no force would notice.
 _NUDGE = 1.0 + 2.0**-10
+_SIGNALS = sorted(signal.valid_signals())
+WRITES_OVER = "writes over results that it returned before (return a copy)"
 _STREAMS = ("standard input", "standard output", "standard error")
+
+
+class Results:
+    """What a step has returned, and what was in it then."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[Any, Any]] = []
+
+    def keep(self, result: Any) -> None:
+        """Remember a result."""
+        self._kept.append((result, _copy(result)))
+
+    @property
+    def are_written_over(self) -> bool:
+        """Whether one is no longer what it was."""
+        return any(not _same(result, was) for result, was in self._kept)
 
 
 def memory_effects(
@@ -36,19 +56,18 @@ def memory_effects(
     own = fresh()
     args = own.system.equations.args
     before = _copy(args)
-    handed, kept, modified = own.init(t, y, dt), [], False
+    handed, results, modified = own.init(t, y, dt), Results(), False
     for i in range(_STEPS):
         was = _copy(handed)
         new = own.step(t + i * dt, handed, dt)
         modified |= not _same(was, handed)
-        kept.append((new, _copy(new)))
+        results.keep(new)
         handed = new
-    written_over = any(not _same(new, was) for new, was in kept[:-1])
     disturbed, apart = (_disturbed(fresh(), t, y, dt, in_place) for in_place in (True, False))
     found = {
         f"modifies {'x or v' if own.system.mechanical else 'y'}": modified,
         "modifies args": not _same(before, args),
-        "writes over results that it returned before (return a copy)": written_over,
+        WRITES_OVER: results.are_written_over,
         "keeps arrays that it was handed or has returned (keep a copy)": not modified
         and not _same(apart, disturbed),
     }
@@ -112,16 +131,25 @@ class ProcessState(NamedTuple):
         folder: the working directory.
         variables: of the environment.
         streams: what identifies the three standard streams; None for one that is closed.
+        others: what else there is one of in a process or a thread, by what a step does to it.
     """
 
     folder: str
     variables: dict[str, str]
     streams: tuple[tuple[int, int] | None, ...]
+    others: dict[str, Any]
 
 
 def process_state() -> ProcessState:
     """That of this process, as it is now."""
-    return ProcessState(os.getcwd(), dict(os.environ), tuple(map(_identity, range(3))))
+    shared: Any = np.random.get_state(legacy=False)  # noqa: NPY002
+    others = {
+        "draws or seeds the random numbers that all of NumPy shares": repr(shared["state"]),
+        "draws or seeds the random numbers that all of Python shares": random.getstate(),
+        "changes what NumPy does about floating-point errors": np.geterr(),
+        "changes what the process does about signals": list(map(signal.getsignal, _SIGNALS)),
+    }
+    return ProcessState(os.getcwd(), dict(os.environ), tuple(map(_identity, range(3))), others)
 
 
 def _identity(stream: int) -> tuple[int, int] | None:
@@ -139,6 +167,9 @@ def process_effects(before: ProcessState) -> Iterator[str]:
         yield "changes the working directory"
     if now.variables != before.variables:
         yield "changes the environment variables"
+    for words, value in now.others.items():
+        if value != before.others[words]:
+            yield words
     for name, then, there in zip(_STREAMS, before.streams, now.streams, strict=True):
         if then != there:
             yield f"closes {name}" if there is None else f"redirects {name}"

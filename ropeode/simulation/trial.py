@@ -12,7 +12,13 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
-from ropeode.simulation.side_effects import memory_effects, process_effects, process_state
+from ropeode.simulation.side_effects import (
+    WRITES_OVER,
+    Results,
+    memory_effects,
+    process_effects,
+    process_state,
+)
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.simulation.user_clock import on_user_clock
@@ -98,7 +104,9 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
 
     # Not in the middle of the user's step, whose time counts.
     fresh().compile_right_hand_side(t)
-    with one_at_a_time(), np.errstate(all="ignore"):
+    # As no step would set it.
+    errors = np.errstate(all="ignore", under="call", call=lambda *_: None)
+    with one_at_a_time(), errors:
         own = fresh()
         before = process_state()
         first = on_user_clock(_python_steps, own, t, dt, 2)
@@ -117,7 +125,10 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
         quick = None if fast is None else fast(steps)
         # Such a loop would be compiled anew at each step.
         with jax.disable_jit(loops):
-            slow = on_user_clock(_python_steps, fresh(), t, dt, steps)
+            results = Results()
+            slow = on_user_clock(_python_steps, fresh(), t, dt, steps, 0.0, results)
+            if results.are_written_over and WRITES_OVER not in side_effects:
+                side_effects += (WRITES_OVER,)
             if quick is not None and _agree(quick, slow):
                 return Trial(True, True, finite, side_effects, asks_for_forces)
             repeatable = _same(slow, on_user_clock(_python_steps, fresh(), t, dt, steps))
@@ -130,11 +141,18 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _python_steps(
-    own: PythonStepper, t: float, dt: float, steps: int, nudge: float | np.ndarray = 0.0
+    own: PythonStepper,
+    t: float,
+    dt: float,
+    steps: int,
+    nudge: float | np.ndarray = 0.0,
+    results: Results | None = None,
 ) -> np.ndarray:
     carried = own.init(t, own.problem.y0 + nudge, dt)
     for i in range(steps):
         carried = own.step(t + i * dt, carried, dt)
+        if results is not None:
+            results.keep(carried)
     # A copy: it may be handed out again, with other numbers in it.
     return np.array(own.state(t + steps * dt, carried, dt))
 

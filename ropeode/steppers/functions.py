@@ -166,7 +166,7 @@ def checked_array(name: str, value: Any, shape: tuple[int, ...]) -> Any:
     """What a user's step returned for `name`, as an array.
 
     Raises:
-        UserCodeError: it has another shape, or is not of type float64.
+        UserCodeError: it has another shape, or is neither of type float64 nor more precise.
     """
     if not hasattr(value, "dtype"):
         value = np.asarray(value)
@@ -175,6 +175,8 @@ def checked_array(name: str, value: Any, shape: tuple[int, ...]) -> Any:
             f"step: it returned {name} of shape {value.shape}; allowed: the shape of its input, "
             f"{shape}. Fix: return the new {name}, for all nodes and components."
         )
+    if value.dtype == np.longdouble:
+        value = value.astype(np.float64)
     if value.dtype != np.float64:
         raise UserCodeError(
             f"step: it returned {name} of type {value.dtype}; allowed: float64. Fix: compute with "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import random
 import subprocess
 import sys
 import textwrap
@@ -338,6 +339,26 @@ def leaves_the_folder(rhs, t, y, dt, args):
     return y + dt * np.asarray(rhs(t, y, args))
 
 
+def seeds(rhs, t, y, dt, args):
+    np.random.seed(0)  # noqa: NPY002
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+def shuffles(rhs, t, y, dt, args):
+    random.shuffle([1, 2])
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+def hides_errors(rhs, t, y, dt, args):
+    np.seterr(all="ignore")
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+def guards_errors(rhs, t, y, dt, args):
+    with np.errstate(all="raise"):
+        return y + dt * np.asarray(rhs(t, y, args))
+
+
 def closes_standard_output(rhs, t, y, dt, args):
     print("closing")  # noqa: T201
     sys.stdout.close()
@@ -350,12 +371,17 @@ def closes_standard_output(rhs, t, y, dt, args):
         (own_arrays(1), "modifies x or v"),
         (own_arrays(2), "writes over results that it returned before"),
         (own_arrays(3), "writes over results that it returned before"),
+        (own_arrays(64), "writes over results that it returned before"),
         (own_arrays(1, np.copy), None),
         (recognises(lambda last, x: last["x"] is x), "keeps arrays"),
         (recognises(lambda last, x: np.shares_memory(last["x"], x)), "keeps arrays"),
         (recognises(lambda last, x: np.array_equal(last["is_x"], x)), None),
         (steps.writes_to_args, "modifies args"),
         (leaves_the_folder, "changes the working directory"),
+        (seeds, "draws or seeds the random numbers that all of NumPy shares"),
+        (shuffles, "draws or seeds the random numbers that all of Python shares"),
+        (hides_errors, "changes what NumPy does about floating-point errors"),
+        (guards_errors, None),
         (steps.in_loops, None),
     ],
 )
@@ -366,6 +392,36 @@ def test_what_a_step_does_besides_returning_a_result_is_found(step, words, tmp_p
         assert found == ()
     else:
         assert found[0].startswith(words)
+
+
+def exits_at_short_steps(rhs, t, y, dt, args):
+    if dt < 1e-5:
+        sys.exit(0)
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+def test_a_step_that_would_end_its_process_far_from_usual_is_not_passed():
+    with pytest.raises(UserCodeError, match="SystemExit"):
+        check_stepper(exits_at_short_steps, 1, only=["scales"])
+
+
+def test_a_step_that_obeys_a_threshold_now_and_then_has_hidden_state():
+    calls = [0]
+
+    def step(rhs, t, y, dt, args):
+        calls[0] += 1
+        return y + dt * np.asarray(rhs(t, y, args)) * (1.01 if calls[0] % 701 == 700 else 1.0)
+
+    (finding,) = check_stepper(step, 1, only=["scales"]).findings
+    assert finding.status == "fail"
+    assert finding.line.startswith("not deterministic")
+
+
+def test_a_result_in_extended_precision_is_a_state():
+    def step(rhs, t, y, dt, args):
+        return np.longdouble(y) + np.longdouble(dt) * np.asarray(rhs(t, y, args))
+
+    assert check_stepper(step, 1, only=["first-sample"]).passed
 
 
 def test_a_step_that_closes_standard_output_has_failed_a_check():

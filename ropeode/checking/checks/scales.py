@@ -12,7 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import Units, generic
+from ropeode.checking.check_ropes import DIM, Units, generic
+from ropeode.checking.checks.local_errors import why_unknown
 from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import within
 from ropeode.errors import UserCodeError
@@ -20,11 +21,19 @@ from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 
 _STEPS = 2
+# In the usual unit of time. With other units of time and these lengths of frames there is a step
+# size in each interval of a third.
+_FRAMES = (0.5, 0.40625, 0.3125)
 # Powers of two, in which the right result is the same to the last digit.
-_FAST = [2.0**-power for power in range(4, 28, 4)]
-_SLOW = [2.0**power for power in range(4, 28, 4)]
-_HEAVY = [2.0**power for power in (-30, -20, -10, 10, 20, 30)]
+_FAST = [2.0**-power for power in range(1, 25)]
+_SLOW = [2.0**power for power in range(1, 25)]
+_HEAVY = [2.0**power for power in range(-30, 31, 5) if power]
 _SMALL = 2.0**-8
+# How many units of everything at once are drawn; how late a run begins, in units of time, and how
+# far away it is then, in units of length: powers of two.
+_DRAWN, _LATE, _AWAY = 48, 20, 10
+# Of two: from less to more, of the units of speed, length and mass.
+_POWERS = (20, 20), (6, 20), (30, 30)
 # What a solver that iterates up to an absolute tolerance may leave, as a part of the rope's size.
 # In units in which lengths or speeds are small numbers that is more, and rounding makes more of a
 # derivative by finite differences where they are large numbers; but never as much as all.
@@ -32,10 +41,23 @@ _TOLERANCE, _MOST, _LARGE = 1e-5, 0.05, 2.0**10
 # The processor time of a run. A step that iterates to a tolerance which rounding cannot reach,
 # where numbers are large, does not return.
 _SECONDS = 2.0
+# After so many of these nothing more is tried.
+_MOST_UNKNOWN = 3
 
 
-def _ladder() -> Iterator[Units]:
-    """Units, in which numbers differ more and more from those that they are in the usual ones."""
+def _ladder() -> Iterator[tuple[Units, np.ndarray]]:
+    """Units, in which numbers differ more and more from the usual ones, and a place."""
+    for units in _one_by_one():
+        yield units, np.zeros(DIM)
+    # All at once: a threshold may be one of two numbers.
+    random = np.random.default_rng(2)
+    for _ in range(_DRAWN):
+        speed, length, mass = (random.integers(-low, high) for low, high in _POWERS)
+        away = random.choice([-1.0, 1.0], DIM) * 2.0 ** random.integers(_AWAY)
+        yield Units(*2.0 ** np.array([length, mass, length - speed])), away
+
+
+def _one_by_one() -> Iterator[Units]:
     # Short steps at high speeds.
     yield from (Units(time=time) for time in _FAST)
     # Long steps at low speeds. Masses grow too, so that forces are not that small.
@@ -50,33 +72,45 @@ def _ladder() -> Iterator[Units]:
 def scales(examination: Examination) -> Finding:
     """A rope in very large or small units of length, mass or time moves in the same way."""
     problem = generic()
+    if not examination.stepper.equal_frames:
+        problem = problem.changed(ts=np.concatenate([[0.0], np.cumsum(_FRAMES)]))
     # Before and after the time 0.
     problem = problem.changed(ts=problem.ts - problem.ts[1])
-    size = np.max(np.abs(problem.y0), axis=(1, 2), keepdims=True)
     own = examination.run(problem, _STEPS)
-    worst = 0.0
-    for units in _ladder():
-        other, where = units.of(problem), _where(units.of(problem))
+    size = np.max(np.abs(own), axis=(0, 2, 3))[:, None, None]
+    random = np.random.default_rng(3)
+    worst, done, unknown = 0.0, 0, []
+    for units, place in _ladder():
+        away = np.stack([place, 0.0 * place])[:, None]
+        other = units.of(problem.changed(y0=problem.y0 + away))
+        later = random.choice([-1.0, 1.0]) * 2.0 ** random.integers(_LATE) * units.time
+        other = other.changed(ts=other.ts + later)
         try:
             work = in_float64(lambda other=other: examination.run(other, _STEPS))
-            states = within(_SECONDS, "a run in other units", work) / units.state
+            states = within(_SECONDS, "a run in other units", work) / units.state - away
         except UserCodeError as error:
-            line = f"not known {where}: {error.problems[0].split('; allowed')[0]}"
-            return Finding("scales", "note", line)
+            unknown.append(f"not known {_where(other)}: {why_unknown(error)}")
+            if len(unknown) > _MOST_UNKNOWN:
+                break
+            continue
         off = float(np.max(np.abs(states - own) / size))
         speed = units.length / units.time
         small, large = min(units.length, speed), max(units.length, speed)
-        allowed = max(1.0, 1.0 / small, large / _LARGE) * _TOLERANCE
+        # A tolerance may be one for parts of the state.
+        part = max(1.0, np.max(np.abs(place)))
+        allowed = max(part, 1.0 / small, large / _LARGE) * _TOLERANCE
         if not off <= min(allowed, _MOST):
             line = (
-                f"in other units a rope moves differently, by {off:.1e} of its size, {where}; is "
-                "there a threshold or a limit, a constant with a unit?"
+                f"in other units a rope moves differently, by {off:.1e} of its size, "
+                f"{_where(other)}; is there a threshold or a limit, a constant with a unit?"
             )
             return Finding("scales", "fail", line, {"difference": off, "units": units._asdict()})
-        worst = max(worst, off)
+        worst, done = max(worst, off), done + 1
+    if unknown:
+        return Finding("scales", "note", unknown[0])
     line = (
-        "with step sizes from 1e-8 to 1e6, speeds from 1e-7 to 1e7 and forces from 1e-9 to 1e9 a "
-        f"rope moves in the same way, to {worst:.1e} of its size"
+        f"in {done} units, with step sizes from 1e-8 to 1e6, speeds from 1e-7 to 1e7 and forces "
+        f"from 1e-9 to 1e9, a rope moves in the same way, to {worst:.1e} of its size"
     )
     return Finding("scales", "pass", line, {"difference": worst})
 

@@ -16,6 +16,7 @@ from ropeode.checking.check_ropes import (
     in_other_units,
     renumbered,
 )
+from ropeode.checking.checks.local_errors import single_steps, why_unknown
 from ropeode.checking.checks.vanishing import (
     POWER_TOLERANCE,
     STEPS,
@@ -25,6 +26,8 @@ from ropeode.checking.checks.vanishing import (
     is_small,
 )
 from ropeode.checking.report import Finding
+from ropeode.checking.time_limit import within
+from ropeode.errors import UserCodeError
 from ropeode.problems.problem import Problem
 from ropeode.simulation import step_size
 
@@ -40,6 +43,9 @@ _SHIFT = np.array([310.0, -230.0, 170.0])
 # Of starting times. Frames end at the same fractions of a time unit, exactly.
 _LATER = (2.7182818, 16.0, -16.0, 1024.0, -1024.0, 2.0**20, -(2.0**20))
 _FRAME = 0.5
+# Periods of the drive by which single steps are moved: all up to the first number, and so many up
+# to the second one; their length, and the processor time of all.
+_NEAR, _FAR, _TIMES, _STEP, _SECONDS = 60, 5e5, 100, 0.05, 10.0
 # From such times on a step that asks for forces at t + c dt gets them at rounded times.
 _LATE = 1e4
 
@@ -127,8 +133,34 @@ def time_shift(examination: Examination) -> Finding:
             tolerance=_TOLERANCE if abs(later) < _LATE else _TOLERANCE_ELSEWHERE,
         )
         if finding.status == "fail":
-            break
-    return finding
+            return finding
+    return _at_many_times(examination) or finding
+
+
+def _at_many_times(examination: Examination) -> Finding | None:
+    """Single steps whole periods of the drive earlier and later; None where they are the same."""
+    problem = examination.problems["driven"]
+    random = np.random.default_rng(4)
+    far = np.exp(random.uniform(np.log(_NEAR), np.log(_FAR), _TIMES))
+    periods = np.concatenate([np.arange(_NEAR), np.round(far)])
+    t = problem.ts[0] + 2.0 * np.pi / problem.args.frequency * np.concatenate([periods, -periods])
+    y = np.repeat(problem.y0[None], len(t), axis=0)
+    try:
+        dt = np.full((len(t), 1), _STEP)
+        work = functools.partial(single_steps, problem, examination.method, t, y, dt)
+        states = within(_SECONDS, "steps at many times", work)[:, 0]
+    except UserCodeError as error:
+        line = f"at other times: not known: {why_unknown(error)}"
+        return Finding("time-shift", "note", line)
+    off = np.max(np.abs(states - states[0]), axis=(1, 2, 3)) / problem.scale
+    wrong = np.flatnonzero(~(off <= _TOLERANCE_ELSEWHERE))
+    if not len(wrong):
+        return None
+    first = wrong[np.argmin(np.abs(t[wrong]))]
+    line = f"a step at t = {t[first]:.6g} differs by {off[first]:.1e} from one at t = {t[0]:g}"
+    return Finding(
+        "time-shift", "fail", f"{line}, whole periods of the drive away", {"t": t[first]}
+    )
 
 
 def units(examination: Examination) -> Finding:

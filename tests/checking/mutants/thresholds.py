@@ -67,6 +67,11 @@ def _of_speed() -> Iterator[Mutant]:
     yield _at_rk4_end("Euler where it is fast", f"(abs(y) > 1e4).any() * {_EULER}")
     yield _at_end(
         velocity_verlet,
+        "drag from 30 to 40",
+        "v_new = v_new * (1 - 1e-3 * (abs(v_new) > 30) * (abs(v_new) < 40))",
+    )
+    yield _at_end(
+        velocity_verlet,
         "the slowest put to rest",
         "speed = ((v_new**2).sum(1) ** 0.5)[:, None]",
         "v_new = v_new * (speed > 1e-4 * speed.max())",
@@ -142,6 +147,17 @@ def _of_length() -> Iterator[Mutant]:
             f"        pull = pull * (1 + 0.1 * (length > 4 * args.rest_length[s]))\n{_PULL}",
         ),
     )
+    for what, pulls in (
+        ("springs cut below a twentieth of the rest length", "length > 0.05 * rest"),
+        ("springs slack next to their rest lengths", "abs(length - rest) > 1e-3 * rest"),
+        ("springs without a rest length left out", "rest > 1e-9"),
+        ("springs cut that are seventy times too short", "rest < 70 * length"),
+    ):
+        changed = f"        rest = args.rest_length[s]\n        pull = pull * ({pulls})\n{_PULL}"
+        yield replaced(own_verlet, what, (_PULL, changed))
+    yield _at_end(
+        velocity_verlet, "slower left of x = -3000", "v_new = v_new * (1 - 0.01 * (x < -3000))"
+    )
     for limit in (1e3, 1e4, 1e6):
         yield _at_end(
             velocity_verlet,
@@ -164,6 +180,12 @@ def _of_dt() -> Iterator[Mutant]:
         yield _at_rk4_end(f"Euler for dt > {limit:g}", f"(dt > {limit}) * {_EULER}")
     yield _at_rk4_end("order 2 for dt < 1e-4", f"(dt < 1e-4) * {_ORDER_2}")
     yield _at_rk4_end("order 2 for dt from 1e-4 to 1e-2", f"(dt > 1e-4) * (dt < 1e-2) * {_ORDER_2}")
+    yield _at_rk4_end("Euler for dt from 3e-4 to 6e-4", f"(dt > 3e-4) * (dt < 6e-4) * {_EULER}")
+    yield _at_end(
+        velocity_verlet,
+        "a hundredth more force for dt from 0.013 to 0.015",
+        "v_new = v_new + (dt > 0.013) * (dt < 0.015) * dt * a / 100",
+    )
     yield _at_end(
         velocity_verlet, "Euler for dt < 1e-3", "v_new = v_new + (dt < 1e-3) * dt * (a - a_new) / 2"
     )
@@ -183,12 +205,30 @@ def _of_dt() -> Iterator[Mutant]:
 def _of_time() -> Iterator[Mutant]:
     for limit in (10, 100, 5000):
         yield _at_rk4_end(f"Euler for t > {limit}", f"(t > {limit}) * {_EULER}")
+    yield _at_rk4_end("Euler for t from 37 to 41", f"(t > 37) * (t < 41) * {_EULER}")
     yield _at_rk4_end("order 2 for t < -10", f"(t < -10) * {_ORDER_2}")
     yield _at_rk4_end("order 2 for t < -1000", f"(t < -1000) * {_ORDER_2}")
     yield _at_end(
         velocity_verlet, "no force for t > 10", "v_new = v_new - (t > 10) * dt / 2 * (a + a_new)"
     )
     yield _at_end(semi_implicit_euler, "at rest for t > 1e5", "v_new = v_new * (t < 1e5)")
+
+
+def _of_two() -> Iterator[Mutant]:
+    for what, there in (
+        ("Euler where it is fast and dt < 0.005", "(abs(v) > 20) * (dt < 0.005)"),
+        ("Euler where it is fast and late", "(abs(v) > 20) * (t > 50)"),
+        ("Euler where it is slow and dt > 5", "(abs(v) < 0.01) * (dt > 5)"),
+    ):
+        yield _at_end(velocity_verlet, what, f"v_new = v_new + {there} * dt / 2 * (a - a_new)")
+    yield replaced(
+        own_verlet,
+        "heavy and fast nodes drag",
+        (
+            "        force[i] *= ",
+            "        force[i] -= (args.mass[i] > 5) * (abs(v[i]) > 2) * v[i]\n        force[i] *= ",
+        ),
+    )
 
 
 def _of_nodes() -> Iterator[Mutant]:
@@ -211,6 +251,16 @@ def _of_nodes() -> Iterator[Mutant]:
         "there = (np.arange(len(x)) == len(x) // 2 + 1)[:, None] * (len(x) > 32)",
         "v_new = v_new + there * dt / 2 * (a - a_new)",
     )
+    for what, there in (
+        ("eight nodes", "len(x) == 8"),
+        ("multiples of four nodes", "len(x) % 4 == 0"),
+        ("more than 64 nodes", "len(x) > 64"),
+    ):
+        yield _at_end(
+            velocity_verlet,
+            f"Euler for {what}",
+            f"v_new = v_new + ({there}) * dt / 2 * (a - a_new)",
+        )
     yield _at_end(
         velocity_verlet,
         "Euler for two nodes",
@@ -313,6 +363,7 @@ THRESHOLDS: tuple[Mutant, ...] = (
     *_of_length(),
     *_of_dt(),
     *_of_time(),
+    *_of_two(),
     *_of_nodes(),
     *_of_arrays(),
 )
