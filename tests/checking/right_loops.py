@@ -849,10 +849,9 @@ class Leapfrog(Stepper):
 
     def init(self, system, t, y, dt):
         a = system.acceleration(t, y.x, y.v)
-        return y.x, y.v - dt / 2 * a + dt**2 / 8 * self._jerk(system, t, y, a)
+        return y.x, y.v - dt / 2 * a + dt**2 / 8 * self._jerk(system, t, y, a, dt / 16)
 
-    def _jerk(self, system, t, y, a):
-        h = 1e-4
+    def _jerk(self, system, t, y, a, h):
         return (
             system.acceleration(t + h, y.x + h * y.v, y.v + h * a)
             - system.acceleration(t - h, y.x - h * y.v, y.v - h * a)
