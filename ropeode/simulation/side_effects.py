@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import random
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -23,7 +22,6 @@ from ropeode.simulation.python_driver import PythonStepper
 _STEPS = 4
 # By how much a caller changes a state between two steps: not a shift, which no force would notice.
 _NUDGE = 1.0 + 2.0**-10
-_SIGNALS = sorted(signal.valid_signals())
 WRITES_OVER = "writes over results that it returned before (return a copy)"
 _STREAMS = ("standard input", "standard output", "standard error")
 
@@ -147,7 +145,6 @@ def process_state() -> ProcessState:
         "draws or seeds the random numbers that all of NumPy shares": repr(shared["state"]),
         "draws or seeds the random numbers that all of Python shares": random.getstate(),
         "changes what NumPy does about floating-point errors": np.geterr(),
-        "changes what the process does about signals": list(map(signal.getsignal, _SIGNALS)),
     }
     return ProcessState(os.getcwd(), dict(os.environ), tuple(map(_identity, range(3))), others)
 
