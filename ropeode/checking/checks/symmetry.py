@@ -46,6 +46,8 @@ _FRAME = 0.5
 # Periods of the drive by which single steps are moved: all up to the first number, and so many up
 # to the second one; their length, and the processor time of all.
 _NEAR, _FAR, _TIMES, _STEP, _SECONDS = 60, 5e5, 100, 0.05, 10.0
+# What they may differ by, for each unit of time; a time in float32 makes three times as much.
+_PER_TIME = 1e-9
 # From such times on a step that asks for forces at t + c dt gets them at rounded times.
 _LATE = 1e4
 
@@ -153,7 +155,8 @@ def _at_many_times(examination: Examination) -> Finding | None:
         line = f"at other times: not known: {why_unknown(error)}"
         return Finding("time-shift", "note", line)
     off = np.max(np.abs(states - states[0]), axis=(1, 2, 3)) / problem.scale
-    wrong = np.flatnonzero(~(off <= _TOLERANCE_ELSEWHERE))
+    # What rounding makes of a derivative by time that is a difference over a short one.
+    wrong = np.flatnonzero(~(off <= np.maximum(_TOLERANCE_ELSEWHERE, _PER_TIME * np.abs(t))))
     if not len(wrong):
         return None
     first = wrong[np.argmin(np.abs(t[wrong]))]
