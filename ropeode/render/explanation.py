@@ -44,6 +44,7 @@ def blocks(explanation: Explanation) -> list[Block]:
     """The page, part by part."""
     return [
         Heading(title(explanation)),
+        *_other_problem(explanation),
         Section("One step"),
         Paragraph(" ".join(step_words(explanation.local))),
         _local_grid(explanation),
@@ -59,6 +60,12 @@ def blocks(explanation: Explanation) -> list[Block]:
         *(Paragraph(words) for words in energy_words(explanation.modified)),
         Paragraph(table_words.reference_words(explanation.tables[0])),
     ]
+
+
+def _other_problem(explanation: Explanation) -> list[Block]:
+    """A warning that a stepper is meant for other problems."""
+    words = table_words.remark(explanation.tables[0].orders[0])
+    return [] if words is None else [Paragraph(f"{words[0].upper()}{words[1:]}.")]
 
 
 def title(explanation: Explanation) -> str:
@@ -325,23 +332,26 @@ def constant_words(explanation: Explanation) -> list[str]:
     for why, norms in by_reason.items():
         of = "" if len(norms) == len(explanation.tables) else f" of {_listed(norms)}"
         words.append(f"No error constant{of} is predicted: {why}.")
+    alone = [table.norm.name for table, each in _constants(explanation) if _stands_alone(each)]
+    if alone:
+        words.append(
+            f"No run can be held against the prediction of {_listed(alone)}: at each step size the "
+            "run is unstable, or rounding and the reference leave open more than 1% of its error."
+        )
     for table, constant in _constants(explanation):
         if (sentence := _ratio_words(table, constant)) is not None:
             words.append(sentence)
     return words
 
 
+def _stands_alone(constant: ErrorConstant) -> bool:
+    return constant.predicted is not None and constant.ratio is None
+
+
 def _ratio_words(table: AccuracyTable, constant: ErrorConstant) -> str | None:
-    if constant.predicted is None:
+    if constant.ratio is None or abs(constant.ratio - 1.0) <= AGREE:
         return None
     name = table.norm.name
-    if constant.ratio is None:
-        return (
-            f"No run can be held against the prediction of {name}: at each step size the run is "
-            "unstable, or rounding and the reference leave open more than 1% of its error."
-        )
-    if abs(constant.ratio - 1.0) <= AGREE:
-        return None
     where = f"at {_steps_at(table, constant.dt)} steps per frame, the most that can be used"
     return (
         f"In {name} the error {where}, is {constant.ratio:.3g} times what is predicted: "
