@@ -66,7 +66,7 @@ def _one_for_all(name: str, part: str, words: str, whole: str) -> tuple[Mistake,
     )
 
 
-def _of_other_springs(name: str, words: str) -> tuple[Mistake, Mistake]:
+def _of_other_springs(name: str, words: str) -> tuple[Mistake, ...]:
     def factor(shift: int) -> Callable[[Place], float]:
         def of(place: Place) -> float:
             array = getattr(place.args, name)
@@ -77,6 +77,13 @@ def _of_other_springs(name: str, words: str) -> tuple[Mistake, Mistake]:
     return (
         Mistake(f"{words} the next spring", factor(1)),
         Mistake(f"{words} the previous spring", factor(-1)),
+        Mistake(
+            f"{words} the springs in reverse order",
+            lambda place: float(
+                getattr(place.args, name)[-1 - place.element]
+                / getattr(place.args, name)[place.element]
+            ),
+        ),
     )
 
 

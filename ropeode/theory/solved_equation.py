@@ -250,16 +250,19 @@ class _Explanation(NamedTuple):
         faults: in words.
         factors: of the rope's own terms.
         rest: what is left over.
+        others: how many of the terms are not the rope's.
     """
 
     faults: list[Fault]
     factors: list[Factor]
     rest: float
+    others: int
 
     @property
-    def plain(self) -> tuple[int, int]:
-        """The simplest explanation has the fewest faults that are not named, then the fewest."""
-        return sum(not fault.named for fault in self.faults), len(self.faults)
+    def plain(self) -> tuple[int, int, int]:
+        """The fewest faults without a name, then forces that no rope has, then faults."""
+        unnamed = sum(not fault.named for fault in self.faults)
+        return unnamed, self.others, len(self.faults)
 
 
 def _velocities(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
@@ -348,7 +351,7 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
         if all(each.equals(0.0) for each in present):
             return None
         faults.append(_law(law, present))
-    return _Explanation(_merged(faults), own, worst)
+    return _Explanation(_merged(faults), own, worst, len(laws))
 
 
 def _law(law: str, factors: list[Factor]) -> Fault:
@@ -366,7 +369,7 @@ def _law(law: str, factors: list[Factor]) -> Fault:
         )
     found = _multiples(factors, law in NODE_LAWS)
     if found is None:
-        return Fault(f"there is {law}", named=False, remedy=remedy)
+        return Fault(f"there is {law}", named=False)
     words, text = found
     if text + words == "-1" and law.startswith(_OF_SPRINGS):
         return Fault(f"{law} is left out", remedy=RIGHT["spring"])

@@ -62,7 +62,7 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         axes = "".join(
             a for a, each in zip("xyz", changed, strict=False) if each > _EXPLAINED * size
         )
-        where = "" if len(axes) == len(changed) else f", along {' and '.join(axes)} alone"
+        where = "" if len(axes) in (0, len(changed)) else f", along {' and '.join(axes)} alone"
         line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
         line += where
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
@@ -196,6 +196,9 @@ def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:
     change = max(float(np.max(np.abs(_shortest(each) - each.y))) for each in expansions)
     if change <= _MOVES * size:
         return None
+    if not np.isfinite(change):
+        line = "the shortest steps from moving states give numbers that are not finite"
+        return Diagnosis("identity", line, {"part": _SHORTEST})
     if change > size / _MOVES:
         line = (
             "the shorter a step is, the more it changes the state: something is divided by dt that "

@@ -136,7 +136,11 @@ def _of_kind(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
     if all(each.equals(wrong[0].value) for each in wrong):
         text = f"{subject} {_times(wrong[0])}"
         return [Fault(text if len(wrong) == len(factors) else f"{text} {_where(kind, wrong)}")]
-    low, high = (pick(each.value for each in wrong) for pick in (min, max))
+    low, high = (
+        0.0 if each.equals(0.0) else each.value
+        for pick in (min, max)
+        for each in [pick(wrong, key=lambda factor: factor.value)]
+    )
     text = f"{subject} is {low:.4g} to {high:.4g} times what it should be {_where(kind, wrong)}"
     return [Fault(text, named=False)]
 
