@@ -27,9 +27,11 @@ from studies.plots import (
 )
 from studies.projection_sweeps import sweep_study
 from studies.rest_time import rest_times
+from studies.tension_lag import predicted_by_lag
 from tabulate import tabulate
 
 from ropeode import (
+    InextensibleRope,
     Rope,
     accuracy_table,
     format_horizon,
@@ -54,6 +56,8 @@ from ropeode.steppers.base import ProblemClass
 IMAGES = Path(__file__).parent / "images"
 # Enough for lines and text, and a third of the size.
 _COLOURS = 128
+# Steps per frame whose errors are extrapolated to dt = 0.
+LATE = (256, 512)
 DAMPINGS = (0.0, 0.001, 0.01, 0.1)
 
 
@@ -135,6 +139,29 @@ def rests() -> str:
     return "\n\n".join(
         [picture(plot_rest_times(times), "rest-time.png", words), table(headers, rows, words=2)]
     )
+
+
+def late_tensions() -> str:
+    """The error constant of constraint Verlet, predicted, and that of its runs as dt goes to 0."""
+    rows = []
+    for words, rope in {
+        "the default one": InextensibleRope().problem(20),
+        "5 unequal nodes, damping 0.3": InextensibleRope(
+            num_nodes=5, node_mass=[1, 2, 3, 1, 2], damping=0.3
+        ).problem(20),
+    }.items():
+        table_of = accuracy_table(rope, ["constraint-verlet", "constraint-verlet:sweeps=4"], LATE)
+        for each in table_of.orders:
+            coarse, fine = (
+                row.error_max / row.dt for row in table_of.rows if row.stepper == each.stepper
+            )
+            predicted, limit = predicted_by_lag(rope), 2.0 * fine - coarse
+            sweeps = each.stepper.partition("sweeps=")[2] or "1"
+            ratio = f"{limit / predicted:.4f}"
+            rows.append([words, sweeps, f"{predicted:.5g}", f"{fine:.5g}", f"{limit:.5g}", ratio])
+    fine = f"error/dt at {LATE[-1]}"
+    headers = ["rope", "sweeps", "predicted", fine, "in the limit", "ratio"]
+    return table(headers, rows, words=1)
 
 
 def sweeps() -> str:
