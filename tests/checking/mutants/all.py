@@ -45,7 +45,8 @@ def rejected_by(mutant: Mutant, only: Sequence[str] | None = None) -> list[str]:
     try:
         if mutant.family == PROGRAMS:
             with tempfile.TemporaryDirectory() as folder:
-                return _failed(graded(mutant, Path(folder), diagnose=False))
+                report = graded(mutant, Path(folder), diagnose=False)
+                return [REFUSED] if report.exit_code == 2 else _failed(report)
         if only is not None:
             return _failed(_checked(mutant, only=only))
         if mutant in THRESHOLDS and (failed := _failed(_checked(mutant, only=FAR))):
