@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ropeode.render import data, markup, table_words
@@ -21,6 +21,7 @@ from ropeode.theory.recognised_methods import describe
 from ropeode.theory.stability_limits import StabilityLimits, StableInterval
 from ropeode.theory.structure import Property
 from ropeode.theory.tableau_of_step import StepTableau
+from ropeode.validation import listed
 
 _SOLVES_ANOTHER = "at dt = 0 the step solves another equation: "
 SCHEMA = "ropeode.explain/1"
@@ -97,7 +98,7 @@ def _identity_words(local: LocalStep) -> str:
     if local.wrong is not None:
         line = local.wrong.line.removeprefix("at dt = 0 ")
         return f"At dt = 0 the step is not the identity. {_sentence(line)}"
-    changes = _listed(
+    changes = listed(
         f"multiplies {_PLURAL[each.quantity]} by {1.0 + each.identity.factor:.7g}"
         if each.identity.factor is not None
         else f"changes {_by_up_to(each, each.identity)}"
@@ -113,7 +114,7 @@ def _identity_words(local: LocalStep) -> str:
 def _rate_words(local: LocalStep) -> str:
     if local.order != 0:
         return f"Its rate of change there is the right-hand side f, to {_bound(local, 'rate')}."
-    off = _listed(_by_up_to(each, each.rate) for each in local.quantities if each.rate.known)
+    off = listed(_by_up_to(each, each.rate) for each in local.quantities if each.rate.known)
     return (
         "It solves another equation: at dt = 0 its rate of change differs from the right-hand "
         f"side f, in {off}." + _equation_words(local)
@@ -202,7 +203,7 @@ def likeness_words(explanation: Explanation) -> list[str]:
         words.append(_compared_words(explanation.stepper, other))
     same = [each for each in explanation.equal if each != other]
     if same:
-        names = _listed(each.name for each in same)
+        names = listed(each.name for each in same)
         worst = max(each.largest for each in same)
         words.append(f"Its steps equal those of {names}, {_to(worst)}.")
     words.append(tableau_words(explanation.tableau))
@@ -330,12 +331,12 @@ def constant_words(explanation: Explanation) -> list[str]:
         if constant.why is not None:
             by_reason.setdefault(constant.why, []).append(table.norm.name)
     for why, norms in by_reason.items():
-        of = "" if len(norms) == len(explanation.tables) else f" of {_listed(norms)}"
+        of = "" if len(norms) == len(explanation.tables) else f" of {listed(norms)}"
         words.append(f"No error constant{of} is predicted: {why}.")
     alone = [table.norm.name for table, each in _constants(explanation) if _stands_alone(each)]
     if alone:
         words.append(
-            f"No run can be held against the prediction of {_listed(alone)}: at each step size the "
+            f"No run can be held against the prediction of {listed(alone)}: at each step size the "
             "run is unstable, or rounding and the reference leave open more than 1% of its error."
         )
     for table, constant in _constants(explanation):
@@ -374,7 +375,7 @@ def _stability_blocks(found: LinearStability) -> list[Block]:
             ("about its equilibrium", found.predicted_at_rest, _steps(found.measured_at_rest)),
         )
     ]
-    if any(cell != "-" for row in rows for cell in row[1:]):
+    if rows := [row for row in rows if any(cell != "-" for cell in row[1:])]:
         parts += [
             Paragraph(
                 "Steps per frame from which on nothing grows that does not grow in the solution: "
@@ -425,7 +426,7 @@ def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
             _HOLDS[each.holds],
             "-" if each.defect is None else f"{each.defect:.1e}",
             "-" if each.power is None else f"dt^{each.power}" if each.power else "stays",
-            f"{each.dt:.3g}",
+            "-" if each.holds is None else f"{each.dt:.3g}",
         )
         for name, each in found.items()
     ]
@@ -436,7 +437,7 @@ def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
     return [
         Paragraph("Without damping, by what part one step misses what the exact solution keeps:"),
         Grid(_STRUCTURE, rows, left=frozenset({0, 1})),
-        *(Paragraph(f"{_listed(names).capitalize()}: {note}.") for note, names in by_note.items()),
+        *(Paragraph(f"{listed(names).capitalize()}: {note}.") for note, names in by_note.items()),
     ]
 
 
@@ -458,11 +459,6 @@ def energy_words(found: ModifiedEnergy | str | None) -> list[str]:
         return [words + "At this step size further terms count as much."]
     ratio = measured / predicted
     return [f"{words}The ratio is {ratio:.5f}, and H + {power} H_{p} swings by {left:.1g} only."]
-
-
-def _listed(words: Iterable[str]) -> str:
-    words = list(words)
-    return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0]
 
 
 def as_lines(explanation: Explanation) -> list[dict[str, Any]]:

@@ -125,9 +125,13 @@ def _at_rest(
     if problem.mechanics is None:
         notes.append("No equilibrium was looked for: the problem is not mechanical.")
         return None, None
-    predicted = None
     try:
         still = hanging_equilibrium(problem)
+    except InputError:
+        notes.append("The initial positions sink to no stable equilibrium to look at.")
+        return None, None
+    predicted = None
+    try:
         modes = spectrum(problem, problem.ts[:1], still[None])
         if np.any(modes.growing):
             notes.append("The equilibrium is unstable in the problem itself.")
