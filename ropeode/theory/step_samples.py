@@ -24,6 +24,9 @@ from ropeode.steppers.base import Stepper
 
 # A compiled program takes so many cases at once; the last of them are repeated to fill it.
 _BATCH = 512
+# It makes up to so many steps, or as many as are wanted if these are more; for a stepper that
+# carries nothing but the state one is enough.
+_MOST = 10
 # Newton steps by which what is carried is settled to a state, and the disturbance, beside the
 # largest number, by which its slopes are found in Python.
 _CORRECTIONS, _NUDGE = 3, 1e-6
@@ -75,8 +78,10 @@ class StepSamples:
         stepper, problem, sizes = self._method.stepper, self.problem, dt.shape[1]
         cases = np.repeat(t, sizes), np.repeat(y, sizes, axis=0), dt.ravel()
         if self._method.trial.compiled:
-            run = _compiled(stepper, problem.rhs, problem.mechanics, steps, self._settled)
-            states = in_batches(lambda *each: on_user_clock(run, problem.args, *each), cases)
+            most = max(steps, 1 if self.carries_state else _MOST)
+            run = _compiled(stepper, problem.rhs, problem.mechanics, most, self._settled)
+            states = in_batches(lambda *each: on_user_clock(run, problem.args, *each, steps), cases)
+            states = states[:, : steps + 1]
         else:
             own = PythonStepper(problem, stepper)
             with one_at_a_time(), np.errstate(all="ignore"):
@@ -202,12 +207,12 @@ def _every_rate(rhs: Rhs) -> Callable:
 
 @functools.lru_cache(maxsize=64)
 def _compiled(
-    stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None, steps: int, settled: bool
+    stepper: Stepper, rhs: Rhs, mechanics: Mechanics | None, most: int, settled: bool
 ) -> Callable:
-    """The states after each number of steps, compiled for many cases at once."""
+    """The states after each number of steps, compiled once for many cases and for all numbers."""
     init, step, state = on_stored_states(stepper, rhs, mechanics)
 
-    def run(args: Any, t: Any, y: Any, dt: Any) -> Any:
+    def run(args: Any, t: Any, y: Any, dt: Any, steps: Any) -> Any:
         carried = init(args, t, y, dt)
         if settled:
             weight = jnp.ones_like(y) if mechanics is None else jnp.ones_like(y).at[1].set(dt)
@@ -215,12 +220,16 @@ def _compiled(
                 lambda carried: state(args, t, carried, dt), carried, y, weight.ravel()
             )
 
-        def advance(carried: Any, i: Any) -> tuple[Any, Any]:
-            now = t + i * dt
-            return step(args, now, carried, dt), state(args, now, carried, dt)
+        def advance(i: Any, progress: tuple[Any, Any]) -> tuple[Any, Any]:
+            carried, states = progress
+            carried = step(args, t + i * dt, carried, dt)
+            after = state(args, t + (i + 1) * dt, carried, dt)
+            return carried, states.at[i + 1].set(after)
 
-        carried, states = jax.lax.scan(advance, carried, jnp.arange(steps, dtype=float))
-        last = state(args, t + steps * dt, carried, dt)
-        return jnp.concatenate([states, last[None]])
+        states = jnp.zeros((most + 1, *y.shape)).at[0].set(state(args, t, carried, dt))
+        if most == 1:
+            # Without the loop, which takes longer to compile.
+            return advance(0, (carried, states))[1]
+        return jax.lax.fori_loop(0, steps, advance, (carried, states))[1]
 
-    return jax.jit(jax.vmap(run, in_axes=(None, 0, 0, 0)))
+    return jax.jit(jax.vmap(run, in_axes=(None, 0, 0, 0, None)))

@@ -65,16 +65,19 @@ def examination_of(given):
     return Examination(given)
 
 
-def holds(convergence, order) -> bool:
-    """Whether the observed orders are the documented one.
+def holds(convergence, order) -> bool | None:
+    """Whether the observed orders are the documented one; None where they are undetermined.
 
-    To 0.25 beyond their intervals: where the last of the errors that a reference can tell are
+    That they may be where a method is so exact that few errors can be told from the reference's:
+    an interval then holds several orders. To 0.25 beyond their intervals: where the last of the errors that a reference can tell are
     still bent, an interval may miss the order by that. The slower of positions and velocities
     has the method's order; a method of another order is off by 1.
     """
     intervals = []
     for found in convergence.orders.values():
-        assert found.ci95 is not None, (convergence.problem, found)
+        if found.ci95 is None:
+            assert "which holds the orders" in (found.why or ""), (convergence.problem, found)
+            return None
         intervals.append(found.ci95)
     low, high = min(intervals)[0], min(high for _, high in intervals)
     return low - 0.25 <= order <= high + 0.25
@@ -134,7 +137,7 @@ def mostly_slow(names):
 @jax.enable_x64(True)
 def test_diffrax_has_its_documented_order(name):
     found = examination_of(f"diffrax:{name}").convergence("driven")
-    assert holds(found, DIFFRAX_ORDERS[name]), found.orders
+    assert holds(found, DIFFRAX_ORDERS[name]) is not False, found.orders
 
 
 @pytest.mark.slow
@@ -144,9 +147,13 @@ def test_diffrax_has_its_documented_order_on_every_rope(name):
     examination = examination_of(f"diffrax:{name}")
     implicit = isinstance(examination.stepper.solver, diffrax.AbstractImplicitSolver)
     # Each step of these solves equations, which takes its time.
-    for problem in ("textbook", "uneven") if implicit else convergence_problems():
-        found = examination.convergence(problem)
-        assert holds(found, DIFFRAX_ORDERS[name]), (problem, found.orders)
+    problems = ("textbook", "uneven") if implicit else convergence_problems()
+    results = {
+        problem: holds(examination.convergence(problem), DIFFRAX_ORDERS[name])
+        for problem in problems
+    }
+    assert False not in results.values(), results
+    assert True in results.values(), results
 
 
 @pytest.mark.parametrize("name", mostly_slow(SCIPY_ORDERS))
@@ -154,14 +161,14 @@ def test_diffrax_has_its_documented_order_on_every_rope(name):
 def test_scipy_has_its_documented_order(name):
     # What runs in Python takes its time.
     found = examination_of(f"scipy:{name}").convergence("driven")
-    assert holds(found, SCIPY_ORDERS[name]), found.orders
+    assert holds(found, SCIPY_ORDERS[name]) is not False, found.orders
 
 
 @jax.enable_x64(True)
 def test_a_wrong_claim_about_a_solver_is_seen():
     examination = examination_of("diffrax:Midpoint")
-    assert not holds(examination.convergence("driven"), 3)
-    assert not holds(examination.convergence("driven"), 1)
+    assert holds(examination.convergence("driven"), 3) is False
+    assert holds(examination.convergence("driven"), 1) is False
 
 
 @pytest.mark.parametrize(

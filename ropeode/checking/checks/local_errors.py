@@ -14,7 +14,6 @@ import numpy as np
 from ropeode.errors import UserCodeError
 from ropeode.problems.problem import Problem
 from ropeode.simulation.method import Method
-from ropeode.theory.expansion import STEPS
 from ropeode.theory.step_samples import StepSamples
 
 # How long steps are beside the shortest time in which something changes.
@@ -89,10 +88,7 @@ def single_steps(
     Raises:
         UserCodeError: the step raised.
     """
-    samples = StepSamples(problem, method)
-    # Of a compiled step the same program as for its expansion.
-    more = method.trial.compiled and not samples.carries_state
-    return samples.after(t, y, dt, STEPS if more else 1)[:, :, 1]
+    return StepSamples(problem, method).after(t, y, dt, 1)[:, :, 1]
 
 
 def usual_errors(problem: Problem, method: Method) -> np.ndarray:
