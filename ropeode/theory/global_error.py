@@ -68,10 +68,6 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
         UserCodeError: the step raised.
     """
     problem = reference.problem
-    if problem.rigid:
-        return (
-            "the problem has constraints, and its reference keeps them less exactly than steps do"
-        )
     times, states = problem.ts[: reference.trusted], reference.states[: reference.trusted]
     if problem.jump_times:
         return "the right-hand side jumps"
@@ -123,6 +119,10 @@ def _lacks_order(what: str, local: Expansion) -> str | None:
         )
     if local.order is None:
         return f"rounding hides the local error, which is of order {local.seen + 2} or higher"
+    if local.order < 1 and local.problem.rigid:
+        return (
+            "the problem has constraints, which its reference keeps less exactly than the steps do"
+        )
     if local.order < 0:
         return f"{what} is not the identity at dt = 0"
     if local.order == 0:
