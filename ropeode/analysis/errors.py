@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from ropeode.display import Displayed
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, node_distances, norm_for
 from ropeode.problems.ensemble import same_problem
@@ -17,8 +18,8 @@ from ropeode.simulation import Trajectory
 RESOLUTION_FACTOR = 10.0
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class ErrorSeries:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class ErrorSeries(Displayed):
     """The error of one run at the samples inside the trust horizon.
 
     Arguments:

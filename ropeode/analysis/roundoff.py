@@ -22,8 +22,8 @@ from ropeode.steppers.base import BuiltIn
 _INVERSE = 0.8414709848078965
 _RATIO = 1.0 / _INVERSE
 # An error is a stepper's own, to well below 1%, if it is so many times what the reference and
-# round-off leave open, and so many times what one rounding in each step makes that repeats. (Rounded
-# coefficients are the same in all units; what they do grows with each step.)
+# round-off leave open, and so many times what one rounding in each step makes that repeats.
+# (Rounded coefficients are the same in all units; what they do grows with each step.)
 _CLEAR, _DRIFT = 300.0, 30.0
 # Steps per frame, of which few are unstable, and how closely a frame with them has to agree.
 _FINE, _SAME = 256, 1e-6
@@ -109,9 +109,7 @@ def largest_distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray)
     return float(np.max(distance(problem, norm, a, b)))
 
 
-def least_clear_error(
-    reference: Reference, norm: Norm, dt: float, rounding: float | None
-) -> float:
+def least_clear_error(reference: Reference, norm: Norm, dt: float, rounding: float | None) -> float:
     """The smallest error of a run that is the stepper's own, without a part of 1% of anything else.
 
     Arguments:

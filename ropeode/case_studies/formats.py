@@ -37,6 +37,11 @@ def as_text(report: Report) -> str:
     return "\n".join([*lines, ""])
 
 
+def line(report: Report) -> str:
+    """How many claims hold."""
+    return summary(report)
+
+
 def blocks(report: Report) -> list[Block]:
     """The figures, the comparisons, and the words around them."""
     figures = [

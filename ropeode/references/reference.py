@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ropeode.display import Displayed
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.references.certificate import Certificate
@@ -14,8 +15,8 @@ from ropeode.references.dense.polynomials import Dense
 from ropeode.validation import bad_value
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Reference:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Reference(Displayed):
     """A reference trajectory.
 
     Arguments:
