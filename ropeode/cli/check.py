@@ -74,8 +74,6 @@ def check(
     if step is None:
         raise click.MissingParameter(param_hint="STEP", param_type="argument")
     form = format_for(form, out)
-    if ended is None:
-        say("the imports")
     set_up_jax()
     from ropeode.checking.check import (
         TIME_LIMIT,

@@ -20,13 +20,14 @@ from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
 from ropeode.cli.sweep import sweep
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
-from ropeode.terminal.running import end_on_ctrl_c
-from ropeode.terminal.supervision import Ended, watch
+from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c
+from ropeode.terminal.supervision import Ended, say, watch
 
 # What is wrong with ropeode itself is none of the answers that a command may give.
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3
-# They judge the user's code, which may end its process: that runs in another one.
-_WATCHED = ("check",)
+# What runs the user's code, which may end its process, runs in another one: this command always,
+# the others where their words name a file that has, or names, such code.
+_JUDGES, _USERS_CODE = "check", (".py", ".toml")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
@@ -71,6 +72,8 @@ def main(arguments: list[str] | None = None, ended: Ended | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in words[:1]
     try:
+        if ended is None:
+            say("the imports")
         code = cli.main(words, prog_name="ropeode", standalone_mode=False, obj=ended)
         sys.stdout.flush()
         return int(code or 0)
@@ -115,23 +118,29 @@ def _fail(code: int, lines: Sequence[str], debug: bool) -> int:
 def run_process() -> NoReturn:
     """The command as a process, which ends without waiting for a computation in another thread."""
     end_on_ctrl_c()
-    command = next((word for word in sys.argv[1:] if not word.startswith("-")), None)
-    code = _run_watched() if command in _WATCHED else main()
+    words = sys.argv[1:]
+    command = next((word for word in words if not word.startswith("-")), "")
+    users = any(suffix in word for word in words for suffix in _USERS_CODE)
+    code = _run_watched(command) if command == _JUDGES or users else main()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
 
 
-def _run_watched() -> int:
-    command = (
+def _run_watched(command: str) -> int:
+    code = (
         "from ropeode.cli.main import main\n"
         "from ropeode.terminal.supervision import watched\n"
         "watched(FD, main)"
     )
-    ended = watch(command, sys.argv[1:])
+    ended = watch(code, sys.argv[1:], KEPT if command == "sweep" else NOTHING)
     if ended.code is not None:
         return ended.code
     if not ended.during:
         why = f"the command {ended.how} before it began; please report it."
         return _fail(BROKEN, [why], debug=False)
-    return main(ended=ended)
+    if command == _JUDGES:
+        return main(ended=ended)
+    allowed = "code that returns, and leaves its process alone"
+    why = f"your code {ended.how}; allowed: {allowed}. Fix: look for what ends it there."
+    return _fail(BAD_INPUT, [why], debug=False)

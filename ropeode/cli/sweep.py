@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from ropeode.cli.groups import DefaultGroup
-from ropeode.terminal.running import end_on_ctrl_c, set_up_jax, with_progress
+from ropeode.terminal.running import KEPT, end_on_ctrl_c, set_up_jax, with_progress
 
 
 @click.group(cls=DefaultGroup, default="run")
@@ -35,7 +35,7 @@ def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend
     # After Ctrl-C, Python's tracker removes the workers' queues, and would print a warning.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     set_up_jax()
-    end_on_ctrl_c("finished cases are kept; run the same command to resume")
+    end_on_ctrl_c(KEPT)
     from ropeode.render.sweep import as_text
     from ropeode.sweep.run import run_sweep
 

@@ -16,12 +16,13 @@ T = TypeVar("T")
 
 _LOOK_EVERY_S = 0.1
 INTERRUPTED = 130
+# What Ctrl-C leaves.
+NOTHING = "nothing was written"
+KEPT = "finished cases are kept; run the same command to resume"
 _CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
 
 
-def end_on_ctrl_c(
-    left: str = "nothing was written", *, before: Callable[[], None] = lambda: None
-) -> None:
+def end_on_ctrl_c(left: str = NOTHING, *, before: Callable[[], None] = lambda: None) -> None:
     """Let Ctrl-C end the process at once, with a message.
 
     An exception would not do: extension modules swallow it while they are imported.

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, NoReturn
 
-from ropeode.terminal.running import end_on_ctrl_c
+from ropeode.terminal.running import NOTHING, end_on_ctrl_c
 
 # How often the processes look whether the other one is alive.
 _LOOKS_AGAIN_S = 0.25
@@ -59,12 +59,13 @@ class _Watched:
 _this = _Watched()
 
 
-def watch(code: str, words: Sequence[str]) -> Ended:
+def watch(code: str, words: Sequence[str], left: str = NOTHING) -> Ended:
     """Run Python code in a process of its own, until it ends or says that it has.
 
     Arguments:
         code: calls `watched` with `FD`, the number of a file.
         words: the arguments of the process.
+        left: what Ctrl-C leaves, for the message.
     """
     ours, theirs = socket.socketpair()
     start = f"import sys; sys.path[:] = {sys.path!r}; FD = {theirs.fileno()}\n{code}"
@@ -81,7 +82,7 @@ def watch(code: str, words: Sequence[str]) -> Ended:
             os.killpg(process.pid, signal.SIGKILL)
 
     theirs.close()
-    end_on_ctrl_c(before=end)
+    end_on_ctrl_c(left, before=end)
     with ours:
         try:
             said = _all_that_is_said(ours, process)

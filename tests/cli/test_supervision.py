@@ -11,7 +11,8 @@ import time
 
 import pytest
 
-from ropeode.cli.main import main
+import ropeode.cli.main
+from ropeode.cli.main import main, run_process
 from ropeode.terminal.supervision import Ended, watch
 from tests.time_limit import HANGS_AFTER_S
 
@@ -122,3 +123,28 @@ def test_ctrl_c_ends_both_processes(environment, tmp_path):
     # It takes a moment until what has ended is gone.
     while os.path.exists(f"/proc/{pid.read_text()}"):
         time.sleep(0.05)
+
+
+def test_code_that_ends_the_process_of_another_command_is_reported(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["ropeode", "table", "--steppers", "mine.py:step"])
+    ended = Ended(None, "the imports", EXIT.format(0))
+    monkeypatch.setattr(ropeode.cli.main, "watch", lambda *_: ended)
+    monkeypatch.setattr(ropeode.cli.main, "end_on_ctrl_c", lambda: None)
+    monkeypatch.setattr(os, "_exit", sys.exit)
+    with pytest.raises(SystemExit, match="2"):
+        run_process()
+    assert "your code ended its process (exit code 0); allowed" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", ["explain exits.py", "table --steppers exits.py", "sweep s.toml"])
+def test_no_command_ends_silently_with_the_users_code(words, tmp_path):
+    (tmp_path / "exits.py").write_text(
+        "import os\n\n\ndef step(rhs, t, y, dt, args):\n    os._exit(0)\n"
+    )
+    (tmp_path / "s.toml").write_text('steppers = ["exits.py"]\nsteps_per_frame = [16]\n')
+    rest = ["-o", "out"] if words.startswith("sweep") else []
+    command = [sys.executable, "-m", "ropeode", *words.split(), *rest]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert "your code ended its process (exit code 0)" in ended.stderr
