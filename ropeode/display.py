@@ -41,3 +41,23 @@ class Displayed:
 
     def _writer(self) -> Any:
         return importlib.import_module(self._written_by)
+
+
+class Tabular(Displayed):
+    """A result that is also a table of numbers."""
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame: a row for each sample, run or check. It needs the extra `data`."""
+        return _frames().dataframe(self)
+
+
+class Sampled(Tabular):
+    """A result that has states at sample times."""
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset with axes time, node and component. It needs the extra `data`."""
+        return _frames().dataset(self)
+
+
+def _frames() -> Any:
+    return importlib.import_module("ropeode.render.frames")

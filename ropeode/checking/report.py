@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from ropeode.analysis.order import ObservedOrder
-from ropeode.display import Displayed
+from ropeode.display import Tabular
 from ropeode.theory.diagnosis import Diagnosis
 
 Status = Literal["pass", "fail", "undetermined", "note", "skip"]
@@ -126,7 +126,7 @@ def exactly(difference: float) -> str:
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class CheckReport(Displayed, written_by="ropeode.render.check"):
+class CheckReport(Tabular, written_by="ropeode.render.check"):
     """The report on a stepper, or on trajectories.
 
     Arguments:

@@ -8,14 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ropeode.display import Displayed
+from ropeode.display import Displayed, Sampled
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.steppers.base import Stepper
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(Displayed):
+class Trajectory(Sampled):
     """What a stepper made of a problem.
 
     Arguments:

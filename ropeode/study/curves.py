@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
-from ropeode.display import Displayed
+from ropeode.display import Displayed, Tabular
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -55,7 +55,7 @@ class Curve(Displayed):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class ErrorCurves(Displayed):
+class ErrorCurves(Tabular):
     """Errors against time, inside the trust horizon and without the first sample.
 
     Arguments:
@@ -80,7 +80,7 @@ class ErrorCurves(Displayed):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class EnergyCurves(Displayed):
+class EnergyCurves(Tabular):
     """Energies against time.
 
     Arguments:
