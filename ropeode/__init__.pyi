@@ -36,6 +36,7 @@ from .errors import InputError as InputError
 from .errors import ReferenceRefused as ReferenceRefused
 from .errors import RopeodeError as RopeodeError
 from .errors import UserCodeError as UserCodeError
+from .errors import full_tracebacks as full_tracebacks
 from .problems.ensemble import Ensemble as Ensemble
 from .problems.inextensible_rope import InextensibleRope as InextensibleRope
 from .problems.links import LinearDamping as LinearDamping

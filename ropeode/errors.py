@@ -11,6 +11,32 @@ from typing import Any
 class RopeodeError(Exception):
     """Base of every exception that ropeode raises on purpose."""
 
+    def _render_traceback_(self) -> list[str]:
+        """What IPython and notebooks show: the sentence, which says all that its reader can mend.
+
+        Lines of the user's own code that raised come before it.
+        """
+        if _tracebacks.full:
+            return traceback.format_exception(self)
+        own = [] if self.__cause__ is None else [users_traceback(self.__cause__), ""]
+        return [*own, f"{type(self).__name__}: {self}"]
+
+
+class _Tracebacks:
+    full = False
+
+
+_tracebacks = _Tracebacks()
+
+
+def full_tracebacks(on: bool = True) -> None:
+    """Show ropeode's exceptions in IPython and notebooks with their tracebacks, or without.
+
+    Arguments:
+        on: whether to show the tracebacks.
+    """
+    _tracebacks.full = on
+
 
 class InputError(RopeodeError, ValueError):
     """Input that cannot be used.

@@ -20,7 +20,8 @@ from docs.rooms import module_imports, room_of, trees
 PACKAGE = Path(ropeode.__file__).parent
 
 # From the ground up; a room imports from the rooms that it names, and from the ground floor.
-GROUND = {"callbacks", "errors", "precision", "progress", "validation", "files", "threads"}
+GROUND = {"callbacks", "display", "errors", "files", "precision", "progress", "threads"}
+GROUND |= {"validation"}
 ALLOWED: dict[str, set[str]] = {}
 ALLOWED["problems"] = set()
 ALLOWED["norms"] = {"problems"}

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, node_distances, norm_for
+from ropeode.problems.checks import real_array
 from ropeode.problems.ensemble import same_problem
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 from ropeode.simulation import Trajectory
+from ropeode.validation import bad_value
 
 # An error is shown as a number only if it is this many times the reference's bound.
 RESOLUTION_FACTOR = 10.0
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class ErrorSeries:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class ErrorSeries(Tabular):
     """The error of one run at the samples inside the trust horizon.
 
     Arguments:
@@ -62,19 +68,30 @@ class ErrorSeries:
 
 
 def error_series(
-    trajectory: Trajectory, reference: Reference, norm: str | None = None
+    trajectory: Any,
+    reference: Reference,
+    norm: str | None = None,
+    *,
+    times: ArrayLike | None = None,
 ) -> ErrorSeries:
     """Hold a trajectory against a reference.
 
     Arguments:
-        trajectory: a run that did not diverge.
+        trajectory: a run that did not diverge; states ``(times, *state)`` from anywhere, or what
+            SciPy's `solve_ivp` returns.
         reference: of the same problem.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
+        times: of bare states, ``(times,)``; by default the first sample times of the reference,
+            or those that SciPy returns. At others than these the reference needs dense output.
 
     Raises:
-        InputError: the two are of different problems, the run diverged, or the norm does not
-            fit.
+        InputError: the two are of different problems, the run diverged, the norm does not fit, or
+            states have another shape than the problem's, or are not finite.
     """
+    if not isinstance(trajectory, Trajectory):
+        return _series_of_states(trajectory, reference, norm_for(reference.problem, norm), times)
+    if times is not None:
+        raise bad_value("times", times, "times of bare states", "leave it out: a run has its own")
     if not same_problem(trajectory.problem, reference.problem):
         raise InputError(
             "reference: it was computed for another problem than the trajectory; allowed: one "
@@ -93,6 +110,47 @@ def error_series(
         values=distances(trajectory.states, reference, measure)[1:],
         resolution=resolution(reference, measure)[1:],
     )
+
+
+def _series_of_states(
+    states: Any, reference: Reference, norm: Norm, times: ArrayLike | None
+) -> ErrorSeries:
+    """The error of states from anywhere."""
+    if hasattr(states, "t") and hasattr(states, "y"):
+        # What SciPy returns, whose states are columns.
+        times = states.t if times is None else times
+        states = np.moveaxis(states.y, -1, 0)
+    problem = reference.problem
+    states = np.asarray(states)
+    at = problem.ts[: len(states)] if times is None else real_array("times", times)
+    wanted = (len(at), *problem.y0.shape)
+    if states.size != math.prod(wanted) or states.shape[:1] != at.shape:
+        raise bad_value(
+            "trajectory",
+            f"shape {states.shape}",
+            f"states of shape {wanted}, one for each of {len(at)} times",
+            "give the times of the states as times=..." if times is None else "mend the shape",
+        )
+    states = real_array("trajectory", states.reshape(wanted))
+    if np.any(np.diff(at) <= 0.0):
+        raise bad_value("times", at, "increasing times", "sort states and times")
+    end = problem.ts[reference.trusted - 1]
+    inside = (at > problem.ts[0]) & (at <= end)
+    if not np.any(inside):
+        raise bad_value(
+            "times",
+            at,
+            f"times after {problem.ts[0]:g} and up to {end:g}, where the reference is trusted",
+            "take others",
+        )
+    at, states = at[inside], states[inside]
+    index = np.searchsorted(problem.ts, at)
+    if np.array_equal(problem.ts[np.minimum(index, problem.frames)], at):
+        exact, bound = reference.states[index], reference.bound(norm)[index]
+    else:
+        exact, bound = reference.at(at), reference.bound_at(at, norm)
+    values = distance(problem, norm, states, exact)
+    return ErrorSeries(norm, at, values, RESOLUTION_FACTOR * bound)
 
 
 def distances(states: np.ndarray, reference: Reference, norm: Norm) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.analysis.motion_measures import RopeMeasures, lengthening, measured
+from ropeode.display import Displayed
 from ropeode.errors import InputError
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
@@ -92,8 +93,8 @@ class Words:
         return len(self.swing_times)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Motion(Words):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Motion(Displayed, Words):
     """What a rope did: the fields of `Words`, and numbers.
 
     Arguments:

@@ -9,7 +9,10 @@ from ropeode.case_studies.figures import Claim
 from ropeode.theory.growth import Growth
 from ropeode.validation import bad_value
 
-HOLDS, FAILS = "holds", "does not hold"
+HOLDS, FAILS, TOO_SHORT = "holds", "does not hold", "not watched long enough"
+# Ropes are watched for so much longer than linear theory needs to show them at rest, or apart, and
+# for so many frames to see them swing, which is three times.
+MARGIN, _SWINGING = 1.25, 400
 
 
 def holds_until(frame: int) -> str:
@@ -18,16 +21,36 @@ def holds_until(frame: int) -> str:
 
 
 def verdict(claim: Claim, motion: Motion | Words, growth: Growth) -> str:
-    """Whether a claim holds: `HOLDS`, `FAILS`, or `holds_until` a frame.
+    """Whether a claim holds: `HOLDS`, `FAILS`, `holds_until` a frame, or `TOO_SHORT`.
 
     A claim about what lasts holds until the frame at which it ends. Where linear theory has
-    the rope come to rest later on, that it never settles holds as long as it was watched.
+    the rope come to rest later on, that it never settles holds as long as it was watched. What
+    did not happen fails, unless theory has it happen later than the rope was watched.
 
     Arguments:
         claim: of a figure in which something moves.
         motion: of its rope.
         growth: of disturbances of hanging still, by linear theory.
     """
+    found = _verdict(claim, motion, growth)
+    late = found == FAILS and motion.frames < MARGIN * _expected(claim, motion, growth)
+    return TOO_SHORT if late else found
+
+
+def _expected(claim: Claim, motion: Motion | Words, growth: Growth) -> float:
+    """The frame by which a claim should have come true; 0 where it never will."""
+    if motion.settled_at is not None or motion.diverged_at is not None:
+        return 0.0
+    if claim == "diverges":
+        return growth.predicted_blow_up or 0.0
+    if claim == "swings":
+        return _SWINGING / MARGIN
+    if claim == "settles_without_swinging" and motion.swings:
+        return 0.0
+    return rest_expected(motion, growth) or 0.0
+
+
+def _verdict(claim: Claim, motion: Motion | Words, growth: Growth) -> str:
     if claim == "diverges":
         return HOLDS if motion.diverged_at is not None else FAILS
     if claim == "swings":

@@ -44,6 +44,7 @@ def report(
     finished, and the same command goes on from there. Pictures need matplotlib: pip install
     '.[plots]'.
     """
+    form = format_for(form, out)
     folder = check_folder("plots", plots) if plots else None
     if folder:
         from ropeode.case_studies.pictures import draw_report
@@ -62,7 +63,7 @@ def report(
             progress=progress,
         )
         pictures = draw_report(result, progress) if folder else {}
-        return format_report(result, format_for(form, out)), pictures
+        return format_report(result, form), pictures
 
     text, pictures = with_progress(work)
     if folder:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from ropeode.case_studies.claims import FAILS, HOLDS, predicted
+from ropeode.case_studies.claims import FAILS, HOLDS, TOO_SHORT, predicted
 from ropeode.case_studies.comparisons import Compared
 from ropeode.case_studies.report import FigureResult, Reading, Report
 from ropeode.render.formats import formats_of, formatted
@@ -35,6 +35,11 @@ def as_text(report: Report) -> str:
     for words in (threshold_words(report), rounding_words(report)):
         lines += ["", *wrapped(words)]
     return "\n".join([*lines, ""])
+
+
+def line(report: Report) -> str:
+    """How many claims hold."""
+    return summary(report)
 
 
 def blocks(report: Report) -> list[Block]:
@@ -73,11 +78,13 @@ def summary(report: Report) -> str:
     """How many claims hold."""
     verdicts = [each.verdict for each in report.figures]
     holds, fails = verdicts.count(HOLDS), verdicts.count(FAILS)
-    some = len(verdicts) - holds - fails
+    short = verdicts.count(TOO_SHORT)
+    some = len(verdicts) - holds - fails - short
     words = [
         f"{holds} hold{'s' * (holds == 1)}",
         f"{fails} {'does' if fails == 1 else 'do'} not",
         *([f"{some} hold{'s' * (some == 1)} for a while"] if some else []),
+        *([f"{short} {'was' if short == 1 else 'were'} not watched long enough"] if short else []),
     ]
     count = f"{len(verdicts)} figure{'s' if len(verdicts) > 1 else ''}"
     return f"Of the claims of {count}, {', '.join(words)}."

@@ -22,6 +22,7 @@ from ropeode.case_studies.runs import (
     run_all,
     stable_from,
 )
+from ropeode.display import Displayed
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress, silent
 from ropeode.simulation import Trajectory
@@ -124,8 +125,8 @@ class FigureResult:
         return self.readings[0].motion if self.readings else None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Report:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Report(Displayed, written_by="ropeode.case_studies.formats"):
     """The report, run again.
 
     Arguments:

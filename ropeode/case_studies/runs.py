@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.analysis.motion import DEFAULTS
+from ropeode.case_studies.claims import MARGIN
 from ropeode.case_studies.figures import ENDS, Setting
 from ropeode.errors import InputError
 from ropeode.files import write_whole
@@ -33,8 +34,6 @@ FRAMES = 4000
 MOST_FRAMES = 20_000
 # No run takes more steps than 4000 frames of 65536.
 _MOST_STEPS = FRAMES * 65536
-# Runs go on for this much longer than linear theory needs to show them at rest, or apart.
-_MARGIN = 1.25
 _ROUND_TO = 500
 
 
@@ -116,7 +115,7 @@ def frames_for(settings: Iterable[Setting]) -> int:
         elif growth.rate < -growth.tolerance:
             needed.append(-np.log(DEFAULTS.speed) / -growth.rate)
         most = min(most, _MOST_STEPS // setting.steps_per_frame)
-    frames = _ROUND_TO * int(np.ceil(_MARGIN * max(needed) / _ROUND_TO))
+    frames = _ROUND_TO * int(np.ceil(MARGIN * max(needed) / _ROUND_TO))
     return max(FRAMES, min(frames, most))
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from ropeode.analysis.order import ObservedOrder
+from ropeode.display import Tabular
 from ropeode.theory.diagnosis import Diagnosis
 
 Status = Literal["pass", "fail", "undetermined", "note", "skip"]
@@ -124,8 +125,8 @@ def exactly(difference: float) -> str:
     return "exactly" if difference == 0.0 else f"to rounding ({difference:.1e})"
 
 
-@dataclasses.dataclass(frozen=True)
-class CheckReport:
+@dataclasses.dataclass(frozen=True, repr=False)
+class CheckReport(Tabular, written_by="ropeode.render.check"):
     """The report on a stepper, or on trajectories.
 
     Arguments:

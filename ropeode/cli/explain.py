@@ -43,6 +43,7 @@ def explain(
     errors of runs on the default rope, or on another problem, as in `ropeode table`. Pictures
     need matplotlib: pip install '.[plots]'.
     """
+    form = format_for(form, out)
     folder = check_folder("plots", plots) if plots else None
     if folder:
         from ropeode.render.plots.explanation import explanation_pictures
@@ -64,7 +65,7 @@ def explain(
             **job.spec.asked,
         )
         pictures = explanation_pictures(found) if folder else {}
-        return format_explanation(found, format_for(form, out)), pictures
+        return format_explanation(found, form), pictures
 
     text, pictures = with_progress(work)
     if folder:

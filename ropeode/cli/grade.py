@@ -55,6 +55,7 @@ def grade(
     if problem is None and reference is None:
         fix = "give --problem SPEC; `ropeode grade --init DIR` writes one"
         raise bad_value("problem", "none", "the problem that they solve", fix)
+    chosen = format_for(form, out)
     set_up_jax()
     from ropeode.checking.grade import grade as graded
     from ropeode.render.formats import format_check
@@ -71,7 +72,7 @@ def grade(
             **job.spec.asked,
         )
     )
-    put_out(format_check(report, format_for(form, out)), out)
+    put_out(format_check(report, chosen), out)
     return report.exit_code
 
 

@@ -47,6 +47,7 @@ def horizon(
     --digits is the number of digits that must be left at the end. Needs heyoka (pip install
     '.[extended]'), and matplotlib for --plot (pip install '.[plots]').
     """
+    form = format_for(form, out)
     picture = None
     if plot:
         from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
@@ -68,7 +69,7 @@ def horizon(
     def work(progress: Progress) -> tuple[str, bytes | None]:
         result = study(job.problem, chosen, **settings, progress=progress)  # type: ignore[arg-type]
         drawn = figure_bytes(plot_horizon(result), picture.suffix) if picture else None
-        return format_horizon(result, format_for(form, out)), drawn
+        return format_horizon(result, form), drawn
 
     text, drawn = with_progress(work)
     if picture and drawn:

@@ -39,11 +39,12 @@ def compute(spec: Path | None, out: Path, dense: bool, **options: str | None) ->
     set_up_jax()
     from ropeode.references.compute import reference_for
     from ropeode.references.dense.dense_output import with_dense_output
-    from ropeode.references.files.store import save_reference
+    from ropeode.references.files.store import check_reference_path, save_reference
     from ropeode.references.options import ReferenceOptions
     from ropeode.references.reference import Reference
     from ropeode.render.reference import summary
 
+    check_reference_path(out)
     job = job_from(spec, options)
 
     def work(progress: Progress) -> Reference:
@@ -68,6 +69,30 @@ def show(file: Path) -> None:
     from ropeode.render.reference import as_text
 
     click.echo(as_text(stored_facts(find(file))), nl=False)
+
+
+@reference.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--out",
+    metavar="FILE",
+    required=True,
+    help="Text for any program (*.csv, *.txt), *.npz or *.parquet.",
+)
+def export(file: Path, out: str) -> None:
+    """Write the states and the error bounds of the reference in FILE for other programs.
+
+    A column each: the time, the positions x0, y0, x1, ..., the velocities vx0, vy0, ... of the
+    nodes, and the estimated error bound of either, which is "nan" outside the trust horizon.
+    """
+    set_up_jax()
+    from ropeode.references.files.library import find
+    from ropeode.references.files.store import load_reference
+    from ropeode.render.frames import check_export, write_export
+
+    path = check_export(out)
+    click.echo(f"wrote {write_export(load_reference(find(file)), path)}")
 
 
 @reference.command("list")

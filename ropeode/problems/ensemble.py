@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, overload
 import jax
 import numpy as np
 
+from ropeode.display import Displayed
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
 from ropeode.problems.state_structure import is_tree
@@ -26,7 +27,7 @@ class Numbers(NamedTuple):
     args: Any
 
 
-class Ensemble(Sequence[Problem]):
+class Ensemble(Displayed, Sequence[Problem]):
     """Problems that share functions, shapes and sample times; each is a member.
 
     Made by `Ensemble.of` from problems, or, which is much faster, by `Rope.ensemble` from arrays

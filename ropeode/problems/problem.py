@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.display import Displayed
 from ropeode.errors import InputError, call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems import checks
@@ -68,8 +69,8 @@ class FirstOrderForm:
         return jnp.stack([y[1], self.acceleration(t, y[0], y[1], args)])
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Problem:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Problem(Displayed):
     """An initial value problem ``y' = rhs(t, y, args)``, ``y(ts[0]) = y0``.
 
     The state may be a pytree: a dict, a tuple of arrays, a named tuple, a dataclass registered

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from ropeode.display import Displayed
 from ropeode.norms import NORMS, Norm, distance
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solution import Solution
@@ -98,8 +99,8 @@ class Sampling:
     spacing: float
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Certificate:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Certificate(Displayed):
     """What is claimed of a reference, and the evidence.
 
     Arguments:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ropeode.display import Sampled
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.references.certificate import Certificate
@@ -14,8 +15,8 @@ from ropeode.references.dense.polynomials import Dense
 from ropeode.validation import bad_value
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Reference:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Reference(Sampled):
     """A reference trajectory.
 
     Arguments:
@@ -72,18 +73,22 @@ class Reference:
         return self.certificate.bounds[quantity][: self.trusted]
 
     def at(self, times: Any) -> np.ndarray:
-        """States at any times, ``(times, *state)``; at samples the same as `states`.
+        """States at any times; at samples the same as `states`.
 
         Arguments:
             times: one or several, in the problem's unit of time, in any order.
 
+        Returns:
+            ``(times, *state)``; of a single time one state.
+
         Raises:
             InputError: the reference has no dense output, or it does not cover a time.
         """
-        return self._dense().at(times)
+        states = self._dense().at(times)
+        return states if np.ndim(times) else states[0]
 
     def bound_at(self, times: Any, norm: Norm | None = None) -> np.ndarray:
-        """The estimated error bound of `at`, ``(times,)``.
+        """The estimated error bound of `at`, ``(times,)``; a single number for a single time.
 
         Arguments:
             times: as for `at`.
@@ -92,7 +97,8 @@ class Reference:
         Raises:
             InputError: the reference has no dense output, or it does not cover a time.
         """
-        return self._dense().bound_at(times, (norm or norm_for(self.problem)).quantity)
+        bounds = self._dense().bound_at(times, (norm or norm_for(self.problem)).quantity)
+        return bounds if np.ndim(times) else bounds[0]
 
     def _dense(self) -> Dense:
         if self.dense is None:

@@ -10,6 +10,7 @@ from ropeode.render.text_layout import columns, hanging, wrapped
 
 SCHEMA = "ropeode.check/1"
 _MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip": "skip"}
+_COLOURS = {"ok": "#00703c", "WRONG": "#c00000", "?": "#b25d00"}
 _REMEDY = "To mend it: "
 _HEADERS = ("", "check", "finding")
 
@@ -106,13 +107,18 @@ def _convergence_dict(convergence: Convergence | None) -> dict[str, Any] | None:
     }
 
 
+def line(report: CheckReport) -> str:
+    """What was checked, and the verdict."""
+    return f"{report.label}: {verdict(report)}"
+
+
 def blocks(report: CheckReport) -> list[Block]:
     """The report as headings, paragraphs and tables."""
     rows = [(_MARKS[each.status], each.check, each.line) for each in report.findings]
     shown_blocks: list[Block] = [
         Heading(title(report)),
         Paragraph(verdict(report)),
-        Grid(_HEADERS, rows, left=frozenset({0, 1, 2}), long=frozenset({2})),
+        Grid(_HEADERS, rows, left=frozenset({0, 1, 2}), long=frozenset({2}), colours=_COLOURS),
     ]
     if convergence := shown(report):
         shown_blocks += [Paragraph(_errors_title(convergence)), _errors_grid(convergence)]

@@ -7,6 +7,15 @@ from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
 
 
+def line(table: AccuracyTable) -> str:
+    """The problem, the runs, and the order of each stepper."""
+    orders = ", ".join(
+        f"{each.stepper} {table_words.observed_words(each.order)}" for each in table.orders
+    )
+    problem = table_words.problem_words(table.problem)
+    return f"{problem}; {len(table.rows)} runs; orders: {orders}"
+
+
 def blocks(table: AccuracyTable) -> list[Block]:
     """Runs and orders as tables, between paragraphs."""
     runs = [(row.stepper, *table_words.run_cells(row)) for row in table.rows]

@@ -41,6 +41,14 @@ def as_text(explanation: Explanation) -> str:
     return markup.plain(blocks(explanation))
 
 
+def line(explanation: Explanation) -> str:
+    """The stepper, the problem, and the order in theory and in runs."""
+    local = explanation.orders[0].local
+    observed = table_words.observed_words(explanation.tables[0].orders[0].order)
+    local_words = "not known" if local is None else str(local) if local > 0 else "none"
+    return f"{title(explanation)}; local order {local_words}, observed {observed}"
+
+
 def blocks(explanation: Explanation) -> list[Block]:
     """The page, part by part."""
     return [

@@ -42,6 +42,12 @@ def as_lines(study: Horizon) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
+def line(study: Horizon) -> str:
+    """The problem, and where the trust in float64 ends."""
+    trust = table_words.trust_words(study.reference.certificate)
+    return f"{table_words.problem_words(study.problem)}; float64 {trust}"
+
+
 def blocks(study: Horizon) -> list[Block]:
     """The tables, and the words around them."""
     parts: list[Block] = [

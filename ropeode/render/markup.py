@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 from tabulate import tabulate
@@ -64,12 +65,14 @@ class Grid(NamedTuple):
         rows: cells as text.
         left: the columns whose text is flush left; numbers are flush right.
         long: the columns whose text may be broken into lines.
+        colours: of cells with these texts, in HTML.
     """
 
     headers: Sequence[str]
     rows: Sequence[Sequence[str]]
     left: frozenset[int]
     long: frozenset[int] = frozenset()
+    colours: Mapping[str, str] = MappingProxyType({})
 
 
 class Code(NamedTuple):
@@ -98,16 +101,16 @@ def plain(blocks: Sequence[Block]) -> str:
     return "\n".join(lines)
 
 
-def markdown(blocks: Sequence[Block]) -> str:
-    """Markdown with pipe tables."""
+def markdown(blocks: Sequence[Block], level: int = 1) -> str:
+    """Markdown with pipe tables, and with headings of this level."""
 
     def cell(text: str) -> str:
         return text.replace("|", r"\|").replace("<", "&lt;")
 
     return _joined(
         blocks,
-        heading=lambda text: f"# {text}",
-        section=lambda text: f"## {text}",
+        heading=lambda text: f"{'#' * level} {text}",
+        section=lambda text: f"{'#' * (level + 1)} {text}",
         paragraph=lambda text: text,
         grid=lambda grid: _tabulated(grid, "pipe", cell),
         code=lambda text: f"```python\n{text.rstrip()}\n```",
@@ -137,25 +140,33 @@ def latex(blocks: Sequence[Block]) -> str:
 def html_page(blocks: Sequence[Block]) -> str:
     """A page that needs nothing beside it."""
     title = next(block.text for block in blocks if isinstance(block, Heading))
-    body = _joined(
+    return _PAGE.format(title=html.escape(title), body=html_part(blocks, 1))
+
+
+def html_part(blocks: Sequence[Block], level: int) -> str:
+    """The same as part of a page, such as a notebook's, with headings of this level."""
+    return _joined(
         blocks,
-        heading=lambda text: f"<h1>{html.escape(text)}</h1>",
-        section=lambda text: f"<h2>{html.escape(text)}</h2>",
+        heading=lambda text: f"<h{level}>{html.escape(text)}</h{level}>",
+        section=lambda text: f"<h{level + 1}>{html.escape(text)}</h{level + 1}>",
         paragraph=lambda text: f"<p>{html.escape(text)}</p>",
         grid=_html_grid,
         code=lambda text: f"<pre>{html.escape(text.rstrip())}</pre>",
     )
-    return _PAGE.format(title=html.escape(title), body=body)
 
 
 def _html_grid(grid: Grid) -> str:
-    def style(column: int) -> str:
+    def style(column: int, cell: str) -> str:
+        # Notebooks set all cells flush right.
+        styles = [f"text-align: {'left' if column in grid.left else 'right'}"]
+        if cell in grid.colours:
+            styles.append(f"color: {grid.colours[cell]}; font-weight: bold")
         words = ' class="long"' if column in grid.long else ""
-        return words + ("" if column in grid.left else ' style="text-align: right"')
+        return f'{words} style="{"; ".join(styles)}"'
 
     def row(tag: str, cells: Sequence[str]) -> str:
         inside = "".join(
-            f"<{tag}{style(column)}>{html.escape(cell)}</{tag}>"
+            f"<{tag}{style(column, cell)}>{html.escape(cell)}</{tag}>"
             for column, cell in enumerate(cells)
         )
         return f"<tr>{inside}</tr>"

@@ -19,6 +19,7 @@ from ropeode.render.table_words import trust_words
 from ropeode.render.text_layout import columns, wrapped
 
 _COLUMNS, _ROWS = 60, 8
+_SPARKS = 24
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 
 
@@ -27,7 +28,7 @@ def summary(reference: Reference) -> str:
     problem, dense = reference.problem, reference.dense
     between = [] if dense is None else _dense_claim(dense.times, dense.order, dense.bounds)
     return _lines(
-        wrapped(f"{problem.name}, {problem.frames} frames: {_claim(reference.certificate)}"),
+        wrapped(f"{problem.name}, {problem.frames} frames: {claim(reference.certificate)}"),
         between,
         *(wrapped(remark) for remark in remarks(reference)),
     )
@@ -46,10 +47,10 @@ def as_text(facts: Facts) -> str:
     versions = ", ".join(f"{name} {number}" for name, number in certificate.versions.items())
     span = f"{len(times)} samples from t = {times[0]:g} to {times[-1]:g}."
     kind = parameters.pop("kind", None)
-    listed = ", ".join(f"{name} {_short(value)}" for name, value in parameters.items())
+    listed = ", ".join(f"{name} {value_words(value)}" for name, value in parameters.items())
     return _lines(
         wrapped(f"{facts.problem['name']}" + (f" ({kind}): {listed}" if kind else "")),
-        wrapped(f"{span} {_claim(certificate)}"),
+        wrapped(f"{span} {claim(certificate)}"),
         _stored_dense_claim(facts),
         [""],
         witnesses,
@@ -110,7 +111,8 @@ def _why_not_all(verification: Verification) -> str:
     return f": the new one is trusted before t = {new.horizon:g} only ({new.horizon_reason})"
 
 
-def _claim(certificate: Certificate) -> str:
+def claim(certificate: Certificate) -> str:
+    """What a certificate claims."""
     bounds = ", ".join(
         f"{quantity} {series[certificate.trusted - 1]:.1e}"
         for quantity, series in certificate.bounds.items()
@@ -142,6 +144,15 @@ def _stored_dense_claim(facts: Facts) -> list[str]:
     return _dense_claim(facts.numbers["dense_time"], 2 * count, bounds)
 
 
+def sparkline(values: np.ndarray) -> str:
+    """Positive numbers over time, in blocks, on a logarithmic scale."""
+    columns = np.unique(np.linspace(0, len(values) - 1, min(_SPARKS, len(values))).astype(int))
+    exponents = np.log10(np.maximum(values[columns], np.finfo(np.float64).tiny))
+    low, high = exponents.min(), exponents.max()
+    filled = (exponents - low) / max(high - low, 1.0) * (len(_BLOCKS) - 2)
+    return "".join(_BLOCKS[1 + round(level)] for level in filled.tolist())
+
+
 def _plot(times: np.ndarray, bound: np.ndarray) -> list[str]:
     """The bound over time, in blocks, on a logarithmic scale."""
     shown = np.maximum(bound, np.finfo(np.float64).tiny)
@@ -164,7 +175,8 @@ def _plot(times: np.ndarray, bound: np.ndarray) -> list[str]:
     return lines
 
 
-def _short(value: Any) -> str:
+def value_words(value: Any) -> str:
+    """A parameter in a word or two."""
     text = f"{value:g}" if isinstance(value, float) else json.dumps(value)
     return text if len(text) <= 30 else "one for each"
 

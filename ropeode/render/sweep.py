@@ -1,10 +1,11 @@
-"""A sweep for a terminal of 80 columns."""
+"""A sweep for a terminal of 80 columns, and as a page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
 from ropeode.render.text_layout import hanging, wrapped
 from ropeode.sweep.design.columns import STATUSES
 from ropeode.sweep.storage.summary import StepperSummary, SweepSummary
@@ -17,8 +18,8 @@ _LONGEST_REASON = 200
 def as_text(summary: SweepSummary) -> str:
     """The spec, the progress, and a summary for each stepper."""
     lines = [
-        *wrapped(f"Sweep in {summary.folder}: {summary.done} of {summary.total} cases"),
-        *_design(summary.spec),
+        *wrapped(f"Sweep in {line(summary)}"),
+        *(each for words in _design_words(summary.spec) for each in wrapped(words)),
         "",
         *(
             line
@@ -31,15 +32,43 @@ def as_text(summary: SweepSummary) -> str:
         lines += ["", name, *(line for text in _results(stepper) for line in wrapped(text, 4))]
     if summary.reasons:
         lines += ["", "Most frequent reasons"]
-        for (status, reason), number in [*summary.reasons.items()][:_REASONS]:
-            cut = reason if len(reason) <= _LONGEST_REASON else f"{reason[:_LONGEST_REASON]}..."
-            lines += wrapped(f"{number} {status}: {cut}", 4)
-        if (more := len(summary.reasons) - _REASONS) > 0:
-            lines += wrapped(f"and {more} others", 4)
+        lines += [each for words in _reason_words(summary) for each in wrapped(words, 4)]
     return "\n".join([*lines, ""])
 
 
-def _design(spec: Mapping[str, Any]) -> list[str]:
+def line(summary: SweepSummary) -> str:
+    """The folder and the progress."""
+    return f"{summary.folder}: {summary.done} of {summary.total} cases"
+
+
+def blocks(summary: SweepSummary) -> list[Block]:
+    """The spec, the progress, and a section for each stepper."""
+    rows = [
+        (status, str(number), meaning)
+        for status, meaning in STATUSES.items()
+        if (number := summary.statuses[status])
+    ]
+    parts: list[Block] = [
+        Heading(f"Sweep in {line(summary)}"),
+        *(Paragraph(words) for words in _design_words(summary.spec)),
+        Grid(("status", "cases", "meaning"), rows, left=frozenset({0, 2}), long=frozenset({2})),
+    ]
+    for name, stepper in summary.steppers.items():
+        parts += [Section(name), *(Paragraph(words) for words in _results(stepper))]
+    if summary.reasons:
+        parts += [Section("Most frequent reasons"), *map(Paragraph, _reason_words(summary))]
+    return parts
+
+
+def _reason_words(summary: SweepSummary) -> Iterator[str]:
+    for (status, reason), number in [*summary.reasons.items()][:_REASONS]:
+        cut = reason if len(reason) <= _LONGEST_REASON else f"{reason[:_LONGEST_REASON]}..."
+        yield f"{number} {status}: {cut}"
+    if (more := len(summary.reasons) - _REASONS) > 0:
+        yield f"and {more} others"
+
+
+def _design_words(spec: Mapping[str, Any]) -> list[str]:
     """The problem and the axes of the design."""
     axes = {
         **spec.get("grid", {}),
@@ -52,8 +81,7 @@ def _design(spec: Mapping[str, Any]) -> list[str]:
     fixed = [f"{name} {shown(value)}" for name, value in spec.get("fixed", {}).items()]
     # A problem in a user's file has a name only.
     problem = spec.get("problem") or spec["name"]
-    lines = wrapped(f"Problem: {', '.join([problem, *fixed])}")
-    return [*lines, *wrapped(f"Design: {' x '.join(words)}")]
+    return [f"Problem: {', '.join([problem, *fixed])}", f"Design: {' x '.join(words)}"]
 
 
 def _results(stepper: StepperSummary) -> list[str]:

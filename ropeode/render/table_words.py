@@ -95,6 +95,13 @@ def order_cells(table: AccuracyTable, each: StepperOrder) -> tuple[str, ...]:
     )
 
 
+def observed_words(order: ObservedOrder) -> str:
+    """The order that was observed, or why there is none."""
+    if order.observed is None or order.verdict != "converges":
+        return order.verdict
+    return f"{order.observed:.3f}"
+
+
 def interval(order: ObservedOrder) -> str:
     """The 95% interval."""
     if order.ci95 is None:

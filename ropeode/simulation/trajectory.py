@@ -8,13 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ropeode.display import Displayed, Sampled
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.steppers.base import Stepper
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Trajectory:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Sampled):
     """What a stepper made of a problem.
 
     Arguments:
@@ -63,8 +64,8 @@ class Trajectory:
         return self.problem.velocities(self.states)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Trajectories:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Trajectories(Displayed):
     """What a stepper made of members of an ensemble.
 
     ``trajectories[i]`` is a `Trajectory`.

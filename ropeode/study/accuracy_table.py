@@ -13,6 +13,7 @@ import numpy as np
 from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.analysis.roundoff import in_other_units, round_off
+from ropeode.display import Tabular
 from ropeode.errors import InputError, UserCodeError
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
@@ -104,8 +105,8 @@ class StepperOrder:
     constant: ErrorConstant | None = None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class AccuracyTable:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class AccuracyTable(Tabular, written_by="ropeode.render.documents"):
     """Errors and observed orders, with the reference that they rest on.
 
     Arguments:

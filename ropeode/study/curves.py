@@ -10,6 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
+from ropeode.display import Displayed, Tabular
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -25,8 +26,8 @@ from ropeode.theory.global_error import PredictedError, predicted_error
 from ropeode.validation import bad_value
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Curve:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Curve(Displayed):
     """A number of one run, such as its error, at each sample time.
 
     Arguments:
@@ -53,8 +54,8 @@ class Curve:
     predicted: np.ndarray | None = None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class ErrorCurves:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class ErrorCurves(Tabular):
     """Errors against time, inside the trust horizon and without the first sample.
 
     Arguments:
@@ -78,8 +79,8 @@ class ErrorCurves:
     curves: tuple[Curve, ...]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class EnergyCurves:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class EnergyCurves(Tabular):
     """Energies against time.
 
     Arguments:

@@ -9,6 +9,7 @@ from typing import Unpack
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
+from ropeode.display import Displayed
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -28,8 +29,8 @@ _MOST_SAMPLES_PER_FRAME = 8
 _ENOUGH_SAMPLES = 400
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class NodePath:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class NodePath(Displayed):
     """The nodes of one run.
 
     Arguments:
@@ -46,8 +47,8 @@ class NodePath:
     diverged_at: int | None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class NodePaths:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class NodePaths(Displayed):
     """The nodes of runs and of their reference.
 
     Arguments:

@@ -38,7 +38,7 @@ class WritablePath(click.ParamType):
 def out_option(what: str) -> Callable[[Callable], Callable]:
     """The option --out of a command that prints what is named."""
     words = f"Write the {what} to FILE and print nothing."
-    return click.option("--out", metavar="FILE", type=WritablePath(), help=words)
+    return click.option("-o", "--out", metavar="FILE", type=WritablePath(), help=words)
 
 
 format_option = click.option(
@@ -50,9 +50,18 @@ format_option = click.option(
 
 
 def format_for(chosen: str | None, path: Path | None) -> str:
-    """The format that was chosen, or else that of the file's suffix, or else text."""
+    """The format that was chosen, or else that of the file's suffix; text where there is none.
+
+    Raises:
+        InputError: the suffix is none of ours, and no format was chosen.
+    """
     suffixes = {suffix: name for name, suffix in FORMATS.items()}
-    return chosen or (suffixes.get(path.suffix, "text") if path else "text")
+    if chosen or path is None or not path.suffix:
+        return chosen or "text"
+    if path.suffix.lower() not in suffixes:
+        ends = f"a file name that ends in {', '.join(suffixes)}"
+        raise bad_value("out", str(path), ends, f"rename it, or add --format {next(iter(FORMATS))}")
+    return suffixes[path.suffix.lower()]
 
 
 def put_out(text: str, path: Path | None) -> None:

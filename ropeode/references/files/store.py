@@ -44,14 +44,29 @@ def save_reference(reference: Reference, path: str | Path) -> Path:
         The path.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: its name does not end in ``.nc``, or it cannot be written.
     """
-    path = check_writable("out", path)
+    path = check_reference_path(path)
     arrays, texts = arrays_of(reference), texts_of(reference)
     with replacing(path) as part:
         netcdf.write(part, arrays, texts)
         append_checksum(part)
     return path
+
+
+def check_reference_path(path: str | Path) -> Path:
+    """A path that a reference can be written to, checked before anything is computed.
+
+    Raises:
+        InputError: its name does not end in ``.nc``, or it cannot be written to.
+    """
+    if Path(path).suffix.lower() != ".nc":
+        fix = (
+            f"for example {Path(path).stem or 'reference'}.nc; then `ropeode reference export` "
+            "writes text from it"
+        )
+        raise bad_value("out", str(path), "a file name that ends in .nc", fix)
+    return check_writable("out", path)
 
 
 def load_reference(path: str | Path, problem: Problem | None = None) -> Reference:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ropeode.display import Displayed
 from ropeode.norms import distance
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -20,8 +21,8 @@ from ropeode.references.reference import Reference
 _PIECES = 256
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Verification:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Verification(Displayed):
     """A stored reference, compared with a new one.
 
     With dense output the new one also has samples between those of the file.

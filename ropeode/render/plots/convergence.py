@@ -33,25 +33,30 @@ _DENSE = 40
 
 
 @matplotlib.rc_context(STYLE)
-def plot_convergence(table: AccuracyTable) -> Figure:
+def plot_convergence(table: AccuracyTable, *, ax: Axes | None = None) -> Figure:
     """Error against step size, with the fitted orders and what was left out of them.
 
     Arguments:
         table: from `ropeode.accuracy_table`, or from `ropeode.trajectory_errors`.
+        ax: empty axes of a figure of yours to draw in; by default those of a new figure.
 
     Returns:
-        A matplotlib figure, 6.5 inches wide, with one pair of logarithmic axes: step size in
-        the problem's unit of time, `error_max` in that of the norm. docs/plots.md says what
-        each mark means.
+        The matplotlib figure. A new one is 6.5 inches wide, with one pair of logarithmic axes:
+        step size in the problem's unit of time, `error_max` in that of the norm. docs/plots.md
+        says what each mark means.
     """
     drawn = {each.stepper: points(table, each.stepper) for each in table.orders}
     shown = [mark for mark in MARKS if any(p.mark == mark for each in drawn.values() for p in each)]
-    figure = new_figure(
-        f"Error against step size: {table_words.problem_words(table.problem)}",
-        table_words.error_words(table).rstrip("."),
-        _AXES_HEIGHT + _LEGEND_LINE * max(len(drawn), len(shown) + 2),
-    )
-    axes = figure.subplots()
+    title = f"Error against step size: {table_words.problem_words(table.problem)}"
+    if ax is None:
+        height = _AXES_HEIGHT + _LEGEND_LINE * max(len(drawn), len(shown) + 2)
+        figure = new_figure(title, table_words.error_words(table).rstrip("."), height)
+        axes = figure.subplots()
+    else:
+        found, axes = ax.get_figure(root=True), ax
+        assert found is not None
+        figure = found
+        axes.set_title(title, parse_math=False, wrap=True)
     dts = [row.dt for row in table.rows]
     axes.set(
         xscale="log",
@@ -70,7 +75,12 @@ def plot_convergence(table: AccuracyTable) -> Figure:
     taken += [_dense(line) for line in lines]
     floor = max(table.rows[0].resolution, axes.get_ylim()[0])
     draw_triangles(axes, lines, np.concatenate(taken), floor)
-    _draw_legends(figure, table, shown)
+    steppers, marks = _legends(table, shown)
+    if ax is None:
+        figure.legend(handles=steppers, loc="outside lower left")
+        figure.legend(handles=marks, loc="outside lower right")
+    else:
+        axes.legend(handles=[*steppers, *marks])
     return figure
 
 
@@ -140,8 +150,8 @@ def _scatter(axes: Axes, drawn: Sequence[Point], **form: Any) -> None:
     )
 
 
-def _draw_legends(figure: Figure, table: AccuracyTable, shown: Sequence[str]) -> None:
-    """Steppers with their orders to the left, what the marks mean to the right."""
+def _legends(table: AccuracyTable, shown: Sequence[str]) -> tuple[list[Artist], list[Artist]]:
+    """The steppers with their orders, and what the marks mean."""
     steppers: list[Artist] = [
         Line2D([], [], color=stepper_style(i)[0], marker=stepper_style(i)[1],
                label=_order_words(each))
@@ -156,8 +166,7 @@ def _draw_legends(figure: Figure, table: AccuracyTable, shown: Sequence[str]) ->
         marks.insert(0, Line2D([], [], color="0.3", marker="o", label=words))
     if any(each.constant and each.constant.predicted for each in table.orders):
         marks.append(Line2D([], [], color="0.3", label=PREDICTED, **PREDICTION))
-    figure.legend(handles=steppers, loc="outside lower left")
-    figure.legend(handles=marks, loc="outside lower right")
+    return steppers, marks
 
 
 def _order_words(each: StepperOrder) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
 from typing import Any
 
+import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -33,6 +35,7 @@ STYLE: Any = {
 }
 WIDTH = 6.5
 DPI = 200
+_SCREEN_DPI = 110
 _LETTERS_PER_INCH = 13
 
 # Source: Okabe and Ito, Color Universal Design (2008); without the yellow, which is too pale
@@ -54,6 +57,16 @@ def stepper_style(index: int) -> tuple[str, str]:
     return COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)]
 
 
+class Picture(Figure):
+    """A figure that a notebook shows where it is the value of a cell, without any backend."""
+
+    def _repr_png_(self) -> bytes:
+        contents = io.BytesIO()
+        with matplotlib.rc_context(STYLE):
+            self.savefig(contents, format="png", dpi=_SCREEN_DPI)
+        return contents.getvalue()
+
+
 def new_figure(title: str, more: str, height: float) -> Figure:
     """An empty figure, 6.5 inches wide, without a window or a backend.
 
@@ -62,7 +75,7 @@ def new_figure(title: str, more: str, height: float) -> Figure:
         more: below the title.
         height: in inches.
     """
-    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    figure = Picture(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
     # A dollar sign in a problem's name begins no formula.
     figure.suptitle(wrapped(title, more, width=WIDTH), parse_math=False)
     return figure

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ropeode.display import Displayed
 from ropeode.sweep.storage.load import sweep_in
 from ropeode.validation import require
 
@@ -33,8 +34,8 @@ class StepperSummary:
     ranges: Mapping[str, tuple[float, float]]
 
 
-@dataclasses.dataclass(frozen=True)
-class SweepSummary:
+@dataclasses.dataclass(frozen=True, repr=False)
+class SweepSummary(Displayed, written_by="ropeode.render.sweep"):
     """The contents of a sweep's folder.
 
     Arguments:

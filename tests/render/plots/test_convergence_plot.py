@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
 from ropeode.analysis import order as order_module
 from ropeode.render.plots.convergence import plot_convergence
+from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.point_markers import DIVERGED, MARKS, OFF_AXIS
 from ropeode.render.plots.style import stepper_style
 
@@ -161,3 +163,17 @@ def test_legend_has_the_orders_and_the_reasons(study):
                 assert f"{each.order.observed:.3f} [{low:.3f}, {high:.3f}]" in label
             for point in each.order.left_out:
                 assert any(word.startswith(point.reason) for word in words)
+
+
+def test_it_draws_in_axes_of_the_users(study):
+    table = study("convergence", "rope")
+    figure = Figure(figsize=(12, 4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    assert plot_convergence(table, ax=right) is figure
+    (own,) = plot_convergence(table).axes
+    assert drawn_points(right) == drawn_points(own)
+    assert not left.lines
+    texts = [text.get_text() for text in right.get_legend().get_texts()]
+    assert all(any(each.stepper in text for text in texts) for each in table.orders)
+    assert table.problem.name in right.get_title()
+    figure_bytes(figure, ".png")

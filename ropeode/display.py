@@ -1,0 +1,63 @@
+"""How results look in the REPL, and in notebooks."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, ClassVar
+
+# Of a result's headings, in the middle of somebody's notebook.
+_HEADINGS = 4
+
+
+class Displayed:
+    """A result that the REPL shows as one line, and a notebook as a page.
+
+    A subclass names the module that writes both: its ``line(result)`` returns a text, its
+    ``blocks(result)`` the page. Words about results are written above the rooms that make them, so
+    the module is imported when a result is first shown.
+    """
+
+    _written_by: ClassVar[str] = "ropeode.render.display"
+
+    def __init_subclass__(cls, written_by: str | None = None, **others: Any):
+        super().__init_subclass__(**others)
+        if written_by is not None:
+            cls._written_by = written_by
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self._writer().line(self)}>"
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows where it shows no HTML."""
+        return self._page("markdown")
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return self._page("html_part")
+
+    def _page(self, form: str) -> str:
+        markup = importlib.import_module("ropeode.render.markup")
+        return getattr(markup, form)(self._writer().blocks(self), level=_HEADINGS)
+
+    def _writer(self) -> Any:
+        return importlib.import_module(self._written_by)
+
+
+class Tabular(Displayed):
+    """A result that is also a table of numbers."""
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame: a row for each sample, run or check. It needs the extra `data`."""
+        return _frames().dataframe(self)
+
+
+class Sampled(Tabular):
+    """A result that has states at sample times."""
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset with axes time, node and component. It needs the extra `data`."""
+        return _frames().dataset(self)
+
+
+def _frames() -> Any:
+    return importlib.import_module("ropeode.render.frames")

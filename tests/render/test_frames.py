@@ -1,0 +1,146 @@
+"""Results as data frames and data sets, and references as files for other programs."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+from ropeode.analysis.errors import error_series
+from ropeode.checking.report import CheckReport, Claims, Finding
+from ropeode.display import Sampled, Tabular
+from ropeode.errors import InputError
+from ropeode.render.frames import EXPORTS, dataframe, rows_of, write_export
+from ropeode.simulation import simulate
+
+PAGE = Path(__file__).parents[2] / "docs" / "notebooks.md"
+
+
+@pytest.fixture(scope="module")
+def truth(study):
+    return study("convergence", "one step size").reference
+
+
+@pytest.fixture(scope="module")
+def run(truth):
+    return simulate(truth.problem, "rk4", 16)
+
+
+def test_every_tabular_result_is_a_data_frame(study, truth, run):
+    report = CheckReport("steps.py:euler", Claims(), (Finding("pins", "pass", "they stay"),))
+    results = [
+        truth,
+        run,
+        error_series(run, truth),
+        study("convergence", "one step size"),
+        study("error", "one step size"),
+        study("energy", "one step size"),
+        report,
+    ]
+    for each in results:
+        frame = each.to_dataframe()
+        assert isinstance(frame, pd.DataFrame)
+        assert len(frame) > 0
+    # None escapes.
+    kinds = {Tabular, Sampled}
+    subclasses = {c for kind in kinds for c in kind.__subclasses__()} - kinds
+    assert {type(each) for each in results} == subclasses
+
+
+def test_a_frame_holds_each_number_of_the_states(truth):
+    frame = truth.to_dataframe()
+    np.testing.assert_array_equal(frame["time"], truth.times)
+    np.testing.assert_array_equal(frame["y3"], truth.positions[:, 3, 1])
+    np.testing.assert_array_equal(frame["vx2"], truth.velocities[:, 2, 0])
+    np.testing.assert_array_equal(frame["position_bound"], truth.bound())
+
+
+def test_a_data_set_has_axes(truth, run):
+    for result in (truth, run):
+        data = result.to_xarray()
+        assert dict(data.sizes) == {"time": len(result.times), "node": 4, "component": 2}
+        np.testing.assert_array_equal(data["velocity"], result.velocities)
+    assert truth.to_xarray()["position_bound"].dims == ("time",)
+
+
+def read(path):
+    if path.suffix == ".npz":
+        return dict(np.load(path))
+    if path.suffix == ".parquet":
+        return pd.read_parquet(path)
+    if path.suffix == ".csv":
+        return pd.read_csv(path)
+    names = path.read_text().splitlines()[0].removeprefix("# ").split()
+    return dict(zip(names, np.loadtxt(path).T, strict=True))
+
+
+@pytest.mark.parametrize("suffix", EXPORTS)
+def test_an_export_is_read_back_to_the_last_bit(suffix, truth, tmp_path):
+    back = read(write_export(truth, tmp_path / f"rope{suffix}"))
+    for name, values in rows_of(truth).items():
+        np.testing.assert_array_equal(back[name], values, err_msg=name)
+
+
+def test_an_export_has_a_suffix_of_ours(truth, tmp_path):
+    with pytest.raises(InputError, match=r"^out: .*rope\.xls.*\.csv, \.txt, \.npz, \.parquet"):
+        write_export(truth, tmp_path / "rope.xls")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_the_program_of_the_documentation_reads_the_text(truth, tmp_path):
+    (code,) = re.findall(r"```cpp\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (tmp_path / "read.cpp").write_text(code)
+    program = str(tmp_path / "read")
+    subprocess.run(["g++", "-o", program, str(tmp_path / "read.cpp")], check=True)
+    write_export(truth, tmp_path / "rope.txt")
+    done = subprocess.run([program], cwd=tmp_path, capture_output=True, text=True, check=True)
+    out = done.stdout
+    assert [float(each) for each in out.split()] == truth.times.tolist()
+
+
+def test_bare_states_have_errors(truth, run):
+    own = error_series(run, truth)
+    for states in (run.states, run.states.tolist(), run.states.reshape(len(run.times), -1)):
+        np.testing.assert_array_equal(error_series(states, truth).values, own.values)
+    later = error_series(run.states[[1, 3]], truth, times=run.times[[1, 3]])
+    np.testing.assert_array_equal(later.values, own.values[[0, 2]])
+
+
+def test_what_scipy_returns_has_errors(truth):
+    problem = truth.problem
+    fun = lambda t, y: np.asarray(problem.rhs(t, y.reshape(problem.y0.shape), problem.args)).ravel()  # noqa: E731
+    span = (problem.ts[0], problem.ts[-1])
+    found = solve_ivp(fun, span, problem.y0.ravel(), rtol=1e-6, t_eval=problem.ts)
+    series = error_series(found, truth)
+    assert series.max is not None
+    assert 1e-6 < series.max < 1.0
+
+
+@pytest.mark.parametrize(
+    ("states", "times", "field"),
+    [
+        (np.zeros((4, 3)), None, "trajectory"),
+        (np.zeros((9, 2, 2, 4)), None, "trajectory"),
+        (np.full((4, 2, 2, 4), np.nan), None, "trajectory"),
+        (np.zeros((2, 2, 2, 4)), [2.0, 1.0], "times"),
+        (np.zeros((2, 2, 2, 4)), [10.0, 11.0], "times"),
+        (np.zeros((2, 2, 2, 4)), [0.5, 1.5], "dense"),
+    ],
+)
+def test_bare_states_that_cannot_be_used(states, times, field, truth):
+    with pytest.raises(InputError, match=f"^{field}: "):
+        error_series(states, truth, times=times)
+    with pytest.raises(InputError, match="^times: "):
+        error_series(simulate(truth.problem, "rk4", 16), truth, times=[1.0])
+
+
+def test_pandas_is_asked_for(monkeypatch, truth):
+    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
+    with pytest.raises(InputError, match="pip install"):
+        dataframe(truth)
