@@ -68,9 +68,9 @@ def examination_of(given):
 def holds(convergence, order) -> bool | None:
     """Whether the observed orders are the documented one; None where they are undetermined.
 
-    That they may be where a method is so exact that few errors can be told from the reference's:
-    an interval then holds several orders. To 0.25 beyond their intervals: where the last of the errors that a reference can tell are
-    still bent, an interval may miss the order by that. The slower of positions and velocities
+    They may be undetermined where a method is so exact that few errors can be told from the
+    reference's: an interval then holds several orders. A determined one may miss the order by
+    0.25, where the last of these errors are still bent. The slower of positions and velocities
     has the method's order; a method of another order is off by 1.
     """
     intervals = []
