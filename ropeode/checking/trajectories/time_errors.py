@@ -39,6 +39,10 @@ _WELL_KNOWN: dict[tuple[tuple[str, ...], float | None], tuple[str, str]] = {
         "as semi-implicit Euler gives them, whose velocities begin with a whole step",
         "let the velocities begin with half a step",
     ),
+    (("position",), -0.5): (
+        "as explicit Euler gives them from rest while forces hardly change",
+        "let positions move with the mean of the old velocity and the new one",
+    ),
     (("position", "velocity"), 0.5): (
         "as Störmer and Verlet's method gives them that begins at rest with x(-dt) = x(0)",
         "begin with x(-dt) = x(0) - dt v(0) + dt^2/2 a(0)",
