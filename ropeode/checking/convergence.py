@@ -177,7 +177,10 @@ def convergence_finding(check: str, convergence: Convergence) -> Finding:
     wrong, words, determined = False, [], True
     for quantity, order in convergence.orders.items():
         finest, them = convergence.errors[quantity][-1], _PLURAL[quantity]
-        if order.ci95 is None:
+        if {point.reason for point in order.left_out} == {UNRESOLVED} and not order.used:
+            least = f"below {convergence.resolution[quantity]:.1e}"
+            words.append(f"{them} as exact as the reference: errors {least} at every dt")
+        elif order.ci95 is None:
             determined = False
             words.append(f"{them}: order undetermined ({order.why})")
         elif order.verdict == "does not converge":

@@ -67,3 +67,27 @@ def test_errors_that_show_no_order_may_still_fall_too_slowly(errors, too_slowly)
     lost = observed_order(dts, found, claimed=2, resolution=2e-3)
     convergence = dataclasses.replace(convergence, orders={"position": lost})
     assert not falls_too_slowly(convergence)
+
+
+def test_errors_too_small_to_be_told_are_right():
+    dts, errors = (0.4, 0.2, 0.1), (3e-12, 1e-12, 2e-12)
+    order = observed_order(dts, errors, resolution=1e-11, claimed=4)
+    convergence = Convergence(
+        problem="made up",
+        dts=dts,
+        errors={"position": errors},
+        rounding={"position": (0.0,) * 3},
+        resolution={"position": 1e-11},
+        orders={"position": order},
+        expected=4,
+        limits={},
+    )
+    finding = convergence_finding("order", convergence)
+    assert finding.status == "pass"
+    assert finding.line.startswith("positions as exact as the reference: errors below 1.0e-11")
+    # One that can be told does not make an order, either.
+    some = observed_order(dts, (3e-6, 1e-12, 2e-12), resolution=1e-11, claimed=4)
+    finding = convergence_finding(
+        "order", dataclasses.replace(convergence, orders={"position": some})
+    )
+    assert finding.status == "undetermined"
