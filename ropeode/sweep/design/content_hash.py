@@ -24,6 +24,7 @@ PACKAGES = (
 SOURCES = (
     "analysis",
     "callbacks.py",
+    "display.py",
     "errors.py",
     "files.py",
     "norms.py",
