@@ -28,6 +28,8 @@ _VALUES, _EXACT, _DIFFERENCES = 1e-13, 1e-12, 1e-9
 _TOLERATED = 1e-6
 # Defects are told from rounding by this factor; two slopes must be so near to a whole number.
 _CLEAR, _WHOLE = 30.0, 0.2
+# By which power of dt a defect goes at most that belongs to a method and not to its iteration.
+_STEEPEST = 12
 _NO_MAP = (
     "what the step carries remembers more than the state shows, so that it is no map of states"
 )
@@ -163,6 +165,10 @@ class Setting:
             return self.missing("longer steps, which would show a defect, were not finite")
         if largest <= rounding:
             return Property(True, largest, None, dt, note)
+        if len(found) > 1 and found[-1][1] <= rounding < found[-2][1] * 0.5**_STEEPEST:
+            # No order of a method makes a defect go away in half a step.
+            why = f"steps of {dt:.3g} miss it by {largest:.1e}: an iteration ends too soon"
+            return Property(True, found[-1][1], None, found[-1][0], why)
         clear = np.array([size for _, size in found if size > _CLEAR * rounding])
         power = _power(clear)
         if power is None and largest <= _TOLERATED and not _shrinks(clear):

@@ -144,3 +144,18 @@ def test_a_high_order_is_no_structure():
         found = structure(KEPLER, stepper)
         assert not isinstance(found, str)
         assert not holds(found), (stepper, found)
+
+
+def midpoint_by_fixed_point(rhs, t, y, dt, args):
+    """As many iterations as suffice for short steps only."""
+    k = rhs(t, y, args)
+    for _ in range(40):
+        k = rhs(t + dt / 2, y + dt / 2 * k, args)
+    return y + dt * k
+
+
+def test_an_iteration_that_ends_too_soon_at_long_steps_breaks_no_symmetry():
+    problem = Problem.second_order(lambda t, x, v, args: -x - x**3, [1.0], [0.0], [0.0, 1.0])
+    found = structure(problem, midpoint_by_fixed_point, only=["reversible"])["reversible"]
+    assert found.holds
+    assert "iteration ends too soon" in found.note
