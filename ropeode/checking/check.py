@@ -153,11 +153,7 @@ def cut_off(label: str, claims: Claims, checks: list[str], how: str, during: str
 
 
 def _examination(stepper: Stepper, trial: Trial, claims: Claims) -> Examination:
-    if not trial.finite:
-        raise UserCodeError(
-            "step: its first step from a regular state is not finite; allowed: finite positions "
-            "and velocities. Fix: look for a division by zero or an overflow."
-        )
+    trial.require_finite()
     return Examination(stepper, claims)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
@@ -62,6 +63,18 @@ class Trial:
     finite: bool = True
     side_effects: tuple[str, ...] = ()
     asks_for_forces: bool = True
+
+    def require_finite(self) -> None:
+        """See that the first steps are finite.
+
+        Raises:
+            UserCodeError: they are not.
+        """
+        if not self.finite:
+            raise UserCodeError(
+                "step: its first step from a regular state is not finite; allowed: finite "
+                "positions and velocities. Fix: look for a division by zero or an overflow."
+            )
 
 
 def trial_of(stepper: Stepper, problem: Problem) -> Trial:

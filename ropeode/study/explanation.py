@@ -236,6 +236,7 @@ def explain_stepper(
         known.require(own)
     ladder = None if steps_per_frame is None else check_steps(steps_per_frame)
     ready = method_of(stepper, own)
+    ready.trial.require_finite()
     if ladder is None:
         most = np.inf if ready.trial.compiled else _MOST_IN_PYTHON
         ladder = check_steps([each for each in DEFAULT_STEPS_PER_FRAME if each <= most])

@@ -300,6 +300,8 @@ class _Linearised:
             carried = unravel(flat)
             moved = (np.asarray(ravel_pytree(self._map.step(carried, dt))[0]) - flat)[free]
             matrix = self._map.derivative(carried, dt, free)
+            if not (np.all(np.isfinite(moved)) and np.all(np.isfinite(matrix))):
+                break
             size = np.abs(flat[free])
             # Where it rests at zero, what is small is small beside the problem's own size.
             terms = np.max(np.abs(matrix) @ size + size) + self._problem.scale

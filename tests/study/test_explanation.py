@@ -9,7 +9,7 @@ import json
 import numpy as np
 import pytest
 
-from ropeode.errors import InputError
+from ropeode.errors import InputError, UserCodeError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
 from ropeode.problems.problem import Problem
@@ -195,3 +195,11 @@ def test_every_format(which, form, request):
 def test_bad_input(given, words, known):
     with pytest.raises(InputError, match=words):
         explain_stepper("rk4", known.problem, **given)
+
+
+def test_a_step_that_is_not_finite_is_refused():
+    def broken(acceleration, t, x, v, dt, args):
+        return x * float("nan"), v
+
+    with pytest.raises(UserCodeError, match="its first step from a regular state is not finite"):
+        explain_stepper(broken, Rope(num_nodes=4).problem(frames=3), steps_per_frame=[4, 8])
