@@ -151,11 +151,12 @@ def late_tensions() -> str:
         ).problem(20),
     }.items():
         table_of = accuracy_table(rope, ["constraint-verlet", "constraint-verlet:sweeps=4"], LATE)
+        predicted = predicted_by_lag(rope)
         for each in table_of.orders:
             coarse, fine = (
                 row.error_max / row.dt for row in table_of.rows if row.stepper == each.stepper
             )
-            predicted, limit = predicted_by_lag(rope), 2.0 * fine - coarse
+            limit = 2.0 * fine - coarse
             sweeps = each.stepper.partition("sweeps=")[2] or "1"
             ratio = f"{limit / predicted:.4f}"
             rows.append([words, sweeps, f"{predicted:.5g}", f"{fine:.5g}", f"{limit:.5g}", ratio])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ropeode.validation import bad_value
@@ -32,6 +32,26 @@ def check_writable(name: str, path: str | Path) -> Path:
     if not os.access(folder, os.W_OK):
         raise bad_value(name, str(path), "a folder that you may write to", "choose another folder")
     return path
+
+
+def check_suffix(name: str, path: str | Path, suffixes: Iterable[str], then: str = "") -> Path:
+    """A path with one of some suffixes that a file can be written to.
+
+    Arguments:
+        name: what to call it in the complaint.
+        path: of the file, which may exist.
+        suffixes: that are allowed, as in ``.png``.
+        then: what else helps, for the end of the complaint.
+
+    Raises:
+        InputError: it has another suffix, or cannot be written to.
+    """
+    allowed = list(suffixes)
+    if Path(path).suffix.lower() not in allowed:
+        ends = f"a file name that ends in {', '.join(allowed)}"
+        fix = f"for example {Path(path).stem or 'result'}{allowed[0]}{then}"
+        raise bad_value(name, str(path), ends, fix)
+    return check_writable(name, path)
 
 
 def write_whole(path: Path, contents: str | bytes) -> None:

@@ -20,8 +20,16 @@ from docs.rooms import module_imports, room_of, trees
 PACKAGE = Path(ropeode.__file__).parent
 
 # From the ground up; a room imports from the rooms that it names, and from the ground floor.
-GROUND = {"callbacks", "display", "errors", "files", "precision", "progress", "threads"}
-GROUND |= {"validation"}
+GROUND = {
+    "callbacks",
+    "display",
+    "errors",
+    "files",
+    "precision",
+    "progress",
+    "threads",
+    "validation",
+}
 ALLOWED: dict[str, set[str]] = {}
 ALLOWED["problems"] = set()
 ALLOWED["norms"] = {"problems"}

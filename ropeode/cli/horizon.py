@@ -8,7 +8,7 @@ import click
 
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
-from ropeode.files import write_whole
+from ropeode.files import check_suffix, write_whole
 from ropeode.progress import Progress
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
@@ -50,10 +50,10 @@ def horizon(
     form = format_for(form, out)
     picture = None
     if plot:
-        from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
+        from ropeode.render.plots.files import FIGURES, figure_bytes
         from ropeode.render.plots.horizon import plot_horizon
 
-        picture = check_picture(plot, FIGURES, "plot")
+        picture = check_suffix("plot", plot, FIGURES)
     set_up_jax()
     from ropeode.render.formats import format_horizon
     from ropeode.study.horizon import SPANS

@@ -11,7 +11,7 @@ import click
 from ropeode.cli.job import job_from
 from ropeode.cli.options import dt_option, table_options
 from ropeode.errors import InputError
-from ropeode.files import write_whole
+from ropeode.files import check_suffix, write_whole
 from ropeode.progress import Progress
 from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
 from ropeode.validation import bad_value, complaint
@@ -81,9 +81,9 @@ def plot(
         return
     _refuse({**of_sweep, "where": where}, "only with the folder of a sweep")
     name = name or TYPES[0]
-    from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
+    from ropeode.render.plots.files import FIGURES, figure_bytes
 
-    path = check_picture(out or f"{name}.png", FIGURES)
+    path = check_suffix("out", out or f"{name}.png", FIGURES)
     _check_sources(files, trajectories, dt, options)
     set_up_jax()
     from ropeode.render.plots.registry import PLOTS
@@ -151,10 +151,10 @@ def _refuse(options: Mapping[str, Any], allowed: str) -> None:
 def _plot_sweep(
     folder: Path, out: str | None, where: tuple[str, ...], x: str, y: str, value: str
 ) -> None:
-    from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
+    from ropeode.render.plots.files import FIGURES, figure_bytes
     from ropeode.render.plots.sweep_map import plot_sweep
 
-    path = check_picture(out or "sweep.png", FIGURES)
+    path = check_suffix("out", out or "sweep.png", FIGURES)
     wanted = {}
     for each in where:
         name, equals, wanted[name] = each.partition("=")

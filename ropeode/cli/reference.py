@@ -10,7 +10,6 @@ from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
 from ropeode.progress import Progress
-from ropeode.terminal.output import WritablePath
 from ropeode.terminal.running import set_up_jax, with_progress
 
 
@@ -27,10 +26,8 @@ def reference() -> None:
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options
 @click.option("--dense", is_flag=True, help="Compute the states between the samples as well.")
-@click.option(
-    "-o", "--out", metavar="FILE", type=WritablePath(), required=True, help="A NetCDF file, *.nc."
-)
-def compute(spec: Path | None, out: Path, dense: bool, **options: str | None) -> None:
+@click.option("-o", "--out", metavar="FILE", required=True, help="A NetCDF file, *.nc.")
+def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> None:
     """Compute a reference and write it to FILE.
 
     Takes the problem and the reference's settings from SPEC and the options, as `ropeode table`
@@ -44,7 +41,7 @@ def compute(spec: Path | None, out: Path, dense: bool, **options: str | None) ->
     from ropeode.references.reference import Reference
     from ropeode.render.reference import summary
 
-    check_reference_path(out)
+    path = check_reference_path(out)
     job = job_from(spec, options)
 
     def work(progress: Progress) -> Reference:
@@ -55,9 +52,9 @@ def compute(spec: Path | None, out: Path, dense: bool, **options: str | None) ->
         return with_dense_output(reference, time_limit=options.time_limit, progress=progress)
 
     computed = with_progress(work)
-    save_reference(computed, out)
+    save_reference(computed, path)
     click.echo(summary(computed), nl=False)
-    click.echo(f"wrote {out}")
+    click.echo(f"wrote {path}")
 
 
 @reference.command()

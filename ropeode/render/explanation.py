@@ -18,12 +18,12 @@ from ropeode.theory.growth import StableSteps
 from ropeode.theory.linear_stability import LinearStability
 from ropeode.theory.modified_energy import ModifiedEnergy
 from ropeode.theory.recognised_methods import describe
+from ropeode.theory.solved_equation import SOLVES_ANOTHER
 from ropeode.theory.stability_limits import StabilityLimits, StableInterval
 from ropeode.theory.structure import Property
 from ropeode.theory.tableau_of_step import StepTableau
 from ropeode.validation import listed
 
-_SOLVES_ANOTHER = "at dt = 0 the step solves another equation: "
 SCHEMA = "ropeode.explain/1"
 # Of the swing of the energy, what may be left where its leading correction explains it.
 _KEPT = 0.1
@@ -132,7 +132,7 @@ def _rate_words(local: LocalStep) -> str:
 def _equation_words(local: LocalStep) -> str:
     if local.wrong is None:
         return " No change of the problem's own terms or parameters makes up the difference."
-    return f" {_sentence(local.wrong.line.removeprefix(_SOLVES_ANOTHER))}"
+    return f" {_sentence(local.wrong.line.removeprefix(SOLVES_ANOTHER))}"
 
 
 def _sentence(words: str) -> str:

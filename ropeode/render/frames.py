@@ -12,7 +12,7 @@ import numpy as np
 
 from ropeode.analysis.errors import ErrorSeries
 from ropeode.checking.report import CheckReport
-from ropeode.files import check_writable, replacing
+from ropeode.files import check_suffix, write_whole
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.reference import Reference
@@ -21,7 +21,7 @@ from ropeode.render import data as of_table
 from ropeode.simulation import Trajectory
 from ropeode.study.accuracy_table import AccuracyTable
 from ropeode.study.curves import EnergyCurves, ErrorCurves
-from ropeode.validation import bad_value, require
+from ropeode.validation import require
 
 _AXES = "xyz"
 _LETTERS = {"position": "", "velocity": "v"}
@@ -166,10 +166,7 @@ def check_export(path: str | Path) -> Path:
     Raises:
         InputError: its suffix is none of `EXPORTS`, or it cannot be written to.
     """
-    if Path(path).suffix.lower() not in EXPORTS:
-        ends = f"a file name that ends in {', '.join(EXPORTS)}"
-        raise bad_value("out", str(path), ends, f"for example {Path(path).stem or 'reference'}.csv")
-    return check_writable("out", path)
+    return check_suffix("out", path, EXPORTS)
 
 
 def write_export(reference: Reference, path: str | Path) -> Path:
@@ -186,7 +183,5 @@ def write_export(reference: Reference, path: str | Path) -> Path:
         InputError: the suffix is another, or the file cannot be written.
     """
     path = check_export(path)
-    contents = EXPORTS[path.suffix.lower()](rows_of(reference))
-    with replacing(path) as part:
-        part.write_bytes(contents)
+    write_whole(path, EXPORTS[path.suffix.lower()](rows_of(reference)))
     return path

@@ -26,6 +26,8 @@ from ropeode.theory.rope_terms import (
 from ropeode.theory.term_factors import Factor, Fault, mistakes_in
 from ropeode.validation import listed
 
+# How the sentence of a diagnosis begins.
+SOLVES_ANOTHER = "at dt = 0 the step solves another equation: "
 # What may be left over of the difference from the right equation, as a part of the equation.
 _EXPLAINED = 1e-6
 # How far a coefficient may be off at least, and in units of what the error that is left over makes
@@ -100,7 +102,7 @@ def diagnose_equation(
         texts = [f"its vector field is off by {off:.1e}"]
     if "rest" in evidence:
         texts[-1] += f" (all else is right to {max(evidence['rest'], 1e-16):.0e})"
-    line = "at dt = 0 the step solves another equation: " + "; ".join(texts)
+    line = SOLVES_ANOTHER + "; ".join(texts)
     remedies = dict.fromkeys(fault.remedy for fault in faults if fault.remedy)
     return Diagnosis("equation", line, evidence, "; ".join(remedies))
 

@@ -108,7 +108,6 @@ class Probe:
             problem: another rope.
         """
         samples = StepSamples(self.problem if problem is None else problem, self._method)
-        # As many as the expansions take first, so that the same program is compiled.
         steps = 1 if samples.carries_state else STEPS
         return samples.after(t, y, dt[:, None], steps)[:, 0, -1]
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.files import check_writable, replacing
+from ropeode.files import check_suffix, replacing
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
@@ -60,13 +60,8 @@ def check_reference_path(path: str | Path) -> Path:
     Raises:
         InputError: its name does not end in ``.nc``, or it cannot be written to.
     """
-    if Path(path).suffix.lower() != ".nc":
-        fix = (
-            f"for example {Path(path).stem or 'reference'}.nc; then `ropeode reference export` "
-            "writes text from it"
-        )
-        raise bad_value("out", str(path), "a file name that ends in .nc", fix)
-    return check_writable("out", path)
+    then = "; then `ropeode reference export` writes text from it"
+    return check_suffix("out", path, [".nc"], then)
 
 
 def load_reference(path: str | Path, problem: Problem | None = None) -> Reference:

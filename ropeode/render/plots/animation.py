@@ -9,9 +9,8 @@ from typing import Any
 import matplotlib
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
-from ropeode.files import write_whole
+from ropeode.files import check_suffix, write_whole
 from ropeode.progress import Progress, silent
-from ropeode.render.plots.files import check_picture
 from ropeode.render.plots.film import DPI, film
 from ropeode.render.plots.style import STYLE
 from ropeode.study.node_paths import NodePaths
@@ -55,7 +54,7 @@ def check_film(out: str | Path) -> Path:
     Raises:
         InputError: it has another suffix, cannot be written to, or a package is missing.
     """
-    path = check_picture(out, FILMS)
+    path = check_suffix("out", out, FILMS)
     if path.suffix.lower() == ".mp4":
         require("imageio_ffmpeg", "video", "films in MP4")
     return path

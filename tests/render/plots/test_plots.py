@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 import ropeode
 from ropeode.cli.pictures import TYPES
 from ropeode.errors import InputError
-from ropeode.render.plots.files import FIGURES, check_picture, figure_bytes
+from ropeode.files import check_suffix
+from ropeode.render.plots.files import FIGURES, figure_bytes
 from ropeode.render.plots.registry import PLOTS
 
 ALL_CASES = ["rope", "diverged", "cut", "one step size", "long names", "still"]
@@ -89,11 +90,11 @@ def test_files_are_of_their_format_and_the_same_each_time(kind, suffix, study):
 
 
 def test_file_names_are_checked(tmp_path):
-    assert check_picture(tmp_path / "a.PNG", FIGURES) == tmp_path / "a.PNG"
+    assert check_suffix("out", tmp_path / "a.PNG", FIGURES) == tmp_path / "a.PNG"
     with pytest.raises(InputError, match=r"out: .* ends in .png, .pdf, .svg\. Fix: .* a.png"):
-        check_picture(tmp_path / "a.jpg", FIGURES)
+        check_suffix("out", tmp_path / "a.jpg", FIGURES)
     with pytest.raises(InputError, match="out: .* folder that exists"):
-        check_picture(tmp_path / "missing" / "a.png", FIGURES)
+        check_suffix("out", tmp_path / "missing" / "a.png", FIGURES)
 
 
 def test_no_file_asks_for_a_window():
