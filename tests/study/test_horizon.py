@@ -74,6 +74,7 @@ def test_what_is_measured_is_what_the_runs_lost(chaotic):
     assert at_40.digits == pytest.approx(18 + np.interp(40, chaotic.times, chaotic.lost))
 
 
+@pytest.mark.slow
 def test_a_prediction_holds(chaotic):
     """What half the span foretells of the rest, against what the whole one lost."""
     half = Problem(lorenz, [1.0, 1.0, 20.0], np.linspace(0, 24, 97))
