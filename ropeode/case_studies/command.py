@@ -9,10 +9,10 @@ import click
 from ropeode.progress import Progress
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import (
-    check_folder,
     format_for,
     format_option,
     out_option,
+    plots_option,
     put_out,
     put_pictures,
 )
@@ -20,21 +20,15 @@ from ropeode.terminal.running import end_on_ctrl_c, set_up_jax, with_progress
 
 
 @click.command()
-@click.option(
-    "--figure",
-    "figures",
-    metavar="N[,N...]",
-    type=CommaSeparated(),
-    help="Figures, 1 to 41. [all]",
-)
+@click.option("--figures", metavar="N[,N...]", type=CommaSeparated(), help="From 1 to 41. [all]")
 @click.option("--frames", metavar="N", help="Frames to watch. [4000, or more where needed]")
-@click.option("--plots", metavar="DIR", help="Write a picture for each figure, and sheets, to DIR.")
+@plots_option("Write a picture for each figure, and sheets, to DIR.")
 @format_option
 @out_option("report")
 def report(
     figures: list[str] | None,
     frames: str | None,
-    plots: str | None,
+    plots: Path | None,
     form: str | None,
     out: Path | None,
 ) -> None:
@@ -45,8 +39,7 @@ def report(
     '.[plots]'.
     """
     form = format_for(form, out)
-    folder = check_folder("plots", plots) if plots else None
-    if folder:
+    if plots:
         from ropeode.case_studies.pictures import draw_report
     set_up_jax()
     end_on_ctrl_c("finished runs are kept; the same command goes on from there")
@@ -62,10 +55,10 @@ def report(
             folder=platformdirs.user_cache_path("ropeode") / "report",
             progress=progress,
         )
-        pictures = draw_report(result, progress) if folder else {}
+        pictures = draw_report(result, progress) if plots else {}
         return format_report(result, form), pictures
 
     text, pictures = with_progress(work)
-    if folder:
-        put_pictures(pictures, folder)
+    if plots:
+        put_pictures(pictures, plots)
     put_out(text, out)

@@ -161,7 +161,7 @@ def check_figures(numbers: Sequence[Any] | None) -> list[Figure]:
             chosen.append(figures[whole_number(number, at_least=1)])
         except (KeyError, ValueError):
             allowed = f"whole numbers from 1 to {max(figures)}"
-            raise bad_value("figure", number, allowed, "for example 8") from None
+            raise bad_value("figures", number, allowed, "for example 8") from None
     if not chosen:
-        raise bad_value("figure", [], "at least one figure", "for example 8")
+        raise bad_value("figures", [], "at least one figure", "for example 8")
     return sorted(set(chosen), key=lambda figure: figure.figure)

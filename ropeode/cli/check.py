@@ -58,7 +58,7 @@ def check(
     form: str | None,
     out: Path | None,
 ) -> int:
-    """Check a stepper: does it solve the right equation, and how well?
+    """Check whether a stepper solves the right equation, and how well.
 
     STEP is FILE.py:NAME, or FILE.py with one stepper in it: a function step(rhs, t, y, dt, args)
     that returns the new y, or step(acceleration, t, x, v, dt, args) that returns the new x and

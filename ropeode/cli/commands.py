@@ -14,7 +14,7 @@ from ropeode.terminal.running import set_up_jax, with_progress
 
 @click.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
-@table_options
+@table_options()
 @format_option
 @out_option("table")
 def table(spec: Path | None, form: str | None, out: Path | None, **options: str | None) -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 import click
 
 from ropeode.cli.job import job_from
-from ropeode.cli.options import table_options_without
+from ropeode.cli.options import table_options
 from ropeode.progress import Progress
 from ropeode.terminal.output import (
-    check_folder,
     format_for,
     format_option,
     out_option,
+    plots_option,
     put_out,
     put_pictures,
 )
@@ -22,20 +22,20 @@ from ropeode.terminal.running import set_up_jax, with_progress
 
 @click.command()
 @click.argument("step")
-@table_options_without("steppers")
+@table_options(without=("steppers",))
 @click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
-@click.option("--plots", metavar="DIR", help="Write pictures of errors and stability to DIR.")
+@plots_option("Write pictures of errors and stability to DIR.")
 @format_option
 @out_option("explanation")
 def explain(
     step: str,
     method: str | None,
-    plots: str | None,
+    plots: Path | None,
     form: str | None,
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Explain a stepper: what one step does, and what follows from it.
+    """Explain a stepper: what one step does, and what follows.
 
     STEP is whatever `ropeode check` takes: FILE.py:NAME, diffrax:NAME, scipy:NAME or the name of
     a stepper of ropeode. Single steps tell what it is at dt = 0, which equation it solves, its
@@ -44,8 +44,7 @@ def explain(
     need matplotlib: pip install '.[plots]'.
     """
     form = format_for(form, out)
-    folder = check_folder("plots", plots) if plots else None
-    if folder:
+    if plots:
         from ropeode.render.plots.explanation import explanation_pictures
     set_up_jax()
     from ropeode.render.formats import format_explanation
@@ -64,10 +63,10 @@ def explain(
             progress=progress,
             **job.spec.asked,
         )
-        pictures = explanation_pictures(found) if folder else {}
+        pictures = explanation_pictures(found) if plots else {}
         return format_explanation(found, form), pictures
 
     text, pictures = with_progress(work)
-    if folder:
-        put_pictures(pictures, folder)
+    if plots:
+        put_pictures(pictures, plots)
     put_out(text, out)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
 
 from ropeode.cli.job import job_from
-from ropeode.cli.options import dt_option
+from ropeode.cli.options import OF_RUNS, dt_option, table_options
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
 from ropeode.validation import bad_value
@@ -15,44 +16,40 @@ from ropeode.validation import bad_value
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path))
-@click.option(
-    "--problem",
-    metavar="SPEC",
-    type=click.Path(path_type=Path),
-    help="File of the problem, like that of `ropeode spec`.",
-)
-@click.option("--reference", metavar="FILE", help="A stored reference of the problem.")
+@table_options(without=OF_RUNS)
 @dt_option
 @click.option("--order", metavar="N", help="The order that the program should have.")
 @click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
-@click.option("--init", metavar="DIR", help="Write a spec and a program to start from.")
+@click.option(
+    "--init", metavar="DIR", type=click.Path(), help="Write a spec and a program to start from."
+)
 @format_option
 @out_option("report")
 def grade(
     files: tuple[Path, ...],
-    problem: Path | None,
-    reference: str | None,
     dt: list[str] | None,
     order: str | None,
     method: str | None,
     init: str | None,
     form: str | None,
     out: Path | None,
+    **options: str | None,
 ) -> int:
     """Grade trajectories from any program: does it solve the problem?
 
     FILES are CSV (t,node,x,y and optionally vx,vy), NPZ or NetCDF, one for each of at least
-    three step sizes. `ropeode grade --init DIR` writes a spec, the initial state, a program in
-    C++ and a page that explains them. The exit code is 0 if the program is right, 1 if it is
-    wrong, and 2 if the files do not decide that, or cannot be graded.
+    three step sizes; --problem or --reference names what they solve. `ropeode grade --init DIR`
+    writes a spec, the initial state, a program in C++ and a page that explains them. The exit
+    code is 0 if the program is right, 1 if it is wrong, and 2 if the files do not decide that,
+    or cannot be graded.
     """
     if init is not None:
-        others = files or reference or dt or order or method or out or form
-        return _init(init, problem, bool(others))
+        others = files or dt or order or method or out or form
+        return _init(init, options, bool(others))
     if not files:
         allowed = "trajectories, one file for each step size"
         raise bad_value("files", "none", allowed, "see `ropeode grade --init DIR`")
-    if problem is None and reference is None:
+    if options["problem"] is None and options["reference"] is None:
         fix = "give --problem SPEC; `ropeode grade --init DIR` writes one"
         raise bad_value("problem", "none", "the problem that they solve", fix)
     chosen = format_for(form, out)
@@ -60,7 +57,7 @@ def grade(
     from ropeode.checking.grade import grade as graded
     from ropeode.render.formats import format_check
 
-    job = job_from(problem, {"reference": reference})
+    job = job_from(None, options)
     report = with_progress(
         lambda progress: graded(
             files,
@@ -76,15 +73,15 @@ def grade(
     return report.exit_code
 
 
-def _init(folder: str, problem: Path | None, other_options: bool) -> int:
+def _init(folder: str, options: Mapping[str, str | None], other_options: bool) -> int:
     """Write the starter files."""
     if other_options:
-        allowed, fix = "no other option but --problem", "leave out the others"
+        allowed, fix = "no other option but those of the problem", "leave out the others"
         raise bad_value("init", folder, allowed, fix)
     set_up_jax()
     from ropeode.checking.starter_files import write_start
 
-    job = None if problem is None else job_from(problem, {})
+    job = job_from(None, options) if any(options.values()) else None
     for name in write_start(folder, job):
         click.echo(f"wrote {name}", err=True)
     return 0

@@ -17,7 +17,7 @@ def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
     """The job that a spec file and options describe; options override the file.
 
     Arguments:
-        spec: the file, or None.
+        spec: the file, or None; the problem may name one then.
         options: what was typed, by the names that click has for the options of `table_options`.
 
     Raises:
@@ -25,8 +25,10 @@ def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
     """
     from ropeode.study.spec import TableJob, read_spec
 
-    values: dict[str, Any] = read_spec(spec) if spec else {}
     given, rope = given_values(options)
+    if not spec and given.get("problem", "").endswith(".toml"):
+        spec = Path(given.pop("problem"))
+    values: dict[str, Any] = read_spec(spec) if spec else {}
     if "reference" in given and os.path.exists(given["reference"]):
         # Relative to the current folder, not to that of the spec.
         given["reference"] = str(Path(given["reference"]).resolve())

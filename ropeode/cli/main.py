@@ -15,6 +15,7 @@ from ropeode.cli.check import check
 from ropeode.cli.commands import spec, steppers, table
 from ropeode.cli.explain import explain
 from ropeode.cli.grade import grade
+from ropeode.cli.groups import WholeHelp
 from ropeode.cli.horizon import horizon
 from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
@@ -30,7 +31,9 @@ BAD_INPUT, FAILED, BROKEN = 2, 1, 3
 _JUDGES, _USERS_CODE = "check", (".py", ".toml")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
+@click.group(
+    cls=WholeHelp, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80}
+)
 @click.version_option(package_name="ropeode", message="%(package)s %(version)s")
 @click.option("--debug", is_flag=True, help="Show the traceback of every error.")
 def cli(debug: bool) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 import click
@@ -37,11 +37,13 @@ class Option(NamedTuple):
         read: turns its text into the field's value, which is not checked yet.
         metavar: how it is written.
         help: what it means.
+        type: tells the shell what completes it.
     """
 
     read: Callable[[str], Any]
     metavar: str
     help: str
+    type: click.ParamType = click.STRING
 
 
 # By field of Rope.
@@ -63,10 +65,18 @@ ROPE = {
 
 # By field of TableSpec.
 TABLE = {
-    "problem": Option(str, "NAME", "rope, another library problem, or FILE.py:NAME. [rope]"),
+    "problem": Option(
+        str,
+        "NAME",
+        "rope, another library problem, FILE.py:NAME or SPEC.toml. [rope]",
+        click.Path(),
+    ),
     "kind": Option(str, "KIND", "rope (springs) or inextensible-rope (rigid links). [rope]"),
     "reference": Option(
-        str, "FILE", "A reference file, or a name in the stored library. It sets the problem too."
+        str,
+        "FILE",
+        "A reference file, or a name in the stored library. It sets the problem too.",
+        click.Path(),
     ),
     "frames": Option(str, "N", "Number of frames to solve. [20]"),
     "steppers": Option(
@@ -96,21 +106,28 @@ dt_option = click.option(
 )
 
 
-def table_options(function: Callable) -> Callable:
-    """Add an option for each field of a table's spec and of the rope."""
-    return table_options_without()(function)
+# What only runs of steppers depend on, not a problem or its reference.
+OF_RUNS = ("steppers", "steps_per_frame", "norm")
 
 
-def table_options_without(*fields: str) -> Callable[[Callable], Callable]:
-    """Add an option for each field of a table's spec, but for these, and of the rope."""
+def table_options(without: Collection[str] = ()) -> Callable[[Callable], Callable]:
+    """Add an option for each field of a table's spec and of the rope.
+
+    Arguments:
+        without: the fields that a command has no use for.
+    """
 
     def add(function: Callable) -> Callable:
         for prefix, options in (("rope_", ROPE), ("", TABLE)):
             for field, option in reversed(options.items()):
-                if field not in fields:
+                if field not in without:
                     name = f"--{_SHORT.get(field, field).replace('_', '-')}"
                     add_one = click.option(
-                        name, prefix + field, metavar=option.metavar, help=option.help
+                        name,
+                        prefix + field,
+                        metavar=option.metavar,
+                        help=option.help,
+                        type=option.type,
                     )
                     function = add_one(function)
         return function

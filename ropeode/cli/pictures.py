@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -13,11 +13,9 @@ from ropeode.cli.options import dt_option, table_options
 from ropeode.errors import InputError
 from ropeode.files import check_suffix, write_whole
 from ropeode.progress import Progress
+from ropeode.terminal.output import out_option_with
 from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
 from ropeode.validation import bad_value, complaint
-
-if TYPE_CHECKING:
-    from ropeode.study.spec import TableJob
 
 # The names in ropeode.render.plots.registry. They are listed here too because the help text must
 # not import what draws; a test compares the two lists.
@@ -31,7 +29,7 @@ def _picture_options(function: Callable) -> Callable:
     for option in (
         dt_option,
         click.option("--trajectories", is_flag=True, help="Draw trajectories from each FILE."),
-        table_options,
+        table_options(),
         click.argument(
             "files", metavar="[SPEC | FILE...]", nargs=-1, type=click.Path(path_type=Path)
         ),
@@ -49,7 +47,7 @@ def _picture_options(function: Callable) -> Callable:
 @click.option(
     "--where", metavar="INPUT=VALUE", multiple=True, help="Sweep: which rows to draw; repeatable."
 )
-@click.option("--out", metavar="FILE", help="A .png, .pdf or .svg file. [TYPE.png or sweep.png]")
+@out_option_with("A .png, .pdf or .svg file. [TYPE.png or sweep.png]")
 def plot(
     files: tuple[Path, ...],
     trajectories: bool,
@@ -88,7 +86,7 @@ def plot(
     set_up_jax()
     from ropeode.render.plots.registry import PLOTS
 
-    job = _job(files, trajectories, options)
+    job = job_from(None if trajectories else next(iter(files), None), options)
     kind = PLOTS[name]
 
     def work(progress: Progress) -> bytes:
@@ -124,16 +122,6 @@ def _check_sources(
         raise bad_value("problem", "none", allowed, fix)
 
 
-def _job(files: tuple[Path, ...], trajectories: bool, options: Mapping[str, Any]) -> TableJob:
-    """What SPEC and the options say; of trajectories, --problem may name the spec."""
-    if not trajectories:
-        return job_from(next(iter(files), None), options)
-    problem = options["problem"]
-    if problem is not None and Path(problem).suffix == ".toml":
-        return job_from(Path(problem), {**options, "problem": None})
-    return job_from(None, options)
-
-
 def _refuse(options: Mapping[str, Any], allowed: str) -> None:
     """Raises:
     InputError: one of the options was given.
@@ -166,7 +154,7 @@ def _plot_sweep(
 @click.command()
 @_picture_options
 @click.option("--fps", metavar="N", default="20", help="Pictures per second, up to 50. [20]")
-@click.option("--out", metavar="FILE", help="A .gif or .mp4 file. [rope.gif]")
+@out_option_with("A .gif or .mp4 file. [rope.gif]")
 def animate(
     files: tuple[Path, ...],
     trajectories: bool,
@@ -194,7 +182,7 @@ def animate(
     from ropeode.checking.trajectories.studies import trajectory_paths
     from ropeode.study.node_paths import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME, node_paths
 
-    job = _job(files, trajectories, options)
+    job = job_from(None if trajectories else next(iter(files), None), options)
     steps = DEFAULT_STEPS_PER_FRAME
     if "steps_per_frame" in job.spec.model_fields_set:
         steps = job.spec.steps_per_frame[0]

@@ -8,14 +8,15 @@ import click
 
 from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.job import job_from
-from ropeode.cli.options import table_options
+from ropeode.cli.options import OF_RUNS, table_options
 from ropeode.progress import Progress
+from ropeode.terminal.output import out_option_with
 from ropeode.terminal.running import set_up_jax, with_progress
 
 
 @click.group(cls=DefaultGroup, default="compute")
 def reference() -> None:
-    """Compute a reference and write it to a file; show and verify such files.
+    """Compute references; show, export and verify their files.
 
     `ropeode reference [SPEC] [OPTIONS] --out FILE.nc` is short for `ropeode reference compute`.
     A FILE may also be a name of the stored library, which `ropeode reference list` lists.
@@ -24,14 +25,14 @@ def reference() -> None:
 
 @reference.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
-@table_options
+@table_options(without=OF_RUNS)
 @click.option("--dense", is_flag=True, help="Compute the states between the samples as well.")
-@click.option("-o", "--out", metavar="FILE", required=True, help="A NetCDF file, *.nc.")
+@out_option_with("A NetCDF file, *.nc.", required=True)
 def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> None:
     """Compute a reference and write it to FILE.
 
     Takes the problem and the reference's settings from SPEC and the options, as `ropeode table`
-    does. Steppers are ignored.
+    does. Steppers in SPEC are ignored.
     """
     set_up_jax()
     from ropeode.references.compute import reference_for
@@ -60,7 +61,7 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
 @reference.command()
 @click.argument("file", type=click.Path(path_type=Path))
 def show(file: Path) -> None:
-    """Print the reference in FILE: its problem, bound, witnesses and checksum."""
+    """Print the problem, bound, witnesses and checksum of FILE."""
     from ropeode.references.files.library import find
     from ropeode.references.files.store import stored_facts
     from ropeode.render.reference import as_text
@@ -70,15 +71,9 @@ def show(file: Path) -> None:
 
 @reference.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--out",
-    metavar="FILE",
-    required=True,
-    help="Text for any program (*.csv, *.txt), *.npz or *.parquet.",
-)
+@out_option_with("Text for any program (*.csv, *.txt), *.npz or *.parquet.", required=True)
 def export(file: Path, out: str) -> None:
-    """Write the states and the error bounds of the reference in FILE for other programs.
+    """Write the states and error bounds of FILE for other programs.
 
     A column each: the time, the positions x0, y0, x1, ..., the velocities vx0, vy0, ... of the
     nodes, and the estimated error bound of either, which is "nan" outside the trust horizon.

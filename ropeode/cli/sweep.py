@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from ropeode.cli.groups import DefaultGroup
+from ropeode.terminal.output import out_option_with
 from ropeode.terminal.running import KEPT, end_on_ctrl_c, set_up_jax, with_progress
 
 
@@ -22,7 +23,7 @@ def sweep() -> None:
 
 @sweep.command()
 @click.argument("spec", type=click.Path(path_type=Path))
-@click.option("-o", "--out", metavar="DIR", required=True, help="A folder for this sweep only.")
+@out_option_with("A folder for this sweep only.", metavar="DIR", required=True)
 @click.option("--workers", metavar="N", help="Run in N processes. [this one]")
 @click.option("--scheduler", metavar="ADDR", help="Run on a Dask cluster, as in tcp://host:8786.")
 @click.option("--extend", is_flag=True, help="Extend the smaller sweep in DIR to this one.")
@@ -56,7 +57,7 @@ def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend
 @sweep.command()
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 def show(folder: Path) -> None:
-    """Print the progress of the sweep in DIR, and a summary for each stepper."""
+    """Print the progress of the sweep in DIR, stepper by stepper."""
     from ropeode.render.sweep import as_text
     from ropeode.sweep.storage.summary import summarize
 

@@ -1,4 +1,4 @@
-"""The options --format and --out, and where the result of a command goes."""
+"""The options --format, --out and --plots, and where the result of a command goes."""
 
 from __future__ import annotations
 
@@ -25,20 +25,38 @@ FORMATS = {
 }
 
 
-class WritablePath(click.ParamType):
-    """The path of a file that can be written to, checked before anything is computed."""
+class Written(click.Path):
+    """A path that is written to, checked before anything is computed.
 
-    name = "file"
+    Arguments:
+        check: called with the option's name and the path; raises InputError if it is of no use.
+    """
+
+    def __init__(self, check: Callable[[str, str], Path]):
+        super().__init__()
+        self._check = check
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """The path; raises InputError where no file can be written."""
-        return check_writable(param.name if param and param.name else "out", value)
+        """The path that was checked."""
+        return self._check(param.name if param and param.name else "out", value)
 
 
 def out_option(what: str) -> Callable[[Callable], Callable]:
     """The option --out of a command that prints what is named."""
-    words = f"Write the {what} to FILE and print nothing."
-    return click.option("-o", "--out", metavar="FILE", type=WritablePath(), help=words)
+    return out_option_with(
+        f"Write the {what} to FILE and print nothing.", type=Written(check_writable)
+    )
+
+
+def out_option_with(words: str, **named: Any) -> Callable[[Callable], Callable]:
+    """The option --out of a command that always writes, whose suffixes it checks itself.
+
+    Arguments:
+        words: what help says of it.
+        named: as for `click.option`.
+    """
+    defaults = {"metavar": "FILE", "type": click.Path()}
+    return click.option("-o", "--out", help=words, **{**defaults, **named})
 
 
 format_option = click.option(
@@ -74,7 +92,7 @@ def put_out(text: str, path: Path | None) -> None:
 
 
 def check_folder(name: str, given: str) -> Path:
-    """A folder for pictures that exists or can be created, checked before anything is computed.
+    """A folder for pictures that exists or can be created.
 
     Arguments:
         name: of the option that names it.
@@ -96,10 +114,16 @@ def check_folder(name: str, given: str) -> Path:
     return folder
 
 
+def plots_option(words: str) -> Callable[[Callable], Callable]:
+    """The option --plots of a command that has pictures besides its text; help says `words`."""
+    return click.option("--plots", metavar="DIR", type=Written(check_folder), help=words)
+
+
 def put_pictures(pictures: Mapping[str, bytes], folder: Path) -> None:
     """Write pictures to files of a folder, which is made if need be, and say so."""
     with not_interrupted():
         folder.mkdir(exist_ok=True)
         for name, contents in pictures.items():
             write_whole(folder / name, contents)
-    click.echo(f"wrote {len(pictures)} pictures to {folder}", err=True)
+    many = "1 picture" if len(pictures) == 1 else f"{len(pictures)} pictures"
+    click.echo(f"wrote {many} to {folder}", err=True)

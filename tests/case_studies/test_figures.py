@@ -83,7 +83,7 @@ def test_verlet_programs_start_at_rest_and_damp_per_step():
 
 @pytest.mark.parametrize("given", [[0], [42], ["x"], [1.5], [None], []])
 def test_figures_that_do_not_exist(given):
-    with pytest.raises(InputError, match="figure: .*given; allowed: .*Fix: "):
+    with pytest.raises(InputError, match="figures: .*given; allowed: .*Fix: "):
         check_figures(given)
 
 

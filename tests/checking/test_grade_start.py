@@ -138,7 +138,7 @@ def test_the_program_is_right_and_a_wrong_one_is_not(tmp_path, monkeypatch):
         ([], "files: 'none' given; .* see `ropeode grade --init DIR`"),
         (["a.csv"], "problem: 'none' given"),
         (["a.csv", "--problem", "no.toml"], "spec: 'no.toml' given"),
-        (["a.csv", "--init", "new"], "init: 'new' given; allowed: no other option but --problem"),
+        (["a.csv", "--init", "new"], "init: 'new' given; allowed: no other option but those of"),
         (["a.csv", "--problem", "x", "--out", "no/such.md"], "out: "),
     ],
 )

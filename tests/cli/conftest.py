@@ -11,6 +11,14 @@ import pytest
 from tests.time_limit import HANGS_AFTER_S
 
 
+def commands(command, path=()):
+    """Every command and group below one, by the words that call it."""
+    found = {path: command}
+    for name, each in getattr(command, "commands", {}).items():
+        found |= commands(each, (*path, name))
+    return found
+
+
 @pytest.fixture(scope="session")
 def environment(cache):
     """For processes: the variables of this one, with that folder."""

@@ -10,35 +10,61 @@ import sys
 import time
 from pathlib import Path
 
+import click
 import pytest
+from click.testing import CliRunner
 
-from ropeode.cli.main import main
+from ropeode.cli.main import cli, main
 from ropeode.references.files.library import entries
+from tests.cli.conftest import commands
 from tests.cli.interrupted import interrupt
 from tests.time_limit import HANGS_AFTER_S
 
+GROUPS = {
+    " ".join(path): each for path, each in commands(cli).items() if isinstance(each, click.Group)
+}
 RUN = [sys.executable, "-m", "ropeode"]
 # The rope of `small_rope`: what it compiles serves many tests.
 SMALL = ["--num-nodes", "4", "--frames", "3"]
 QUICK = ["table", *SMALL, "--steppers", "rk4", "--steps", "16,32,64"]
 
 
-def test_help_does_not_import_jax(environment):
+def test_help_and_completion_import_nothing_that_computes(environment):
     code = (
         "import sys\n"
+        "from click.shell_completion import BashComplete\n"
         "from ropeode.cli.main import cli\n"
-        "for command in ([], ['table'], ['check'], ['grade'], ['report'], ['reference'], ['spec'],"
-        " ['sweep', 'run']):\n"
-        "    try: cli.main([*command, '--help'], standalone_mode=False)\n"
+        "from tests.cli.conftest import commands\n"
+        "for path in commands(cli):\n"
+        "    try: cli.main([*path, '--help'], standalone_mode=False)\n"
         "    except SystemExit: pass\n"
-        "print({'jax', 'numpy', 'scipy'} & set(sys.modules), file=sys.stderr)"
+        "complete = BashComplete(cli, {}, 'ropeode', '_ROPEODE_COMPLETE').get_completions\n"
+        "for words, begun in ([], 'tab'), (['sweep'], 'r'), (['table', '--frames', '1'], '--no'):\n"
+        "    found = complete(words, begun)\n"
+        "    print('COMPLETED', *sorted((each.type, each.value) for each in found))\n"
+        "heavy = {'jax', 'numpy', 'scipy', 'matplotlib'}\n"
+        "print(heavy & set(sys.modules), file=sys.stderr)"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     )
     assert done.stderr == "set()\n"
-    assert "Usage: " in done.stdout
-    assert all(len(line) <= 80 for line in done.stdout.splitlines())
+    lines = done.stdout.splitlines()
+    assert lines[-3:] == [
+        "COMPLETED ('plain', 'table')",
+        "COMPLETED ('file', 'r') ('plain', 'run')",
+        "COMPLETED ('plain', '--node-mass') ('plain', '--norm')",
+    ]
+    assert lines[0].startswith("Usage: ")
+    assert max(len(line) for line in lines[:-3]) <= 80
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_a_group_shows_a_whole_sentence_for_each_command(name, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    page = " ".join(CliRunner().invoke(GROUPS[name], ["--help"]).output.split())
+    for each in GROUPS[name].commands.values():
+        assert each.help.splitlines()[0] in page
 
 
 def test_table(run):
@@ -204,7 +230,7 @@ def test_version_and_steppers(run):
 
 
 def test_report(run, tmp_path):
-    done = run("report", "--figure", "4,1", "--frames", "400", "--plots", "pictures")
+    done = run("report", "--figures", "4,1", "--frames", "400", "--plots", "pictures")
     assert done.returncode == 0
     assert "Of the claims of 2 figures, 2 hold" in done.stdout
     assert done.stderr == "wrote 3 pictures to pictures\n"
@@ -213,7 +239,7 @@ def test_report(run, tmp_path):
         "figure-01.png",
         "figure-04.png",
     ]
-    written = run("report", "--figure", "4", "--frames", "400", "--out", "report.json")
+    written = run("report", "--figures", "4", "--frames", "400", "--out", "report.json")
     assert written.stdout == written.stderr == ""
     assert json.loads((tmp_path / "report.json").read_text())["figures"][0]["verdict"] == "holds"
 
@@ -222,19 +248,19 @@ def test_report(run, tmp_path):
     ("arguments", "words"),
     [
         (
-            ["--figure", "42", "--plots", "new"],
-            "figure: '42' given; allowed: whole numbers from 1 to 41",
+            ["--figures", "42", "--plots", "new"],
+            "figures: '42' given; allowed: whole numbers from 1 to 41",
         ),
-        (["--figure", ""], "figure: "),
-        (["--figure", "4", "--frames", "0"], "frames: '0' given; allowed: a whole number >= 1"),
-        (["--figure", "4", "--frames", "-3"], "frames: '-3' given"),
-        (["--figure", "4", "--plots", "/proc/none"], "plots: '/proc/none' given"),
+        (["--figures", ""], "figures: "),
+        (["--figures", "4", "--frames", "0"], "frames: '0' given; allowed: a whole number >= 1"),
+        (["--figures", "4", "--frames", "-3"], "frames: '-3' given"),
+        (["--figures", "4", "--plots", "/proc/none"], "plots: '/proc/none' given"),
         (
-            ["--figure", "4", "--plots", "a/b"],
+            ["--figures", "4", "--plots", "a/b"],
             "plots: 'a/b' given; allowed: a folder that you may write to",
         ),
-        (["--figure", "4", "--out", "none/x.md"], "out: 'none/x.md' given"),
-        (["--figure", "4", "--format", "pdf"], "--format"),
+        (["--figures", "4", "--out", "none/x.md"], "out: 'none/x.md' given"),
+        (["--figures", "4", "--format", "pdf"], "--format"),
     ],
 )
 def test_report_faults(run, tmp_path, arguments, words):
@@ -250,7 +276,7 @@ def test_an_interrupted_report_keeps_what_is_finished(environment, tmp_path):
     """Figure 4 is done in no time; figure 6, which takes a minute, is interrupted."""
     kept = Path(environment["XDG_CACHE_HOME"]) / "ropeode" / "report"
     process = subprocess.Popen(
-        [*RUN, "report", "--figure", "4,6", "--frames", "2000"],
+        [*RUN, "report", "--figures", "4,6", "--frames", "2000"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

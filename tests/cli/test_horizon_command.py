@@ -17,12 +17,12 @@ QUICK = ["--problem", "oscillator", "--frames", "4", "--spans", "4,100"]
 
 def test_text_json_and_picture(run, tmp_path):
     pytest.importorskip("heyoka", reason="heyoka is an extra")
-    done = run("horizon", *QUICK, "--plot", "a.png", "--format", "json", "--out", "a.json")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "wrote a.png\n")
+    done = run("horizon", *QUICK, "--plots", "new", "--format", "json", "--out", "a.json")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "wrote 1 picture to new\n")
     found = json.loads((tmp_path / "a.json").read_text())
     assert found["schema"] == "ropeode.horizon/1"
     assert [need["measured"] for need in found["needs"]] == [True, False]
-    with Image.open(tmp_path / "a.png") as image:
+    with Image.open(tmp_path / "new" / "horizon.png") as image:
         assert image.width == 1300
     done = run("horizon", *QUICK)
     assert (done.returncode, done.stderr) == (0, "")
@@ -37,8 +37,8 @@ def test_text_json_and_picture(run, tmp_path):
         (["--spans", ""], "spans: [] given; allowed: one or more"),
         (["--frames", "0"], "frames: '0' given"),
         (["--digits", "0"], "digits: '0' given"),
-        (["--level", "consensus"], "level: 'consensus' given"),
-        (["--plot", "a.jpg"], "plot: 'a.jpg' given; allowed: a file name that ends in .png"),
+        (["--steppers", "rk4"], "No such option"),
+        (["--plots", "missing/new"], "plots: 'missing/new' given"),
         (["--out", "missing/a.txt"], "create 'missing'"),
         (["--problem", "pendulums"], "pendulums"),
     ],

@@ -1,13 +1,91 @@
-"""How the text of an option is split."""
+"""Options of commands: their names, who uses them, and how their text is split."""
 
 from __future__ import annotations
 
+import ast
+import inspect
+import textwrap
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from ropeode.cli.job import job_from
+from ropeode.cli.main import cli
 from ropeode.cli.options import ROPE, TABLE
+from ropeode.study.spec import TableJob, TableSpec
+from tests.cli.conftest import commands
+
+COMMANDS = {" ".join(path): each for path, each in commands(cli).items()}
+TAKE_SETTINGS = [
+    name
+    for name, each in COMMANDS.items()
+    if {"frames", "accuracy"} <= {p.name for p in each.params}
+]
+# What a command cannot do without, beside its settings.
+NEEDED = {
+    "explain": ["rk4"],
+    "reference compute": ["-o", "rope.nc"],
+    "grade": ["a.csv", "--problem", "rope"],
+}
+OF_PROBLEM = {"problem", "kind", "frames", "reference", *(f"rope_{field}" for field in ROPE)}
+
+
+@pytest.mark.parametrize("name", TAKE_SETTINGS)
+def test_a_command_uses_each_setting_that_it_takes(name, run, monkeypatch):
+    """It is run with settings that keep a record of what is read, and with no problem to solve."""
+    read = set()
+
+    class Recorded(TableSpec):
+        def __getattribute__(self, field):
+            read.add(field)
+            return super().__getattribute__(field)
+
+    class Job:
+        spec = Recorded(**TableSpec().model_dump())
+        run = TableJob.run
+
+        @property
+        def given(self):
+            read.update(OF_PROBLEM)
+            return SimpleNamespace()
+
+        problem = given
+
+    module = inspect.getmodule(COMMANDS[name].callback)
+    monkeypatch.setattr(module, "job_from", lambda *_: Job())
+    read.clear()
+    assert run(*name.split(), *NEEDED.get(name, [])).returncode != 0
+    takes = {param.name for param in COMMANDS[name].params}
+    assert takes & {*TABLE, *OF_PROBLEM} <= read
+
+
+@pytest.mark.parametrize("name", [name for name, each in COMMANDS.items() if each.callback])
+def test_a_command_reads_each_of_its_own_options(name):
+    function = inspect.unwrap(COMMANDS[name].callback)
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    read = {each.id for each in ast.walk(tree) if isinstance(each, ast.Name)}
+    assert {*inspect.signature(function).parameters} - {"debug"} <= read
+
+
+def test_one_thing_has_one_name_in_all_commands():
+    options = [
+        p for each in COMMANDS.values() for p in each.params if p.param_type_name == "option"
+    ]
+    names = {}
+    for option in options:
+        assert names.setdefault(option.name, option.opts) == option.opts
+        assert option.help
+        assert "plot" not in option.name or option.opts == ["--plots"]
+    assert names["out"] == ["-o", "--out"]
+    assert len({opt for opts in names.values() for opt in opts}) == sum(map(len, names.values()))
+
+
+def test_a_spec_may_stand_where_a_problem_does(tmp_path, monkeypatch):
+    (tmp_path / "mine.toml").write_text("frames = 3\n[rope]\nnum_nodes = 4\n")
+    monkeypatch.chdir(tmp_path)
+    job = job_from(None, {"problem": "mine.toml", "frames": "2"})
+    assert (job.problem.frames, job.problem.parameters["num_nodes"]) == (2, 4)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 
 import numpy as np
@@ -17,22 +16,6 @@ from tests.cli.interrupted import interrupt
 # The rope of `small_rope`: what it compiles serves many tests.
 SMALL = ["--num-nodes", "4", "--frames", "3"]
 QUICK = [*SMALL, "--steppers", "rk4", "--steps", "4,8,16"]
-
-
-def test_help_imports_neither_jax_nor_matplotlib(environment):
-    code = (
-        "import sys\n"
-        "from ropeode.cli.main import cli\n"
-        "for command in ([], ['plot'], ['animate']):\n"
-        "    try: cli.main([*command, '--help'], standalone_mode=False)\n"
-        "    except SystemExit: pass\n"
-        "print({'jax', 'numpy', 'matplotlib'} & set(sys.modules), file=sys.stderr)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
-    )
-    assert done.stderr == "set()\n"
-    assert all(len(line) <= 80 for line in done.stdout.splitlines())
 
 
 @pytest.mark.parametrize("name", TYPES)
