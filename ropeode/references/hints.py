@@ -35,16 +35,23 @@ def coarse_times(problem: Problem, steps: int, reached: float = np.inf) -> str:
         steps: of a run.
         reached: the time that it came to.
     """
-    largest = np.max(np.abs(problem.ts))
+    start, end = problem.ts[0], min(reached, problem.ts[-1])
+    largest = np.maximum(np.abs(problem.ts[:-1]), np.abs(problem.ts[1:]))
     spacing = np.spacing(largest)
-    step = (min(reached, problem.ts[-1]) - problem.ts[0]) / max(steps, 1)
-    shortest = min(step, np.min(np.diff(problem.ts)))
-    if spacing * _UNITS_PER_STEP <= shortest:
+    # Frames may be far longer at late times than at first.
+    shortest = np.minimum((end - start) / max(steps, 1), np.diff(problem.ts))
+    worst = int(np.argmax(spacing / shortest))
+    if spacing[worst] * _UNITS_PER_STEP <= shortest[worst]:
         return ""
+    late = abs(start) > 0.5 * largest[worst]
+    mend = (
+        f"let t start at 0, and add the {start:g} inside the right-hand side where it needs t"
+        if late
+        else "ask for samples that are further apart there"
+    )
     return (
-        f"At t = {largest:g} the floating-point numbers are {spacing:.1e} apart, which is coarse "
-        f"beside the frames and steps ({shortest:.1e}): let t start at 0, and add the "
-        f"{problem.ts[0]:g} inside the right-hand side where it needs the time."
+        f"At t = {largest[worst]:g} the floating-point numbers are {spacing[worst]:.1e} apart, "
+        f"which is coarse beside the frames and steps ({shortest[worst]:.1e}): {mend}."
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple, NoReturn
@@ -10,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.tree_util import Partial
 
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Mechanics
@@ -60,7 +62,7 @@ def system(
         def rhs_of_args(t: Any, y: Any, own: Any) -> Any:
             return slope(t, y, whole(own))
 
-        rhs_of_args.__wrapped__ = rhs  # type: ignore[attr-defined]
+        rhs_of_args.in_jax = _in_jax(rhs, args)  # type: ignore[attr-defined]
         return System(Equations(rhs_of_args, _no_acceleration, own), mechanical=False)
     own_force = mechanics.acceleration
     force = counted(_numpy_version(own_force) if in_numpy else own_force)
@@ -74,7 +76,9 @@ def system(
         # NumPy's own, where it will do: `jnp.stack` of NumPy arrays costs a hundred times as much.
         return (np if isinstance(a, np.ndarray) else jnp).stack([y[1], a])
 
-    first_order.__wrapped__ = _first_order(own_force, turned)  # type: ignore[attr-defined]
+    first_order.in_jax = _in_jax(  # type: ignore[attr-defined]
+        _first_order(own_force, turned), args
+    )
     damping = mechanics.damping(args) if mechanics.damping else None
     return System(
         Equations(first_order, lambda t, x, v, own: force(t, x, v, whole(own)), own),
@@ -141,6 +145,19 @@ def _no_acceleration(*_: Any) -> NoReturn:
 def _turned(force: Callable) -> Callable:
     """An acceleration of positions ``(nodes, dim)``, where they are stored ``(dim, nodes)``."""
     return lambda t, x, v, args: force(t, x.T, v.T, args).T
+
+
+def _in_jax(rhs: Callable, args: Any) -> Partial:
+    """``rhs(t, y, own)`` in JAX, as an argument of programs: one serves for all units."""
+    return Partial(_OfOwnArgs(rhs), args.units if isinstance(args, InUnits) else None)
+
+
+@dataclasses.dataclass(frozen=True)
+class _OfOwnArgs:
+    rhs: Callable
+
+    def __call__(self, units: Any, t: Any, y: Any, own: Any) -> Any:
+        return self.rhs(t, y, own if units is None else InUnits(units, own))
 
 
 @functools.lru_cache(maxsize=64)

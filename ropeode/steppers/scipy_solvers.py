@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.tree_util import Partial
 from scipy import integrate
 
 from ropeode.steppers.base import ProblemClass, Stepper, System
@@ -92,26 +93,26 @@ class RadauStepper(ScipyStepper):
         self, system: System, t: float, field: Callable, y: np.ndarray, dt: float, **options: Any
     ) -> integrate.OdeSolver:
         """As in `ScipyStepper`, with a limit of its own for the iteration."""
-        slope, args = (
-            _jacobian(inspect.unwrap(system.equations.rhs), y.shape),
-            system.equations.args,
-        )
+        rhs, args = system.equations.rhs, system.equations.args
+        in_jax = getattr(rhs, "in_jax", None) or Partial(rhs)
         loose = _LOOSE * max(1.0, float(np.max(np.abs(y))))
-        options["jac"] = lambda since, flat: np.asarray(slope(t + since, flat, args))
+        options["jac"] = lambda since, flat: np.asarray(
+            _jacobian(in_jax, t + since, flat, args, y.shape)
+        )
         solver = super().solver(system, t, field, y, dt, atol=loose, **options)
         assert isinstance(solver, integrate.Radau)
         solver.newton_tol = _NEWTON / loose
         return solver
 
 
-@functools.lru_cache(maxsize=16)
-def _jacobian(rhs: Callable, shape: tuple[int, ...]) -> Callable:
+@functools.partial(jax.jit, static_argnames="shape")
+def _jacobian(rhs: Partial, t: Any, flat: Any, args: Any, shape: tuple[int, ...]) -> Any:
     """That of a right-hand side in JAX, on flat states."""
 
-    def field(t: Any, y: Any, args: Any) -> Any:
+    def field(y: Any) -> Any:
         return rhs(t, y.reshape(shape), args).reshape(-1)
 
-    return jax.jit(jax.jacfwd(field, argnums=1))
+    return jax.jacfwd(field)(flat)
 
 
 def solvers() -> dict[str, type]:

@@ -100,8 +100,11 @@ def spectrum(problem: Problem, times: np.ndarray, states: np.ndarray) -> Spectru
         matrices = matrices[:, free][:, :, free]
     eigenvalues = np.linalg.eigvals(matrices)
     share = _DIFFERENCE if problem.in_python else _ROUNDING
-    largest = np.max(np.abs(eigenvalues), axis=1, initial=0.0)
-    return Spectrum(np.asarray(times), eigenvalues, share * largest)
+    rounding = share * np.max(np.abs(eigenvalues), axis=1, initial=0.0)
+    # What is kept forever, as the sum of all concentrations, has the eigenvalue 0. Long steps would
+    # make much of what rounding makes of it.
+    still = np.abs(eigenvalues) <= rounding[:, None]
+    return Spectrum(np.asarray(times), np.where(still, 0.0, eigenvalues), rounding)
 
 
 @functools.lru_cache(maxsize=64)

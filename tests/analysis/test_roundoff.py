@@ -16,7 +16,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
-from ropeode.steppers import as_stepper
+from ropeode.steppers import as_stepper, scipy_solvers
 from ropeode.steppers.verlet import StormerVerlet, TwoPositions
 from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import slow_if
@@ -68,6 +68,15 @@ def test_links_in_other_units(name):
     # Equal ones hash equally, so that what was compiled is found again.
     assert rescaled.mechanics == in_other_units(problem).mechanics
     assert hash(rescaled.mechanics) == hash(in_other_units(problem).mechanics)
+
+
+@pytest.mark.parametrize("name", sorted(set(scipy_solvers.solvers()) - {"BDF", "LSODA"}))
+@pytest.mark.parametrize("kind", ["rope", "forced"])
+def test_solvers_of_scipy_run_in_other_units(name, kind):
+    problem = PROBLEMS[kind](frames=2, **({"num_nodes": 4} if kind == "rope" else {}))
+    run = simulate(problem, f"scipy:{name}", 8)
+    found = round_off(run, in_other_units(problem), 3, [norm_for(problem)])[0]
+    assert 0 <= found < 1e-9
 
 
 # The ropes are above. These have velocities and driving forces, and neither.

@@ -142,6 +142,10 @@ def test_large_times_are_said_to_be_coarse():
     for start, length in ((0.0, 1e-9), (1e6, 1e3), (-1e9, 1e6)):
         fine = scalar("follows", 0.0, start + np.linspace(0.0, length, 6))
         assert not coarse_times(fine, steps=100)
+    growing = scalar("follows", 0.0, np.array([0.0, 1e-9, 1.0, 1e4, 1e8, 1e11]))
+    assert not coarse_times(growing, steps=100)
+    near = scalar("follows", 0.0, np.array([0.0, 1.0, 2.0, 3.0, 1e11, 1e11 + 1.0]))
+    assert "samples that are further apart" in coarse_times(near, steps=100)
 
 
 def test_components_of_different_size_are_named():

@@ -93,6 +93,16 @@ def test_growth_of_the_solution_itself_asks_for_no_step():
     assert spectral_limit(problem, function, upright) is None
 
 
+def test_what_is_kept_forever_has_the_eigenvalue_zero():
+    """Concentrations of which the sum is constant; rounding would grow in steps long enough."""
+    rates = np.random.default_rng(8).lognormal(sigma=4.0, size=(6, 6))
+    exchange = rates - np.diag(np.sum(rates, axis=0))
+    problem = Problem(lambda t, y, args: args @ y, np.ones(6), [0.0, 1e12], exchange)
+    along = spectrum(problem, np.zeros(1), np.ones((1, 6)))
+    assert np.count_nonzero(along.eigenvalues) == 5
+    assert np.max(np.real(along.eigenvalues)) == 0.0
+
+
 def test_slow_growth_is_told_however_slow():
     problem = oscillator(damping=0.0)
     function = stability_function(problem, "explicit-euler")
