@@ -62,8 +62,10 @@ from .render.plots.error import plot_errors as plot_errors
 from .render.plots.horizon import plot_horizon as plot_horizon
 from .render.plots.stability import plot_stability as plot_stability
 from .render.plots.sweep_map import plot_sweep as plot_sweep
+from .simulation import JaxStepper as JaxStepper
 from .simulation import Trajectories as Trajectories
 from .simulation import Trajectory as Trajectory
+from .simulation import jax_stepper as jax_stepper
 from .simulation import simulate as simulate
 from .simulation import simulate_chunks as simulate_chunks
 from .steppers.base import ProblemClass as ProblemClass

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import functools
+import warnings
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import jax
+import numpy as np
+from jax.core import Tracer
 
 from ropeode import callbacks
+
+_FLOAT32 = (
+    "JAX computes this right-hand side in float32, because its float64 mode is off where jit, grad "
+    "or vmap trace it; everything that ropeode says of the problem is about float64. Before you "
+    "trace, call jax.config.update('jax_enable_x64', True), or hand problem.to_scipy() to SciPy"
+)
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -29,3 +38,21 @@ def in_float64(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
 
     return wrapper
+
+
+def rhs_in_float64(rhs: Callable[..., Any], *inputs: Any) -> Any:
+    """A right-hand side in JAX at these inputs, whoever calls it.
+
+    Outside of JAX's float64 mode the result is a NumPy array in float64, as that of every public
+    function. Where JAX traces the call, it is too late for that; then it warns.
+
+    Arguments:
+        rhs: ``rhs(t, y, args)``.
+        inputs: time, state and arguments.
+    """
+    if jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+        return rhs(*inputs)
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(inputs)):
+        warnings.warn(_FLOAT32, stacklevel=4)
+        return rhs(*inputs)
+    return jax.tree.map(np.asarray, in_float64(rhs)(*inputs))

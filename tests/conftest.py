@@ -149,17 +149,23 @@ def cache(tmp_path_factory):
 
 
 @pytest.fixture
-def command_surroundings(cache, tmp_path, monkeypatch):
+def same_jax_settings():
+    """What code changes in JAX is restored after it."""
+    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
+    yield
+    for name, value in settings.items():
+        jax.config.update(name, value)
+
+
+@pytest.fixture
+def command_surroundings(cache, tmp_path, monkeypatch, same_jax_settings):
     """An empty folder; and what a command changes in its process is restored after it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
     monkeypatch.setattr(program_cache, "_folder", program_cache._folder)
-    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
     handler = signal.getsignal(signal.SIGINT)
     yield
     signal.signal(signal.SIGINT, handler)
-    for name, value in settings.items():
-        jax.config.update(name, value)
 
 
 @pytest.fixture

@@ -66,6 +66,7 @@ def test_code_imports_what_exists(page):
     ],
     ids=page_id,
 )
+@pytest.mark.usefixtures("same_jax_settings")
 def test_code_runs_and_prints_what_it_says(page):
     namespace = {"__name__": "docs"}
     for code in blocks(page, "python"):

@@ -184,9 +184,15 @@ class Ensemble(Displayed, Sequence[Problem]):
 
 
 def same_problem(problem: Problem, other: Problem) -> bool:
-    """Whether two problems have the same functions and numbers."""
+    """Whether two problems have the same functions and numbers.
+
+    Raises:
+        InputError: one of them has no equations.
+    """
     if problem is other:
         return True
+    for each in (problem, other):
+        each.require_equations()
     numbers = [jax.tree.leaves((each.y0, each.args)) for each in (problem, other)]
     return family(problem) == family(other) and all(map(np.array_equal, *numbers))
 

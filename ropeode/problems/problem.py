@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import functools
+import types
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -14,12 +15,13 @@ import numpy as np
 
 from ropeode.display import Displayed
 from ropeode.errors import InputError, call_user_code
-from ropeode.precision import in_float64
+from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems import checks
 from ropeode.problems.keywords import refuse_others
 from ropeode.problems.links import LinearDamping, Links
+from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.python_rhs import PythonRhs
-from ropeode.problems.scipy_form import scipy_form
+from ropeode.problems.scipy_form import ScipyFunction, scipy_form
 from ropeode.problems.state_structure import StateStructure, is_tree
 from ropeode.problems.traced import again, compiled, traced
 from ropeode.validation import bad_value
@@ -66,7 +68,21 @@ class FirstOrderForm:
 
     def __call__(self, t: Any, y: Any, args: Any) -> Any:
         """The derivative of ``y = stack([x, v])``, of the same shape."""
+        return rhs_in_float64(self._derivative, t, y, args)
+
+    def _derivative(self, t: Any, y: Any, args: Any) -> Any:
         return jnp.stack([y[1], self.acceleration(t, y[0], y[1], args)])
+
+
+@dataclasses.dataclass(frozen=True)
+class FirstOrderRhs:
+    """A right-hand side ``rhs(t, y, args)`` of the library."""
+
+    function: Rhs
+
+    def __call__(self, t: Any, y: Any, args: Any) -> Any:
+        """The derivative of `y`."""
+        return rhs_in_float64(self.function, t, y, args)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -137,7 +153,9 @@ class Problem(Displayed):
             own = checks.acceleration(self.rhs.acceleration, start, x0, v0, self.args)
             self._set("rhs", FirstOrderForm(own))
         else:
-            self._set("rhs", checks.right_hand_side(self.rhs, start, self.y0, self.args))
+            own_rhs = checks.right_hand_side(self.rhs, start, self.y0, self.args)
+            plain = isinstance(own_rhs, types.FunctionType)
+            self._set("rhs", FirstOrderRhs(own_rhs) if plain else own_rhs)
         if self.constraints is not None:
             residuals = checks.constraints(
                 self.constraints, start, self.y0, self.args, self.quantities
@@ -181,6 +199,34 @@ class Problem(Displayed):
             other._set(name, value)
         return other
 
+    @classmethod
+    def without_equations(
+        cls,
+        missing: NoEquations,
+        y0: np.ndarray,
+        ts: np.ndarray,
+        node_axis: int | None,
+        **more: Any,
+    ) -> Problem:
+        """A problem of which only numbers are known; it can be shown and compared, but not run.
+
+        Arguments:
+            missing: is called in place of its functions, and raises.
+            y0, ts: as for `Problem`, in float64.
+            node_axis: as for `Mechanics`; None for a problem that is not mechanical.
+            more: other fields of `Problem`.
+        """
+        mechanics = None if node_axis is None else Mechanics(missing, None, node_axis)
+        empty = object.__new__(cls)
+        return empty.changed(rhs=missing, y0=y0, ts=ts, mechanics=mechanics, **more)
+
+    def require_equations(self) -> None:
+        """Raises:
+        InputError: it was read from a file that has no equations.
+        """
+        if isinstance(self.rhs, NoEquations):
+            self.rhs()
+
     @property
     def functions(self) -> dict[str, Any]:
         """The fields that hold the functions which say how the state moves."""
@@ -196,8 +242,10 @@ class Problem(Displayed):
             The problem itself, if its functions still compute the same.
 
         Raises:
+            InputError: it has no equations.
             UserCodeError: one of them raised.
         """
+        self.require_equations()
         now = {name: _again(function) for name, function in self.functions.items()}
         same = all(now[name] is function for name, function in self.functions.items())
         return self if same else self.changed(**now)
@@ -318,6 +366,31 @@ class Problem(Displayed):
         refuse_others(more, _MORE)
         return cls(**{**scipy_form(fun, t_span_or_ts, y0, args, frames), **more})
 
+    @in_float64
+    def to_scipy(self) -> dict[str, Any]:
+        """The problem as `scipy.integrate.solve_ivp` takes it, in float64.
+
+        As in ``solve_ivp(**problem.to_scipy(), method="DOP853", rtol=1e-10)``. The states that it
+        returns can be held against a reference as they are: ``error_series(found, reference)``.
+
+        Returns:
+            `fun`, which is ``fun(t, y)`` or ``fun(t, y, args)`` with other arguments than the
+            problem's, of flat states ``(n,)``, whatever the configuration of JAX; `t_span`; `y0`,
+            ``(n,)``; and `t_eval`, the sample times. ``fun.jac(t, y)`` is its Jacobian, ``(n, n)``,
+            for implicit methods: ``solve_ivp(**ivp, method="Radau", jac=ivp["fun"].jac)``.
+
+        Raises:
+            InputError: the problem has no equations.
+            UserCodeError: a function of the user's raised.
+        """
+        now = self.up_to_date()
+        return {
+            "fun": ScipyFunction(now.rhs, now.y0.shape, now.args),
+            "t_span": (float(now.ts[0]), float(now.ts[-1])),
+            "y0": np.array(now.y0).ravel(),
+            "t_eval": np.array(now.ts),
+        }
+
     @property
     def in_python(self) -> bool:
         """Whether the right-hand side runs in Python, some 10 us for each evaluation or more."""
@@ -429,6 +502,7 @@ class Problem(Displayed):
         Raises:
             InputError: the problem has no energy.
         """
+        self.require_equations()
         if self.energy is None:
             raise bad_value("energy", None, "a function energy(t, y, args)", "pass energy=...")
         # The function as it is now: what it reads besides its arguments may have changed.

@@ -24,6 +24,7 @@ from jax.experimental.buffer_callback import buffer_callback
 
 from ropeode import callbacks
 from ropeode.errors import RopeodeError, UserCodeError
+from ropeode.precision import rhs_in_float64
 from ropeode.validation import bad_value, shortly, shown
 
 # A function may write to arrays of its own before it returns them, which are the same in all
@@ -59,6 +60,9 @@ class PythonRhs:
 
     def __call__(self, t: Any, y: Any, args: Any) -> Any:
         """The derivative, in a program of JAX."""
+        return rhs_in_float64(self._in_program, t, y, args)
+
+    def _in_program(self, t: Any, y: Any, args: Any) -> Any:
         return _value(self, jnp.asarray(t, dtype=float), jnp.asarray(y, dtype=float), args)
 
     def in_numpy(self, t: Any, y: Any, args: Any) -> Any:

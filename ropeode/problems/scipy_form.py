@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import itertools
 import time
 from collections.abc import Callable
@@ -29,6 +31,57 @@ _FRAMES, _MOST_FRAMES = 20, 10**8
 _PROBES = 64
 # A function that counts its calls shows it within so many, unless they take longer than so long.
 _CALLS, _SECONDS = 150, 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class ScipyFunction:
+    """A problem's right-hand side as SciPy's solvers call it, in float64.
+
+    Arguments:
+        rhs: of the problem.
+        shape: of its state.
+        args: of the problem.
+    """
+
+    rhs: Callable
+    shape: tuple[int, ...]
+    args: Any
+
+    def __call__(self, t: float, y: Any, *args: Any) -> np.ndarray:
+        """The derivative, ``(n,)``.
+
+        Arguments:
+            t: time.
+            y: state, ``(n,)``.
+            args: other arguments of the right-hand side, in place of the problem's.
+        """
+        return self._called(_slope, t, y, args)
+
+    def jac(self, t: float, y: Any, *args: Any) -> np.ndarray:
+        """The derivative of that by the state, ``(n, n)``; arguments are the same."""
+        return self._called(_jacobian, t, y, args)
+
+    @in_float64
+    def _called(self, compiled: Callable, t: float, y: Any, args: tuple) -> np.ndarray:
+        (own,) = args or (self.args,)
+        # A copy, which the caller may write to.
+        return np.array(compiled(self.rhs, self.shape)(t, np.asarray(y, dtype=float), own))
+
+
+@functools.lru_cache(maxsize=64)
+def _slope(rhs: Callable, shape: tuple[int, ...]) -> Callable:
+    """``rhs`` of flat states, compiled; in Python, if that is where it runs."""
+
+    def flat(t: Any, y: Any, args: Any) -> Any:
+        own = rhs.in_numpy if isinstance(rhs, PythonRhs) else rhs
+        return own(t, y.reshape(shape), args).ravel()
+
+    return flat if isinstance(rhs, PythonRhs) else jax.jit(flat)
+
+
+@functools.lru_cache(maxsize=64)
+def _jacobian(rhs: Callable, shape: tuple[int, ...]) -> Callable:
+    return jax.jit(jax.jacfwd(_slope(rhs, shape), argnums=1))
 
 
 @in_float64

@@ -15,6 +15,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal, jaxpr_as_fun
 
 from ropeode.errors import call_user_code
+from ropeode.precision import rhs_in_float64
 from ropeode.problems.nested_jaxprs import equations, evaluated
 from ropeode.problems.traced_digest import digest
 from ropeode.validation import bad_value
@@ -74,6 +75,9 @@ class Traced:
 
     def __call__(self, *inputs: Any) -> Any:
         """What the function returns; the function itself answers where other shapes are asked."""
+        return rhs_in_float64(self._evaluated, *inputs)
+
+    def _evaluated(self, *inputs: Any) -> Any:
         if not self.fits(inputs) or not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
             return self.function(*inputs)
         leaves = map(_as, jax.tree.leaves(inputs), jax.tree.leaves(self.inputs))

@@ -15,6 +15,7 @@ from ropeode.analysis.errors import ErrorSeries
 from ropeode.analysis.lyapunov import LyapunovExponent
 from ropeode.analysis.motion import Motion
 from ropeode.problems.ensemble import Ensemble
+from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.files.verify import Verification
@@ -22,7 +23,7 @@ from ropeode.references.reference import Reference
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.reference import claim, sparkline, value_words
 from ropeode.render.table_words import problem_words, trust_words
-from ropeode.simulation import Trajectories, Trajectory
+from ropeode.simulation import JaxStepper, Trajectories, Trajectory
 from ropeode.study.curves import Curve, EnergyCurves, ErrorCurves
 from ropeode.study.node_paths import NodePath, NodePaths
 
@@ -50,6 +51,8 @@ def _(problem: Problem) -> str:
 def _(problem: Problem) -> list[Block]:
     ts, parameters = problem.ts, dict(problem.parameters)
     kind = "first order" if problem.mechanics is None else "second order"
+    if isinstance(problem.rhs, NoEquations):
+        kind += "; the file that it was read from has no equations"
     known = [name for name in ("energy", "exact", "constraints") if getattr(problem, name)]
     facts = {
         "equation": kind,
@@ -123,6 +126,11 @@ def _(run: Trajectory) -> str:
         f"{run.stepper.label}, {run.steps_per_frame} steps/frame; {problem_words(run.problem)}; "
         f"{run.status}{at}, {len(run.times)} samples"
     )
+
+
+@line.register
+def _(own: JaxStepper) -> str:
+    return f"{own.method.stepper.label}; {problem_words(own.problem)}"
 
 
 @line.register

@@ -162,6 +162,7 @@ class Stepper(abc.ABC):
         Raises:
             InputError: it cannot, and why.
         """
+        problem.require_equations()
         if refusal := self.refusal(problem):
             raise InputError(refusal)
 

@@ -253,6 +253,7 @@ def chosen_steppers(problem: Problem, given: Any) -> list[Stepper]:
     Raises:
         InputError: one line for each that does not exist, is repeated or cannot run.
     """
+    problem.require_equations()
     chosen = check_steppers(default_steppers(problem) if given is None else given)
     if refusals := [refusal for each in chosen if (refusal := each.refusal(problem))]:
         raise InputError(refusals)

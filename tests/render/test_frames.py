@@ -114,9 +114,7 @@ def test_bare_states_have_errors(truth, run):
 
 def test_what_scipy_returns_has_errors(truth):
     problem = truth.problem
-    fun = lambda t, y: np.asarray(problem.rhs(t, y.reshape(problem.y0.shape), problem.args)).ravel()  # noqa: E731
-    span = (problem.ts[0], problem.ts[-1])
-    found = solve_ivp(fun, span, problem.y0.ravel(), rtol=1e-6, t_eval=problem.ts)
+    found = solve_ivp(**problem.to_scipy(), rtol=1e-6)
     series = error_series(found, truth)
     assert series.max is not None
     assert 1e-6 < series.max < 1.0

@@ -109,6 +109,8 @@ def texts_of(reference: Reference) -> dict[str, str]:
         "samples": len(reference.states),
         "quantities": list(problem.quantities),
         "constrained": sorted(certificate.drift),
+        "node_axis": None if problem.mechanics is None else problem.mechanics.node_axis,
+        "tree": None if problem.structure is None else str(problem.structure),
     }
     return {
         "Conventions": "CF-1.11",

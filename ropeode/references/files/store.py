@@ -12,6 +12,7 @@ import numpy as np
 from ropeode.errors import InputError
 from ropeode.files import check_suffix, replacing
 from ropeode.problems.library import PROBLEMS
+from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.files import netcdf
@@ -69,8 +70,10 @@ def load_reference(path: str | Path, problem: Problem | None = None) -> Referenc
 
     Arguments:
         path: of the file.
-        problem: that the reference must solve. Needed where the file's problem is not one of
-            the library; a file of another problem is refused.
+        problem: that the reference must solve; a file of another problem is refused. By default
+            the library builds it. If it is not one of the library, all that the file holds is
+            there without it: times, states, bounds, certificate, `at`; what computes with the
+            equations, as steppers and further references do, says that it needs the problem.
 
     Raises:
         InputError: the file is not as it was written, or holds no reference, or one of another
@@ -81,9 +84,14 @@ def load_reference(path: str | Path, problem: Problem | None = None) -> Referenc
 
 def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
     """The reference in a file; checks its problem, as `load_reference` does."""
+    parameters = dict(facts.problem["parameters"])
+    kind = parameters.pop("kind", None)
+    if problem is None and kind in PROBLEMS:
+        problem = PROBLEMS[kind](**parameters)
     if problem is None:
-        problem = _library_problem(facts.path, facts.problem)
-    _check_same(facts.path, problem, facts.problem, facts.numbers)
+        problem = _without_equations(facts)
+    else:
+        _check_same(facts.path, problem, facts.problem, facts.numbers)
     return Reference(
         problem=problem,
         states=states_from(problem, int(facts.problem["samples"]), facts.numbers),
@@ -127,18 +135,33 @@ def stored_facts(path: str | Path) -> Facts:
     return Facts(path, digest, problem, certificate_from(problem, claims, numbers), numbers)
 
 
-def _library_problem(path: Path, description: Mapping[str, Any]) -> Problem:
-    """The problem that the library builds from the stored parameters."""
-    parameters = dict(description["parameters"])
-    kind = parameters.pop("kind", None)
-    if kind not in PROBLEMS:
-        raise bad_value(
-            "problem",
-            description["name"],
-            f"a problem of the library, which that of {str(path)!r} is not",
-            "pass the problem, as in load_reference(path, problem) or --problem FILE.py:NAME",
-        )
-    return PROBLEMS[kind](**parameters)
+def _without_equations(facts: Facts) -> Problem:
+    """What the file says of a problem that nobody can build from it."""
+    description, numbers = facts.problem, facts.numbers
+    missing = NoEquations(description["name"], str(facts.path))
+    return Problem.without_equations(
+        missing,
+        numbers["initial_state"],
+        numbers["time"],
+        _node_axis(description, numbers),
+        name=description["name"],
+        parameters=description["parameters"],
+        jump_times=tuple(description["jump_times"]),
+        structure=missing if description.get("tree") else None,
+    )
+
+
+def _node_axis(description: Mapping[str, Any], numbers: Mapping[str, np.ndarray]) -> int | None:
+    """The axis of the initial state's positions that counts nodes; None if it has no positions."""
+    if "position" not in numbers:
+        return None
+    if "node_axis" in description:
+        return description["node_axis"]
+    # Files of older releases do not say it. Files count nodes by the first axis, and begin with
+    # the initial state.
+    start = numbers["initial_state"]
+    halves = np.stack([numbers[name][0] for name in description["quantities"]])
+    return int(start.ndim == 3 and not np.array_equal(start, halves))
 
 
 def _check_same(

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 import xarray
 
+from ropeode.analysis.errors import error_series
 from ropeode.errors import InputError
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
@@ -28,6 +29,8 @@ from ropeode.problems.rope import Rope
 from ropeode.problems.traced import compiled
 from ropeode.references.certificate import Certificate, Sampling, Witness
 from ropeode.references.compute import reference
+from ropeode.references.dense.dense_output import with_dense_output
+from ropeode.references.dense.polynomials import Dense
 from ropeode.references.files.checksum import append_checksum
 from ropeode.references.files.encoding import arrays_of, texts_of
 from ropeode.references.files.netcdf import content_hash, write
@@ -35,6 +38,11 @@ from ropeode.references.files.store import load_reference, save_reference, store
 from ropeode.references.files.verify import verify_reference
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import KVAERNO5, SCIPY_RADAU, taylor
+from ropeode.simulation import simulate
+from ropeode.study.accuracy_table import accuracy_table
+from ropeode.study.curves import error_curves
+from ropeode.study.explanation import explain_stepper
+from ropeode.theory.growth import stability_limit
 
 
 def riccati(t, y, args):
@@ -140,10 +148,101 @@ def test_a_problem_of_ones_own(tmp_path):
     known = anything(own_problem(), 4)
     path = save_reference(known, tmp_path / "own.nc")
     same(load_reference(path, own_problem()), known)
-    with pytest.raises(InputError, match=r"problem: 'own' given.*--problem FILE.py:NAME"):
-        load_reference(path)
     with pytest.raises(InputError, match="right-hand side"):
         load_reference(path, own_problem(drive=0.5000001))
+
+
+def a_tree(t, y, args):
+    return {"x": y["v"], "v": -y["x"]}
+
+
+def a_force(t, x, v, args):
+    return -x
+
+
+START = np.arange(4.0).reshape(2, 2)
+OTHERS = {
+    "first order": own_problem,
+    "a tree": lambda: Problem(a_tree, {"x": [1.0, 2.0], "v": [0.0, 0.0]}, range(4)),
+    # Square, so that only the numbers tell which axis counts the nodes.
+    "nodes first": lambda: Problem.second_order(a_force, START, 2 * START, range(4)),
+    "nodes last": lambda: Problem.second_order(a_force, START, 2 * START, range(4), node_axis=1),
+    "numbers": lambda: Problem.second_order(a_force, 1.0, 0.5, range(4)),
+}
+
+
+@pytest.mark.parametrize("older", [False, True], ids=["now", "older file"])
+@pytest.mark.parametrize("build", OTHERS.values(), ids=OTHERS)
+def test_a_reference_is_read_without_its_problem(build, older, tmp_path):
+    problem = build()
+    known = anything(problem, 4)
+    known.states[0] = problem.y0
+    path = tmp_path / "own.nc"
+    texts = texts_of(known)
+    if older:
+        description = json.loads(texts["problem"])
+        del description["node_axis"], description["tree"]
+        texts["problem"] = json.dumps(description)
+    write(path, arrays_of(known), texts)
+    append_checksum(path)
+    found = load_reference(path)
+    same(found, known)
+    np.testing.assert_array_equal(found.times, known.times)
+    np.testing.assert_array_equal(found.bound(), known.bound())
+    for name in problem.quantities:
+        stored = found.problem.quantity(name, found.states)
+        np.testing.assert_array_equal(stored, problem.quantity(name, known.states))
+    assert found.to_dataframe().equals(known.to_dataframe())
+    assert found.to_xarray().equals(known.to_xarray())
+    assert "equations" in found.problem._repr_html_()
+    np.testing.assert_array_equal(
+        error_series(known.states + 1.0, found).values,
+        error_series(known.states + 1.0, known).values,
+    )
+
+
+def test_what_needs_the_equations_says_so(tmp_path):
+    problem = own_problem()
+    found = load_reference(save_reference(anything(problem, 4), tmp_path / "own.nc"))
+    needed = r"problem: 'own' given.*own\.nc.*load_reference\(path, problem\)"
+    uses = [
+        lambda: simulate(found.problem, "rk4", 4),
+        lambda: reference(found.problem),
+        lambda: accuracy_table(found, ["velocity-verlet"], [4]),
+        lambda: error_curves(found, ["rk4"], [4]),
+        lambda: explain_stepper("rk4", found),
+        lambda: stability_limit(found.problem, "rk4"),
+        lambda: with_dense_output(found),
+        lambda: error_series(simulate(problem, "rk4", 4), found),
+        lambda: found.problem.energies(found.states),
+        lambda: found.problem.to_scipy(),
+        lambda: save_reference(found, tmp_path / "again.nc"),
+        lambda: dataclasses.replace(found.problem, name="other"),
+        lambda: verify_reference(tmp_path / "own.nc"),
+    ]
+    for use in uses:
+        with pytest.raises(InputError, match=needed):
+            use()
+    assert not (tmp_path / "again.nc").exists()
+
+
+def test_the_states_of_a_tree_need_its_structure(tmp_path):
+    path = save_reference(anything(OTHERS["a tree"](), 4), tmp_path / "tree.nc")
+    with pytest.raises(InputError, match="load_reference"):
+        _ = load_reference(path).tree
+    assert set(load_reference(path, OTHERS["a tree"]()).tree) == {"x", "v"}
+
+
+def test_dense_output_is_read_without_the_problem(tmp_path):
+    known, random = anything(own_problem(), 4), np.random.default_rng(3)
+    derivatives = random.normal(size=(4, 3, *known.problem.y0.shape))
+    bounds = {"state": np.array([1e-9, 2e-9, 3e-9, 4e-9])}
+    dense = dataclasses.replace(known, dense=Dense(known.times, derivatives, bounds))
+    found = load_reference(save_reference(dense, tmp_path / "dense.nc"))
+    times = np.linspace(0.0, 1.1, 7)
+    np.testing.assert_array_equal(found.at(times), dense.at(times))
+    assert found.at(0.7).shape == known.problem.y0.shape
+    np.testing.assert_array_equal(found.bound_at(times), dense.bound_at(times))
 
 
 def test_xarray_reads_it_with_names(saved, rope):

@@ -1,0 +1,132 @@
+"""Steppers inside a user's own `jit`, `vmap` and `grad`."""
+
+from __future__ import annotations
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.simulation import jax_stepper, simulate
+from tests.steppers.every_variant import EVERY_VARIANT
+
+FRAMES, STEPS, NODES = 3, 32, 4
+ROPE = functools.partial(Rope, num_nodes=NODES)
+
+
+def heun(rhs, t, y, dt, args):
+    k = rhs(t, y, args)
+    return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args))
+
+
+def in_numpy(rhs, t, y, dt, args):
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
+OTHERS = [heun, "diffrax:Heun", "diffrax:Kvaerno3", "diffrax:LeapfrogMidpoint"]
+FORWARDS, BACKWARDS = jax.jacfwd, jax.grad
+
+
+def ways_of(stepper):
+    """How it can be differentiated."""
+    if str(stepper).startswith("diffrax") and "Leapfrog" not in stepper:
+        return [BACKWARDS]
+    return [FORWARDS] if getattr(stepper, "iterates", False) else [FORWARDS, BACKWARDS]
+
+
+def problem_for(stepper) -> Problem:
+    needs = getattr(stepper, "needs", "any ODE")
+    if needs == "nodes in a row":
+        return InextensibleRope(num_nodes=NODES, damping=0.1).problem(FRAMES)
+    return ROPE(damping=0.0 if "no damping" in needs else 0.1).problem(FRAMES)
+
+
+def check(stepper):
+    """The same states as a run; compiled, mapped, and differentiated, against differences."""
+    problem = problem_for(stepper)
+    own = jax_stepper(problem, stepper)
+
+    def end(mass):
+        args = problem.args._replace(mass=mass * jnp.ones(NODES))
+        return own.states(STEPS, args=args)[-1, 0, 1, -1]
+
+    whole = jax.jit(lambda y0: own.states(STEPS, y0))(problem.y0)
+    run = simulate(problem, stepper, STEPS)
+    # XLA may round a step otherwise inside another program.
+    np.testing.assert_allclose(whole, run.states, rtol=1e-12, atol=1e-9)
+    assert whole.shape == run.states.shape
+    h = 1e-4
+    either = jax.jit(jax.vmap(end))(jnp.array([1.0, 1.0 - h, 1.0 + h]))
+    np.testing.assert_allclose(either[0], run.states[-1, 0, 1, -1], rtol=1e-12)
+    slope = float(either[2] - either[1]) / (2 * h)
+    for way in ways_of(stepper):
+        # The third derivative times h**2, and the rounding of a height over h.
+        assert float(jax.jit(way(end))(1.0)) == pytest.approx(slope, rel=1e-5, abs=1e-7)
+
+
+@pytest.fixture
+def float64():
+    with jax.enable_x64(True):
+        yield
+
+
+@pytest.mark.usefixtures("float64")
+@pytest.mark.parametrize(
+    "stepper",
+    [
+        pytest.param(
+            each, id=each.label, marks=() if each.label == "velocity-verlet" else pytest.mark.slow
+        )
+        for each in EVERY_VARIANT
+    ],
+)
+def test_every_stepper(stepper):
+    check(stepper)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("float64")
+@pytest.mark.parametrize("stepper", OTHERS, ids=str)
+def test_steppers_of_others(stepper):
+    check(stepper)
+
+
+@pytest.mark.usefixtures("float64")
+def test_a_loop_of_ones_own(small_rope):
+    """With what a two-step method carries."""
+    own = jax_stepper(small_rope, "stormer-verlet")
+    args, dt = small_rope.args, 1.0 / STEPS
+
+    @jax.jit
+    def after_a_frame(y0):
+        carried = own.init(0.0, y0, dt, args)
+        for i in range(STEPS):
+            carried = own.step(i * dt, carried, dt, args)
+        return own.state(1.0, carried, dt, args)
+
+    expected = simulate(small_rope, "stormer-verlet", STEPS).states[1]
+    np.testing.assert_allclose(after_a_frame(small_rope.y0), expected, rtol=1e-12, atol=1e-9)
+
+
+def test_float32_is_refused(small_rope):
+    own = jax_stepper(small_rope, "rk4")
+    assert not jax.config.jax_enable_x64
+    for use in (
+        lambda: own.states(4),
+        lambda: jax.jit(own.init)(0.0, small_rope.y0, 0.1, small_rope.args),
+    ):
+        with pytest.raises(InputError, match="jax_enable_x64: False given"):
+            use()
+
+
+def test_what_jax_cannot_trace_is_refused(small_rope):
+    for stepper in (in_numpy, "scipy:RK45"):
+        with pytest.raises(InputError, match=r"^stepper: .*runs in Python"):
+            jax_stepper(small_rope, stepper)
+    assert repr(jax_stepper(small_rope, "rk4")).startswith("<JaxStepper: rk4; rope, 4 nodes")
