@@ -67,8 +67,8 @@ class Block:
         t: that time.
         size: how large it is there.
         bend: how far values of the right-hand side are from a straight line within rounding errors
-            of its arguments, ``(steps, numbers)``.
-        largest: its largest values, ``(steps, numbers)``.
+            of its arguments, ``(steps, numbers)``; 0 for the velocities of `Sampler`.
+        largest: its largest values, likewise.
     """
 
     share: np.ndarray
@@ -84,6 +84,10 @@ class Sampler:
 
     So many times are spread evenly over the span, and in each step there are at least half as
     many as if they were spread evenly over the steps.
+
+    The first half of a mechanical problem's right-hand side is the velocities themselves. Along
+    the cubics these are polynomials, whatever the problem does, so that only the accelerations
+    are looked at.
 
     Arguments:
         problem: what was solved.
@@ -103,7 +107,9 @@ class Sampler:
         if isinstance(problem.rhs, PythonRhs):
             many, self._rows = _TIMES_IN_PYTHON, _ROWS_IN_PYTHON
         family = dataclasses.replace(Family.of(problem, SCIPY_DOP853, 1), jumps=0)
-        self._values = _compiled(family, self._rows)
+        # The first number of the right-hand side that is looked at.
+        self._first = 0 if problem.mechanics is None else numbers // 2
+        self._values = _compiled(family, self._rows, self._first)
         self._length = np.diff(path.times)
         steps, span = len(self._length), path.times[-1] - path.times[0]
         wanted = np.maximum(many * self._length / span, many / (2 * steps))
@@ -119,7 +125,7 @@ class Sampler:
         self.spacing = self._length / inside
         self.times = int(np.sum(inside))
         self._every = max(1, steps // _BENT_STEPS)
-        self._last_bent = np.zeros((1, numbers))
+        self._last_bent = np.zeros((1, numbers - self._first))
 
     def blocks(self) -> Iterator[Block]:
         """The findings of all steps, some at a time."""
@@ -147,7 +153,7 @@ class Sampler:
             size = np.maximum(half, _SMALLEST * np.max(half, axis=1, keepdims=True))
             rounding = np.maximum(_ROUNDINGS * _EPS * size, _TINY)
             allowed.append(np.maximum(rounding, _SHARE * bound[frame, None]))
-        return np.concatenate(allowed, axis=1)
+        return np.concatenate(allowed, axis=1)[:, self._first :]
 
     def _look_into(self, steps: np.ndarray, negligible: np.ndarray) -> Block:
         curves = self._curves(steps)
@@ -172,7 +178,7 @@ class Sampler:
             if not len(beyond):
                 continue
             row, step, t = row[beyond], step[beyond], t[beyond]
-            residual = np.asarray(residual)[beyond]
+            residual = np.asarray(residual)[beyond].swapaxes(1, 2)
             residual = np.where(residual <= allowed[row, None], 0.0, residual)
             residual[np.isnan(residual)] = np.inf
             np.add.at(added, row, np.sum(residual, axis=1) * self.spacing[step, None])
@@ -182,7 +188,9 @@ class Sampler:
         share = np.max(added / negligible, axis=1)
         step, t, size = (np.concatenate(each) for each in zip(*found, strict=True))
         order = np.lexsort((t, step))
-        return Block(share, step[order], t[order], size[order], bend, largest)
+        before = [(0, 0), (self._first, 0)]
+        every = (np.pad(each, before) for each in (bend, largest))
+        return Block(share, step[order], t[order], size[order], *every)
 
     def _curves(self, steps: np.ndarray) -> tuple[np.ndarray, ...]:
         """The cubics through states and slopes at the ends of steps, by powers of s."""
@@ -198,8 +206,9 @@ class Sampler:
         """The polynomials through the values at the nodes, and what is no difference from them.
 
         Returns:
-            Chebyshev coefficients, ``(steps, nodes, numbers)``; the rest is ``(steps, numbers)``:
-            what is no difference, and `bend` and `largest` of `Block`.
+            Chebyshev coefficients, ``(steps, nodes, numbers)``, of the numbers that are looked
+            at; the rest is ``(steps, numbers)``: what is no difference, and `bend` and `largest`
+            of `Block`.
         """
         # Apart in floating-point numbers as well.
         apart = np.maximum(_APART, 4.0 / self._numbers_in[steps])[:, None, None]
@@ -271,7 +280,7 @@ class Sampler:
         # The last row fills the block up, so that one compilation serves all.
         rows = np.minimum(np.arange(self._rows), len(t) - 1)
         values = self._values(*(each[rows] for each in (t, s, *curves)), self._leaves)
-        return np.asarray(values)[: len(t)]
+        return np.asarray(values)[: len(t)].swapaxes(1, 2)
 
 
 _ANGLES = (np.arange(_NODES) + 0.5) * np.pi / _NODES
@@ -283,29 +292,37 @@ _TO_COEFFICIENTS[0] /= 2.0
 
 @jax.jit
 def _compare(values: Any, coefficients: Any, s: Any, allowed: Any) -> tuple[Any, Any]:
-    """How far values are from Chebyshev series at parts of steps, by Clenshaw's rule.
+    """How far values are from Chebyshev series at parts of steps.
 
-    Not one program with the right-hand side: fused, they took several times as long.
+    The polynomials are computed once for all numbers at a time, and then summed, which takes a
+    third of the operations of Clenshaw's rule. Not one program with the right-hand side: fused,
+    they took several times as long.
 
     Returns:
-        The distances, and for each row whether one of them is not within what is allowed.
+        The distances, ``(rows, numbers, times)``, and for each row whether one of them is not
+        within what is allowed.
     """
-    x = 2.0 * s[..., None] - 1.0
-    last = before = jnp.zeros_like(values)
-    for index in range(_NODES - 1, 0, -1):
-        last, before = coefficients[:, index, None] + 2.0 * x * last - before, last
-    residual = jnp.abs(values - (coefficients[:, 0, None] + x * last - before))
-    return residual, jnp.any(~(residual <= allowed[:, None]), axis=(1, 2))
+    x = 2.0 * s[:, None] - 1.0
+    before, last = jnp.ones_like(x), x
+    series = coefficients[:, 0, :, None] + coefficients[:, 1, :, None] * x
+    for index in range(2, _NODES):
+        last, before = 2.0 * x * last - before, last
+        series = series + coefficients[:, index, :, None] * last
+    residual = jnp.abs(values - series)
+    return residual, jnp.any(~(residual <= allowed[..., None]), axis=(1, 2))
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(family: Family, rows: int) -> Callable:
-    """The right-hand side along cubics, for rows of times."""
+def _compiled(family: Family, rows: int, first: int) -> Callable:
+    """The right-hand side along cubics, from a number on: ``(rows, numbers, times)``.
+
+    Times are the last axis, along which processors compute several numbers at once.
+    """
 
     def value(t: Any, s: Any, a0: Any, a1: Any, a2: Any, a3: Any, leaves: Any) -> Any:
-        return family.field(t, a0 + s * (a1 + s * (a2 + s * a3)), leaves)
+        return family.field(t, a0 + s * (a1 + s * (a2 + s * a3)), leaves)[first:]
 
-    row = jax.vmap(value, (0, 0, *5 * [None]))
+    row = jax.vmap(value, (0, 0, *5 * [None]), out_axes=-1)
     every = jax.vmap(row, (*6 * [0], None))
     _, leaves, *_ = family.inputs()
     times, state = abstract((rows, _ROW)), abstract((rows, int(np.prod(family.shape))))
