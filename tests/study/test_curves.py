@@ -14,7 +14,8 @@ from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.curves import energy_curves, error_curves
+from ropeode.study.curves import error_curves
+from ropeode.study.energy import energy_curves
 
 
 def cubic(t, y, args):

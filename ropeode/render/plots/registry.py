@@ -16,7 +16,8 @@ from ropeode.render.plots.convergence import plot_convergence
 from ropeode.render.plots.energy import plot_energies
 from ropeode.render.plots.error import plot_errors
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.curves import energy_curves, error_curves
+from ropeode.study.curves import error_curves
+from ropeode.study.energy import energy_curves
 
 
 class Plot(NamedTuple):
