@@ -20,9 +20,12 @@ from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
-from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, check_steps, chosen_steppers
+from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.error_constant import leading_term
 from ropeode.theory.global_error import PredictedError, predicted_error
+
+# Lines that a reader can follow in a panel.
+_STEPS_PER_FRAME = (16, 64, 256, 1024)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -81,7 +84,7 @@ class ErrorCurves(Tabular):
 def error_curves(
     problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
-    steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
+    steps_per_frame: Sequence[int] = _STEPS_PER_FRAME,
     *,
     norm: str | None = None,
     predict: bool = False,

@@ -20,10 +20,12 @@ from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory
 from ropeode.steppers.base import Stepper
-from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, check_steps, chosen_steppers
+from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import Curve, curve_of, runs_of
 from ropeode.validation import bad_value
 
+# One step size, with which all steppers share a panel.
+_STEPS_PER_FRAME = (64,)
 # An energy is conserved if it cannot change by more than this part of its terms over the span.
 _CONSERVED = 1e-9
 # Other times at which the slope of the energy is looked at, for each state.
@@ -68,7 +70,7 @@ class EnergyCurves(Tabular):
 def energy_curves(
     problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
-    steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
+    steps_per_frame: Sequence[int] = _STEPS_PER_FRAME,
     *,
     progress: Progress = silent,
     **asked: Unpack[Asked],

@@ -39,6 +39,9 @@ def take_turns(lines: Sequence[Line2D]) -> bool:
     across = np.linspace(np.min(ends), np.max(ends), _SAMPLES)
     outside = (np.nan, np.nan)
     heights = np.array([np.interp(across, each[:, 0], each[:, 1], *outside) for each in paths])
+    # Behind the edge of the axes nothing hides anything.
+    low, high = _edges(lines[0])
+    heights[(heights < low) | (heights > high)] = np.nan
     # Of steep lines the distance counts, not the height.
     steepness = np.hypot(1.0, np.gradient(heights, across, axis=1))
     near = np.abs(heights[:, None] - heights) <= _LINES_NEAR * steepness
@@ -71,6 +74,13 @@ def _dash(lines: Sequence[Line2D], paths: Sequence[np.ndarray]) -> None:
             for length in ((begin - turn * dash) % period, dash, period - dash)
         )
         line.set_linestyle((offset, (on, off)))
+
+
+def _edges(line: Line2D) -> tuple[float, float]:
+    """The lower and the upper edge of its axes, in points."""
+    assert isinstance(line.axes, Axes)
+    (_, low), (_, high) = line.axes.bbox.get_points() * 72.0 / line.axes.figure.dpi
+    return low, high
 
 
 def _points(line: Line2D) -> np.ndarray:

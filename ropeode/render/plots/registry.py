@@ -47,8 +47,8 @@ def _without_norm(study: Callable[..., Any]) -> Callable[..., Any]:
 def _with_theory(study: Callable[..., Any]) -> Callable[..., Any]:
     """Errors of steppers that somebody named are predicted too; of all defaults it takes long."""
 
-    def call(problem: Any, steppers: Any, *arguments: Any, **options: Any) -> Any:
-        return study(problem, steppers, *arguments, predict=steppers is not None, **options)
+    def call(problem: Any, steppers: Any, **options: Any) -> Any:
+        return study(problem, steppers, predict=steppers is not None, **options)
 
     return call
 

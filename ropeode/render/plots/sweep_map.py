@@ -51,6 +51,8 @@ _HIGHEST = 10.0
 _LETTER, _LINE = 0.065, 0.13
 # A colour that is lighter than this, of 1, has black numbers on it.
 _LIGHT = 0.5
+# Inputs that a design combines with all others; no axis decides on them.
+_CROSSED = ("steps_per_frame", "norm")
 # Columns that say which row it is, rather than what was run.
 _NAMES = ("key", "parameters")
 # Patterns of cells and markers of points without a number, by reason.
@@ -270,6 +272,8 @@ def _hidden(frame: Frame, x: str, y: str) -> list[str]:
     """The inputs in which rows differ though neither axis decides on them."""
 
     def decided(name: str) -> bool:
+        if name in _CROSSED:
+            return frame[name].nunique(dropna=False) <= 1
         by = (frame.groupby(axis, dropna=False)[name].nunique(dropna=False) for axis in (x, y))
         return any(each.max() <= 1 for each in by)
 

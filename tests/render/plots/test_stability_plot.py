@@ -17,6 +17,7 @@ from ropeode.theory.linear_stability import linear_stability
 from ropeode.theory.spectrum import Spectrum
 from ropeode.theory.stability_function import StabilityFunction
 from ropeode.theory.stability_limits import stability_region
+from tests.render.plots.legible import assert_legible
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +69,10 @@ def test_the_title_states_the_limit(drawn):
     assert figure_bytes(figure, ".png") == figure_bytes(plot_stability(drawn, [6]), ".png")
 
 
+def test_all_of_it_is_legible(drawn):
+    assert_legible(plot_stability(drawn))
+
+
 def test_the_coarsest_runs_are_drawn_by_default(drawn):
     labels = [text.get_text() for text in plot_stability(drawn).legends[0].get_texts()]
     assert [label.split()[2] for label in labels[1:]] == ["1", "4", "6", "8"]
@@ -77,5 +82,5 @@ def test_a_stepper_without_a_region(drawn):
     without = SimpleNamespace(**{**vars(drawn), "region": None})
     with pytest.raises(InputError, match="explanation: 'explicit-euler' given; allowed: .* Fix: "):
         plot_stability(without)
-    with pytest.raises(InputError, match="steps_per_frame: 0 given"):
+    with pytest.raises(InputError, match="steps_per_frame: .0. given"):
         plot_stability(drawn, [0])
