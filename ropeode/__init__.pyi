@@ -75,8 +75,8 @@ from .steppers.phase import Phase as Phase
 from .steppers.stepper_loading import as_stepper as as_stepper
 from .study.accuracy_table import AccuracyTable as AccuracyTable
 from .study.accuracy_table import accuracy_table as accuracy_table
-from .study.curves import energy_curves as energy_curves
 from .study.curves import error_curves as error_curves
+from .study.energy import energy_curves as energy_curves
 from .study.explanation import Explanation as Explanation
 from .study.explanation import explain_stepper as explain_stepper
 from .study.horizon import Horizon as Horizon

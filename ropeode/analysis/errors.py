@@ -208,3 +208,9 @@ def error_sizes(problem: Problem, errors: np.ndarray, norm: Norm) -> np.ndarray:
         norm: in which they are measured.
     """
     return distance(problem, norm, errors, np.zeros_like(errors))
+
+
+def energy_errors(energies: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Energies of a run minus the true ones, at the first samples that both have, ``(times,)``."""
+    samples = min(len(energies), len(truth))
+    return energies[:samples] - truth[:samples]

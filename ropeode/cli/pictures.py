@@ -20,6 +20,8 @@ from ropeode.validation import bad_value, complaint
 # The names in ropeode.render.plots.registry. They are listed here too because the help text must
 # not import what draws; a test compares the two lists.
 TYPES = ("convergence", "error", "energy")
+# What energies are drawn of by default: long enough to see which steppers keep them.
+_CONSERVED = {"frames": "300", "rope_damping": "0"}
 # The options of a map of a sweep, with their defaults.
 _OF_SWEEP = {"x": "damping", "y": "steps_per_frame", "value": "observed_order"}
 
@@ -60,8 +62,9 @@ def plot(
     """Plot the errors or energies of steppers, or a map of a sweep.
 
     The types are: error against step size with observed orders (convergence), error against
-    time (error), and energy against time (energy). The settings come from SPEC and the
-    options, as in `ropeode table`.
+    time (error), and the energy error against time (energy). The settings come from SPEC and
+    the options, as in `ropeode table`; without them, energies are those of 300 frames of a rope
+    without damping.
 
     If SPEC is the folder of a sweep, the plot is a map: the colours show one column over two
     inputs, with a panel for each stepper.
@@ -86,6 +89,8 @@ def plot(
     set_up_jax()
     from ropeode.render.plots.registry import PLOTS
 
+    if name == "energy" and not files and options["reference"] is None and not options["problem"]:
+        options.update({key: options[key] or text for key, text in _CONSERVED.items()})
     job = job_from(None if trajectories else next(iter(files), None), options)
     kind = PLOTS[name]
 
@@ -94,7 +99,9 @@ def plot(
         if trajectories:
             result = kind.of_trajectories(files, job.given, dt, **named)
         else:
-            result = kind.study(job.given, job.spec.steppers, job.spec.steps_per_frame, **named)
+            if "steps_per_frame" in job.spec.model_fields_set:
+                named["steps_per_frame"] = job.spec.steps_per_frame
+            result = kind.study(job.given, job.spec.steppers, **named)
         return figure_bytes(kind.draw(result), path.suffix)
 
     _write(path, with_progress(work))

@@ -24,7 +24,8 @@ from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.reference import claim, sparkline, value_words
 from ropeode.render.table_words import problem_words, trust_words
 from ropeode.simulation import JaxStepper, Trajectories, Trajectory
-from ropeode.study.curves import Curve, EnergyCurves, ErrorCurves
+from ropeode.study.curves import Curve, ErrorCurves
+from ropeode.study.energy import EnergyCurves
 from ropeode.study.node_paths import NodePath, NodePaths
 
 _FACTS = ("", "")

@@ -20,7 +20,8 @@ from ropeode.render import check as of_check
 from ropeode.render import data as of_table
 from ropeode.simulation import Trajectory
 from ropeode.study.accuracy_table import AccuracyTable
-from ropeode.study.curves import EnergyCurves, ErrorCurves
+from ropeode.study.curves import ErrorCurves
+from ropeode.study.energy import EnergyCurves
 from ropeode.validation import require
 
 _AXES = "xyz"

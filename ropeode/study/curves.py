@@ -1,11 +1,11 @@
-"""Errors and energies of steppers against time."""
+"""Errors of steppers against time."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 
@@ -20,10 +20,12 @@ from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
-from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, check_steps, chosen_steppers
+from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.error_constant import leading_term
 from ropeode.theory.global_error import PredictedError, predicted_error
-from ropeode.validation import bad_value
+
+# Lines that a reader can follow in a panel.
+_STEPS_PER_FRAME = (16, 64, 256, 1024)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -79,30 +81,10 @@ class ErrorCurves(Tabular):
     curves: tuple[Curve, ...]
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class EnergyCurves(Tabular):
-    """Energies against time.
-
-    Arguments:
-        problem: the problem of the runs.
-        reference: with its certificate.
-        times: the sample times inside the trust horizon, ``(times,)``.
-        values: the reference's energy there, ``(times,)``.
-        curves: one for each run, in the order of the steppers; these do not end at the
-            horizon.
-    """
-
-    problem: Problem
-    reference: Reference
-    times: np.ndarray
-    values: np.ndarray
-    curves: tuple[Curve, ...]
-
-
 def error_curves(
     problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
-    steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
+    steps_per_frame: Sequence[int] = _STEPS_PER_FRAME,
     *,
     norm: str | None = None,
     predict: bool = False,
@@ -127,7 +109,9 @@ def error_curves(
         ReferenceRefused: no reference of the problem can be certified.
     """
     measure = norm_for(problem_of(problem), norm)
-    reference, runs = _reference_and_runs(problem, steppers, steps_per_frame, progress, asked)
+    own, options = problem_of(problem), ReferenceOptions(**asked)
+    chosen, ladder = chosen_steppers(own, steppers), check_steps(steps_per_frame)
+    reference = reference_for(problem, options, lambda text, _: progress(text, 0.0))
 
     @functools.cache
     def prediction(stepper: Stepper) -> PredictedError | str | None:
@@ -143,6 +127,7 @@ def error_curves(
         predicted = None if sizes is None else sizes * run.dt**found.order
         return dataclasses.replace(own, predicted=predicted)
 
+    runs = runs_of(own, chosen, ladder, progress)
     return errors_of(reference, measure, map(curve, runs))
 
 
@@ -154,7 +139,7 @@ def error_curve(run: Trajectory, reference: Reference, norm: Norm) -> Curve:
         reference: that it is compared with.
         norm: in which errors are measured.
     """
-    return _curve(run, run.times[1:], distances(run.states, reference, norm)[1:])
+    return curve_of(run, run.times[1:], distances(run.states, reference, norm)[1:])
 
 
 def errors_of(reference: Reference, norm: Norm, curves: Iterable[Curve]) -> ErrorCurves:
@@ -178,74 +163,6 @@ def errors_of(reference: Reference, norm: Norm, curves: Iterable[Curve]) -> Erro
     )
 
 
-def energy_curves(
-    problem: Problem | Reference,
-    steppers: Sequence[str | Stepper] | None = None,
-    steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
-    *,
-    progress: Progress = silent,
-    **asked: Unpack[Asked],
-) -> EnergyCurves:
-    """Run steppers and compute their energy at each sample, and that of a reference.
-
-    Arguments:
-        problem: the problem to solve, which must have an energy; or a reference of it.
-        steppers: as for `ropeode.accuracy_table`.
-        steps_per_frame: whole numbers, each once.
-        progress: called with what is being done and the fraction that is done.
-        asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
-
-    Raises:
-        InputError: one line for each argument that cannot be used.
-        ReferenceRefused: no reference of the problem can be certified.
-    """
-    check_energy(problem_of(problem))
-    reference, runs = _reference_and_runs(problem, steppers, steps_per_frame, progress, asked)
-    curves = (_curve(run, run.times, run.problem.energies(run.states)) for run in runs)
-    return energies_of(reference, curves)
-
-
-def _reference_and_runs(
-    given: Problem | Reference,
-    steppers: Any,
-    steps_per_frame: Sequence[int],
-    progress: Progress,
-    asked: Asked,
-) -> tuple[Reference, Iterator[Trajectory]]:
-    """The reference, and the runs, which run one after the other when they are needed."""
-    problem, options = problem_of(given), ReferenceOptions(**asked)
-    chosen, ladder = chosen_steppers(problem, steppers), check_steps(steps_per_frame)
-    reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
-    return reference, runs_of(problem, chosen, ladder, progress)
-
-
-def energies_of(reference: Reference, curves: Iterable[Curve]) -> EnergyCurves:
-    """Energies of runs with those of their reference.
-
-    Arguments:
-        reference: of the problem of the runs.
-        curves: of energies.
-    """
-    return EnergyCurves(
-        problem=reference.problem,
-        reference=reference,
-        times=reference.times[: reference.trusted],
-        values=reference.problem.energies(reference.states[: reference.trusted]),
-        curves=tuple(curves),
-    )
-
-
-def check_energy(problem: Problem) -> None:
-    """Refuse a problem without an energy.
-
-    Raises:
-        InputError: it has none.
-    """
-    if problem.energy is None:
-        fix = "give it one, Problem(..., energy=...), or choose what needs none"
-        raise bad_value("problem", problem.name, "a problem that has an energy", fix)
-
-
 def runs_of(
     problem: Problem, steppers: Sequence[Stepper], ladder: Sequence[int], progress: Progress
 ) -> Iterator[Trajectory]:
@@ -259,7 +176,8 @@ def runs_of(
     progress("done", 1.0)
 
 
-def _curve(run: Trajectory, times: np.ndarray, values: np.ndarray) -> Curve:
+def curve_of(run: Trajectory, times: np.ndarray, values: np.ndarray) -> Curve:
+    """Numbers of a run at times, both ``(times,)``, up to the last that is finite."""
     # Errors end at the horizon, and the energy of a state may be infinite where the state is not.
     finite = int(np.argmin(np.append(np.isfinite(values), False)))
     return Curve(

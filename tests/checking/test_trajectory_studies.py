@@ -19,7 +19,8 @@ from ropeode.render.plots.film import film
 from ropeode.render.plots.registry import PLOTS
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.curves import energy_curves, error_curves
+from ropeode.study.curves import error_curves
+from ropeode.study.energy import energy_curves
 from ropeode.study.node_paths import node_paths, sampled_finer
 
 STEPPER, STEPS = "velocity-verlet", (16, 32, 64)

@@ -65,7 +65,7 @@ def reference_of(case):
 @functools.cache
 def make(kind, case):
     _, steppers, steps, _ = cases()[case]
-    return PLOTS[kind].study(reference_of(case), steppers, steps, norm=None)
+    return PLOTS[kind].study(reference_of(case), steppers, steps_per_frame=steps, norm=None)
 
 
 @pytest.fixture(scope="session")

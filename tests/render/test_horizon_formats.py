@@ -22,6 +22,7 @@ from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.horizon import horizon
 from ropeode.terminal.output import FORMATS as NAMES
 from tests.quartic import HOSTILE
+from tests.render.plots.legible import assert_legible
 
 pytestmark = pytest.mark.slow
 
@@ -67,6 +68,7 @@ def test_a_rate_is_told_in_digits(study):
 
 
 def test_the_picture_shows_every_run(study):
+    assert_legible(plot_horizon(study))
     figure = plot_horizon(study)
     (axes,) = figure.axes
     # The runs and the bound; growth and horizon where there are any.

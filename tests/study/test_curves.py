@@ -14,7 +14,8 @@ from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.curves import energy_curves, error_curves
+from ropeode.study.curves import error_curves
+from ropeode.study.energy import energy_curves
 
 
 def cubic(t, y, args):
@@ -68,15 +69,57 @@ def test_errors_of_a_diverged_run_end_at_its_last_finite_state(cubic_problem):
 
 
 def test_errors_end_at_the_horizon_and_energies_of_runs_do_not():
+    """An energy that the equation conserves is known at all times, and needs no reference."""
     rope = Rope(num_nodes=4, damping=0.0).problem(frames=3)
     asked = {"rtol": 1e-6, "accuracy": 3e-4}
     errors = error_curves(rope, ["rk4"], [40], **asked)
-    energies = energy_curves(rope, ["rk4"], [40], **asked)
     assert errors.reference.horizon is not None
-    for times in (errors.times, errors.curves[0].times, energies.times[1:]):
+    for times in (errors.times, errors.curves[0].times):
         assert times[-1] < errors.reference.horizon
         assert len(times) == errors.reference.trusted - 1
+    energies = energy_curves(rope, ["rk4"], [40])
+    assert energies.conserved
+    assert energies.reference is None
+    assert np.array_equal(energies.times, rope.ts)
     assert energies.curves[0].times[-1] == 3.0
+
+
+@pytest.mark.parametrize("damping", [1e-6, 0.01])
+def test_a_little_damping_is_no_conservation(damping):
+    """The energy falls by what damping takes, and no stepper is blamed for it."""
+    rope = Rope(num_nodes=4, damping=damping).problem(frames=3)
+    energies = energy_curves(rope, ["rk4"], [64])
+    assert not energies.conserved
+    assert energies.reference is not None
+    (curve,) = energies.curves
+    lost = energies.values[0] - energies.values[-1]
+    assert lost > 100 * energies.bound[-1]
+    # RK4's own error is far smaller than that.
+    assert np.max(np.abs(energies.errors(curve))) < 0.01 * lost
+    exact = rope.energies(energies.reference.states)
+    assert np.max(np.abs(energies.values - exact)) == 0
+
+
+def test_the_bound_of_an_energy_holds_the_errors_of_the_reference(small_rope):
+    """A reference of low accuracy, against one that is a million times better."""
+    rough = reference(small_rope, rtol=1e-6, accuracy=1e-2)
+    known = energy_curves(rough, ["rk4"], [8])
+    away = known.values - small_rope.energies(reference(small_rope).states)
+    assert np.all(np.abs(away) <= known.bound)
+    assert np.max(np.abs(away)) > 0
+    assert known.bound[-1] < 1e-4 * known.values[0]
+
+
+def test_an_energy_that_changes_with_time_is_not_conserved():
+    """A spring that grows stiffer, at rest first: nothing but the time changes its energy."""
+    problem = Problem.second_order(
+        lambda t, x, v, args: -(1.0 + t) * x,
+        [1.0],
+        [0.0],
+        np.arange(4.0),
+        energy=lambda t, y, args: 0.5 * jnp.sum(y[1] ** 2 + (1.0 + t) * y[0] ** 2),
+    )
+    assert not energy_curves(problem, ["rk4"], [64]).conserved
 
 
 def test_energies():

@@ -23,14 +23,8 @@ from ropeode.references.compute import reference_for
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.study.accuracy_table import StepperOrder
-from ropeode.study.curves import (
-    Curve,
-    EnergyCurves,
-    ErrorCurves,
-    check_energy,
-    energies_of,
-    errors_of,
-)
+from ropeode.study.curves import Curve, ErrorCurves, errors_of
+from ropeode.study.energy import EnergyCurves, check_energy, energies_of
 from ropeode.study.node_paths import (
     NodePath,
     NodePaths,
@@ -161,9 +155,9 @@ def trajectory_energy_curves(
     runs, _ = _runs(files, problem, dts, None, progress, asked)
     _check_quantities(runs, own.quantities)
     reference = _reference(problem, progress, asked)
-    return energies_of(
-        reference, _curves(runs, own.ts, [own.energies(each.states) for each in runs])
-    )
+    energies = [own.energies(each.states) for each in runs]
+    known = reference.states[: reference.trusted]
+    return energies_of(own, reference, known, tuple(_curves(runs, own.ts, energies)))
 
 
 def trajectory_paths(

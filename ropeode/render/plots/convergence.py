@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
@@ -11,9 +10,12 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
 from ropeode.render import table_words
 from ropeode.render.plots.labels import with_unit
+from ropeode.render.plots.overlaps import TURNS, moved_right, side_by_side, take_turns
 from ropeode.render.plots.point_markers import MARKS, Point, in_legend, limits, points
 from ropeode.render.plots.style import (
     BAND,
@@ -21,6 +23,7 @@ from ropeode.render.plots.style import (
     PREDICTED,
     PREDICTION,
     STYLE,
+    draw_legends,
     new_figure,
     stepper_style,
 )
@@ -28,8 +31,9 @@ from ropeode.render.plots.triangles import FittedLine, draw_triangles
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
 
 _AXES_HEIGHT = 3.8
-_LEGEND_LINE = 0.17
 _DENSE = 40
+# Over a shorter range, step sizes between powers of ten are labelled too.
+_FEW_DECADES = 50.0
 
 
 @matplotlib.rc_context(STYLE)
@@ -49,8 +53,8 @@ def plot_convergence(table: AccuracyTable, *, ax: Axes | None = None) -> Figure:
     shown = [mark for mark in MARKS if any(p.mark == mark for each in drawn.values() for p in each)]
     title = f"Error against step size: {table_words.problem_words(table.problem)}"
     if ax is None:
-        height = _AXES_HEIGHT + _LEGEND_LINE * max(len(drawn), len(shown) + 2)
-        figure = new_figure(title, table_words.error_words(table).rstrip("."), height)
+        # Below the axes; the height is set once the legends are known.
+        figure = new_figure(title, table_words.error_words(table).rstrip("."), _AXES_HEIGHT)
         axes = figure.subplots()
     else:
         found, axes = ax.get_figure(root=True), ax
@@ -66,21 +70,26 @@ def plot_convergence(table: AccuracyTable, *, ax: Axes | None = None) -> Figure:
         xlabel=with_unit("step size dt", table.problem, "time"),
         ylabel=with_unit("max error", table.problem, table.norm.quantity),
     )
-    _draw_band(axes, table.rows[0].resolution)
-    lines = []
-    for index, each in enumerate(table.orders):
-        lines += _draw_stepper(axes, index, each, drawn[each.stepper])
-        _draw_prediction(axes, index, each)
-    taken = [np.array([(p.dt, p.error) for p in each]) for each in drawn.values()]
-    taken += [_dense(line) for line in lines]
-    floor = max(table.rows[0].resolution, axes.get_ylim()[0])
-    draw_triangles(axes, lines, np.concatenate(taken), floor)
-    steppers, marks = _legends(table, shown)
+    if max(dts) < _FEW_DECADES * min(dts):
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        everywhere = (np.inf, np.inf)
+        axes.xaxis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=everywhere))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    resolution = table.rows[0].resolution
+    axes.axhspan(0.0, resolution, color=BAND, linewidth=0, zorder=0.5)
+    axes.axhline(resolution, color=BAND_EDGE, linewidth=0.8, zorder=0.6)
+    marks = _draw_points(axes, drawn)
+    fits = [_fit(each, drawn[each.stepper]) for each in table.orders]
+    shared = take_turns(_draw_fits(axes, fits))
+    take_turns(_draw_predictions(axes, table))
+    lines = [line for line in fits if line is not None]
+    taken = np.concatenate([marks, *map(_dense, lines)])
+    draw_triangles(axes, lines, taken, max(resolution, axes.get_ylim()[0]))
+    steppers, meanings = _legends(table, shown, shared)
     if ax is None:
-        figure.legend(handles=steppers, loc="outside lower left")
-        figure.legend(handles=marks, loc="outside lower right")
+        draw_legends(figure, _AXES_HEIGHT, steppers, meanings)
     else:
-        axes.legend(handles=[*steppers, *marks])
+        axes.legend(handles=[*steppers, *meanings], fontsize=6.5, frameon=True)
     return figure
 
 
@@ -90,67 +99,59 @@ def _dense(line: FittedLine) -> np.ndarray:
     return np.exp(np.linspace(start, end, _DENSE))
 
 
-def _draw_band(axes: Axes, resolution: float) -> None:
-    """The errors that the reference cannot resolve."""
-    low, _ = axes.get_ylim()
-    axes.axhspan(0.0, resolution, color=BAND, linewidth=0, zorder=0.5)
-    axes.axhline(resolution, color=BAND_EDGE, linewidth=0.8, zorder=0.6)
-    where = "" if resolution >= low else ", below this axis"
-    axes.text(
-        0.99,
-        0.015,
-        f"resolution {resolution:.1e} (10 × the reference's bound){where}",
-        transform=axes.transAxes,
-        ha="right",
-        va="bottom",
-        fontsize=7.5,
-        color="0.25",
-    )
+def _draw_points(axes: Axes, drawn: Mapping[str, Sequence[Point]]) -> np.ndarray:
+    """The mark of each run, side by side where they would hide one another.
+
+    Returns:
+        Where the marks are, ``(marks, 2)``.
+    """
+    every = [(i, point) for i, own in enumerate(drawn.values()) for point in own]
+    at = np.array([(point.dt, point.error) for _, point in every])
+    for (index, point), to_the_right in zip(every, side_by_side(axes, at), strict=True):
+        colour, marker = stepper_style(index)
+        form = {"marker": marker, "zorder": 2.5} if point.mark is None else MARKS[point.mark]
+        place = moved_right(axes, to_the_right)
+        look = {"zorder": 3, "linestyle": "none", "color": colour, "transform": place}
+        axes.plot(point.dt, point.error, **{**look, **form})
+    return at
 
 
-def _draw_stepper(
-    axes: Axes, index: int, each: StepperOrder, drawn: Sequence[Point]
-) -> list[FittedLine]:
-    """A stepper's points, and the fitted line if there is one."""
-    colour, marker = stepper_style(index)
-    for mark, form in MARKS.items():
-        if left_out := [point for point in drawn if point.mark == mark]:
-            _scatter(axes, left_out, color=colour, zorder=3, **form)
-    used = [point for point in drawn if point.mark is None]
-    if not used:
-        return []
-    _scatter(axes, used, color=colour, zorder=2.5, marker=marker)
-    slope = each.order.observed
-    if slope is None:
-        return []
+def _fit(each: StepperOrder, drawn: Sequence[Point]) -> FittedLine | None:
+    """The fitted line, if there is one."""
+    slope, used = each.order.observed, [point for point in drawn if point.mark is None]
+    if slope is None or not used:
+        return None
     # A least-squares line goes through the mean of its points.
     log_dt, log_error = np.log([(point.dt, point.error) for point in used]).T
     order = np.argsort(log_dt)
     fitted = np.exp(np.mean(log_error) + slope * (log_dt - np.mean(log_dt)))[order]
-    line = FittedLine(slope, np.exp(log_dt)[order], fitted)
-    axes.plot(line.dts, line.errors, color=colour, linewidth=1.0, zorder=1.9)
-    return [line]
+    return FittedLine(slope, np.exp(log_dt)[order], fitted)
 
 
-def _draw_prediction(axes: Axes, index: int, each: StepperOrder) -> None:
-    """The line ``C dt^p`` of theory, over all step sizes, where there is one."""
-    constant = each.constant
-    if constant is not None and constant.predicted is not None and constant.order is not None:
-        dts = np.array(axes.get_xlim())
-        line = constant.predicted * dts**constant.order
-        axes.plot(dts, line, color=stepper_style(index)[0], zorder=1.85, **PREDICTION)
+def _draw_fits(axes: Axes, fits: Sequence[FittedLine | None]) -> list[Line2D]:
+    return [
+        axes.plot(fit.dts, fit.errors, color=stepper_style(i)[0], linewidth=1.0, zorder=1.9)[0]
+        for i, fit in enumerate(fits)
+        if fit is not None
+    ]
 
 
-def _scatter(axes: Axes, drawn: Sequence[Point], **form: Any) -> None:
-    axes.plot(
-        [point.dt for point in drawn],
-        [point.error for point in drawn],
-        linestyle="none",
-        **form,
-    )
+def _draw_predictions(axes: Axes, table: AccuracyTable) -> list[Line2D]:
+    """The lines ``C dt^p`` of theory, over all step sizes, where there are any."""
+    lines = []
+    for index, each in enumerate(table.orders):
+        constant = each.constant
+        if constant is not None and constant.predicted is not None and constant.order is not None:
+            dts = np.array(axes.get_xlim())
+            line = constant.predicted * dts**constant.order
+            look = {"color": stepper_style(index)[0], "zorder": 1.85, **PREDICTION}
+            lines += axes.plot(dts, line, **look)
+    return lines
 
 
-def _legends(table: AccuracyTable, shown: Sequence[str]) -> tuple[list[Artist], list[Artist]]:
+def _legends(
+    table: AccuracyTable, shown: Sequence[str], shared: bool
+) -> tuple[list[Artist], list[Artist]]:
     """The steppers with their orders, and what the marks mean."""
     steppers: list[Artist] = [
         Line2D([], [], color=stepper_style(i)[0], marker=stepper_style(i)[1],
@@ -166,6 +167,11 @@ def _legends(table: AccuracyTable, shown: Sequence[str]) -> tuple[list[Artist], 
         marks.insert(0, Line2D([], [], color="0.3", marker="o", label=words))
     if any(each.constant and each.constant.predicted for each in table.orders):
         marks.append(Line2D([], [], color="0.3", label=PREDICTED, **PREDICTION))
+    if shared:
+        marks.append(Line2D([], [], color="0.3", linestyle=(0, (3, 3)), label=TURNS))
+    resolution = table.rows[0].resolution
+    words = f"unresolved: below {resolution:.1e},\n10 × the reference's bound"
+    marks.append(Patch(facecolor=BAND, edgecolor=BAND_EDGE, label=words))
     return steppers, marks
 
 

@@ -8,9 +8,6 @@ from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.stability import plot_stability
 from ropeode.study.explanation import Explanation
 
-# Of how many runs the eigenvalues are drawn.
-_STEP_SIZES = 4
-
 
 def explanation_pictures(explanation: Explanation) -> dict[str, bytes]:
     """Errors against step size and against time, measured and predicted; the region of stability.
@@ -26,9 +23,7 @@ def explanation_pictures(explanation: Explanation) -> dict[str, bytes]:
         for table in explanation.tables
     }
     if explanation.region is not None:
-        # The coarsest step sizes of the runs, whose eigenvalues lie farthest out.
-        coarsest = [row.steps_per_frame for row in explanation.tables[0].rows[:_STEP_SIZES]]
-        figures["stability"] = plot_stability(explanation.region, explanation.stability, coarsest)
+        figures["stability"] = plot_stability(explanation)
     for curves in explanation.against_time:
         if curves.curves:
             figures[f"error-{curves.norm.quantity}"] = plot_errors(curves)

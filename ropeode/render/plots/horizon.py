@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import matplotlib
@@ -11,23 +12,25 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator, NullLocator
 
 from ropeode.render.plots.labels import with_unit
-from ropeode.render.plots.style import BAND, BAND_EDGE, COLOURS, STYLE, new_figure
+from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE, make_room, new_figure, stepper_style
 from ropeode.render.plots.time_axes import draw_horizon
 from ropeode.render.table_words import problem_words
 from ropeode.study.horizon import Horizon
 
-_HEIGHT = 4.6
+_HEIGHT = 3.8
 # In the order in which they are drawn: what matters most is on top.
-_LOOKS = {
-    "looser": {"color": "0.75", "linewidth": 0.8},
-    "tighter": {"color": COLOURS[2]},
-    "short steps": {"color": COLOURS[3]},
-    "close look": {"color": COLOURS[5]},
-    "neighbour": {"color": COLOURS[4]},
-    "rounding": {"color": COLOURS[5]},
-    "independent": {"color": COLOURS[1]},
-    "reference": {"color": COLOURS[0], "linewidth": 1.8},
-}
+_ROLES = (
+    "looser",
+    "tighter",
+    "short steps",
+    "close look",
+    "neighbour",
+    "rounding",
+    "independent",
+    "reference",
+)
+# Marks on each line, which stand at other times than those of the other lines.
+_MARKS = 7
 
 
 @matplotlib.rc_context(STYLE)
@@ -61,15 +64,18 @@ def plot_horizon(study: Horizon) -> Figure:
     times, shown = study.times[1:], study.bound[1:]
     axes.fill_between(times, low, np.minimum(shown, high), color=BAND, linewidth=0)
     axes.plot(times, shown, color=BAND_EDGE, linestyle="--", label="certificate's bound")
-    labelled: set[str] = set()
-    for run in sorted(study.runs, key=lambda run: [*_LOOKS].index(run.role)):
-        label = f"{run.role}: {run.solver} {run.tolerance:.0e}"
-        if run.role == "looser":
-            label = "looser runs"
+    runs = sorted(study.runs, key=lambda run: _ROLES.index(run.role))
+    # Their colours and marks begin anew behind the looser ones, which are grey.
+    looser = sum(run.role == "looser" for run in runs)
+    for index, run in enumerate(runs):
         # A distance of zero is one below rounding.
         errors = np.where(np.isfinite(run.errors), np.maximum(run.errors, low), np.nan)
-        axes.plot(times, errors[1:], label="_" if label in labelled else label, **_LOOKS[run.role])
-        labelled.add(label)
+        every = max(1, len(times) // _MARKS)
+        look = _look(run.role, index if index < looser else index - looser)
+        label = f"{run.role}: {run.solver} {run.tolerance:.0e}"
+        axes.plot(
+            times, errors[1:], label=label, markevery=(index * every // len(runs), every), **look
+        )
     _draw_growth(axes, study)
     draw_horizon(axes, study.reference)
 
@@ -85,7 +91,19 @@ def plot_horizon(study: Horizon) -> Figure:
     digits.yaxis.set_major_formatter("{x:.0f}")
     digits.yaxis.set_minor_locator(NullLocator())
     figure.legend(loc="outside lower center", ncols=2, fontsize=7.5)
+    make_room(figure, _HEIGHT, math.ceil(len(axes.get_legend_handles_labels()[1]) / 2))
     return figure
+
+
+def _look(role: str, index: int) -> dict[str, Any]:
+    """Looser runs are grey, each with a mark of its own; the reference is a broad line."""
+    colour, marker = stepper_style(index)
+    look: dict[str, Any] = {"marker": marker, "markersize": 3.5}
+    if role == "looser":
+        return {"color": "0.6", "linewidth": 0.8, "markerfacecolor": "white", **look}
+    if role == "reference":
+        return {"color": "black", "linewidth": 1.8, **look}
+    return {"color": colour, **look}
 
 
 def _limits(study: Horizon) -> tuple[float, float]:
@@ -115,8 +133,8 @@ def _draw_growth(axes: Axes, study: Horizon) -> None:
     axes.plot(
         times,
         line,
-        color="black",
-        linewidth=1.0,
-        linestyle=(0, (6, 2)),
+        color="0.2",
+        linewidth=1.4,
+        linestyle=(0, (1, 1.5)),
         label=f"{growth.law} growth, {words} {growth.rate:.2g}",
     )

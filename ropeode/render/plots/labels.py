@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from ropeode.norms import NORMS
 from ropeode.problems.library import ROPES
 from ropeode.problems.problem import Problem
 
@@ -18,3 +21,33 @@ def with_unit(text: str, problem: Problem, quantity: str) -> str:
     if problem.parameters.get("kind") not in ROPES:
         return text
     return f"{text} [{_ROPE_UNITS[quantity]}]"
+
+
+# By column of a sweep; its errors have the unit of their norm.
+_COLUMN_UNITS = {
+    "dt": "frames",
+    "horizon": "frames",
+    "largest_stable_dt": "frames",
+    "settled_at": "frames",
+    "diverged_at": "frames",
+    "stiffness": "mass / frame²",
+    "damping": "mass / frame",
+    "node_mass": "mass",
+}
+
+
+def sweep_label(column: str, text: str, frame: Any) -> str:
+    """The label of a column of a sweep, with its unit where all rows are ropes.
+
+    Arguments:
+        column: its name.
+        text: the name in words.
+        frame: the rows, a DataFrame.
+    """
+    if not set(frame["problem"]) <= set(ROPES):
+        return text
+    unit = _COLUMN_UNITS.get(column)
+    norms = set(frame["norm"].dropna())
+    if column.startswith("error_") and len(norms) == 1:
+        unit = _ROPE_UNITS[NORMS[norms.pop()].quantity]
+    return f"{text} [{unit}]" if unit else text

@@ -8,20 +8,30 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from ropeode.problems.problem import Problem
 from ropeode.render.plots.labels import with_unit
-from ropeode.render.plots.style import WIDTH, new_figure, new_grid, stepper_style, wrapped
+from ropeode.render.plots.overlaps import TURNS
+from ropeode.render.plots.style import (
+    WIDTH,
+    make_room,
+    new_figure,
+    new_grid,
+    stepper_style,
+    wrapped,
+)
 from ropeode.render.table_words import problem_words
-from ropeode.study.curves import Curve, EnergyCurves, ErrorCurves
+from ropeode.study.curves import Curve
 
 _TWO_COLUMNS_UP_TO = 6
-_ROW_HEIGHT = 1.75
-_ALONE_HEIGHT = 3.4
-_LEGEND_HEIGHT = 0.9
+_ROW_HEIGHT = 1.6
+_ALONE_HEIGHT = 3.3
 _LABEL_WIDTH = 0.4
 _TICKS = 6
 
@@ -31,6 +41,7 @@ class Line(NamedTuple):
 
     curve: Curve
     colour: str
+    marker: str
     label: str
 
 
@@ -50,7 +61,7 @@ def panels_of(curves: Sequence[Curve]) -> list[Panel]:
     steppers = list(dict.fromkeys(curve.stepper for curve in curves))
     if len(steppers) == len(curves):
         lines = (
-            Line(curve, stepper_style(i)[0], f"{curve.stepper}, {curve.label}")
+            Line(curve, *stepper_style(i), f"{curve.stepper}, {curve.label}")
             for i, curve in enumerate(curves)
         )
         return [Panel("", tuple(lines))]
@@ -62,7 +73,7 @@ def panels_of(curves: Sequence[Curve]) -> list[Panel]:
         Panel(
             name,
             tuple(
-                Line(curve, colours[curve.dt], curve.label)
+                Line(curve, colours[curve.dt], "o", curve.label)
                 for curve in curves
                 if curve.stepper == name
             ),
@@ -72,24 +83,25 @@ def panels_of(curves: Sequence[Curve]) -> list[Panel]:
 
 
 def new_panels(
-    curves: ErrorCurves | EnergyCurves, title: str, more: str, y: str
+    problem: Problem, curves: Sequence[Curve], title: str, more: str, y: str
 ) -> tuple[Figure, list[tuple[Panel, Axes]]]:
     """A figure with axes for each panel, all of the same limits, over the time of the problem.
 
     Arguments:
+        problem: of the curves.
         curves: to be drawn.
         title: of the figure, before the words for the problem.
         more: below the title.
         y: label of the upright axes.
     """
-    problem, panels = curves.problem, panels_of(curves.curves)
+    panels = panels_of(curves)
     many = len(panels)
     columns = 1 if many == 1 else 2 if many <= _TWO_COLUMNS_UP_TO else 3
     rows = math.ceil(many / columns)
     height = _ALONE_HEIGHT if many == 1 else _ROW_HEIGHT * max(rows, 1.5)
     title = f"{title} against time: {problem_words(problem)}"
-    figure = new_figure(title, more, height + _LEGEND_HEIGHT)
-    labels = with_unit("time", problem, "time"), y if many == 1 else y.replace(" [", "\n[")
+    figure = new_figure(title, more, height)
+    labels = with_unit("time", problem, "time"), y
     grid = new_grid(figure, rows, columns, many, labels)
     for axes, panel in zip(grid, panels, strict=True):
         axes.set_title(wrapped(panel.title, width=WIDTH / columns - _LABEL_WIDTH), loc="left")
@@ -98,16 +110,32 @@ def new_panels(
     return figure, list(zip(panels, grid, strict=True))
 
 
-def draw_legend(figure: Figure, panels: Sequence[tuple[Panel, Axes]]) -> None:
-    """One legend for all panels, below them; each label once, the runs first."""
-    labelled = {}
+def draw_legend(
+    figure: Figure,
+    panels: Sequence[tuple[Panel, Axes]],
+    shared: bool,
+    more: Sequence[Line2D] = (),
+) -> None:
+    """One legend for all panels, below them; each label once, the runs first.
+
+    Arguments:
+        figure: of the panels.
+        panels: with their axes.
+        shared: whether lines lie on one another.
+        more: handles besides those that are drawn.
+    """
+    lines = sorted((line for panel, _ in panels for line in panel.lines), key=lambda e: -e.curve.dt)
+    handles: dict[str, Artist] = {
+        line.label: Line2D([], [], color=line.colour, marker=line.marker, markersize=3.5)
+        for line in lines
+    }
     for _, axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            labelled.setdefault(label, handle)
-    lines = [line for panel, _ in panels for line in panel.lines]
-    lines.sort(key=lambda line: -line.curve.dt)
-    labels = [line.label for line in lines if line.label in labelled]
-    handles = {label: labelled[label] for label in [*labels, *labelled]}
+            handles.setdefault(label, handle)
+    handles |= {str(each.get_label()): each for each in more}
+    if shared:
+        handles[TURNS] = Line2D([], [], color="0.3", linestyle=(0, (3, 3)))
     longest = max(len(line) for label in handles for line in label.splitlines())
     columns = 4 if longest < 22 else 3 if longest < 34 else 2 if longest < 60 else 1
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=columns)
+    make_room(figure, figure.get_figheight(), math.ceil(len(handles) / columns))

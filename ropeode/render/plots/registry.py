@@ -16,7 +16,8 @@ from ropeode.render.plots.convergence import plot_convergence
 from ropeode.render.plots.energy import plot_energies
 from ropeode.render.plots.error import plot_errors
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.curves import energy_curves, error_curves
+from ropeode.study.curves import error_curves
+from ropeode.study.energy import energy_curves
 
 
 class Plot(NamedTuple):
@@ -46,8 +47,8 @@ def _without_norm(study: Callable[..., Any]) -> Callable[..., Any]:
 def _with_theory(study: Callable[..., Any]) -> Callable[..., Any]:
     """Errors of steppers that somebody named are predicted too; of all defaults it takes long."""
 
-    def call(problem: Any, steppers: Any, *arguments: Any, **options: Any) -> Any:
-        return study(problem, steppers, *arguments, predict=steppers is not None, **options)
+    def call(problem: Any, steppers: Any, **options: Any) -> Any:
+        return study(problem, steppers, predict=steppers is not None, **options)
 
     return call
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import matplotlib
@@ -11,29 +12,38 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ropeode.render.plots.style import BAND, BAND_EDGE, COLOURS, MARKERS, STYLE, new_figure
+from ropeode.render.plots.style import (
+    BAND,
+    BAND_EDGE,
+    STYLE,
+    make_room,
+    new_figure,
+    stepper_style,
+)
 from ropeode.render.table_words import problem_words
+from ropeode.study.accuracy_table import check_steps
+from ropeode.study.explanation import Explanation
 from ropeode.theory.linear_stability import LinearStability
 from ropeode.theory.stability_function import StabilityFunction
 from ropeode.theory.stability_limits import StabilityRegion
+from ropeode.validation import bad_value
 
-_HEIGHT = 4.8
+_HEIGHT = 4.2
 # Levels of the factor by which a mode grows in a step.
 _LEVELS = (0.25, 0.5, 0.75)
-# Of all step sizes that are given, so many are drawn.
-_MOST = len(COLOURS)
+_COARSEST = 4
 
 
 @matplotlib.rc_context(STYLE)
 def plot_stability(
-    region: StabilityRegion, found: LinearStability, steps_per_frame: Sequence[int]
+    explanation: Explanation, steps_per_frame: Sequence[int] | None = None
 ) -> Figure:
     """Where a step does not let a mode grow, and where the modes of a problem are.
 
     Arguments:
-        region: from `ropeode.theory.stability_limits.stability_region`.
-        found: from `ropeode.theory.linear_stability.linear_stability`, of the same stepper.
-        steps_per_frame: the step sizes with which the eigenvalues are drawn, 7 at most.
+        explanation: from `ropeode.explain_stepper`.
+        steps_per_frame: the step sizes with which the eigenvalues are drawn, whole numbers, each
+            once; by default the four coarsest of the runs, whose eigenvalues lie farthest out.
 
     Returns:
         A matplotlib figure, 6.5 inches wide: the complex plane of ``z = dt lambda``, a pure
@@ -41,7 +51,23 @@ def plot_stability(
         shrinks to 3/4, 1/2 and 1/4 in a step. Each colour is a step size, and each of its marks an
         eigenvalue of the problem at one time of its solution. Those outside of the axes are
         counted in the legend. A mode that grows in the solution itself has a hollow mark.
+
+    Raises:
+        InputError: the stepper has no region of stability, or these are no numbers of steps.
     """
+    region, found = explanation.region, explanation.stability
+    if region is None:
+        why = " ".join(found.notes) or "it has no stability function"
+        raise bad_value(
+            "explanation",
+            explanation.stepper,
+            f"a stepper with a stability function ({why.rstrip('.')})",
+            "explain another stepper",
+        )
+    if steps_per_frame is None:
+        steps_per_frame = [row.steps_per_frame for row in explanation.tables[0].rows[:_COARSEST]]
+    # The longest steps first, which spread the eigenvalues most.
+    drawn = sorted(check_steps(steps_per_frame))
     function = region.function
     figure = new_figure(
         f"Stability of {function.stepper}: {problem_words(found.problem)}",
@@ -53,11 +79,10 @@ def plot_stability(
     handles: list[Patch | Line2D] = [
         Patch(facecolor=BAND, edgecolor="0.25", label=_region_words(function))
     ]
-    # The longest steps first, which spread the eigenvalues most.
-    drawn = sorted(steps_per_frame)[:_MOST]
-    for steps, colour, marker in zip(drawn, COLOURS, MARKERS, strict=False):
-        handles.append(_draw_modes(axes, found, steps, colour, marker))
+    for index, steps in enumerate(drawn):
+        handles.append(_draw_modes(axes, found, steps, *stepper_style(index)))
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    make_room(figure, _HEIGHT, math.ceil(len(handles) / 2))
     return figure
 
 
@@ -85,7 +110,7 @@ def _draw_modes(axes: Axes, found: LinearStability, steps: int, colour: str, mar
     z, growing = dt * found.along.eigenvalues.ravel(), found.along.growing.ravel()
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     inside = (left <= z.real) & (z.real <= right) & (low <= z.imag) & (z.imag <= high)
-    form = {"linestyle": "none", "marker": marker, "markersize": 3.0, "color": colour}
+    form = {"linestyle": "none", "marker": marker, "markersize": 3.5, "color": colour}
     for chosen, face in ((growing, "none"), (~growing, colour)):
         some = z[inside & chosen]
         axes.plot(some.real, some.imag, markerfacecolor=face, zorder=2.5, **form)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -37,6 +39,8 @@ WIDTH = 6.5
 DPI = 200
 _SCREEN_DPI = 110
 _LETTERS_PER_INCH = 13
+# Of two legends side by side, and the height of one of their lines in inches.
+_LETTERS_BESIDE, _LEGEND_LINE = 90, 0.17
 
 # Source: Okabe and Ito, Color Universal Design (2008); without the yellow, which is too pale
 # for lines on white.
@@ -91,7 +95,7 @@ def new_grid(
         rows: of axes.
         columns: of axes.
         count: of axes; those at the end of the last row may be missing.
-        labels: of the horizontal axes at the bottom, and of the upright ones at the left.
+        labels: of the horizontal axes at the bottom, and of the upright ones, at the left.
     """
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes in grid[count:]:
@@ -99,9 +103,48 @@ def new_grid(
     for axes in grid[max(0, count - columns) : count]:
         axes.tick_params(labelbottom=True)
         axes.set_xlabel(labels[0])
-    for axes in grid[:count:columns]:
-        axes.set_ylabel(labels[1])
+    if rows == 1:
+        grid[0].set_ylabel(labels[1])
+    else:
+        # Once for all: it may be longer than a row is high.
+        figure.supylabel(labels[1], fontsize=matplotlib.rcParams["axes.labelsize"])
     return list(grid[:count])
+
+
+def draw_legends(
+    figure: Figure, height: float, left: Sequence[Artist], right: Sequence[Artist]
+) -> None:
+    """Two legends below the axes: side by side where there is room, else as one column.
+
+    Arguments:
+        figure: gets the room that they need.
+        height: of the figure without legends, in inches.
+        left: handles with labels, such as the steppers.
+        right: others, such as what the marks mean.
+    """
+
+    def lines(handles: Sequence[Artist]) -> list[str]:
+        return "\n".join(str(each.get_label()) for each in handles).splitlines()
+
+    many, letters = zip(
+        *((len(x), max(map(len, x))) for x in map(lines, (left, right))), strict=True
+    )
+    if sum(letters) <= _LETTERS_BESIDE:
+        figure.legend(handles=left, loc="outside lower left")
+        figure.legend(handles=right, loc="outside lower right")
+        make_room(figure, height, max(many))
+    else:
+        figure.legend(handles=[*left, *right], loc="outside lower left")
+        make_room(figure, height, sum(many))
+
+
+def make_room(figure: Figure, height: float, lines: int) -> None:
+    """Let a legend of so many lines stand below what is `height` inches high."""
+    below = _LEGEND_LINE * lines + 0.1
+    figure.set_figheight(height + below)
+    if label := figure.get_supylabel():
+        middle = (below + height / 2) / (height + below)
+        figure.supylabel(label, y=middle, fontsize=matplotlib.rcParams["axes.labelsize"])
 
 
 def wrapped(*paragraphs: str, width: float) -> str:

@@ -24,26 +24,18 @@ def draw_horizon(axes: Axes, reference: Reference) -> None:
         )
 
 
-def draw_ends(axes: Axes, line: Line, values: np.ndarray) -> None:
-    """Marks at the edge where a line leaves the axes for the first time, and where it diverged.
+def draw_ends(axes: Axes, line: Line, times: np.ndarray, values: np.ndarray) -> None:
+    """Marks at the upper edge where a line first leaves the axes, and where the run diverged.
 
     Arguments:
         axes: with their limits set.
         line: whose ends.
+        times: of its numbers, ``(times,)``.
         values: its numbers, ``(times,)``.
     """
-    low, high = axes.get_ylim()
-    if len(outside := np.flatnonzero((values < low) | (values > high))):
-        first = outside[0]
-        above = values[first] > high
-        _mark(
-            axes,
-            float(line.curve.times[first]),
-            high if above else low,
-            line.colour,
-            "^" if above else "v",
-            f"{'above' if above else 'below'} this axis",
-        )
+    _, high = axes.get_ylim()
+    if len(above := np.flatnonzero(values > high)):
+        _mark(axes, float(times[above[0]]), high, line.colour, "^", "above this axis")
     if line.curve.diverged_at is not None:
         _mark(axes, line.curve.diverged_at, high, line.colour, "X", "diverged")
 

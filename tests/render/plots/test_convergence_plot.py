@@ -81,11 +81,13 @@ def test_every_reason_has_a_mark_of_its_own():
 @pytest.mark.parametrize("case", ALL_CASES)
 def test_band_ends_at_the_resolution(case, study):
     table = study("convergence", case)
-    (axes,) = plot_convergence(table).axes
+    figure = plot_convergence(table)
+    (axes,) = figure.axes
     (band,) = [patch for patch in axes.patches if isinstance(patch, Rectangle)]
     assert band.get_y() == 0
     assert band.get_y() + band.get_height() == table.rows[0].resolution
-    assert any(f"resolution {table.rows[0].resolution:.1e}" in t.get_text() for t in axes.texts)
+    labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert any(f"unresolved: below {table.rows[0].resolution:.1e}" in label for label in labels)
 
 
 @pytest.mark.parametrize("case", ALL_CASES)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.references.files.library import load
 from ropeode.render.plots.files import figure_bytes
@@ -15,6 +17,7 @@ from ropeode.theory.linear_stability import linear_stability
 from ropeode.theory.spectrum import Spectrum
 from ropeode.theory.stability_function import StabilityFunction
 from ropeode.theory.stability_limits import stability_region
+from tests.render.plots.legible import assert_legible
 
 
 @pytest.fixture(scope="module")
@@ -31,12 +34,17 @@ def drawn():
     assert region is not None
     modes = np.append(found.along.eigenvalues[0], [0.5, 100.0])
     along = Spectrum(np.zeros(1), modes[None], np.full(1, 1e-9))
-    return region, dataclasses.replace(found, along=along)
+    stability = dataclasses.replace(found, along=along)
+    # All that the picture reads of an explanation.
+    rows = [SimpleNamespace(steps_per_frame=steps) for steps in (1, 4, 6, 8, 10)]
+    tables = (SimpleNamespace(rows=rows),)
+    return SimpleNamespace(
+        stepper="explicit-euler", region=region, stability=stability, tables=tables
+    )
 
 
 def test_eigenvalues_are_where_dt_puts_them(drawn):
-    region, found = drawn
-    figure = plot_stability(region, found, [1, 4])
+    figure = plot_stability(drawn, [4, 1])
     (axes,) = figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("Re z,  z = dt λ", "Im z")
     points = [line for line in axes.lines if line.get_linestyle() == "None"]
@@ -55,8 +63,24 @@ def test_eigenvalues_are_where_dt_puts_them(drawn):
 
 
 def test_the_title_states_the_limit(drawn):
-    region, found = drawn
-    figure = plot_stability(region, found, [6])
+    figure = plot_stability(drawn, [6])
     # |1 + dt lambda| < 1 for dt < 0.2/1.01.
     assert "stable for dt < 0.198, 6 per frame or more" in figure.get_suptitle()
-    assert figure_bytes(figure, ".png") == figure_bytes(plot_stability(region, found, [6]), ".png")
+    assert figure_bytes(figure, ".png") == figure_bytes(plot_stability(drawn, [6]), ".png")
+
+
+def test_all_of_it_is_legible(drawn):
+    assert_legible(plot_stability(drawn))
+
+
+def test_the_coarsest_runs_are_drawn_by_default(drawn):
+    labels = [text.get_text() for text in plot_stability(drawn).legends[0].get_texts()]
+    assert [label.split()[2] for label in labels[1:]] == ["1", "4", "6", "8"]
+
+
+def test_a_stepper_without_a_region(drawn):
+    without = SimpleNamespace(**{**vars(drawn), "region": None})
+    with pytest.raises(InputError, match="explanation: 'explicit-euler' given; allowed: .* Fix: "):
+        plot_stability(without)
+    with pytest.raises(InputError, match="steps_per_frame: .0. given"):
+        plot_stability(drawn, [0])

@@ -12,6 +12,7 @@ from matplotlib.patches import Rectangle
 from ropeode.errors import InputError
 from ropeode.render.plots.sweep_map import NOT_COMPUTED, plot_sweep
 from ropeode.sweep.design.columns import COLUMNS
+from tests.render.plots.legible import assert_legible
 
 DAMPINGS, STEPS = (0.01, 0.1, 1.0), (16, 32, 64, 128)
 
@@ -116,6 +117,80 @@ def test_draws_that_never_meet_are_points():
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["diverged"]
 
 
+@pytest.fixture
+def draws():
+    """A random design of two parameters, each draw with two numbers of steps."""
+    random = np.random.default_rng(0)
+    return frame_of(
+        [
+            {
+                "stepper": "rk4",
+                "seed": 0,
+                "draw": draw,
+                "steps_per_frame": steps,
+                "damping": damping,
+                "stiffness": stiffness,
+                "status": "ok",
+                "error_max": damping / steps,
+            }
+            for draw, (damping, stiffness) in enumerate(10 ** random.uniform(-2, 2, (30, 2)))
+            for steps in (16, 64)
+        ]
+    )
+
+
+def test_draws_that_differ_in_what_is_not_shown_are_refused(draws):
+    with pytest.raises(InputError, match=r"differ in steps_per_frame, .*--where steps_per_frame"):
+        plot_sweep(draws, "damping", "stiffness", "error_max")
+    # A sweep that is not finished has a single row in each place, of different steps.
+    unfinished = draws.drop_duplicates("draw").assign(steps_per_frame=[16, 64] * 15)
+    with pytest.raises(InputError, match=r"differ in steps_per_frame, .*--where steps_per_frame"):
+        plot_sweep(unfinished, "damping", "stiffness", "error_max")
+    # What a draw decides is named where it is not shown.
+    figure = plot_sweep(draws, "damping", "steps_per_frame", "error_max")
+    assert "along the axes also change: draw, stiffness" in figure.get_suptitle()
+
+
+def test_inputs_that_were_drawn_log_uniformly_have_log_axes(draws):
+    at_16 = {"steps_per_frame": 16}
+    axes = plot_sweep(draws, "damping", "stiffness", "error_max", at_16).axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    uniform = draws.assign(damping=1.0 + np.log10(draws["damping"]))
+    uniform["damping"] -= uniform["damping"].min() - 0.01
+    axes = plot_sweep(uniform, "damping", "stiffness", "error_max", at_16).axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
+
+
+def test_orders_have_a_colour_for_each_whole_number_and_are_printed(frame):
+    figure = plot_sweep(frame, "damping", "steps_per_frame", "observed_order")
+    *panels, bar = figure.axes
+    assert [text.get_text() for text in bar.get_yticklabels()] == ["1", "2", "3", "4"]
+    printed = {text.get_text() for axes in panels for text in axes.texts}
+    assert printed == {"1.00", "1.01", "4.00", "4.01"}
+    (mesh,) = [each for each in panels[1].collections if isinstance(each, QuadMesh)]
+    assert len({tuple(each) for each in mesh.to_rgba(mesh.get_array()).reshape(-1, 4)}) == 1
+
+
+def test_errors_of_runs_that_blew_up_do_not_stretch_the_colours(frame):
+    frame["motion_size"] = 0.5
+    frame.loc[frame.index[3], "error_max"] = 1e200
+    frame.loc[frame.index[4], "error_max"] = np.inf
+    figure = plot_sweep(frame, "damping", "steps_per_frame", "error_max")
+    (mesh,) = [each for each in figure.axes[0].collections if isinstance(each, QuadMesh)]
+    assert mesh.norm.vmax == 5.0
+    assert "above 5.0e+00, 10 × the motion" in figure.axes[-1].get_ylabel()
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "infinite" in legend
+
+
+def test_an_input_without_values_is_no_axis(frame):
+    with pytest.raises(InputError, match="x: 'seed' given; allowed: an input that every"):
+        plot_sweep(frame, "seed", "steps_per_frame", "error_max")
+    twice = pd.concat([frame, frame])
+    with pytest.raises(InputError, match="the same case several times"):
+        plot_sweep(twice, "damping", "steps_per_frame", "error_max")
+
+
 def test_a_map_of_no_numbers_at_all(frame):
     frame["observed_order"], frame["order_verdict"] = None, "undetermined"
     figure = plot_sweep(frame, "damping", "steps_per_frame", "observed_order", {"stepper": "rk4"})
@@ -123,9 +198,7 @@ def test_a_map_of_no_numbers_at_all(frame):
 
 
 def test_rows_that_would_share_a_cell_are_refused(frame):
-    message = (
-        r"3 rows share a cell, .* in damping; .*damping: 0.01, 0.1, 1.0.*--where damping=0.01."
-    )
+    message = r"rows differ in damping, .*\(damping: 0.01, 0.1, 1.0\).*--where damping=0.01,"
     with pytest.raises(InputError, match=message):
         plot_sweep(frame, "stepper", "steps_per_frame", "error_max")
 
@@ -140,10 +213,15 @@ def test_one_value_of_each_input_that_matters_is_selected(frame):
     with pytest.raises(InputError) as refused:
         plot_sweep(pd.concat(frames), "damping", "steps_per_frame", "error_max")
     [line] = refused.value.problems
-    assert "differ in seed, draw, stiffness; " in line
-    assert line.endswith("for example --where seed=0 --where draw=0.")
+    assert "differ in seed, draw, stiffness, " in line
+    assert "for example --where seed=0 --where draw=0, " in line
     selected = {"seed": 0, "draw": 0}
     plot_sweep(pd.concat(frames), "damping", "steps_per_frame", "error_max", selected)
+
+
+@pytest.mark.parametrize("value", ["observed_order", "error_max"])
+def test_all_of_it_is_legible(frame, value):
+    assert_legible(plot_sweep(frame, "damping", "steps_per_frame", value))
 
 
 def test_a_sweep_without_rows(frame):

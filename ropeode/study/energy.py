@@ -1,0 +1,225 @@
+"""The energy of runs against time, and what it should be."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, Unpack
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ropeode.analysis.errors import RESOLUTION_FACTOR, energy_errors
+from ropeode.display import Tabular
+from ropeode.precision import in_float64
+from ropeode.problems.problem import Problem
+from ropeode.progress import Progress, silent
+from ropeode.references.compute import reference_for
+from ropeode.references.options import Asked, ReferenceOptions
+from ropeode.references.reference import Reference, problem_of
+from ropeode.simulation import Trajectory
+from ropeode.steppers.base import Stepper
+from ropeode.study.accuracy_table import check_steps, chosen_steppers
+from ropeode.study.curves import Curve, curve_of, runs_of
+from ropeode.validation import bad_value
+
+# One step size, with which all steppers share a panel.
+_STEPS_PER_FRAME = (64,)
+# An energy is conserved if it cannot change by more than this part of its terms over the span.
+_CONSERVED = 1e-9
+# Other times at which the slope of the energy is looked at, for each state.
+_OTHER_TIMES = 3
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class EnergyCurves(Tabular):
+    """Energies against time, and the true energy as far as it is known.
+
+    Where the equation conserves the energy, the true one is that of the initial state, at all
+    sample times. Otherwise it is the reference's, inside its trust horizon.
+
+    Arguments:
+        problem: the problem of the runs.
+        reference: with its certificate; None where none was needed.
+        conserved: whether the equation conserves the energy.
+        times: the sample times at which the true energy is known, ``(times,)``.
+        values: the true energy there, ``(times,)``.
+        bound: the estimated error of `values`, ``(times,)``.
+        curves: the energy of each run at all of its samples, in the order of the steppers.
+    """
+
+    problem: Problem
+    reference: Reference | None
+    conserved: bool
+    times: np.ndarray
+    values: np.ndarray
+    bound: np.ndarray
+    curves: tuple[Curve, ...]
+
+    @property
+    def resolution(self) -> np.ndarray:
+        """Ten times `bound`; no digit of an energy error below it is to be believed."""
+        return RESOLUTION_FACTOR * self.bound
+
+    def errors(self, curve: Curve) -> np.ndarray:
+        """The energy of one of `curves` minus the true one, at those of `times` that it has."""
+        return energy_errors(curve.values, self.values)
+
+
+def energy_curves(
+    problem: Problem | Reference,
+    steppers: Sequence[str | Stepper] | None = None,
+    steps_per_frame: Sequence[int] = _STEPS_PER_FRAME,
+    *,
+    progress: Progress = silent,
+    **asked: Unpack[Asked],
+) -> EnergyCurves:
+    """Run steppers and compute their energy at each sample, and the true one.
+
+    A reference is computed only where the equation does not conserve the energy.
+
+    Arguments:
+        problem: the problem to solve, which must have an energy; or a reference of it.
+        steppers: as for `ropeode.accuracy_table`.
+        steps_per_frame: whole numbers, each once.
+        progress: called with what is being done and the fraction that is done.
+        asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
+
+    Raises:
+        InputError: one line for each argument that cannot be used.
+        ReferenceRefused: the energy is not conserved, and no reference can be certified.
+    """
+    own = problem_of(problem)
+    check_energy(own)
+    options = ReferenceOptions(**asked)
+    chosen, ladder = chosen_steppers(own, steppers), check_steps(steps_per_frame)
+    best = _Best()
+
+    def running(text: str, part: float | None) -> None:
+        progress(text, None if part is None else 0.9 * part)
+
+    def curves() -> Iterator[Curve]:
+        for run in runs_of(own, chosen, ladder, running):
+            energies = own.energies(run.states)
+            best.look_at(run, energies)
+            yield curve_of(run, run.times, energies)
+
+    drawn = tuple(curves())
+    known = problem if isinstance(problem, Reference) else None
+    along = known.states[: known.trusted] if known else best.states
+    if known is None and (along is None or not _conserved(own, along)):
+        known = reference_for(own, options, lambda text, _: progress(text, 0.9))
+        along = known.states[: known.trusted]
+    assert along is not None
+    found = energies_of(own, known, along, drawn)
+    progress("done", 1.0)
+    return found
+
+
+class _Best:
+    """The states of the run that keeps its energy best, which is most like the solution."""
+
+    def __init__(self) -> None:
+        self.states: np.ndarray | None = None
+        self._change = np.inf
+
+    def look_at(self, run: Trajectory, energies: np.ndarray) -> None:
+        change = float(np.max(np.abs(energies - energies[0]))) if run.status == "ok" else np.inf
+        if change < self._change:
+            self.states, self._change = run.states, change
+
+
+def energies_of(
+    problem: Problem, reference: Reference | None, along: np.ndarray, curves: Sequence[Curve]
+) -> EnergyCurves:
+    """Energies of runs with the true ones.
+
+    Arguments:
+        problem: of the runs.
+        reference: of the problem; may be None where its equation conserves the energy.
+        along: states of the reference inside its trust horizon, or else of a good run,
+            ``(times, *state)``.
+        curves: of energies.
+    """
+    times, slopes = problem.ts, _slopes(problem, along)
+    if conserved := _conserved(problem, along):
+        values = np.repeat(problem.energies(problem.y0[None]), len(times))
+        drift = np.max(np.abs(slopes.rate)) * (times - times[0])
+        rounding = np.maximum.accumulate(slopes.rounding)
+        bound = drift + np.append(rounding, np.full(len(times) - len(rounding), rounding[-1]))
+    else:
+        assert reference is not None
+        times = times[: reference.trusted]
+        values = problem.energies(along)
+        # What an error of each quantity, as large as its bound at every node, can change.
+        sizes = [
+            np.sum(np.linalg.norm(problem.quantity(name, slopes.gradient), axis=2), axis=1)
+            * reference.certificate.bounds[name][: len(times)]
+            for name in problem.quantities
+        ]
+        bound = np.maximum.accumulate(np.sum(sizes, axis=0) + slopes.rounding)
+    return EnergyCurves(problem, reference, conserved, times, values, bound, tuple(curves))
+
+
+def check_energy(problem: Problem) -> None:
+    """Refuse a problem without an energy.
+
+    Raises:
+        InputError: it has none.
+    """
+    if problem.energy is None:
+        fix = "give it one, Problem(..., energy=...), or choose what needs none"
+        raise bad_value("problem", problem.name, "a problem that has an energy", fix)
+
+
+def _conserved(problem: Problem, states: np.ndarray) -> bool:
+    """Whether ``dE/dt`` along the equation is zero, but for rounding, at states at all times."""
+    if len(problem.jump_times):
+        return False
+    span = float(problem.ts[-1] - problem.ts[0])
+    draws = np.random.default_rng(0)
+    others = draws.uniform(problem.ts[0], problem.ts[-1], (_OTHER_TIMES, len(states)))
+    for times in (problem.ts[: len(states)], *others):
+        slopes = _slopes(problem, states, times)
+        if np.any(span * np.abs(slopes.rate) > _CONSERVED * slopes.size):
+            return False
+    return True
+
+
+class _Slopes(NamedTuple):
+    """How the energy changes, at some states.
+
+    Fields:
+        gradient: with the state, ``(times, *state)``.
+        rate: with time, along the equation, ``(times,)``.
+        size: of the terms of the energy, ``(times,)``.
+    """
+
+    gradient: np.ndarray
+    rate: np.ndarray
+    size: np.ndarray
+
+    @property
+    def rounding(self) -> np.ndarray:
+        """The error of an energy whose state is rounded, ``(times,)``."""
+        return np.finfo(np.float64).eps * self.size
+
+
+@in_float64
+def _slopes(problem: Problem, states: np.ndarray, times: np.ndarray | None = None) -> _Slopes:
+    """Arguments:
+    problem: with an energy.
+    states: ``(times, *state)``.
+    times: of the states; by default the first sample times.
+    """
+    energy, rhs = problem.energy, problem.rhs
+    assert energy is not None
+
+    def one(t: Any, y: Any) -> Any:
+        value, (by_time, gradient) = jax.value_and_grad(energy, argnums=(0, 1))(t, y, problem.args)
+        rate = by_time + jnp.sum(gradient * rhs(t, y, problem.args))
+        return gradient, rate, jnp.abs(value) + jnp.sum(jnp.abs(gradient * y))
+
+    at = problem.ts[: len(states)] if times is None else times
+    return _Slopes(*map(np.asarray, jax.jit(jax.vmap(one))(at, states)))
