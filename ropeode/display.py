@@ -5,11 +5,13 @@ from __future__ import annotations
 import importlib
 from typing import Any, ClassVar
 
+from ropeode.equality import ByContent
+
 # Of a result's headings, in the middle of somebody's notebook.
 _HEADINGS = 4
 
 
-class Displayed:
+class Displayed(ByContent):
     """A result that the REPL shows as one line, and a notebook as a page.
 
     A subclass names the module that writes both: its ``line(result)`` returns a text, its
@@ -55,7 +57,10 @@ class Sampled(Tabular):
     """A result that has states at sample times."""
 
     def to_xarray(self) -> Any:
-        """An xarray Dataset with axes time, node and component. It needs the extra `data`."""
+        """An xarray Dataset with axes time, node and component; of many runs, also member.
+
+        It needs the extra `data`.
+        """
         return _frames().dataset(self)
 
 

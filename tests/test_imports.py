@@ -23,6 +23,7 @@ PACKAGE = Path(ropeode.__file__).parent
 GROUND = {
     "callbacks",
     "display",
+    "equality",
     "errors",
     "files",
     "precision",

@@ -13,7 +13,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from scipy import special
 
-from ropeode.display import Displayed
+from ropeode.display import Tabular
 from ropeode.precision import in_float64
 from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
@@ -30,7 +30,7 @@ _CONFIDENCE = 0.95
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class LyapunovExponent(Displayed):
+class LyapunovExponent(Tabular):
     """The mean rate at which neighbouring solutions separate, from a finite span.
 
     Arguments:

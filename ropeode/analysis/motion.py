@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.analysis.motion_measures import RopeMeasures, lengthening, measured
-from ropeode.display import Displayed
+from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
@@ -94,7 +94,7 @@ class Words:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Motion(Displayed, Words):
+class Motion(Tabular, Words):
     """What a rope did: the fields of `Words`, and numbers.
 
     Arguments:

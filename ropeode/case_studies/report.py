@@ -22,7 +22,7 @@ from ropeode.case_studies.runs import (
     run_all,
     stable_from,
 )
-from ropeode.display import Displayed
+from ropeode.display import Tabular
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress, silent
 from ropeode.simulation import Trajectory
@@ -126,7 +126,7 @@ class FigureResult:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Report(Displayed, written_by="ropeode.case_studies.formats"):
+class Report(Tabular, written_by="ropeode.case_studies.formats"):
     """The report, run again.
 
     Arguments:

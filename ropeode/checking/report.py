@@ -125,7 +125,7 @@ def exactly(difference: float) -> str:
     return "exactly" if difference == 0.0 else f"to rounding ({difference:.1e})"
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class CheckReport(Tabular, written_by="ropeode.render.check"):
     """The report on a stepper, or on trajectories.
 
@@ -143,7 +143,7 @@ class CheckReport(Tabular, written_by="ropeode.render.check"):
     findings: tuple[Finding, ...]
     diagnosis: tuple[Diagnosis, ...] = ()
     notes: tuple[str, ...] = ()
-    seconds: float = 0.0
+    seconds: float = dataclasses.field(default=0.0, compare=False)
 
     @property
     def failed(self) -> tuple[Finding, ...]:

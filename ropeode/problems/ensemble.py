@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, overload
 
@@ -76,15 +77,7 @@ class Ensemble(Displayed, Sequence[Problem]):
                     "run them one by one, or in an ensemble for each family",
                 )
 
-        def numbers(start: int, stop: int) -> Numbers:
-            some = members[start:stop]
-            return Numbers(
-                np.stack([each.y0 for each in some], axis=-1),
-                jax.tree.map(
-                    lambda *leaves: np.stack(leaves, axis=-1), *(each.args for each in some)
-                ),
-            )
-
+        numbers = functools.partial(_stacked, members)
         return cls(first, len(members), numbers, members.__getitem__, members)
 
     @classmethod
@@ -94,7 +87,7 @@ class Ensemble(Displayed, Sequence[Problem]):
         *,
         y0: Any = None,
         args: Any = None,
-        parameters: Callable[[int], Mapping[str, Any]] = lambda index: {},
+        parameters: Callable[[int], Mapping[str, Any]] | None = None,
     ) -> Ensemble:
         """An ensemble of a problem with other numbers.
 
@@ -106,7 +99,7 @@ class Ensemble(Displayed, Sequence[Problem]):
                 by default that of `problem`.
             args: arguments with one more axis in front of each array, ``(members, ...)``; by
                 default those of `problem`.
-            parameters: gives the `parameters` of a member, by its index.
+            parameters: gives the `parameters` of a member, by its index; by default none.
 
         Raises:
             InputError: an array has another shape or numbers that are not finite, or their
@@ -134,17 +127,15 @@ class Ensemble(Displayed, Sequence[Problem]):
         (states,) = of_all("y0", [problem.y0])
         values = jax.tree.unflatten(structure, of_all("args", own))
 
-        def numbers(start: int, stop: int) -> Numbers:
-            some = Numbers(states, values)
-            return jax.tree.map(lambda array: np.moveaxis(array[start:stop], 0, -1), some)
-
-        def member(index: int) -> Problem:
-            args = jax.tree.map(lambda leaf: leaf[index], values)
-            return problem.with_numbers(states[index], args, parameters(index))
-
+        everything = Numbers(states, values)
+        member = functools.partial(_one_of, problem, everything, parameters)
         start = member(0)
         checks.right_hand_side(start.rhs, start.ts[0], start.y0, start.args)
-        return cls(start, size, numbers, member)
+        return cls(start, size, functools.partial(_some_of, everything), member)
+
+    def _contents(self) -> Any:
+        """The first member, and the numbers of all."""
+        return self.first, self.numbers(0, self._size)
 
     def numbers(self, start: int, stop: int) -> Numbers:
         """The numbers of the members from `start` up to, and without, `stop`."""
@@ -160,7 +151,7 @@ class Ensemble(Displayed, Sequence[Problem]):
             first,
             self._size,
             self._numbers,
-            lambda index: self._member(index).changed(**now),
+            functools.partial(_changed, self._member, now),
             [each.changed(**now) for each in self.built_apart],
         )
 
@@ -181,6 +172,33 @@ class Ensemble(Displayed, Sequence[Problem]):
 
     def __iter__(self) -> Iterator[Problem]:
         return map(self._member, range(self._size))
+
+
+# Not inside `Ensemble`, whose pickle names them.
+def _stacked(members: Sequence[Problem], start: int, stop: int) -> Numbers:
+    some = members[start:stop]
+    return Numbers(
+        np.stack([each.y0 for each in some], axis=-1),
+        jax.tree.map(lambda *leaves: np.stack(leaves, axis=-1), *(each.args for each in some)),
+    )
+
+
+def _some_of(everything: Numbers, start: int, stop: int) -> Numbers:
+    return jax.tree.map(lambda array: np.moveaxis(array[start:stop], 0, -1), everything)
+
+
+def _one_of(
+    problem: Problem,
+    everything: Numbers,
+    parameters: Callable[[int], Mapping[str, Any]] | None,
+    index: int,
+) -> Problem:
+    y0, args = jax.tree.map(lambda array: array[index], everything)
+    return problem.with_numbers(y0, args, parameters(index) if parameters else {})
+
+
+def _changed(member: Callable[[int], Problem], functions: Mapping[str, Any], index: int) -> Problem:
+    return member(index).changed(**functions)
 
 
 def same_problem(problem: Problem, other: Problem) -> bool:

@@ -93,6 +93,9 @@ class Problem(Displayed):
     with JAX. Then all functions below take and return such pytrees. The problem keeps the state
     and its right-hand side flat, as solvers and steppers need them; `unravel` goes back.
 
+    Two problems are equal if their equations compute the same and their numbers are the same, to
+    the last bit; what is known of their solutions does not count.
+
     Arguments:
         rhs: ``rhs(t, y, args)`` in JAX; returns the derivative in the shape of ``y``. It is traced
             when the problem is built, and again when the problem is solved: each solution is that
@@ -122,8 +125,10 @@ class Problem(Displayed):
     ts: np.ndarray
     args: Any = None
     name: str = "problem"
-    energy: Callable[[Any, Any, Any], Any] | None = None
-    exact: Callable[[np.ndarray], np.ndarray] | None = None
+    energy: Callable[[Any, Any, Any], Any] | None = dataclasses.field(default=None, compare=False)
+    exact: Callable[[np.ndarray], np.ndarray] | None = dataclasses.field(
+        default=None, compare=False
+    )
     jump_times: Sequence[float] = ()
     constraints: Callable[[Any, Any, Any], Mapping[str, Any]] | None = None
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -178,12 +183,17 @@ class Problem(Displayed):
             if (function := getattr(self, name)) is not None:
                 self._set(name, structure.flat(name, function))
         if callable(exact := self.exact):
-            self._set("exact", lambda ts: structure.ravel("exact result", exact(ts), axes=1))
+            self._set("exact", structure.flat_exact(exact))
 
     def _set(self, name: str, value: Any) -> None:
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
         object.__setattr__(self, name, value)
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        # Of a pickle or a copy, whose arrays can be written to.
+        for name, value in state.items():
+            self._set(name, value)
 
     def changed(self, **fields: Any) -> Problem:
         """A copy with other fields, without checks.

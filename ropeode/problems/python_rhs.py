@@ -58,6 +58,12 @@ class PythonRhs:
         # Programs are told apart by this; memory addresses are used again.
         return f"PythonRhs({self._name})"
 
+    def __deepcopy__(self, memo: Any) -> PythonRhs:
+        return self
+
+    def __reduce__(self) -> tuple:
+        return python_rhs, (self.function, self.bound)
+
     def __call__(self, t: Any, y: Any, args: Any) -> Any:
         """The derivative, in a program of JAX."""
         return rhs_in_float64(self._in_program, t, y, args)

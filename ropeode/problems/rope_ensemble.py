@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -36,11 +37,8 @@ def rope_ensemble(rope: RopeInput, frames: int, arrays: Mapping[str, Any]) -> En
         allowed_lengths = "arrays with as many members each, at least one array"
         raise bad_value("ensemble", lengths, allowed_lengths, "for example damping=[0.0, 0.1]")
 
-    def member(index: int) -> RopeInput:
-        return _with(rope, {name: array[index] for name, array in values.items()})
-
     _check(rope, values)
-    problem = member(0).problem(frames)
+    problem = _member(rope, values, 0).problem(frames)
     size = len(next(iter(values.values())))
     args = {
         name: np.broadcast_to(leaf, (size, *leaf.shape))
@@ -61,11 +59,18 @@ def rope_ensemble(rope: RopeInput, frames: int, arrays: Mapping[str, Any]) -> En
         problem,
         y0=y0,
         args=type(problem.args)(**args),
-        parameters=lambda index: {
-            **problem.parameters,
-            **member(index).model_dump(mode="json"),
-        },
+        parameters=functools.partial(_parameters, rope, values, problem.parameters),
     )
+
+
+def _member(rope: RopeInput, values: Mapping[str, np.ndarray], index: int) -> RopeInput:
+    return _with(rope, {name: array[index] for name, array in values.items()})
+
+
+def _parameters(
+    rope: RopeInput, values: Mapping[str, np.ndarray], common: Mapping[str, Any], index: int
+) -> Mapping[str, Any]:
+    return {**common, **_member(rope, values, index).model_dump(mode="json")}
 
 
 def _members(name: str, array: Any) -> np.ndarray:

@@ -235,16 +235,19 @@ def _in_jax(function: Callable, bound: tuple[Any, ...], call: Callable) -> Calla
         function, bound: the user's.
         call: `with_numpy` for a function in NumPy, `_as_it_is` for one in JAX.
     """
+    return functools.partial(_rhs_in_jax, function, bound, call)
 
+
+# Not inside `_in_jax`, so that pickles can name it.
+def _rhs_in_jax(
+    function: Callable, bound: tuple[Any, ...], call: Callable, t: Any, y: Any, args: Any
+) -> Any:
     def whole(t: Any, y: Any, *args: Any) -> Any:
         return function(t, y, *bound, *args)
 
-    def rhs(t: Any, y: Any, args: Any) -> Any:
-        slope = jnp.asarray(call(whole, t, y, *(args or ())), dtype=float)
-        # Of a state of one number, SciPy takes the derivative as a number too.
-        return slope.reshape(y.shape) if slope.ndim == 0 and y.shape == (1,) else slope
-
-    return rhs
+    slope = jnp.asarray(call(whole, t, y, *(args or ())), dtype=float)
+    # Of a state of one number, SciPy takes the derivative as a number too.
+    return slope.reshape(y.shape) if slope.ndim == 0 and y.shape == (1,) else slope
 
 
 def _agrees(

@@ -6,6 +6,7 @@ Solvers and norms see one flat array. Only the user's own functions see the pytr
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import numbers
 from collections.abc import Callable
@@ -118,25 +119,38 @@ class StateStructure:
 
     def flat(self, name: str, function: Callable) -> Callable:
         """A user's ``function(t, y, args)`` of the pytree as one of flat states."""
-        if callable(function):
-            check_signature(name, function, ["t", "y", "args"], "")
-
-        def of_flat_states(t: Any, y: Any, args: Any) -> Any:
-            return function(t, self.unravel(y), args)
-
-        return of_flat_states if callable(function) else function
+        if not callable(function):
+            return function
+        check_signature(name, function, ["t", "y", "args"], "")
+        return functools.partial(_of_flat_states, self, function)
 
     def flat_rhs(self, function: Callable) -> Callable:
         """A user's right-hand side of the pytree as one of flat states."""
         of_flat_states = self.flat("rhs", function)
 
-        def rhs(t: Any, y: Any, args: Any) -> Any:
-            return self.ravel("rhs result", of_flat_states(t, y, args)).astype(float)
+        if not callable(function):
+            return function
+        return functools.partial(_flat_rhs, self, of_flat_states)
 
-        return rhs if callable(function) else function
+    def flat_exact(self, function: Callable) -> Callable:
+        """A user's exact solution, of pytrees, as one of flat states."""
+        return functools.partial(_flat_exact, self, function)
 
     def __str__(self) -> str:
         return str(_shapes_in(self.unravel(np.zeros(sum(map(math.prod, self.shapes))))))
+
+
+# Not inside `StateStructure`, so that pickles can name them.
+def _of_flat_states(own: StateStructure, function: Callable, t: Any, y: Any, args: Any) -> Any:
+    return function(t, own.unravel(y), args)
+
+
+def _flat_rhs(own: StateStructure, of_flat_states: Callable, t: Any, y: Any, args: Any) -> Any:
+    return own.ravel("rhs result", of_flat_states(t, y, args)).astype(float)
+
+
+def _flat_exact(own: StateStructure, function: Callable, ts: Any) -> Any:
+    return own.ravel("exact result", function(ts), axes=1)
 
 
 def _shapes_in(tree: Any) -> Any:

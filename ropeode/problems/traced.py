@@ -15,7 +15,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal, jaxpr_as_fun
 
 from ropeode.errors import call_user_code
-from ropeode.precision import rhs_in_float64
+from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems.nested_jaxprs import equations, evaluated
 from ropeode.problems.traced_digest import digest
 from ropeode.validation import bad_value
@@ -116,6 +116,18 @@ class Traced:
 
     def __repr__(self) -> str:
         return repr(self.function)
+
+    def __deepcopy__(self, memo: Any) -> Traced:
+        return self
+
+    def __reduce__(self) -> tuple:
+        # The operations are those of this process; another one traces the function again.
+        return _traced_again, (self.name, self.function, self.inputs)
+
+
+@in_float64
+def _traced_again(name: str, function: Callable, inputs: tuple) -> Traced:
+    return Traced(name, function, inputs)
 
 
 def traced(name: str, function: Callable, inputs: tuple) -> Callable:

@@ -13,7 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from ropeode.display import Displayed
+from ropeode.display import Tabular
+from ropeode.equality import ByContent
 from ropeode.norms import NORMS, Norm, distance
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solution import Solution
@@ -57,7 +58,7 @@ class Reason(enum.StrEnum):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Witness:
+class Witness(ByContent):
     """A run that checks a reference.
 
     Arguments:
@@ -80,7 +81,7 @@ class Witness:
     tolerance: float
     role: Role
     steps: int
-    seconds: float
+    seconds: float = dataclasses.field(compare=False)
     differences: Mapping[str, np.ndarray]
     difference: float = np.nan
 
@@ -100,7 +101,7 @@ class Sampling:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Certificate(Displayed):
+class Certificate(Tabular):
     """What is claimed of a reference, and the evidence.
 
     Arguments:
@@ -141,8 +142,8 @@ class Certificate(Displayed):
     horizon_reason: str | None
     witnesses: tuple[Witness, ...]
     stiff: bool
-    seconds: float
-    compile_seconds: float
+    seconds: float = dataclasses.field(compare=False)
+    compile_seconds: float = dataclasses.field(compare=False)
     versions: Mapping[str, str]
     sampling: Sampling | None = None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import io
 import itertools
@@ -11,17 +12,20 @@ from typing import Any
 import numpy as np
 
 from ropeode.analysis.errors import ErrorSeries
-from ropeode.checking.report import CheckReport
+from ropeode.analysis.lyapunov import LyapunovExponent
+from ropeode.analysis.motion import Motion
 from ropeode.files import check_suffix, write_whole
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
+from ropeode.references.files.verify import Verification
 from ropeode.references.reference import Reference
-from ropeode.render import check as of_check
 from ropeode.render import data as of_table
-from ropeode.simulation import Trajectory
+from ropeode.simulation import Trajectories, Trajectory
 from ropeode.study.accuracy_table import AccuracyTable
-from ropeode.study.curves import ErrorCurves
+from ropeode.study.curves import Curve, ErrorCurves
 from ropeode.study.energy import EnergyCurves
+from ropeode.study.node_paths import NodePaths
+from ropeode.sweep.storage.summary import SweepSummary
 from ropeode.validation import require
 
 _AXES = "xyz"
@@ -40,8 +44,11 @@ def dataframe(result: Any) -> Any:
 
 @functools.singledispatch
 def rows_of(result: Any) -> Any:
-    """What pandas makes a frame of: columns by name, or a list of rows."""
-    raise TypeError(f"nobody has written how a {type(result).__name__} is a data frame")
+    """What pandas makes a frame of: columns by name, or a list of rows.
+
+    Of a report, those of its CSV form.
+    """
+    return result._writer().as_lines(result)
 
 
 @rows_of.register
@@ -65,19 +72,87 @@ def _(table: AccuracyTable) -> list[dict[str, Any]]:
     return of_table.as_lines(table)
 
 
-@rows_of.register
-def _(report: CheckReport) -> list[dict[str, Any]]:
-    return of_check.as_lines(report)
-
-
 @rows_of.register(ErrorCurves)
 @rows_of.register(EnergyCurves)
 def _(curves: ErrorCurves | EnergyCurves) -> list[dict[str, Any]]:
     name = "error" if isinstance(curves, ErrorCurves) else "energy"
+    return [line for each in curves.curves for line in _curve(each, name)]
+
+
+@rows_of.register
+def _(curve: Curve) -> list[dict[str, Any]]:
+    return _curve(curve, "value")
+
+
+def _curve(curve: Curve, name: str) -> list[dict[str, Any]]:
+    run = {"stepper": curve.stepper, "run": curve.label, "dt": curve.dt}
+    pairs = zip(curve.times.tolist(), curve.values.tolist(), strict=False)
+    return [{**run, "time": time, name: value} for time, value in pairs]
+
+
+@rows_of.register
+def _(runs: Trajectories) -> dict[str, np.ndarray]:
+    columns = [
+        {"member": np.full(len(each.times), runs.start + index), **rows_of(each)}
+        for index, each in enumerate(runs)
+    ]
+    return {name: np.concatenate([each[name] for each in columns]) for name in columns[0]}
+
+
+@rows_of.register
+def _(paths: NodePaths) -> list[dict[str, Any]]:
     return [
-        {"stepper": each.stepper, "run": each.label, "dt": each.dt, "time": time, name: value}
-        for each in curves.curves
-        for time, value in zip(each.times.tolist(), each.values.tolist(), strict=False)
+        {"stepper": path.stepper, "time": time, "node": node, **dict(zip(_AXES, x, strict=False))}
+        for path in paths.paths
+        for time, positions in zip(paths.times.tolist(), path.positions.tolist(), strict=False)
+        for node, x in enumerate(positions)
+    ]
+
+
+@rows_of.register
+def _(exponent: LyapunovExponent) -> dict[str, np.ndarray]:
+    growth = {f"log_growth{index}": row for index, row in enumerate(exponent.log_growth)}
+    return {"time": exponent.times, **growth}
+
+
+@rows_of.register
+def _(certificate: Certificate) -> list[dict[str, Any]]:
+    names = ("tolerance", "role", "steps", "seconds", "difference")
+    return [
+        {"solver": str(each.solver), **{name: getattr(each, name) for name in names}}
+        for each in certificate.witnesses
+    ]
+
+
+@rows_of.register
+def _(verification: Verification) -> list[dict[str, Any]]:
+    outside = verification.outside
+    return [
+        {"quantity": name, "distance": distance, "outside_at": outside.get(name)}
+        for name, distance in verification.distances.items()
+    ]
+
+
+@rows_of.register
+def _(motion: Motion) -> list[dict[str, Any]]:
+    plain = {field.name: getattr(motion, field.name) for field in dataclasses.fields(motion)}
+    numbers = {n: each for n, each in plain.items() if isinstance(each, (int, float, str))}
+    return [numbers]
+
+
+@rows_of.register
+def _(summary: SweepSummary) -> list[dict[str, Any]]:
+    return [
+        {
+            "stepper": name,
+            **each.counts["status"],
+            **{
+                f"{column}_{end}": value
+                for column, ends in each.ranges.items()
+                for end, value in zip(("least", "greatest"), ends, strict=True)
+            },
+        }
+        for name, each in summary.steppers.items()
     ]
 
 
@@ -105,13 +180,17 @@ def _bounds(certificate: Certificate, samples: int) -> dict[str, np.ndarray]:
     return columns
 
 
-def dataset(result: Reference | Trajectory) -> Any:
-    """An xarray Dataset with the axes time, node and component.
+def dataset(result: Reference | Trajectory | Trajectories) -> Any:
+    """An xarray Dataset with the axes time, node and component; of many runs, also member.
 
     Arguments:
-        result: a reference or a run.
+        result: a reference, a run, or runs.
     """
     xarray = require("xarray", "data", "data sets")
+    if isinstance(result, Trajectories):
+        # Those that ended early are filled up with what is not a number.
+        every = xarray.concat([dataset(each) for each in result], dim="member", join="outer")
+        return every.assign_coords(member=np.arange(result.start, result.start + len(result)))
     problem, axes = result.problem, ("time", "node", "component")
     variables: dict[str, Any] = {
         quantity: (axes, problem.quantity(quantity, result.states))

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ropeode.display import Displayed, Sampled
+from ropeode.display import Sampled
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.steppers.base import Stepper
@@ -40,8 +40,8 @@ class Trajectory(Sampled):
     status: Literal["ok", "diverged"]
     diverged_at: int | None
     rhs_evaluations: int | None
-    seconds: float
-    compile_seconds: float
+    seconds: float = dataclasses.field(compare=False)
+    compile_seconds: float = dataclasses.field(compare=False)
 
     @property
     def dt(self) -> float:
@@ -65,7 +65,7 @@ class Trajectory(Sampled):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Trajectories(Displayed):
+class Trajectories(Sampled):
     """What a stepper made of members of an ensemble.
 
     ``trajectories[i]`` is a `Trajectory`.
@@ -94,8 +94,8 @@ class Trajectories(Displayed):
     frames: np.ndarray
     finite: np.ndarray
     rhs_evaluations: np.ndarray | None
-    seconds: float
-    compile_seconds: float
+    seconds: float = dataclasses.field(compare=False)
+    compile_seconds: float = dataclasses.field(compare=False)
 
     def __len__(self) -> int:
         return self.states.shape[-1]

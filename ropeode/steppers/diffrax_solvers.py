@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import optimistix
 
+from ropeode.equality import ByContent
 from ropeode.errors import InputError
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
@@ -27,11 +28,15 @@ _UNSET = diffrax.Kvaerno3().root_finder.rtol
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class DiffraxStepper(Stepper):
+class DiffraxStepper(ByContent, Stepper):
     """A solver that takes the whole right-hand side as one term."""
 
     compiled = True
     solver: diffrax.AbstractSolver
+
+    def _contents(self) -> Any:
+        """The solver with its options."""
+        return jax.tree.flatten(self.solver)
 
     @property
     def label(self) -> str:

@@ -80,7 +80,7 @@ class Row:
     resolution: float
     round_off: float | None
     rhs_evaluations: int | None
-    seconds: float
+    seconds: float = dataclasses.field(compare=False)
 
 
 @dataclasses.dataclass(frozen=True)

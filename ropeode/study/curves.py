@@ -10,7 +10,7 @@ from typing import Unpack
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
-from ropeode.display import Displayed, Tabular
+from ropeode.display import Tabular
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -29,7 +29,7 @@ _STEPS_PER_FRAME = (16, 64, 256, 1024)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Curve(Displayed):
+class Curve(Tabular):
     """A number of one run, such as its error, at each sample time.
 
     Arguments:

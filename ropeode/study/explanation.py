@@ -8,7 +8,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from ropeode.display import Displayed
+from ropeode.display import Tabular
 from ropeode.norms import norm_for
 from ropeode.precision import in_float64
 from ropeode.problems.library import PROBLEMS
@@ -157,7 +157,7 @@ class ClassOrder:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Explanation(Displayed, written_by="ropeode.render.explanation"):
+class Explanation(Tabular, written_by="ropeode.render.explanation"):
     """What one step of a stepper does, and what follows from it, beside what its runs show.
 
     Arguments:

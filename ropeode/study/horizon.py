@@ -12,7 +12,7 @@ from scipy import special
 
 from ropeode.analysis.errors import distances_from
 from ropeode.analysis.lyapunov import LyapunovExponent, lyapunov_exponent, mean_slope
-from ropeode.display import Displayed
+from ropeode.display import Tabular
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
@@ -128,7 +128,7 @@ class Need:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Horizon(Displayed, written_by="ropeode.render.horizon"):
+class Horizon(Tabular, written_by="ropeode.render.horizon"):
     """When float64 solvers lose their digits, and the precision that longer spans need.
 
     Arguments:

@@ -9,7 +9,7 @@ from typing import Unpack
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
-from ropeode.display import Displayed
+from ropeode.display import Displayed, Tabular
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -48,7 +48,7 @@ class NodePath(Displayed):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class NodePaths(Displayed):
+class NodePaths(Tabular):
     """The nodes of runs and of their reference.
 
     Arguments:

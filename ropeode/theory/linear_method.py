@@ -203,6 +203,11 @@ class LinearMethod:
             pieces.append(jax.tree.map(lambda each, count=count: np.asarray(each)[:count], found))
         return jax.tree.map(lambda *each: np.concatenate(each), *pieces)
 
+    def __getstate__(self) -> dict[str, Any]:
+        # Of a pickle or a copy: programs belong to their process.
+        compiled = ("_compiled_run", "_compiled_memory")
+        return {name: value for name, value in vars(self).items() if name not in compiled}
+
     @functools.cached_property
     def _compiled_run(self) -> Callable:
         def run(t: Any, dt: Any, row: Any, y: Any) -> Any:

@@ -95,7 +95,7 @@ class StabilityFunction:
     error: LeadingTerm | None
     amplification: LeadingTerm | None
     phase: LeadingTerm | None
-    _method: LinearMethod = dataclasses.field(repr=False)
+    _method: LinearMethod = dataclasses.field(repr=False, compare=False)
 
     @in_float64
     def radius(self, z: Any, other: Any = None) -> np.ndarray:

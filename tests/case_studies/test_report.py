@@ -11,6 +11,7 @@ from ropeode.case_studies.report import rope_report
 from ropeode.errors import InputError
 from ropeode.simulation import simulate
 from tests.case_studies.conftest import CHEAP, FRAMES
+from tests.results import check_result
 
 
 def result_of(report, number):
@@ -20,6 +21,10 @@ def result_of(report, number):
 def reading_of(report, effect):
     readings = result_of(report, effect.figure).readings
     return next(reading for reading in readings if reading.meaning == effect.meaning)
+
+
+def test_it_is_a_result(report):
+    check_result(report)
 
 
 def test_every_figure_that_was_asked_for(report):

@@ -2,77 +2,152 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import math
+import pickle
+from pathlib import Path
 
+import diffrax
 import numpy as np
 import pytest
 
 import ropeode
 from ropeode.analysis.errors import error_series
-from ropeode.analysis.motion import Thresholds
+from ropeode.analysis.lyapunov import LyapunovExponent
+from ropeode.analysis.motion import Thresholds, classify_motion
 from ropeode.analysis.order import ObservedOrder
 from ropeode.checking.report import CheckReport, Claims, Finding
-from ropeode.display import Displayed
+from ropeode.display import Displayed, Sampled, Tabular
+from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks
 from ropeode.problems.ensemble import Ensemble
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.files.verify import Verification
+from ropeode.references.solvers.solver import DOPRI8
 from ropeode.render.plots.convergence import plot_convergence
-from ropeode.simulation import simulate, simulate_chunks
+from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
+from ropeode.steppers import as_stepper
 from ropeode.steppers.base import System
 from ropeode.steppers.phase import Phase
+from ropeode.study.node_paths import NodePath, node_paths
+from tests.results import check_result, kinds
 
 # Short enough as they are.
 PLAIN = {ObservedOrder, Phase, System, Thresholds}
-LONGEST = 200
+NO_TABLES = {Ensemble, JaxStepper, NodePath, Problem}
+# They take long; `check_result` is called where they are tested.
+ELSEWHERE = {"Explanation", "Horizon", "Report", "SweepSummary"}
 
 
 @pytest.fixture(scope="module")
 def results(study):
     table = study("convergence", "one step size")
-    problem = table.problem
-    ensemble = Ensemble.of([problem, problem])
+    problem, reference = table.problem, table.reference
+    ensemble = Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.01])
     run = simulate(problem, "rk4", 16)
+    paths = node_paths(reference, ["rk4"], 16)
     return [
         problem,
         ensemble,
-        table.reference,
-        table.reference.certificate,
+        reference,
+        reference.certificate,
+        Verification(
+            Path("x.nc"), "0", reference, reference, 4, 4, {"position": 1e-12}, {"position": 2.0}
+        ),
         run,
         next(iter(simulate_chunks(ensemble, "rk4", 16))),
-        error_series(run, table.reference),
+        jax_stepper(problem, "rk4"),
+        error_series(run, reference),
         table,
         study("error", "one step size"),
         study("error", "one step size").curves[0],
         study("energy", "one step size"),
+        paths,
+        paths.paths[0],
+        classify_motion(run),
+        LyapunovExponent(
+            0.1, (0.0, 0.2), 0.01, np.arange(3.0), np.zeros((2, 3)), DOPRI8, 1e-10, None
+        ),
         CheckReport(
             "steps.py:euler", Claims(order=1), (Finding("order-damped", "fail", "order 0"),)
         ),
     ]
 
 
-def test_public_results_are_displayed():
+def test_public_results_are_displayed(results):
     """Which a new one cannot forget."""
     classes = (getattr(ropeode, name) for name in ropeode.__all__)
-    results = {each for each in classes if dataclasses.is_dataclass(each)} - PLAIN
-    silent = {
-        each.__name__
-        for each in results
-        if not issubclass(each, Displayed) or each.__repr__ is not Displayed.__repr__
-    }
-    assert not silent
+    public = {each for each in classes if dataclasses.is_dataclass(each)} - PLAIN
+    assert public <= set(kinds())
+    assert all(each.__repr__ is Displayed.__repr__ for each in kinds())
+    assert all(each.__eq__ is ByContent.__eq__ for each in kinds())
+    checked = {type(each).__name__ for each in results} | ELSEWHERE
+    assert checked == {each.__name__ for each in kinds()}
+    # What has no numbers in rows.
+    assert set(kinds()) - {*kinds(Tabular), *kinds(Sampled)} == NO_TABLES
 
 
-def test_a_result_is_a_line_and_a_page(results):
+def test_a_result_is_a_line_a_page_a_table_and_a_value(results):
     for each in results:
-        line = repr(each)
-        assert line.startswith(f"<{type(each).__name__}: ")
-        assert "\n" not in line
-        assert len(line) <= LONGEST, line
-        for page in (each._repr_html_(), each._repr_markdown_()):
-            assert page.strip()
-            # Of a whole page these would change the notebook around it.
-            assert "<style" not in page
-            assert "<body" not in page
+        check_result(each)
+
+
+def test_equality_is_that_of_the_content(results):
+    """Not that of the object, and no question of the truth of an array."""
+    first, again = (Rope(num_nodes=4).problem(frames=3) for _ in range(2))
+    assert first == again
+    assert len({first, again, results[0]}) == 1
+    assert first != Rope(num_nodes=4, damping=0.02).problem(frames=3)
+    assert first != first.until(3)
+    # Exact solutions and energies are known of a problem, and are no part of it.
+    assert first == dataclasses.replace(first, energy=None)
+    run = simulate(first, "rk4", 16)
+    assert run == simulate(again, "rk4", 16)
+    assert run != simulate(first, "rk4", 17)
+    assert run != dataclasses.replace(run, states=np.nextafter(run.states, 1.0))
+    nothing = dataclasses.replace(run, states=np.full_like(run.states, np.nan))
+    assert nothing == dataclasses.replace(run, states=np.full_like(run.states, np.nan))
+    for name in ("diffrax:Heun", "rk4", "scipy:RK45"):
+        assert pickle.loads(pickle.dumps(as_stepper(name))) == as_stepper(name)
+    assert as_stepper("diffrax:Heun") != as_stepper("diffrax:Tsit5")
+    assert as_stepper(diffrax.Kvaerno3()) == as_stepper("diffrax:Kvaerno3")
+
+
+def test_a_copy_of_a_problem_cannot_be_written_to(results):
+    for each in (copy.deepcopy(results[0]), pickle.loads(pickle.dumps(results[0]))):
+        with pytest.raises(ValueError, match="read-only"):
+            each.y0[0] = 1.0
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_every_problem_of_the_library_is_a_value(name):
+    check_result(PROBLEMS[name](frames=2))
+
+
+def a_tree(t, y, args):
+    return {"a": -args * y["a"]}
+
+
+def in_jax(t, y, rate):
+    return -rate * y
+
+
+def in_python(t, y):
+    return [-math.sin(y[0])]
+
+
+def test_problems_of_ones_own_are_values():
+    """They are sent by the names of their functions, which are traced anew."""
+    for problem in (
+        Problem(a_tree, {"a": np.ones(3)}, range(3), 0.1, exact=in_python),
+        Problem.from_scipy(in_jax, (0, 1), [1.0], args=(0.1,)),
+        Problem.from_scipy(in_python, (0, 1), [1.0]),
+    ):
+        check_result(problem)
+        check_result(Ensemble.of([problem, problem]))
 
 
 def test_a_report_shows_its_marks_in_colour(results):

@@ -12,9 +12,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ropeode.analysis.errors import error_series
-from ropeode.checking.report import CheckReport, Claims, Finding
-from ropeode.display import Sampled, Tabular
 from ropeode.errors import InputError
+from ropeode.problems.rope import Rope
 from ropeode.render.frames import EXPORTS, dataframe, rows_of, write_export
 from ropeode.simulation import simulate
 
@@ -31,25 +30,14 @@ def run(truth):
     return simulate(truth.problem, "rk4", 16)
 
 
-def test_every_tabular_result_is_a_data_frame(study, truth, run):
-    report = CheckReport("steps.py:euler", Claims(), (Finding("pins", "pass", "they stay"),))
-    results = [
-        truth,
-        run,
-        error_series(run, truth),
-        study("convergence", "one step size"),
-        study("error", "one step size"),
-        study("energy", "one step size"),
-        report,
-    ]
-    for each in results:
-        frame = each.to_dataframe()
-        assert isinstance(frame, pd.DataFrame)
-        assert len(frame) > 0
-    # None escapes.
-    kinds = {Tabular, Sampled}
-    subclasses = {c for kind in kinds for c in kind.__subclasses__()} - kinds
-    assert {type(each) for each in results} == subclasses
+def test_runs_side_by_side_have_a_column_and_an_axis_of_members():
+    ropes = Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.5])
+    runs = simulate(ropes, "rk4", 16)
+    frame, data = runs.to_dataframe(), runs.to_xarray()
+    assert frame["member"].tolist() == [0] * 4 + [1] * 4
+    assert dict(data.sizes) == {"member": 2, "time": 4, "node": 4, "component": 2}
+    np.testing.assert_array_equal(frame["y3"][4:], runs[1].positions[:, 3, 1])
+    np.testing.assert_array_equal(data["position"][1], runs[1].positions)
 
 
 def test_a_frame_holds_each_number_of_the_states(truth):

@@ -20,6 +20,7 @@ from ropeode.render.stepper_list import variants
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study.explanation import explain_stepper
 from ropeode.terminal.output import FORMATS as NAMES
+from tests.results import check_result
 
 STEPS = (64, 128, 256)
 
@@ -51,6 +52,10 @@ def right(known):
 @pytest.fixture(scope="module")
 def wrong(known):
     return explain_stepper(damped_per_step, known, steps_per_frame=STEPS)
+
+
+def test_it_is_a_result(right):
+    check_result(right)
 
 
 def test_a_right_step(right):

@@ -18,6 +18,7 @@ from ropeode.references.solvers.solver import DOPRI8
 from ropeode.render.formats import format_horizon
 from ropeode.study import horizon as module
 from ropeode.study.horizon import horizon
+from tests.results import check_result
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
 
@@ -88,6 +89,7 @@ def test_a_prediction_holds(chaotic):
 
 def test_nothing_is_lost():
     study = horizon(oscillator(frames=4), [100], time_limit=NEVER)
+    check_result(study)
     # One unit of rounding in a state of size 1 is 2.2e-16, and there are not a hundred of them.
     assert all(each.digits >= 14 for each in study.digits_left if each.reference is not None)
     assert study.float64_growth is None

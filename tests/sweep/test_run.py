@@ -23,6 +23,7 @@ from ropeode.sweep.run import run_sweep
 from ropeode.sweep.storage.folder import locked
 from ropeode.sweep.storage.load import load_sweep
 from tests.exact_reference import exact_reference
+from tests.results import check_result
 
 # `num_nodes` counts as a size, so that each of its values has a task of its own.
 PROBLEM = """
@@ -139,6 +140,7 @@ def test_two_engines_make_the_same_files(folder, cache, monkeypatch):
     path, told = spec(folder), []
     summary = run_sweep(path, "here", progress=lambda *each: told.append(each))
     assert (summary.done, summary.total, dict(summary.statuses)) == (8, 8, {"ok": 8})
+    check_result(summary)
     assert [(text.partition(",")[0], fraction) for text, fraction in told] == [
         ("0 of 8 cases", 0.0),
         ("4 of 8 cases", 0.5),

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.equality import ByContent
 from ropeode.precision import in_float64
 from ropeode.problems.checks import real_array
 from ropeode.problems.problem import Problem
@@ -23,7 +24,7 @@ _BLOCK = 128
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Dense:
+class Dense(ByContent):
     """States at any time from the first node to the last.
 
     Between two nodes the solution is the polynomial that has the states and the derivatives

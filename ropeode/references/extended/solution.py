@@ -53,7 +53,7 @@ class ExtendedSolution:
     agreed: int
     coarse: ExtendedRun
     fine: ExtendedRun
-    seconds: float
+    seconds: float = dataclasses.field(compare=False)
     failure: str | None
 
 

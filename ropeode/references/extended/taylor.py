@@ -48,12 +48,12 @@ class ExtendedRun:
     tolerance: float
     states: np.ndarray
     steps: int
-    seconds: float
-    compile_seconds: float
+    seconds: float = dataclasses.field(compare=False)
+    compile_seconds: float = dataclasses.field(compare=False)
     choices: tuple[str, ...] = ()
     failure: str | None = None
     path: Path | None = None
-    defects: Defects | None = None
+    defects: Defects | None = dataclasses.field(default=None, compare=False)
 
     @property
     def rounded(self) -> np.ndarray:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ropeode.display import Displayed
+from ropeode.display import Tabular
 from ropeode.norms import distance
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
@@ -22,7 +22,7 @@ _PIECES = 256
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Verification(Displayed):
+class Verification(Tabular):
     """A stored reference, compared with a new one.
 
     With dense output the new one also has samples between those of the file.

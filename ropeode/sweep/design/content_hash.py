@@ -25,6 +25,7 @@ SOURCES = (
     "analysis",
     "callbacks.py",
     "display.py",
+    "equality.py",
     "errors.py",
     "files.py",
     "norms.py",

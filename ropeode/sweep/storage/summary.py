@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ropeode.display import Displayed
+from ropeode.display import Tabular
 from ropeode.sweep.storage.load import sweep_in
 from ropeode.validation import require
 
@@ -34,8 +34,8 @@ class StepperSummary:
     ranges: Mapping[str, tuple[float, float]]
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
-class SweepSummary(Displayed, written_by="ropeode.render.sweep"):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class SweepSummary(Tabular, written_by="ropeode.render.sweep"):
     """The contents of a sweep's folder.
 
     Arguments:
