@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -27,7 +28,8 @@ def sweep() -> None:
 @click.option("--workers", metavar="N", help="Run in N processes. [this one]")
 @click.option("--scheduler", metavar="ADDR", help="Run on a Dask cluster, as in tcp://host:8786.")
 @click.option("--extend", is_flag=True, help="Extend the smaller sweep in DIR to this one.")
-def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend: bool) -> None:
+@click.option("--case-limit", metavar="S", help="Seconds that a case may take. [no limit]")
+def run(spec: Path, out: str, **options: Any) -> None:
     """Run the sweep in SPEC, and resume it if it was interrupted.
 
     Finished cases are kept in DIR. After Ctrl-C, a crash or a full disk, run the same command to
@@ -35,22 +37,16 @@ def run(spec: Path, out: str, workers: str | None, scheduler: str | None, extend
     """
     # After Ctrl-C, Python's tracker removes the workers' queues, and would print a warning.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
-    set_up_jax()
-    end_on_ctrl_c(KEPT)
-    from ropeode.render.sweep import as_text
-    from ropeode.sweep.run import run_sweep
+    from ropeode.sweep.run import reserved, run_in
 
-    summary = with_progress(
-        lambda progress: run_sweep(
-            spec,
-            out,
-            workers=workers,  # type: ignore[arg-type]
-            scheduler=scheduler,
-            extend=extend,
-            progress=progress,
-        ),
-        time_left=True,
-    )
+    with reserved(out) as lock:
+        set_up_jax()
+        end_on_ctrl_c(KEPT)
+        from ropeode.render.sweep import as_text
+
+        summary = with_progress(
+            lambda progress: run_in(out, lock, spec, progress=progress, **options), time_left=True
+        )
     click.echo(as_text(summary), nl=False)
 
 

@@ -93,8 +93,6 @@ class Stepper(abc.ABC):
         symplectic: whether it is, on problems without damping; None where nothing is claimed.
         source: the paper or book that it is from.
         equal_frames: whether all sample times must be equally far apart (two-step methods).
-        iterates: whether a step iterates until it has converged; side by side all ropes make as
-            many iterations as the slowest needs, which shows in their last digits.
         compiled: whether JAX compiles its runs. None leaves that to a trial: what JAX can trace,
             with the same results, is compiled, and the rest runs in Python.
         any_layout: whether it works whichever axis counts the nodes, and on several ropes whose
@@ -114,7 +112,6 @@ class Stepper(abc.ABC):
     symplectic: ClassVar[bool | None] = None
     source: ClassVar[str] = ""
     equal_frames: ClassVar[bool] = False
-    iterates: ClassVar[bool] = False
     compiled: ClassVar[bool | None] = None
     any_layout: ClassVar[bool] = False
 

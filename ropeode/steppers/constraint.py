@@ -142,7 +142,6 @@ class Rattle(BuiltIn):
     needs = "nodes in a row"
     symplectic = True
     source = "Andersen, J. Comput. Phys. 52 (1983)"
-    iterates = True
 
     def order(self, problem_class: ProblemClass) -> int:
         """Order 2 on inextensible ropes; else another solution."""
@@ -162,8 +161,8 @@ class Rattle(BuiltIn):
 def with_lengths_kept(x: Any, v: Any, links: Links, dt: Any) -> Any:
     """Velocities with pulls along the links added so that ``x + dt v`` has the right lengths.
 
-    By Newton's method for the lengths' squares. Of ropes side by side, one whose lengths cannot
-    be kept spoils no other.
+    By Newton's method for the lengths' squares. Of ropes side by side each makes as many
+    iterations as it makes alone, so that its result does not depend on the others.
     """
     apart = links.apart
     d = along(x, apart)
@@ -181,21 +180,32 @@ def with_lengths_kept(x: Any, v: Any, links: Links, dt: Any) -> Any:
         ahead = along(x + dt * v, apart)
         return dot(ahead, ahead) - links.length**2
 
-    def correct(loop: tuple) -> tuple:
-        count, v, _ = loop
+    def corrected(v: Any) -> Any:
         ahead = along(x + dt * v, apart)
         tension = tensions(ahead, d, fault(v) / (2.0 * dt), links.inverse_mass)
-        v = v + impulses(d, tension, links.inverse_mass)
+        return v + impulses(d, tension, links.inverse_mass)
+
+    def where(of_ropes: Any, v: Any, other: Any) -> Any:
+        return jnp.where(jnp.tile(of_ropes, x.shape[1] // apart), v, other)
+
+    def too_far(wrong: Any) -> Any:
+        return jnp.any(jnp.abs(by_rope(wrong)) > close, axis=0)
+
+    def iterate(loop: tuple) -> tuple:
+        count, v, wrong = loop
+        # A rope alone is in the loop only as long as it is too far.
+        v = corrected(v) if apart == 1 else where(too_far(wrong), corrected(v), v)
         return count + 1, v, fault(v)
 
     def going_on(loop: tuple) -> Any:
         count, _, wrong = loop
-        return (count < _MOST_ITERATIONS) & jnp.any(jnp.abs(by_rope(wrong)) > close)
+        return (count < _MOST_ITERATIONS) & jnp.any(too_far(wrong))
 
+    _, v, _ = jax.lax.while_loop(going_on, iterate, (0, v, fault(v)))
     # One more than needed: it costs little, and takes what the last one left down to rounding.
-    _, v, wrong = correct(jax.lax.while_loop(going_on, correct, (0, v, fault(v))))
-    kept = jnp.all(jnp.abs(by_rope(wrong)) <= close, axis=0)
-    return jnp.where(jnp.tile(kept, x.shape[1] // apart), v, jnp.nan)
+    v = corrected(v)
+    kept = jnp.all(jnp.abs(by_rope(fault(v))) <= close, axis=0)
+    return where(kept, v, jnp.nan)
 
 
 def with_rates_kept(x: Any, v: Any, half: Any, links: Links) -> Any:

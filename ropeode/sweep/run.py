@@ -5,21 +5,22 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import math
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ropeode.errors import InputError
 from ropeode.progress import Progress, silent
-from ropeode.sweep.design.spec import SweepSpec, read_sweep
-from ropeode.sweep.execution.dask_cluster import DaskCluster
-from ropeode.sweep.execution.engines import Engine, InProcess, LocalProcesses, Work
-from ropeode.sweep.execution.evaluate import evaluate
-from ropeode.sweep.storage.folder import Index, locked, read_index, write_errors
-from ropeode.validation import bad_value, check_whole, require
+from ropeode.sweep.storage.folder import Index, locked_early, read_index, write_errors
+from ropeode.validation import bad_value, check_positive, check_whole, require
 
+# What imports JAX is imported below, so that a folder in use is refused at once.
 if TYPE_CHECKING:
+    from ropeode.sweep.design.spec import SweepSpec
+    from ropeode.sweep.execution.engines import Engine, Work
     from ropeode.sweep.storage.summary import SweepSummary
 
 
@@ -30,12 +31,13 @@ def run_sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     extend: bool = False,
+    case_limit: float | None = None,
     progress: Progress = silent,
 ) -> SweepSummary:
     """Run a sweep and store its rows in a folder; resume it if it was interrupted.
 
-    The rows of each task are stored as soon as they are computed. They are the same, bit for bit,
-    wherever they are computed.
+    Rows are stored every twenty seconds or so, and after each task. But for the column `seconds`
+    they are the same, bit for bit, wherever they are computed.
 
     Arguments:
         spec: of the sweep, or its values, or a TOML file of them.
@@ -44,6 +46,9 @@ def run_sweep(
         scheduler: address of a Dask scheduler, as in ``tcp://host:8786``, to run it there.
         extend: whether a folder of another sweep may become this one's. All its rows must
             belong to cases of this sweep; they are not computed again.
+        case_limit: seconds that a case may take, with its reference and with what is compiled
+            for it. Its process is killed, also without `workers`, and its row says `timed-out`.
+            Cases whose limit was shorter are tried again.
         progress: called with the number of finished cases and their fraction, after each task.
 
     Raises:
@@ -51,25 +56,66 @@ def run_sweep(
             or is locked, an extra is not installed, or no scheduler answers.
         RopeodeError: the disk is full, or all workers have gone; finished cases are kept.
     """
-    for package in ("pyarrow", "pandas", "filelock"):
+    with reserved(folder) as lock:
+        return run_in(
+            folder,
+            lock,
+            spec,
+            workers=workers,
+            scheduler=scheduler,
+            extend=extend,
+            case_limit=case_limit,
+            progress=progress,
+        )
+
+
+def reserved(folder: str | Path) -> AbstractContextManager[Callable[[], None]]:
+    """The lock of a sweep's folder, as `locked_early` takes it; nothing has imported JAX yet.
+
+    Raises:
+        InputError: another run holds the lock, or the extra `data` is not installed.
+    """
+    require("filelock", "data", "sweeps")
+    return locked_early(Path(folder))
+
+
+def run_in(
+    folder: str | Path,
+    lock: Callable[[], None],
+    spec: SweepSpec | Mapping[str, Any] | str | Path,
+    *,
+    workers: int | None,
+    scheduler: str | None,
+    extend: bool,
+    case_limit: float | None,
+    progress: Progress,
+) -> SweepSummary:
+    """Run a sweep in a folder that is `reserved`; `lock` locks it. See `run_sweep`."""
+    for package in ("pyarrow", "pandas"):
         require(package, "data", "sweeps")
     from ropeode.sweep.storage.row_files import Store
     from ropeode.sweep.storage.summary import summarize
     from ropeode.sweep.task_queue import work_through
 
     sweep, path = _sweep(spec), Path(folder)
+    if case_limit is not None:
+        case_limit = check_positive("case_limit", case_limit, example="600")
     _check_folder(path, sweep, extend)
-    with contextlib.closing(_engine(path, workers, scheduler)) as engine:
+    with contextlib.closing(_engine(path, workers, scheduler, case_limit)) as engine:
         with write_errors(path):
             path.mkdir(exist_ok=True)
-        with locked(path):
-            with write_errors(path):
-                index = _prepare_folder(path, sweep, extend)
-            work_through(sweep, Store(path / index.rows, sweep.columns), engine, progress)
+        lock()
+        with write_errors(path):
+            index = _prepare_folder(path, sweep, extend)
+        store = Store(path / index.rows, sweep.columns)
+        store.reopen(math.inf if case_limit is None else case_limit)
+        work_through(sweep, store, engine, progress)
     return summarize(path)
 
 
 def _sweep(spec: SweepSpec | Mapping[str, Any] | str | Path) -> SweepSpec:
+    from ropeode.sweep.design.spec import SweepSpec, read_sweep
+
     if isinstance(spec, SweepSpec):
         return spec
     return SweepSpec(spec) if isinstance(spec, Mapping) else read_sweep(Path(spec))
@@ -135,12 +181,20 @@ def _remove_other_rows(folder: Path, index: Index) -> None:
             shutil.rmtree(rows)
 
 
-def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:
+def _engine(
+    folder: Path, workers: int | None, scheduler: str | None, case_limit: float | None
+) -> Engine:
+    from ropeode.sweep.execution.engines import InProcess, LocalProcesses
+    from ropeode.sweep.execution.evaluate import evaluate
+
     work: Work = functools.partial(evaluate, folder=folder.resolve())
     if workers is not None and scheduler is not None:
         raise bad_value("workers", workers, "none with a scheduler", "leave out one of the two")
     if scheduler is not None:
-        return DaskCluster(work, scheduler)
-    if workers is None:
+        from ropeode.sweep.execution.dask_cluster import DaskCluster
+
+        return DaskCluster(work, scheduler, case_limit)
+    if workers is None and case_limit is None:
         return InProcess(work)
-    return LocalProcesses(work, check_whole("workers", workers, at_least=1, example="2"))
+    count = 1 if workers is None else check_whole("workers", workers, at_least=1, example="2")
+    return LocalProcesses(work, count, case_limit)

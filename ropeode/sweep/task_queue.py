@@ -1,9 +1,10 @@
 """The task queue: tasks go to an engine, and rows to a store, even if processes die.
 
-When a worker dies, or its code raises, each case of its task is a suspect. The task is tried
-again in halves, until each suspect is alone. A case that raises gets a row with the error. A case
-with which a worker died is tried again while nothing else runs, so that no neighbour can be the
-cause; if the worker still dies, the case gets a row that says so.
+When a worker dies, or its code raises, or its time is up, each case of its task is a suspect. The
+task is tried again in halves, until each suspect is alone. A case that raises gets a row with the
+error. A case with which a worker died is tried again while nothing else runs, so that no neighbour
+can be the cause; if the worker still dies, the case gets a row that says so. A case whose time is
+up is tried once more, since it then finds compiled what it needs.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from typing import TYPE_CHECKING
 
-from ropeode.errors import InputError, RopeodeError
+from ropeode.errors import RopeodeError
 from ropeode.progress import Progress, silent
-from ropeode.sweep.design.columns import Row, failed_row
-from ropeode.sweep.execution.engines import Engine
+from ropeode.sweep.design.columns import TIMED_OUT, Row, failed_row
+from ropeode.sweep.execution.engines import Engine, TookTooLong
 from ropeode.sweep.storage import row_files
 from ropeode.sweep.storage.row_files import Store, partition_of
 
@@ -31,6 +32,8 @@ _CHECK_EVERY_S = 1.0
 # How often a single case may kill its process: once beside others, which may have been the cause,
 # and then this often alone.
 _TRIES_ALONE = 2
+# How often the time of a single case may be up.
+_TRIES_IN_TIME = 2
 
 
 def work_through(
@@ -88,6 +91,9 @@ def work_through(
 def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, list[Row]]]:
     """The rows of all tasks, whole or in parts, in the order in which they are done.
 
+    What a worker hands back of a task may be the rows of its first cases; the rest goes back into
+    the queue.
+
     Arguments:
         tasks: taken one by one, as the engine has room for them.
         engine: that computes them.
@@ -98,6 +104,7 @@ def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, li
     halves: deque[Task] = deque()
     suspects: deque[Task] = deque()
     deaths: Counter[str] = Counter()  # Of processes, by the key of the single case that they ran.
+    late: Counter[str] = Counter()  # Tries whose time was up, likewise.
     running: dict[Future[list[Row]], Task] = {}
     while True:
         suspect_runs = any(task.cases[0].key in deaths for task in running.values())
@@ -119,7 +126,9 @@ def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, li
             first = task.cases[0]
             status, reason = _failure(future, engine)
             if not status:
-                yield task, future.result()
+                rows = future.result()
+                halves.extend(_rest(task, len(rows)))
+                yield task._replace(cases=task.cases[: len(rows)]), rows
             elif len(task.cases) > 1:
                 middle = len(task.cases) // 2
                 halves.append(task._replace(cases=task.cases[:middle]))
@@ -127,8 +136,24 @@ def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, li
             elif status == DIED and deaths[first.key] < _TRIES_ALONE:
                 deaths[first.key] += 1
                 suspects.append(task)
+            elif status == TIMED_OUT and late[first.key] + 1 < _TRIES_IN_TIME:
+                late[first.key] += 1
+                halves.append(task)
             else:
-                yield task, [failed_row(first.inputs(), status, reason)]
+                error = future.exception()
+                seconds = error.seconds if isinstance(error, TookTooLong) else None
+                yield task, [failed_row(first.inputs(), status, reason, seconds)]
+
+
+def _rest(task: Task, done: int) -> Iterator[Task]:
+    """The cases of a task after the first ones, in parts of growing size.
+
+    Where those took long because programs were compiled, the others need not be as few.
+    """
+    at, size = done, done
+    while at < len(task.cases):
+        yield task._replace(cases=task.cases[at : at + size])
+        at, size = at + size, 2 * size
 
 
 def _failure(future: Future[list[Row]], engine: Engine) -> tuple[str, str]:
@@ -145,7 +170,9 @@ def _failure(future: Future[list[Row]], engine: Engine) -> tuple[str, str]:
         return "", ""
     if isinstance(error, engine.lost):
         return DIED, "the process that ran it died each time, also when it ran alone"
-    if isinstance(error, (OSError, InputError)):
+    if isinstance(error, TookTooLong):
+        return TIMED_OUT, f"it took longer than {error.seconds:g} s, in a process of its own"
+    if isinstance(error, (OSError, RopeodeError)):
         raise RopeodeError(
             f"a worker cannot go on ({error}); finished cases are kept. Fix: remove the cause, "
             "then run the same command again"

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import datetime
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
+
+import click
 
 from ropeode.progress import Progress
 
 T = TypeVar("T")
 
 _LOOK_EVERY_S = 0.1
+_LINE_EVERY_S = 30.0
 INTERRUPTED = 130
 # What Ctrl-C leaves.
 NOTHING = "nothing was written"
@@ -60,11 +65,14 @@ def set_up_jax() -> None:
 
 @contextlib.contextmanager
 def show_progress(*, time_left: bool = False) -> Iterator[Progress]:
-    """A bar on standard error, if that is a terminal; it disappears at the end.
+    """A bar on standard error, which disappears at the end; a line now and then in a file.
 
     Arguments:
         time_left: show the estimated time that is left in place of the time that has passed.
     """
+    if not sys.stderr.isatty():
+        yield _in_lines()
+        return
     from rich import progress
     from rich.console import Console
 
@@ -75,7 +83,6 @@ def show_progress(*, time_left: bool = False) -> Iterator[Progress]:
         progress.TextColumn("{task.description}"),
         console=Console(stderr=True),
         transient=True,
-        disable=not sys.stderr.isatty(),
     ) as bar:
         task = bar.add_task("starting", total=None)
 
@@ -84,6 +91,27 @@ def show_progress(*, time_left: bool = False) -> Iterator[Progress]:
             bar.update(task, description=text, completed=fraction, total=1.0)
 
         yield update
+
+
+def _in_lines() -> Progress:
+    """Progress in a file: a line now and then, and none for what is done soon."""
+    began = told = time.monotonic()
+    start: float | None = None
+
+    def update(text: str, fraction: float | None) -> None:
+        nonlocal told, start
+        now = time.monotonic()
+        if fraction is not None and start is None:
+            start = fraction
+        if now - told < _LINE_EVERY_S:
+            return
+        told = now
+        if fraction is not None and start is not None and fraction > start:
+            left = (now - began) * (1.0 - fraction) / (fraction - start)
+            text += f", {datetime.timedelta(seconds=round(left))} left"
+        click.echo(f"ropeode: {text}", err=True)
+
+    return update
 
 
 def with_progress(work: Callable[[Progress], T], *, time_left: bool = False) -> T:

@@ -13,6 +13,7 @@ import pytest
 
 import ropeode.cli.main
 from ropeode.cli.main import main, run_process
+from ropeode.terminal import running
 from ropeode.terminal.supervision import Ended, watch
 from tests.time_limit import HANGS_AFTER_S
 
@@ -148,3 +149,20 @@ def test_no_command_ends_silently_with_the_users_code(words, tmp_path):
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert ended.returncode == 2
     assert "your code ended its process (exit code 0)" in ended.stderr
+
+
+def test_progress_in_a_file_is_a_line_now_and_then(monkeypatch, capsys):
+    now = iter([0.0, 10.0, 29.9, 40.0, 50.0, 70.0, 200.0])
+    monkeypatch.setattr(running.time, "monotonic", lambda: next(now))
+    with running.show_progress() as progress:
+        progress("50 of 100 cases", 0.5)
+        progress("too early", 0.55)
+        progress("60 of 100 cases", 0.6)
+        progress("too early", 0.65)
+        progress("70 of 100 cases", 0.7)
+        progress("summing up", None)
+    assert capsys.readouterr().err.splitlines() == [
+        "ropeode: 60 of 100 cases, 0:02:40 left",
+        "ropeode: 70 of 100 cases, 0:01:45 left",
+        "ropeode: summing up",
+    ]

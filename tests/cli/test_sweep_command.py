@@ -62,7 +62,8 @@ def test_the_lines_of_readme_as_they_are(tmp_path):
     for line in (SPEC_LINE, SWEEP_LINE, PLOT_LINE):
         words = [sys.executable, "-m", *line.split()]
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-        assert (done.returncode, done.stderr) == (0, ""), line
+        told = [each for each in done.stderr.splitlines() if " cases" not in each]
+        assert (done.returncode, told) == (0, []), line
     assert done.stdout == "wrote sweep.png\n"
 
 

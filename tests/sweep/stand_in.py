@@ -73,6 +73,7 @@ class Rows:
         deadly_once: cases that kill the first process that runs them.
         notes: a folder with a note of each case that has killed once.
         raising: cases that raise.
+        slow: cases that never end.
     """
 
     seconds: float = 0.0
@@ -80,6 +81,7 @@ class Rows:
     deadly_once: frozenset[int] = frozenset()
     notes: Path = Path()
     raising: frozenset[int] = frozenset()
+    slow: frozenset[int] = frozenset()
 
     def __call__(self, task: Task) -> list[dict]:
         time.sleep(self.seconds)
@@ -90,6 +92,8 @@ class Rows:
                 os.kill(os.getpid(), signal.SIGKILL)
             if case.number in self.deadly:
                 os.kill(os.getpid(), signal.SIGKILL)
+            if case.number in self.slow:
+                time.sleep(3600.0)
             if case.number in self.raising:
                 raise ArithmeticError(f"number {case.number}")
         return [row(case) for case in task.cases]

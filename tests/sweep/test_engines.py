@@ -28,11 +28,11 @@ SWEEP = Sweep(count=8, per_task=1)
 ONCE, ALWAYS = frozenset({7}), frozenset({3})
 
 
-def check(rows):
-    """Each case has its row, but for the one that kills its process each time."""
+def check(rows, status="worker-died", reason="died each time"):
+    """Each case has its row, but for the one that kills its process each time, or hangs."""
     assert rows[:3] + rows[4:] == expected(SWEEP)[:3] + expected(SWEEP)[4:]
-    assert (rows[3]["case"], rows[3]["status"]) == (3, "worker-died")
-    assert "died each time" in rows[3]["reason"]
+    assert (rows[3]["case"], rows[3]["status"]) == (3, status)
+    assert reason in rows[3]["reason"]
 
 
 def run(engine, folder):
@@ -51,6 +51,13 @@ def test_local_processes_of_which_one_dies(tmp_path, monkeypatch):
     """Beside the other one, and again when it runs alone."""
     monkeypatch.setattr(task_queue, "_TRIES_ALONE", 1)
     check(run(LocalProcesses(Rows(deadly=ALWAYS), 2), tmp_path / "rows"))
+
+
+@pytest.mark.slow
+def test_a_case_that_hangs_is_killed(tmp_path):
+    engine = LocalProcesses(Rows(slow=ALWAYS), 1, case_limit=0.3)
+    check(rows := run(engine, tmp_path / "rows"), "timed-out", "longer than 0.3 s")
+    assert rows[3]["seconds"] == 0.3
 
 
 @pytest.mark.slow
@@ -118,6 +125,7 @@ def cluster(workers, deaths):
     quick = {
         "distributed.scheduler.allowed-failures": deaths - 1,
         "distributed.worker.multiprocessing-method": "spawn",
+        "distributed.worker.daemon": False,
         "distributed.admin.tick.limit": "1h",
     }
     with (
@@ -160,6 +168,13 @@ def test_a_cluster_whose_workers_die(tmp_path, deaths):
     with cluster(workers=2, deaths=deaths) as address:
         work = Rows(deadly=ALWAYS, deadly_once=ONCE, notes=tmp_path)
         check(run(DaskCluster(work, address), tmp_path / "rows"))
+
+
+@pytest.mark.slow
+def test_a_case_that_hangs_on_a_cluster(tmp_path):
+    with cluster(workers=1, deaths=1) as address:
+        rows = run(DaskCluster(Rows(slow=ALWAYS), address, case_limit=0.5), tmp_path / "rows")
+    check(rows, "timed-out", "longer than 0.5 s")
 
 
 def test_a_cluster_without_workers_is_waited_for_and_not_forever(tmp_path, monkeypatch):

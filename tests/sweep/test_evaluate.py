@@ -20,7 +20,6 @@ from ropeode.sweep.design.columns import STATUSES
 from ropeode.sweep.design.spec import SweepSpec, read_sweep
 from ropeode.sweep.execution import evaluate as evaluation
 from ropeode.sweep.execution import references
-from ropeode.sweep.execution.evaluate import evaluate
 from ropeode.sweep.execution.references import reference_path
 from ropeode.sweep.execution.runs import Run
 from ropeode.theory.growth import stability_limit
@@ -48,6 +47,15 @@ def with_settings(task: Task, **changes) -> Task:
     return task._replace(cases=tuple(cases))
 
 
+def evaluate(task: Task, folder: Path, **more) -> list[dict]:
+    """The rows of a task, without their seconds, which differ each time."""
+    rows = evaluation.evaluate(task, folder, **more)
+    for row in rows:
+        seconds = row.pop("seconds")
+        assert seconds > 0.0 if row["status"] != "failed" else seconds is None or seconds > 0.0
+    return rows
+
+
 def rows_of(spec: SweepSpec, folder: Path) -> list[dict]:
     return [row for task in spec.tasks() for row in evaluate(task, folder)]
 
@@ -72,7 +80,7 @@ def test_each_row_has_its_columns(small):
     assert len(rows) == spec.count
     types = {"string": str, "int64": int, "double": float, "bool": bool}
     for row in rows:
-        assert set(row) == set(spec.columns)
+        assert {*row, "seconds"} == set(spec.columns)
         assert row["status"] in STATUSES
         for name, value in row.items():
             assert value is None or type(value) is types[spec.columns[name].type], name
@@ -161,6 +169,18 @@ def test_rows_do_not_depend_on_what_they_are_computed_with(small, folder, tmp_pa
     for case in (task.cases[-1], task.cases[-2]):
         (alone,) = evaluate(task._replace(cases=(case,)), tmp_path)
         assert alone == by_key[case.key]
+
+
+def test_what_takes_long_is_handed_back_in_parts(small, folder, monkeypatch):
+    """The first problem, whatever it takes; the others where the time suffices."""
+    spec, rows = small
+    (task,) = spec.tasks()
+    each = len(task.cases) // 2
+    assert evaluate(task, folder, seconds=1e-9) == rows[:each]
+    assert evaluate(task, folder, seconds=100.0) == rows
+    # In Python, where no problems are run side by side.
+    monkeypatch.setattr(evaluation, "_is_compiled", lambda *_: False)
+    assert evaluate(task, folder, seconds=1e-9) == rows[:each]
 
 
 def test_a_reference_is_made_once(small, folder, monkeypatch):

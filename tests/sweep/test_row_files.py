@@ -26,7 +26,7 @@ from ropeode.sweep.storage.folder import Index
 from ropeode.sweep.storage.row_files import Store
 from ropeode.sweep.storage.summary import summarize
 from ropeode.sweep.task_queue import work_through
-from tests.sweep.stand_in import Rows, Sweep, expected, stored
+from tests.sweep.stand_in import Rows, Sweep, expected, row, stored
 
 ROOT = Path(__file__).parents[2]
 
@@ -196,3 +196,41 @@ def test_a_summary_adds_all_files_up(tmp_path):
     assert summary.reasons == {
         ("failed", f"ArithmeticError: number {number}"): 1 for number in (2, 46)
     }
+
+
+@pytest.mark.parametrize(("count", "again"), [(5, 2), (47, 4)])
+def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count, again):
+    """In a merged partition, and in the files of an open one; and if that is killed midway."""
+    late = {0: 2.0, 1: 2.0, 2: 2.0, 6: 9.0, 40: 2.0}
+
+    def work(task):
+        rows = [row(case) for case in task.cases]
+        for case, each in zip(task.cases, rows, strict=True):
+            if case.number in late:
+                each |= {"status": "timed-out", "seconds": late[case.number]}
+        return rows
+
+    folder, sweep = tmp_path / "rows", Sweep(count=count)
+    store = Store(folder, COLUMNS)
+    if count == 5:
+        # The second task is not done.
+        store.add(0, store.table(next(sweep.tasks()).cases[1:], work(next(sweep.tasks()))[1:]))
+    else:
+        work_through(sweep, store, InProcess(work))
+    before = store.count()
+    store.reopen(2.0)
+    assert store.count() == before
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", _killed)
+        patch.setattr("ropeode.sweep.storage.row_files.write_whole", _killed)
+        with pytest.raises(KeyboardInterrupt):
+            store.reopen(3.0)
+    store.reopen(3.0)
+    assert store.count() == before - again
+    work_through(sweep, store, InProcess(Rows()))
+    kept = [each["status"] for each in stored(folder)]
+    assert kept == ["timed-out" if n == 6 else "ok" for n in range(count)]
+
+
+def _killed(*_, **__):
+    raise KeyboardInterrupt

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 from ropeode.errors import InputError
@@ -22,6 +23,7 @@ from ropeode.sweep.execution import references
 from ropeode.sweep.run import run_sweep
 from ropeode.sweep.storage.folder import locked
 from ropeode.sweep.storage.load import load_sweep
+from ropeode.sweep.storage.row_files import read_file
 from tests.exact_reference import exact_reference
 from tests.results import check_result
 
@@ -118,10 +120,10 @@ def spec(folder, name="spec.toml", nodes=(1, 2), rates=(0.1, 0.3)):
     return path
 
 
-def rows_of(folder) -> dict[str, bytes]:
-    """The files of the rows of a finished sweep."""
+def rows_of(folder) -> dict[str, pa.Table]:
+    """The rows of a finished sweep by file, without their seconds, which differ each time."""
     [rows] = folder.glob("rows-*")
-    return {path.name: path.read_bytes() for path in rows.iterdir()}
+    return {path.name: read_file(path).drop_columns(["seconds"]) for path in rows.iterdir()}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -194,7 +196,8 @@ def test_a_case_that_kills_its_process_is_a_row_and_its_neighbours_have_theirs(
     path.write_text(path.read_text().replace("[4, 8]", "[4]"))
     summary = run_sweep(path, "out", workers=1)
     assert dict(summary.statuses) == {"ok": 1, "worker-died": 1}
-    rows, healthy = load_sweep("out"), load_sweep("healthy").set_index("key")
+    rows = load_sweep("out").drop(columns="seconds")
+    healthy = load_sweep("healthy").set_index("key")
     assert list(rows["rate"]) == [0.1, 13.0]
     assert "died each time" in rows["reason"][1]
     for name in rows.columns.drop("key"):
@@ -301,6 +304,19 @@ def test_a_command_says_how_it_ended(folder, cache, hold):
     )
     hold.unlink()
     assert run_sweep(path, out).done == 12
+
+
+def test_a_folder_in_use_is_refused_before_jax_is_imported(folder):
+    code = (
+        "import sys\n"
+        "from ropeode.cli.main import main\n"
+        "code = main(['sweep', 'nowhere', '-o', '.'])\n"
+        "sys.exit(code + 100 * ('jax' in sys.modules))"
+    )
+    with locked(folder):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+    assert f"no other run is writing to (process {os.getpid()}" in done.stderr
 
 
 def test_the_lock_of_a_dead_process_does_not_count(folder):

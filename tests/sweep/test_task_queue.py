@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from concurrent.futures import Future
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import InputError, RopeodeError
+from ropeode.sweep.execution.engines import TookTooLong
 from ropeode.sweep.task_queue import dispatched
 from tests.sweep.stand_in import Sweep, row
 
@@ -26,12 +28,15 @@ class Scripted:
         accidents: which submissions die for no reason of theirs.
         raising: cases that raise.
         order: where in the list of those under way the next one to be done stands.
+        most: rows that are handed back at a time.
+        slow: cases that take too long.
     """
 
     lost = (Gone,)
 
-    def __init__(self, slots=1, deadly=(), accidents=(), raising=(), order=(0,)):
+    def __init__(self, slots=1, deadly=(), accidents=(), raising=(), order=(0,), most=99, slow=()):
         self._slots, self.deadly, self.raising = slots, set(deadly), set(raising)
+        self.rows_at_once, self.slow, self.tried = most, set(slow), Counter()
         self.accidents, self.order = set(accidents), order
         self.submitted, self.most, self.waiting = 0, 0, []
 
@@ -62,10 +67,13 @@ class Scripted:
             for each in [future, *(other[0] for other in self.waiting)]:
                 each.set_exception(Gone())
             self.waiting.clear()
+        elif numbers & self.slow:
+            self.tried.update(numbers if len(numbers) == 1 else ())
+            future.set_exception(TookTooLong(2.5))
         elif numbers & self.raising:
             future.set_exception(ArithmeticError("nonsense"))
         else:
-            future.set_result([row(case) for case in task.cases])
+            future.set_result([row(case) for case in task.cases[: self.rows_at_once]])
 
 
 def rows_of(sweep, engine):
@@ -89,22 +97,30 @@ def impatient(monkeypatch):
     raising=st.sets(st.integers(0, 39), max_size=4),
     accidents=st.sets(st.integers(1, 40), max_size=3),
     order=st.lists(st.integers(0, 4), min_size=1, max_size=5),
+    most=st.integers(1, 9),
+    slow=st.sets(st.integers(0, 39), max_size=2),
 )
 @settings(deadline=None, max_examples=60)
 def test_every_case_has_one_row_and_only_the_culprits_a_bad_one(
-    slots, deadly, raising, accidents, order
+    slots, deadly, raising, accidents, order, most, slow
 ):
     """Accidents that strike one case three times in a row would be no accidents."""
     sweep = Sweep(count=40, per_task=8)
     close = [a for a in accidents if {a + 1, a + 2} & accidents]
-    engine = Scripted(slots, deadly, accidents - set(close), raising - deadly, order)
+    slow, raising = slow - deadly, raising - deadly - slow
+    engine = Scripted(slots, deadly, accidents - set(close), raising, order, most, slow)
     rows = rows_of(sweep, engine)
     assert set(rows) == set(range(40))
     assert {n for n in rows if rows[n]["status"] == "worker-died"} == deadly
-    assert {n for n in rows if rows[n]["status"] == "failed"} == raising - deadly
+    assert {n for n in rows if rows[n]["status"] == "failed"} == raising
+    assert {n for n in rows if rows[n]["status"] == "timed-out"} == slow
     assert engine.most <= slots
-    for number in raising - deadly:
+    for number in raising:
         assert rows[number]["reason"] == "ArithmeticError: nonsense"
+    for number in slow:
+        assert rows[number]["seconds"] == 2.5
+        assert "longer than 2.5 s" in rows[number]["reason"]
+        assert engine.tried[number] == 2
 
 
 @pytest.mark.parametrize("deadly", [(), range(400)])

@@ -28,6 +28,7 @@ STATUSES: Mapping[str, str] = {
     "diverged": "the state stopped being finite, at frame `diverged_at`",
     "no-reference": "the run stayed finite, but there is no reference; `reason` says why",
     "failed": "the case could not be run; `reason` says why",
+    "timed-out": "the case took longer than its time limit, twice",
     "worker-died": "the process that ran the case died each time",
 }
 
@@ -72,18 +73,24 @@ RESULTS: Mapping[str, Column] = {
     "settled_at": Column("int64", "frame from which on a rope was at rest"),
     "stability_limit": Column("int64", "fewest stable steps per frame, if requested"),
     "largest_stable_dt": Column("double", "step size there, if requested"),
+    "seconds": Column("double", "that the case took; the only column that another run changes"),
 }
+TIMED_OUT = "timed-out"
 
 # Each sweep has these, and one column for each parameter of its problem, named after it.
 COLUMNS: Mapping[str, Column] = {**INPUTS, **RESULTS}
 
 
-def failed_row(inputs: Mapping[str, object], status: str, reason: str) -> Row:
+def failed_row(
+    inputs: Mapping[str, object], status: str, reason: str, seconds: float | None = None
+) -> Row:
     """The row of a case that has no results.
 
     Arguments:
         inputs: the values of its input columns.
         status: one of `STATUSES`.
         reason: in one line.
+        seconds: that it took, where that is known.
     """
-    return {**inputs, **dict.fromkeys(RESULTS), "status": status, "reason": reason}
+    results = {"status": status, "reason": reason, "seconds": seconds}
+    return {**inputs, **dict.fromkeys(RESULTS), **results}

@@ -40,6 +40,7 @@ SOURCES = (
     "study/spec.py",
     "sweep/design",
     "sweep/execution/evaluate.py",
+    "sweep/execution/parts.py",
     "sweep/execution/references.py",
     "sweep/execution/runs.py",
     "theory",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import functools
+import multiprocessing
+import threading
 import time
-from concurrent.futures import Future
+from concurrent.futures import BrokenExecutor, Future
 from typing import Any
 
 from ropeode.errors import RopeodeError
 from ropeode.sweep.design.columns import Row
-from ropeode.sweep.execution.engines import AHEAD, Engine, Work, on_one_core
+from ropeode.sweep.execution.engines import AHEAD, Engine, Work, Worker, on_one_core
 from ropeode.validation import bad_value, require
 
 _CONNECT_S = 10.0
@@ -23,17 +26,23 @@ class DaskCluster(Engine):
     Arguments:
         work: computes a task; the workers can import it.
         address: of the scheduler, as in ``tcp://host:8786``.
+        case_limit: seconds that a case may take. With one, each thread of the cluster's workers
+            starts a process that can be killed.
 
     Raises:
         InputError: no scheduler answers there, or the extra `dask` is not installed.
     """
 
-    def __init__(self, work: Work, address: str):
+    def __init__(self, work: Work, address: str, case_limit: float | None = None):
         require("distributed", "dask", "Dask clusters")
         import distributed
 
-        self.lost = (distributed.KilledWorker,)
-        self._work, self._address = work, address
+        # A process that a worker starts may die too.
+        self.lost = (distributed.KilledWorker, BrokenExecutor)
+        self._work = functools.partial(on_one_core, work)
+        if case_limit is not None:
+            self._work = functools.partial(_in_process, work, case_limit)
+        self._address = address
         try:
             self._client: Any = distributed.Client(
                 address, timeout=_CONNECT_S, set_as_default=False
@@ -52,7 +61,7 @@ class DaskCluster(Engine):
 
     def submit(self, task: Any) -> Future[list[Row]]:
         """Send a task to any worker."""
-        return self._executor.submit(on_one_core, self._work, task)
+        return self._executor.submit(self._work, task)
 
     def check(self) -> None:
         """See that there are workers.
@@ -88,3 +97,22 @@ class DaskCluster(Engine):
             if self._threads:
                 self._alive_at = now
         return self._threads
+
+
+# Each thread of a worker has a process of its own, which starts when it is needed.
+_of_thread = threading.local()
+
+
+def _in_process(work: Work, case_limit: float, task: Any) -> list[Row]:
+    """Compute a task in a process that this thread of a worker starts, and kills if it must.
+
+    Raises:
+        InputError: the worker may start no process.
+    """
+    if multiprocessing.current_process().daemon:
+        allowed = "workers that may start processes"
+        fix = "start the cluster with DASK_DISTRIBUTED__WORKER__DAEMON=False in its environment"
+        raise bad_value("case_limit", case_limit, allowed, fix)
+    if getattr(_of_thread, "work", None) != repr(work):
+        _of_thread.worker, _of_thread.work = Worker(work), repr(work)
+    return _of_thread.worker.run(task, case_limit)

@@ -6,25 +6,41 @@ case that is to blame, for all engines alike.
 
 from __future__ import annotations
 
+import concurrent.futures
 import contextlib
 import multiprocessing
 import os
+import queue
 import signal
 import threading
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
-from multiprocessing.context import SpawnContext
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from typing import Any, Protocol
 
 from ropeode.errors import RopeodeError
 from ropeode.sweep.design.columns import Row
 
+# Computes the rows of a task, or of its first cases.
 Work = Callable[[Any], list[Row]]
 
 # Tasks under way for each worker: the current one and the next.
 AHEAD = 2
 _START_S = 120.0
 _STARTS = 3
+# Work hands back what it has well before, so that what takes longer is one case.
+_MANY_CASES_S = 60.0
+
+
+class TookTooLong(Exception):
+    """A process was killed because its task took longer than the time limit of a case.
+
+    Arguments:
+        seconds: the limit.
+    """
+
+    def __init__(self, seconds: float):
+        super().__init__(seconds)
+        self.seconds = seconds
 
 
 class Engine(Protocol):
@@ -80,11 +96,12 @@ class InProcess(Engine):
 
 
 class LocalProcesses(Engine):
-    """Processes of this machine, each with its own queue, so that one may die alone.
+    """Processes of this machine, each of which may die alone.
 
     Arguments:
         work: computes a task; it can be pickled.
         workers: number of processes.
+        case_limit: seconds that a case may take; see `Worker.run`.
 
     Raises:
         RopeodeError: processes cannot be started.
@@ -92,63 +109,125 @@ class LocalProcesses(Engine):
 
     lost = (BrokenExecutor,)
 
-    def __init__(self, work: Work, workers: int):
-        self._work = work
-        # Never by fork: a fork of a process in which JAX has started hangs.
-        self._context = multiprocessing.get_context("spawn")
-        self._workers = [_Worker(self._context) for _ in range(workers)]
+    def __init__(self, work: Work, workers: int, case_limit: float | None = None):
+        self._work, self._case_limit = work, case_limit
+        self._workers = [Worker(work) for _ in range(workers)]
+        self._free: queue.SimpleQueue[Worker] = queue.SimpleQueue()
+        for worker in self._workers:
+            worker.start()
+            self._free.put(worker)
+        # Each waits for a process.
+        self._threads = ThreadPoolExecutor(workers)
 
     def slots(self) -> int:
         """A few more tasks than processes, so that no process has to wait."""
         return AHEAD * len(self._workers)
 
     def submit(self, task: Any) -> Future[list[Row]]:
-        """Send a task to the process with the fewest, or to a new one if that one has died."""
-        i = min(range(len(self._workers)), key=lambda i: self._workers[i].busy())
+        """Send a task to the first process that is free."""
+        return self._threads.submit(self._run, task)
+
+    def _run(self, task: Any) -> list[Row]:
+        worker = self._free.get()
         try:
-            return self._workers[i].submit(self._work, task)
-        except BrokenExecutor:
-            self._workers[i].close()
-            self._workers[i] = _Worker(self._context)
-            return self._workers[i].submit(self._work, task)
+            return worker.run(task, self._case_limit)
+        finally:
+            self._free.put(worker)
 
     def close(self) -> None:
         """Kill the processes."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
         for worker in self._workers:
             worker.close()
 
 
-class _Worker:
-    """One process, which has started."""
+class Worker:
+    """A process of this machine that computes one task at a time.
 
-    def __init__(self, context: SpawnContext):
-        for _ in range(_STARTS):
+    Arguments:
+        work: computes a task; it can be pickled.
+    """
+
+    def __init__(self, work: Work):
+        self._work, self._process = work, 0
+        self._pool: ProcessPoolExecutor | None = None
+        self.begin()
+
+    def begin(self) -> ProcessPoolExecutor:
+        """Begin to start the process, if there is none."""
+        if self._pool is None:
+            # Never by fork: a fork of a process in which JAX has started hangs.
+            context = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
-            self._tasks: list[Future] = []
+            self._started = self._pool.submit(_set_up, self._work)
+        return self._pool
+
+    def start(self) -> ProcessPoolExecutor:
+        """Wait until the process has started, and imported what its work needs.
+
+        Raises:
+            RopeodeError: it cannot.
+        """
+        for _ in range(_STARTS):
+            pool = self.begin()
             with contextlib.suppress(BrokenExecutor):
-                self._process = self._pool.submit(os.getpid).result(_START_S)
-                return
-            self._pool.shutdown()
+                self._process = self._started.result(_START_S)
+                return pool
+            self.close()
         raise RopeodeError(
             "workers: the Python process of a worker ends while it starts. Fix: in a script, call "
             "this below `if __name__ == '__main__':`"
         )
 
-    def busy(self) -> int:
-        self._tasks = [future for future in self._tasks if not future.done()]
-        return len(self._tasks)
+    def run(self, task: Any, case_limit: float | None = None) -> list[Row]:
+        """Compute a task, in a new process if the last one has died.
 
-    def submit(self, work: Work, task: Any) -> Future[list[Row]]:
-        future = self._pool.submit(_work, work, task)
-        self._tasks.append(future)
-        return future
+        Arguments:
+            task: what to compute.
+            case_limit: seconds that a case may take. The process of a task that takes longer is
+                killed; if the task has several cases, that is after a minute at least.
+
+        Raises:
+            BrokenExecutor: the process has died.
+            TookTooLong: it was killed.
+            RopeodeError: no process can be started.
+        """
+        seconds = case_limit
+        if seconds is not None and len(task.cases) > 1:
+            seconds = max(seconds, _MANY_CASES_S)
+        pool = self.start()
+        try:
+            future = pool.submit(on_one_core, self._work, task)
+            concurrent.futures.wait([future], seconds)
+            if not future.done():
+                assert case_limit is not None
+                self.close()
+                raise TookTooLong(case_limit)
+            return future.result()
+        except BrokenExecutor:
+            self.close()
+            raise
 
     def close(self) -> None:
+        """Kill the process."""
+        pool, self._pool = self._pool, None
+        if pool is None:
+            return
         # The pool would wait for the current task.
-        if self.busy():
+        if self._process:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._process, signal.SIGKILL)
-        self._pool.shutdown(cancel_futures=True)
+        pool.shutdown(cancel_futures=True)
+        self._process = 0
+
+
+def _set_up(work: Work) -> int:
+    """Set JAX up in a process that does nothing else; the work is imported to hand it over."""
+    from ropeode.references.jax_setup import set_up_jax
+
+    del work
+    set_up_jax()
+    return os.getpid()
 
 
 def on_one_core(work: Work, task: Any) -> list[Row]:
@@ -162,6 +241,9 @@ def on_one_core(work: Work, task: Any) -> list[Row]:
 def _begin() -> None:
     """Set up a worker: it ignores Ctrl-C, and ends with its parent, however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # XLA reads this for the number of its threads. Several wait for one another on one processor,
+    # which takes half as much time again.
+    os.environ.setdefault("NPROC", "1")
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -170,11 +252,3 @@ def _begin() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-def _work(work: Work, task: Any) -> list[Row]:
-    """Compute a task in a process that does nothing else."""
-    from ropeode.references.jax_setup import set_up_jax
-
-    set_up_jax()
-    return on_one_core(work, task)

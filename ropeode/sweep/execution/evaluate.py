@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
+import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -11,6 +14,7 @@ from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.simulation import step_size
+from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import order_of
 from ropeode.sweep.design.cases import Case, Settings, Task
@@ -18,21 +22,27 @@ from ropeode.sweep.design.columns import RESULTS, Row, failed_row
 from ropeode.sweep.design.content_hash import software
 from ropeode.sweep.design.problem_factory import ProblemFactory, problem_factory
 from ropeode.sweep.design.steppers import stepper_from
+from ropeode.sweep.execution.parts import Part
 from ropeode.sweep.execution.references import references_of
 from ropeode.sweep.execution.runs import Run, Subject, run_all, subject
 from ropeode.theory.growth import MOST_STEPS, stability_limit
 from ropeode.validation import in_one_line
 
+# After so many seconds the rows that are finished are handed back, to be written.
+PART_S = 20.0
 
-def evaluate(task: Task, folder: Path) -> list[Row]:
-    """Compute the rows of a task, in the order of its cases.
 
-    They are the same whatever process computes them and whatever else is in the task. If a case
-    cannot be run, its row says why.
+def evaluate(task: Task, folder: Path, seconds: float = PART_S) -> list[Row]:
+    """Compute the rows of a task, in the order of its cases, or of its first problems.
+
+    But for their `seconds` they are the same whatever process computes them and whatever else is
+    in the task. If a case cannot be run, its row says why.
 
     Arguments:
         task: to compute.
         folder: of the sweep, where references are kept.
+        seconds: where the whole task takes longer, the rows of its first problems are
+            returned: of as many as that suffices for, and of one at least.
 
     Raises:
         InputError: a reference cannot be written; or this process has other software, or
@@ -49,18 +59,23 @@ def evaluate(task: Task, folder: Path) -> list[Row]:
             built[key] = problem, norm_for(problem, settings.norm)
         except Exception as error:
             rows |= _failed(cases, error)
+    began = time.perf_counter()
     references = references_of(
         folder,
         {key: problem for key, (problem, _) in built.items()},
         settings.reference_options,
         keep=settings.keep_references,
+        seconds=seconds / 2.0,
     )
     subjects = {key: subject(*built[key], outcome) for key, outcome in references.items()}
+    part = Part([key for key in built if key in subjects], seconds / 2.0)
     runnable = [case for case in task.cases if case.problem_key in subjects]
+    each = (time.perf_counter() - began) / max(1, len(runnable))
     for label, cases in _grouped(runnable, lambda case: case.stepper).items():
         stepper = stepper_from(settings.steppers[label], settings.folder)
-        rows |= _rows_of_stepper(stepper, cases, subjects)
-    return [rows[case.key] for case in task.cases]
+        for key, row in _rows_of_stepper(stepper, cases, subjects, part).items():
+            rows[key] = {**row, "seconds": each + row["seconds"]}
+    return [rows[case.key] for case in itertools.takewhile(lambda c: c.key in rows, task.cases)]
 
 
 def _grouped(cases: Iterable[Case], by: Callable[[Case], str]) -> dict[str, list[Case]]:
@@ -96,37 +111,65 @@ def _failed(cases: Sequence[Case], error: Exception) -> dict[str, Row]:
 
 
 def _rows_of_stepper(
-    stepper: Stepper, cases: Sequence[Case], subjects: Mapping[str, Subject]
+    stepper: Stepper, cases: Sequence[Case], subjects: Mapping[str, Subject], part: Part
 ) -> dict[str, Row]:
-    """The rows of the cases of one stepper, by key."""
+    """The rows of the cases of one stepper, by key, for the problems of a part of a task."""
     own = {case.steps_per_frame for case in cases}
-    needed: dict[int, dict[str, Subject]] = {}
-    for case in cases:
-        of = subjects[case.problem_key]
-        for n in _ladder(case, of):
-            needed.setdefault(n, {})[case.problem_key] = of
+    users = Counter(
+        (case.problem_key, n) for case in cases for n in _ladder(case, subjects[case.problem_key])
+    )
     # All runs that the cases need, each made once, by problem and number of steps.
     runs: dict[tuple[str, int], Run] = {}
-    for n, together in needed.items():
+    took: dict[tuple[str, int], float] = {}
+
+    def run(keys: Sequence[str], n: int) -> float:
+        """The seconds that it takes to run the stepper on some problems."""
+        began = time.perf_counter()
+        results = run_all([subjects[key] for key in keys], stepper, n, n in own)
+        seconds = time.perf_counter() - began
+        for key, result in zip(keys, results, strict=True):
+            runs[key, n], took[key, n] = result, seconds / len(keys)
+        return seconds
+
+    compiled = _is_compiled(stepper, subjects[cases[0].problem_key])
+    for at, n in enumerate(dict.fromkeys(n for _, n in users) if compiled else ()):
         # If one of the problems raises, each is run alone below, so that the others have rows.
         with contextlib.suppress(Exception):
-            results = run_all([*together.values()], stepper, n, n in own)
-            runs |= {(key, n): run for key, run in zip(together, results, strict=True)}
+            seconds = run([key for key in part.keys if (key, n) in users], n)
+            # In the first the program is compiled, which serves all numbers of steps.
+            part.spend(seconds if at else 0.0)
     rows: dict[str, Row] = {}
-    stability: dict[str, Row] = {}
-    for case in cases:
-        key, of = case.problem_key, subjects[case.problem_key]
-        try:
-            if case.settings.largest_stable_dt and key not in stability:
-                stability[key] = _stability(of.problem, stepper)
-            for n in _ladder(case, of):
-                if (key, n) not in runs:
-                    [runs[key, n]] = run_all([of], stepper, n, n in own)
-            ladder = {n: runs[key, n] for n in _ladder(case, of)}
-            rows[case.key] = _row(case, of, stepper, ladder, stability.get(key, {}))
-        except Exception as error:
-            rows |= _failed([case], error)
+    for key, of_problem in _grouped(cases, lambda case: case.problem_key).items():
+        if key not in part.keys:
+            continue
+        of, stability, began = subjects[key], {}, time.perf_counter()
+        for case in of_problem:
+            start, steps = time.perf_counter(), _ladder(case, of)
+            try:
+                for n in steps:
+                    if (key, n) not in runs:
+                        run([key], n)
+                start = time.perf_counter()
+                if case.settings.largest_stable_dt and not stability:
+                    stability = _stability(of.problem, stepper)
+                ladder = {n: runs[key, n] for n in steps}
+                rows[case.key] = _row(case, of, stepper, ladder, stability)
+            except Exception as error:
+                rows |= _failed([case], error)
+            shares = (took.get((key, n), 0.0) / users[key, n] for n in steps)
+            rows[case.key]["seconds"] = time.perf_counter() - start + sum(shares)
+        if not compiled:
+            part.spend(time.perf_counter() - began, finished=part.keys.index(key) + 1)
     return rows
+
+
+def _is_compiled(stepper: Stepper, of: Subject) -> bool:
+    """Whether JAX compiles the stepper's runs, so that many problems are run side by side."""
+    try:
+        return method_of(stepper, of.problem).trial.compiled
+    except Exception:
+        # The rows say what it raises.
+        return False
 
 
 def _ladder(case: Case, of: Subject) -> list[int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from ropeode.references.compute import each_reference
 from ropeode.references.files.checksum import append_checksum, verify_checksum
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import Solver
+from ropeode.sweep.execution.parts import in_time
 from ropeode.validation import in_one_line
 
 FOLDER = "references"
@@ -35,7 +37,12 @@ _NOT_KEPT: Mapping[str, Any] = {
 
 
 def references_of(
-    folder: Path, problems: Mapping[str, Problem], options: Mapping[str, Any], *, keep: bool
+    folder: Path,
+    problems: Mapping[str, Problem],
+    options: Mapping[str, Any],
+    *,
+    keep: bool,
+    seconds: float = math.inf,
 ) -> dict[str, Reference | str]:
     """The references of problems up to their trust horizons: read, or computed side by side.
 
@@ -46,7 +53,8 @@ def references_of(
         folder: of the sweep.
         problems: by key.
         options: of the references, as `ropeode.reference` takes them.
-        keep: whether new references are written to the folder, each as soon as it is computed.
+        keep: whether new references are written to the folder, as soon as they are computed.
+        seconds: where computing them takes longer, some are left out; one of each family is not.
 
     Returns:
         By key the reference, or the reason why there is none.
@@ -55,13 +63,16 @@ def references_of(
         InputError: a file cannot be written.
     """
     references: dict[str, Reference | str] = {}
-    families: dict[Hashable, list[str]] = {}
+    families: dict[tuple[Hashable, ...], list[str]] = {}
     for key, problem in problems.items():
         if (kept := _read(reference_path(folder, key), key, problem)) is not None:
             references[key] = kept
         else:
             families.setdefault(family(problem), []).append(key)
-    for keys in families.values():
+    some_at_a_time = (
+        some for alike, keys in families.items() for some in in_time(keys, alike[3:], seconds)
+    )
+    for keys in some_at_a_time:
         outcomes = _computed([problems[key] for key in keys], options)
         for key, outcome in zip(keys, outcomes, strict=True):
             new = _trusted(outcome) if isinstance(outcome, Reference) else in_one_line(outcome)

@@ -144,8 +144,8 @@ def _side_by_side(
     problems: Sequence[Problem], method: Method, steps_per_frame: int
 ) -> list[Trajectory]:
     """The runs of problems of one family."""
-    if method.stepper.iterates or not problems:
-        return [simulate(problem, method, steps_per_frame) for problem in problems]
+    if not problems:
+        return []
     # Each number of members needs a program of its own, so only powers of two are used.
     full = 1 << (len(problems) - 1).bit_length()
     padding = [problems[-1]] * (full - len(problems))

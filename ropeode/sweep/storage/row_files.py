@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from ropeode.errors import RopeodeError
 from ropeode.files import write_whole
-from ropeode.sweep.design.columns import Column, Row
+from ropeode.sweep.design.columns import TIMED_OUT, Column, Row
 from ropeode.sweep.storage.folder import write_errors
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class Store:
         folder = self.folder / _name(partition)
         with write_errors(self.folder):
             folder.mkdir(parents=True, exist_ok=True)
-            write_whole(folder / f"{table[NUMBER][0].as_py():012d}.parquet", _parquet(table))
+            write_whole(folder / _file_name(table), _parquet(table))
 
     def seal(self, partition: int) -> None:
         """Merge the files of a partition that is complete.
@@ -119,6 +119,41 @@ class Store:
             write_whole(self._sealed(_name(partition)), _parquet(table))
             _sync(self.folder)
             shutil.rmtree(parts[0].parent)
+
+    def reopen(self, limit: float) -> None:
+        """Remove the rows of cases whose time limit was shorter; their partitions are open again.
+
+        Arguments:
+            limit: of now, in seconds.
+
+        Raises:
+            RopeodeError: the operating system refuses, or a file is damaged.
+        """
+        self.clean()
+        for name in partitions(self.folder):
+            for path in files_of(self.folder, name):
+                # Two columns, since files are many and this is rare.
+                few = read_file(path, ["status", "seconds"])
+                again = few["status"].to_numpy() == TIMED_OUT
+                again &= few["seconds"].to_numpy() < limit
+                if again.any():
+                    with write_errors(self.folder):
+                        self._keep(path, int(name), read_file(path).filter(pa.array(~again)))
+
+    def _keep(self, path: Path, partition: int, rest: pa.Table) -> None:
+        """Replace the rows of a file by some of them; if it is killed, by all or by these."""
+        if path.parent == self.folder:
+            # Counts as soon as the merged file has gone.
+            if len(rest):
+                self.add(partition, rest)
+            path.unlink()
+        elif len(rest):
+            # Its name is that of its first case, whatever becomes of the others.
+            moved = path.with_name(_file_name(rest))
+            os.replace(path, moved)
+            write_whole(moved, _parquet(rest))
+        else:
+            path.unlink()
 
     def _sealed(self, name: str) -> Path:
         return self.folder / f"{name}.parquet"
@@ -181,6 +216,10 @@ def read_file(path: Path, columns: list[str] | None = None) -> pa.Table:
             f"{path}: damaged ({' '.join(str(error).split())}). Fix: remove it; the same command "
             "then computes its cases again"
         ) from error
+
+
+def _file_name(table: pa.Table) -> str:
+    return f"{table[NUMBER][0].as_py():012d}.parquet"
 
 
 def _parquet(table: pa.Table) -> bytes:
