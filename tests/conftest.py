@@ -24,8 +24,7 @@ from ropeode.cli.main import main
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references import residuals
-from ropeode.references.solvers import program_cache
+from ropeode.references import cache_folder, residuals
 
 # The gate draws the same examples each time; `pytest --hypothesis-profile=random` searches on.
 # Without a deadline: how fast the machine is decides no test.
@@ -162,7 +161,7 @@ def command_surroundings(cache, tmp_path, monkeypatch, same_jax_settings):
     """An empty folder; and what a command changes in its process is restored after it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
-    monkeypatch.setattr(program_cache, "_folder", program_cache._folder)
+    monkeypatch.setattr(cache_folder, "_folder", cache_folder._folder)
     handler = signal.getsignal(signal.SIGINT)
     yield
     signal.signal(signal.SIGINT, handler)

@@ -175,3 +175,9 @@ def test_float64_is_not_switched_on_for_the_caller(small_rope):
         assert type(states) is np.ndarray
     assert jnp.ones(1).dtype == jnp.float32
     assert not jax.config.jax_enable_x64
+
+
+def test_a_table_imports_nothing_that_only_other_commands_need():
+    modules = "ropeode.study.spec, ropeode.render.formats, ropeode.references.kept"
+    heavy = "{'diffrax', 'equinox', 'scipy.integrate', 'matplotlib', 'h5py', 'heyoka', 'xarray'}"
+    assert run_python(f"import sys, {modules}; print({heavy} & set(sys.modules))") == "set()\n"

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from typing import Any, Unpack, overload
+from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import Level
-from ropeode.references.consensus import consensus_reference
-from ropeode.references.ensemble import Outcome, or_refused, side_by_side
+from ropeode.references.kept import kept_or_computed
 from ropeode.references.options import DIGITS, TIME_LIMIT, More, ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.threads import cores
 from ropeode.validation import check_whole, complaint
+
+if TYPE_CHECKING:
+    from ropeode.references.ensemble import Outcome
 
 
 @overload
@@ -153,7 +155,7 @@ def reference_for(
     options: ReferenceOptions = ReferenceOptions(),  # noqa: B008
     progress: Progress = silent,
 ) -> Reference:
-    """A reference itself, or a new one of a problem.
+    """A reference itself, or one of a problem: a new one, or one that an earlier command kept.
 
     Arguments:
         problem: a problem, or a reference that exists already.
@@ -165,7 +167,8 @@ def reference_for(
         ReferenceRefused: the problem has no reference.
     """
     if isinstance(problem, Problem):
-        return _reference(problem, options, progress)
+        solve = functools.partial(_reference, problem, options, progress)
+        return kept_or_computed(problem, options, solve)
     faults = [
         complaint(name, value, "none with a reference that exists already", "leave one of them out")
         for name in ("accuracy", "rtol", "atol")
@@ -179,6 +182,9 @@ def reference_for(
 def _each(
     ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
 ) -> Iterator[Outcome]:
+    # Not above: a command that finds its reference in the cache folder needs no solver.
+    from ropeode.references.ensemble import or_refused, side_by_side
+
     ensemble = ensemble.up_to_date()
     if options.level == "consensus" and not options.dense:
         return side_by_side(ensemble, options, workers, progress)
@@ -194,6 +200,8 @@ def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) 
 
         reference = extended_reference(problem, options, progress)
     else:
+        from ropeode.references.consensus import consensus_reference
+
         reference = consensus_reference(problem, options, progress)
     if not options.dense:
         return reference

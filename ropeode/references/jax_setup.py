@@ -7,11 +7,11 @@ import os
 import jax
 import platformdirs
 
-from ropeode.references.solvers.program_cache import keep_traces_in
+from ropeode.references import cache_folder
 
 
 def set_up_jax() -> None:
-    """Use 64-bit types, and keep what is traced and compiled in the user's cache folder.
+    """Use 64-bit types, and keep what was traced, compiled and solved in the user's cache folder.
 
     To be called before anything is solved.
     """
@@ -20,7 +20,7 @@ def set_up_jax() -> None:
     # are checked where a problem is built. Equinox reads this when it is imported.
     os.environ.setdefault("EQX_ON_ERROR", "off")
     cache = platformdirs.user_cache_path("ropeode")
-    keep_traces_in(cache / "traced")
+    cache_folder.keep_in(cache)
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", str(cache / "compiled"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ropeode.checking.report import CheckReport
 from ropeode.errors import InputError
-from ropeode.render import check as of_check
-from ropeode.render import explanation as of_explanation
-from ropeode.render import horizon as of_horizon
 from ropeode.render import markup
 from ropeode.render.data import as_dict, as_lines, csv_text, json_text
 from ropeode.render.documents import blocks
 from ropeode.render.markup import Block
 from ropeode.render.plain_text import as_text
-from ropeode.study.accuracy_table import AccuracyTable
-from ropeode.study.explanation import Explanation
-from ropeode.study.horizon import Horizon
 from ropeode.validation import unknown
+
+if TYPE_CHECKING:
+    from ropeode.checking.report import CheckReport
+    from ropeode.study.accuracy_table import AccuracyTable
+    from ropeode.study.explanation import Explanation
+    from ropeode.study.horizon import Horizon
 
 
 def formats_of(
@@ -46,16 +45,6 @@ def formats_of(
 
 
 FORMATS = formats_of(as_text, blocks, as_lines, as_dict)
-HORIZON_FORMATS = formats_of(
-    of_horizon.as_text, of_horizon.blocks, of_horizon.as_lines, of_horizon.as_dict
-)
-CHECK_FORMATS = formats_of(of_check.as_text, of_check.blocks, of_check.as_lines, of_check.as_dict)
-EXPLANATION_FORMATS = formats_of(
-    of_explanation.as_text,
-    of_explanation.blocks,
-    of_explanation.as_lines,
-    of_explanation.as_dict,
-)
 
 
 def format_table(table: AccuracyTable, form: str = "text") -> str:
@@ -76,12 +65,15 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
 
     Arguments:
         study: from `ropeode.horizon`.
-        form: one of `HORIZON_FORMATS`.
+        form: one of `FORMATS`.
 
     Raises:
         InputError: there is no such format.
     """
-    return formatted(study, form, HORIZON_FORMATS)
+    # Each kind of result is imported with its own renderer: few commands have two.
+    from ropeode.render import horizon as of
+
+    return formatted(study, form, formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict))
 
 
 def format_check(report: CheckReport, form: str = "text") -> str:
@@ -89,12 +81,14 @@ def format_check(report: CheckReport, form: str = "text") -> str:
 
     Arguments:
         report: from `ropeode.check_stepper`.
-        form: one of `CHECK_FORMATS`.
+        form: one of `FORMATS`.
 
     Raises:
         InputError: there is no such format.
     """
-    return formatted(report, form, CHECK_FORMATS)
+    from ropeode.render import check as of
+
+    return formatted(report, form, formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict))
 
 
 def format_explanation(explanation: Explanation, form: str = "text") -> str:
@@ -102,12 +96,14 @@ def format_explanation(explanation: Explanation, form: str = "text") -> str:
 
     Arguments:
         explanation: from `ropeode.explain_stepper`.
-        form: one of `EXPLANATION_FORMATS`.
+        form: one of `FORMATS`.
 
     Raises:
         InputError: there is no such format.
     """
-    return formatted(explanation, form, EXPLANATION_FORMATS)
+    from ropeode.render import explanation as of
+
+    return formatted(explanation, form, formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict))
 
 
 def formatted(result: Any, form: str, formats: Mapping[str, Callable[[Any], str]]) -> str:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
-from typing import Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 
@@ -27,9 +27,11 @@ from ropeode.steppers import as_stepper
 from ropeode.steppers.base import ProblemClass, Stepper
 from ropeode.steppers.functions import StepFunction
 from ropeode.study.error_constant import ErrorConstant, error_constant
-from ropeode.theory.global_error import PredictedError, predicted_error
 from ropeode.threads import cores, threads
 from ropeode.validation import bad_value, complaint, whole_number
+
+if TYPE_CHECKING:
+    from ropeode.theory.global_error import PredictedError
 
 DEFAULT_STEPPERS = (
     "explicit-euler",
@@ -186,7 +188,7 @@ def tables_in_norms(
         for each in compiled:
             each.result()
         predicting = [
-            pool.submit(predicted_error, reference, method) for method in methods if predict
+            pool.submit(_predicted_error, reference, method) for method in methods if predict
         ]
         # Those that take longest first, so that no processor is left without work at the end.
         running = {
@@ -207,6 +209,13 @@ def tables_in_norms(
         _table([rows[i] for rows in every], chosen, predictions, reference, norm)
         for i, norm in enumerate(norms)
     )
+
+
+def _predicted_error(reference: Reference, method: Method) -> PredictedError | str:
+    # Not above: it takes as long to import as JAX, and most tables predict nothing.
+    from ropeode.theory.global_error import predicted_error
+
+    return predicted_error(reference, method)
 
 
 def _table(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from ropeode.analysis.roundoff import least_clear_error
 from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
-from ropeode.theory.global_error import PredictedError
+
+if TYPE_CHECKING:
+    from ropeode.theory.global_error import PredictedError
 
 # Theory and runs agree to this part, or closely.
 AGREE, AGREE_CLOSELY = 0.1, 0.01

@@ -13,7 +13,7 @@ import pytest
 
 from ropeode.checking.checks import CHECKS, SLOW
 from ropeode.checking.report import Diagnosis
-from ropeode.render.formats import CHECK_FORMATS, format_check
+from ropeode.render.formats import FORMATS, format_check
 from tests.checking import steps
 from tests.checking.no_time_limit import SECONDS, check_stepper
 
@@ -28,7 +28,7 @@ def report():
     return dataclasses.replace(report, diagnosis=(diagnosis,))
 
 
-@pytest.mark.parametrize("form", CHECK_FORMATS)
+@pytest.mark.parametrize("form", FORMATS)
 def test_every_format_has_every_finding(report, form):
     text = format_check(report, form)
     for finding in report.findings:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ropeode.problems.problem import Problem
+from ropeode.references import cache_folder
 from ropeode.references.solvers import diffrax_solver, program_cache
 from ropeode.references.solvers.family import Family
 from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
@@ -18,7 +19,7 @@ def kept(tmp_path, monkeypatch):
     """A folder for traces, without Equinox's checks, as the command line has it."""
     # It says so before Equinox is imported, and here that has happened.
     monkeypatch.setattr(equinox.internal, "error_if", lambda x, *_: x)
-    monkeypatch.setattr(program_cache, "_folder", tmp_path / "traced")
+    monkeypatch.setattr(cache_folder, "_folder", tmp_path)
     yield tmp_path / "traced"
     program_cache._compiled.cache_clear()
 
@@ -45,15 +46,15 @@ def test_a_kept_trace_is_the_same_program(kept, monkeypatch):
     whole = path.read_bytes()
     for damage in (b"", b"no line", whole.replace(b"\n", b"0\n", 1), whole[:-1]):
         path.write_bytes(damage)
-        assert program_cache._read(path) is None
+        assert cache_folder.read(f"traced/{path.name}") is None
     assert solve(logistic()).states.tobytes() == read.states.tobytes()
-    assert program_cache._read(path) is not None
+    assert cache_folder.read(f"traced/{path.name}") is not None
 
 
 @pytest.mark.slow
 def test_a_trace_that_is_not_kept_is_the_same_program(kept, monkeypatch):
     traced = solve(logistic())
-    monkeypatch.setattr(program_cache, "_folder", None)
+    monkeypatch.setattr(cache_folder, "_folder", None)
     plain = solve(logistic())
     assert plain.states.tobytes() == traced.states.tobytes()
     assert plain.steps == traced.steps
@@ -109,7 +110,8 @@ def test_what_cannot_be_kept_is_solved_all_the_same(kept):
     assert not kept.exists()
 
 
-def test_a_folder_that_cannot_be_written_to_is_no_fault(tmp_path):
+def test_a_folder_that_cannot_be_written_to_is_no_fault(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("no folder")
-    program_cache._write(tmp_path / "file" / "a.traced", b"a trace")
+    monkeypatch.setattr(cache_folder, "_folder", tmp_path / "file")
+    cache_folder.write("a.traced", b"a trace")
     assert (tmp_path / "file").read_text() == "no folder"

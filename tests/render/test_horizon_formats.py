@@ -15,7 +15,7 @@ import pytest
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.references.compute import reference
-from ropeode.render.formats import HORIZON_FORMATS, format_horizon, format_table
+from ropeode.render.formats import format_horizon, format_table
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
 from ropeode.study.accuracy_table import accuracy_table
@@ -37,10 +37,6 @@ def away(t, y, args):
 def study():
     """y' = 2y: errors relative to the largest component, which is the last one."""
     return horizon(Problem(away, [1.0], [0.5 * k for k in range(25)], name=HOSTILE), [12, 24])
-
-
-def test_formats_are_those_of_the_command_line():
-    assert list(HORIZON_FORMATS) == list(NAMES)
 
 
 @pytest.mark.parametrize("form", NAMES)

@@ -15,7 +15,7 @@ from ropeode.problems.kepler import kepler
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
-from ropeode.render.formats import EXPLANATION_FORMATS, format_explanation
+from ropeode.render.formats import format_explanation
 from ropeode.render.stepper_list import variants
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study.explanation import explain_stepper
@@ -154,10 +154,6 @@ def test_a_first_order_problem():
     # Of y' = -y the error of a step is dt^5/120, and that of the solution t/120 exp(-t) dt^4.
     assert found.tables[0].orders[0].constant.predicted == pytest.approx(1 / 120 / np.e, rel=1e-3)
     assert "first-order (this one)" in format_explanation(found)
-
-
-def test_formats_are_those_of_the_command_line():
-    assert list(EXPLANATION_FORMATS) == list(NAMES)
 
 
 @pytest.mark.parametrize("which", ["right", "wrong"])

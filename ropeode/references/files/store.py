@@ -15,7 +15,6 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
-from ropeode.references.files import netcdf
 from ropeode.references.files.checksum import append_checksum, verify_checksum
 from ropeode.references.files.encoding import (
     ROPE_ARRAYS,
@@ -48,6 +47,9 @@ def save_reference(reference: Reference, path: str | Path) -> Path:
         InputError: its name does not end in ``.nc``, or it cannot be written.
     """
     path = check_reference_path(path)
+    # Not above: HDF5 takes its time to load, and a command that writes no file does without.
+    from ropeode.references.files import netcdf
+
     arrays, texts = arrays_of(reference), texts_of(reference)
     with replacing(path) as part:
         netcdf.write(part, arrays, texts)
@@ -124,6 +126,8 @@ def stored_facts(path: str | Path) -> Facts:
     Raises:
         InputError: the file is not as it was written, or holds no reference.
     """
+    from ropeode.references.files import netcdf
+
     path = Path(path)
     digest = verify_checksum(path)
     arrays, texts = netcdf.read(path)

@@ -12,9 +12,9 @@ from ropeode.norms import distance
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import largest_norms
-from ropeode.references.compute import reference_for
+from ropeode.references.compute import reference
 from ropeode.references.files.store import reference_from, stored_facts
-from ropeode.references.options import SMALLEST_RTOL, TIME_LIMIT, ReferenceOptions
+from ropeode.references.options import SMALLEST_RTOL, TIME_LIMIT
 from ropeode.references.reference import Reference
 
 # The number of pieces of a dense output in which one value is computed again.
@@ -80,15 +80,13 @@ def verify_reference(
     certificate = stored.certificate
     # One number is the default; at least it serves all components alike.
     atol = certificate.atol * (SMALLEST_RTOL / certificate.rtol)
-    recomputed = reference_for(
+    recomputed = reference(
         dataclasses.replace(stored.problem, ts=times),
-        ReferenceOptions(
-            accuracy=certificate.accuracy,
-            atol=atol if np.ndim(atol) else None,
-            level=certificate.level,
-            time_limit=time_limit,
-        ),
-        progress,
+        certificate.accuracy,
+        atol=atol if np.ndim(atol) else None,
+        level=certificate.level,
+        time_limit=time_limit,
+        progress=progress,
     )
     trusted = stored.times[: stored.trusted]
     of = int(np.sum(times <= trusted[-1]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import hashlib
 import importlib.util
@@ -14,8 +13,7 @@ from typing import Any
 
 import jax
 
-from ropeode.errors import InputError
-from ropeode.files import write_whole
+from ropeode.references import cache_folder
 from ropeode.references.solvers.family import Family, abstract
 
 # What decides what a trace looks like, beside the right-hand side.
@@ -25,20 +23,7 @@ _MODULES = (
     "ropeode.references.solvers.rounding",
     "ropeode.problems.nested_jaxprs",
 )
-_folder: Path | None = None
 _compiling = threading.Lock()
-
-
-def keep_traces_in(folder: Path) -> None:
-    """Keep traces in files of a folder from now on, and read them from there.
-
-    The runs do not change: a trace from a file is the same program as a new one.
-
-    Arguments:
-        folder: created when the first trace is written.
-    """
-    global _folder
-    _folder = folder
 
 
 def compiled(family: Family) -> tuple[Callable, bool]:
@@ -54,23 +39,24 @@ def compiled(family: Family) -> tuple[Callable, bool]:
 @functools.lru_cache(maxsize=64)
 def _compiled(family: Family) -> Callable:
     inputs = family.inputs()
-    if _folder is None:
+    if not cache_folder.is_used():
         return _traced(family).lower(*inputs).compile()
     try:
-        kept = _kept(family, _folder)
+        kept = _kept(family)
     except Exception:
         # What calls back into Python cannot be kept. What cannot be traced raises here.
         return _traced(family).lower(*inputs).compile()
     return jax.jit(kept.call).lower(*inputs).compile()
 
 
-def _kept(family: Family, folder: Path) -> Any:
+def _kept(family: Family) -> Any:
     """The trace of a family from its file; writes the file if there is none."""
-    path = folder / f"{_key(family)}.traced"
-    exported = _read(path)
-    if exported is None:
-        exported = jax.export.export(_traced(family))(*family.inputs())
-        _write(path, bytes(exported.serialize()))
+    name = f"traced/{_key(family)}.traced"
+    contents = cache_folder.read(name)
+    if contents is not None:
+        return jax.export.deserialize(bytearray(contents))
+    exported = jax.export.export(_traced(family))(*family.inputs())
+    cache_folder.write(name, bytes(exported.serialize()))
     return exported
 
 
@@ -104,22 +90,3 @@ def _key(family: Family) -> str:
         jax.jit(function).lower(abstract(()), y0, leaves).as_text(),
     )
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
-
-
-def _read(path: Path) -> Any:
-    """The trace in a file; None if there is no file, or its checksum is wrong."""
-    try:
-        digest, contents = path.read_bytes().split(b"\n", 1)
-    except (OSError, ValueError):
-        return None
-    if hashlib.sha256(contents).hexdigest().encode() != digest:
-        return None
-    return jax.export.deserialize(bytearray(contents))
-
-
-def _write(path: Path, contents: bytes) -> None:
-    """Keep a trace; if the folder is not writable, the next process traces again."""
-    with contextlib.suppress(OSError, InputError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        digest = hashlib.sha256(contents).hexdigest().encode()
-        write_whole(path, digest + b"\n" + contents)
