@@ -101,8 +101,8 @@ def test_plot_of_a_folder(swept, monkeypatch):
         (["plot", "out", "--where", "seed=0"], "where seed: '0' given; allowed: nothing, since"),
         (
             ["plot", "out", "--x", "frames"],
-            r"where: 2 rows share a cell, since they differ in damping; allowed: one row in each "
-            r"cell \(damping: 0.01, 0.1\). Fix: select values, for example --where damping=0.01.",
+            r"where: rows differ in damping, which this map does not show; allowed: one value of "
+            r"each \(damping: 0.01, 0.1\). Fix: select values, for example --where damping=0.01,",
         ),
         (["plot", "out", "--steps", "8"], "steps_per_frame: '8' given; allowed: only with a spec"),
         (["plot", "--x", "frames"], "x: 'frames' given; allowed: only with the folder"),

@@ -84,10 +84,9 @@ def test_errors_end_at_the_horizon_and_energies_of_runs_do_not():
     assert energies.curves[0].times[-1] == 3.0
 
 
-@pytest.mark.parametrize("damping", [1e-6, 0.01])
-def test_a_little_damping_is_no_conservation(damping):
+def test_a_little_damping_is_no_conservation():
     """The energy falls by what damping takes, and no stepper is blamed for it."""
-    rope = Rope(num_nodes=4, damping=damping).problem(frames=3)
+    rope = Rope(num_nodes=4, damping=1e-6).problem(frames=3)
     energies = energy_curves(rope, ["rk4"], [64])
     assert not energies.conserved
     assert energies.reference is not None
@@ -128,6 +127,7 @@ def test_energies():
     curves = energy_curves(rope, ["rk4", "explicit-euler"], [32, 64])
     assert np.array_equal(curves.times, rope.ts)
     assert np.max(np.abs(curves.values / 800 - 1)) < 1e-11
+    assert np.all(curves.bound >= 800 * np.finfo(float).eps)
     away = {(c.stepper, c.steps_per_frame): abs(c.values[-1] / 800 - 1) for c in curves.curves}
     # The energy error of RK4 falls at least like its order, 4.
     assert away["rk4", 32] / away["rk4", 64] > 2**4 * 0.9

@@ -30,7 +30,7 @@ from ropeode.render.table_words import problem_words
 from ropeode.study.curves import Curve
 
 _TWO_COLUMNS_UP_TO = 6
-_ROW_HEIGHT = 1.6
+_TITLE_HEIGHT, _ROW_HEIGHT = 0.6, 1.6
 _ALONE_HEIGHT = 3.3
 _LABEL_WIDTH = 0.4
 _TICKS = 6
@@ -98,7 +98,7 @@ def new_panels(
     many = len(panels)
     columns = 1 if many == 1 else 2 if many <= _TWO_COLUMNS_UP_TO else 3
     rows = math.ceil(many / columns)
-    height = _ALONE_HEIGHT if many == 1 else _ROW_HEIGHT * max(rows, 1.5)
+    height = _ALONE_HEIGHT if many == 1 else _TITLE_HEIGHT + _ROW_HEIGHT * rows
     title = f"{title} against time: {problem_words(problem)}"
     figure = new_figure(title, more, height)
     labels = with_unit("time", problem, "time"), y

@@ -11,6 +11,7 @@ import matplotlib
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 # Matplotlib types its keys, in new versions only.
 STYLE: Any = {
@@ -114,7 +115,7 @@ def new_grid(
 def draw_legends(
     figure: Figure, height: float, left: Sequence[Artist], right: Sequence[Artist]
 ) -> None:
-    """Two legends below the axes: side by side where there is room, else as one column.
+    """A legend of two parts below the axes: side by side where there is room, else as one column.
 
     Arguments:
         figure: gets the room that they need.
@@ -126,16 +127,17 @@ def draw_legends(
     def lines(handles: Sequence[Artist]) -> list[str]:
         return "\n".join(str(each.get_label()) for each in handles).splitlines()
 
-    many, letters = zip(
-        *((len(x), max(map(len, x))) for x in map(lines, (left, right))), strict=True
-    )
-    if sum(letters) <= _LETTERS_BESIDE:
-        figure.legend(handles=left, loc="outside lower left")
-        figure.legend(handles=right, loc="outside lower right")
-        make_room(figure, height, max(many))
-    else:
-        figure.legend(handles=[*left, *right], loc="outside lower left")
-        make_room(figure, height, sum(many))
+    labels = lines(left), lines(right)
+    beside = sum(max(map(len, each)) for each in labels) <= _LETTERS_BESIDE
+    columns: list[list[Artist]] = [list(left), list(right)]
+    if beside:
+        longest = max(map(len, columns))
+        for column in columns:
+            empty = longest - len(column)
+            column += [Line2D([], [], linestyle="none", label="") for _ in range(empty)]
+    figure.legend(handles=[*columns[0], *columns[1]], loc="outside lower left", ncols=1 + beside)
+    many = list(map(len, labels))
+    make_room(figure, height, max(many) if beside else sum(many))
 
 
 def make_room(figure: Figure, height: float, lines: int) -> None:

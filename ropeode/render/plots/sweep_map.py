@@ -142,8 +142,8 @@ def plot_sweep(
         A matplotlib figure, 6.5 inches wide.
 
     Raises:
-        InputError: there is no such column, or no row with these values, or several rows
-            share a cell.
+        InputError: there is no such column, or no row with these values, or rows differ in
+            an input that is not shown.
     """
     frame: Frame = load_sweep(sweep) if isinstance(sweep, (str, Path)) else sweep
     frame = _chosen(frame, x, y, value, dict(where or {}))
