@@ -55,6 +55,7 @@ from .render.formats import format_check as format_check
 from .render.formats import format_explanation as format_explanation
 from .render.formats import format_horizon as format_horizon
 from .render.formats import format_table as format_table
+from .render.plots.animation import Film as Film
 from .render.plots.animation import animate as animate
 from .render.plots.convergence import plot_convergence as plot_convergence
 from .render.plots.energy import plot_energies as plot_energies

@@ -11,3 +11,12 @@ Progress = Callable[[str, float | None], None]
 def silent(text: str, fraction: float | None) -> None:
     """Report nothing."""
     del text, fraction
+
+
+def part_of(progress: Progress, start: float, end: float) -> Progress:
+    """Progress of a part of the work, which takes it from one fraction of the whole to another."""
+
+    def report(text: str, fraction: float | None) -> None:
+        progress(text, None if fraction is None else start + (end - start) * fraction)
+
+    return report

@@ -12,7 +12,7 @@ from ropeode.cli.job import job_from
 from ropeode.cli.options import dt_option, table_options
 from ropeode.errors import InputError
 from ropeode.files import check_suffix, write_whole
-from ropeode.progress import Progress
+from ropeode.progress import Progress, part_of
 from ropeode.terminal.output import out_option_with
 from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
 from ropeode.validation import bad_value, complaint
@@ -22,6 +22,10 @@ from ropeode.validation import bad_value, complaint
 TYPES = ("convergence", "error", "energy")
 # What energies are drawn of by default: long enough to see which steppers keep them.
 _CONSERVED = {"frames": "300", "rope_damping": "0"}
+# How many frames the default rope takes to swing past the vertical, in a film.
+_PAST_THE_VERTICAL = "40"
+# What of a film's time goes into its runs; the rest, into its pictures.
+_COMPUTING = 0.5
 # The options of a map of a sweep, with their defaults.
 _OF_SWEEP = {"x": "damping", "y": "steps_per_frame", "value": "observed_order"}
 
@@ -173,15 +177,17 @@ def animate(
     """Make a film of a rope, or of another problem that moves.
 
     The problem must move in a plane or in space. The film shows the steppers beside the
-    reference, all with the first number of --steps. The default is semi-implicit-euler with 64
-    steps per frame. The settings come from SPEC and the options, as in `ropeode table`.
+    reference, all with the first number of --steps. The default is explicit-euler,
+    semi-implicit-euler and rk4 with 64 steps per frame; the default rope swings for 40 frames.
+    Errors are magnified where they are too small to be seen. The settings come from SPEC and the
+    options, as in `ropeode table`.
 
     With --trajectories, each FILE is a trajectory that some program wrote, as `ropeode grade`
     reads it. --problem SPEC or --reference names the problem of the files.
 
     Needs matplotlib: pip install '.[plots]'. MP4 also needs ffmpeg: pip install '.[video]'.
     """
-    from ropeode.render.plots.animation import check_film, check_fps, film_bytes
+    from ropeode.render.plots.animation import animate, check_film, check_fps, film_bytes
 
     path, speed = check_film(out or "rope.gif"), check_fps(fps)
     _check_sources(files, trajectories, dt, options)
@@ -189,18 +195,22 @@ def animate(
     from ropeode.checking.trajectories.studies import trajectory_paths
     from ropeode.study.node_paths import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME, node_paths
 
+    if not files and options["reference"] is None and not options["problem"]:
+        options["frames"] = options["frames"] or _PAST_THE_VERTICAL
     job = job_from(None if trajectories else next(iter(files), None), options)
     steps = DEFAULT_STEPS_PER_FRAME
     if "steps_per_frame" in job.spec.model_fields_set:
         steps = job.spec.steps_per_frame[0]
 
     def work(progress: Progress) -> bytes:
-        named = {"norm": job.spec.norm, **job.spec.asked, "progress": progress}
+        computing = part_of(progress, 0.0, _COMPUTING)
+        named = {"norm": job.spec.norm, **job.spec.asked, "progress": computing}
         if trajectories:
             paths = trajectory_paths(files, job.given, dt, **named)
         else:
             paths = node_paths(job.given, job.spec.steppers or DEFAULT_STEPPERS, steps, **named)
-        return film_bytes(paths, path.suffix, speed, progress)
+        drawing = part_of(progress, _COMPUTING, 1.0)
+        return film_bytes(animate(paths, fps=speed), path.suffix, drawing)
 
     _write(path, with_progress(work))
 

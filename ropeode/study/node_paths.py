@@ -8,7 +8,7 @@ from typing import Unpack
 
 import numpy as np
 
-from ropeode.analysis.errors import distances, resolution
+from ropeode.analysis.errors import differences, distances, resolution
 from ropeode.display import Displayed, Tabular
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
@@ -21,12 +21,12 @@ from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import runs_of
 from ropeode.validation import bad_value
 
-DEFAULT_STEPPERS = ("semi-implicit-euler",)
+DEFAULT_STEPPERS = ("explicit-euler", "semi-implicit-euler", "rk4")
 DEFAULT_STEPS_PER_FRAME = 64
 
 _MOST_SAMPLES_PER_FRAME = 8
 # Of a film; with more, it is long enough with fewer of them in each frame.
-_ENOUGH_SAMPLES = 400
+_ENOUGH_SAMPLES = 200
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -37,6 +37,7 @@ class NodePath(Displayed):
         stepper: its name with options; of a trajectory from a file, the file's name and dt.
         positions: ``(samples, nodes, dim)``, up to the last finite sample.
         errors: at the samples inside the trust horizon, ``(samples,)``.
+        differences: positions minus those of the reference there, ``(samples, nodes, dim)``.
         diverged_at: the first frame at whose end the run was not finite; None if it stayed
             finite.
     """
@@ -44,6 +45,7 @@ class NodePath(Displayed):
     stepper: str
     positions: np.ndarray
     errors: np.ndarray
+    differences: np.ndarray
     diverged_at: int | None
 
 
@@ -121,6 +123,7 @@ def node_paths(
                 stepper=run.stepper.label,
                 positions=run.positions,
                 errors=distances(run.states, reference, measure),
+                differences=problem.positions(differences(run.states, reference)),
                 diverged_at=None if run.diverged_at is None else -(-run.diverged_at // parts),
             )
             for run in runs_of(reference.problem, chosen, [steps // parts], progress)

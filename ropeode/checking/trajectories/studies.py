@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ropeode.analysis.errors import distances, resolution
+from ropeode.analysis.errors import differences, distances, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import shown, worst_rounding
@@ -196,6 +196,7 @@ def trajectory_paths(
                 stepper=run.label,
                 positions=own.positions(run.states),
                 errors=distances(run.states, reference, measure),
+                differences=own.positions(differences(run.states, reference)),
                 diverged_at=None,
             )
             for run in runs

@@ -1,31 +1,49 @@
-"""The pictures of a film: the nodes of a reference and of runs, side by side."""
+"""The pictures of a film: the nodes of a reference and of runs, side by side.
+
+A run near the reference is drawn with its error magnified. The view of a run that leaves it grows.
+The words at the panel say by how much.
+"""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from ropeode.render.plots.labels import with_unit
+from ropeode.render.plots.labels import unit_of
 from ropeode.render.plots.style import STYLE, new_grid, stepper_style, wrapped
 from ropeode.render.table_words import problem_words
 from ropeode.study.node_paths import NodePath, NodePaths
 
 DPI = 120
 _PANEL_WIDTH, _LEAST_WIDTH, _MOST_COLUMNS = 2.6, 5.2, 3
-_LINE_HEIGHT, _TITLE_HEIGHT, _FOOT_HEIGHT, _LABEL_WIDTH, _GAP = 0.19, 0.5, 0.6, 0.55, 0.1
+_LINE_HEIGHT, _AROUND_PANEL, _GAP = 0.19, 0.65, 0.15
+_SMALL, _FOOT_LETTERS = 7.0, 1.25
 # Height over width of a panel, at least and at most.
 _FLATTEST, _STEEPEST = 0.5, 1.4
 _MARGIN = 0.08
-# The view follows runs that leave the reference's room by no more than this part of its size.
-_FURTHEST = 0.2
-# A node that is this many sizes away from the view is not drawn, nor what joins it to others.
-_OUT_OF_SIGHT = 3.0
-_REFERENCE_COLOUR = "0.2"
+# Errors are magnified up to this part of the size of the reference's room, and the view holds runs
+# that never leave that by more than the other.
+_LARGEST_ERROR, _FURTHEST = 0.2, 0.5
+# The reference's bound, magnified, is no more than this part.
+_UNSEEN = 0.002
+# States beyond cannot be scaled without overflow.
+_LARGEST = 1e290
+_LONGEST_BAR = 0.3
+# Shades that a GIF has.
+_DARK, _BEHIND, _FRAME = "0.2", "0.7333", "0.7333"
+_FOOT = (
+    "Grey: the reference. Thin line: the path of one node. Errors × 100: each node is drawn 100 "
+    "times as far from the reference as it is. View × 100: it is 100 times as wide as in the other "
+    "panels, whose view is the dashed box."
+)
 
 ShowSample = Callable[[int], None]
 
@@ -34,102 +52,188 @@ ShowSample = Callable[[int], None]
 def film(paths: NodePaths) -> tuple[Figure, ShowSample]:
     """A figure, and a function that makes it show the sample with an index.
 
+    What changes between samples is `animated`: a canvas leaves it out when it draws the figure.
+
     Arguments:
-        paths: from `ropeode.node_paths`.
+        paths: to be drawn.
     """
-    low, high = _view(paths)
-    count = 1 + len(paths.paths)
+    runs = [_Run(paths, path) for path in paths.paths]
+    middle, half = _view(_trusted(paths), runs)
+    count = 1 + len(runs)
     columns = 2 if count == 4 else min(count, _MOST_COLUMNS)
     rows = math.ceil(count / columns)
     width = max(_LEAST_WIDTH, columns * _PANEL_WIDTH)
-    panel_width = (width - _LABEL_WIDTH) / columns - _GAP
-    panel_height = panel_width * (high - low)[1] / (high - low)[0]
-    head_height = _LINE_HEIGHT * len(_head(paths, 0, width).splitlines())
-    height = head_height + rows * (_TITLE_HEIGHT + panel_height) + _FOOT_HEIGHT
-    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
-    title = figure.suptitle("", x=0.02, ha="left", parse_math=False)
-    x, y = (with_unit(name, paths.problem, "position") for name in "xy")
-    grid = new_grid(figure, rows, columns, count, (x, y))
-    for axes in grid:
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    panel_width = width / columns - _GAP
+    foot = wrapped(_FOOT, width=_FOOT_LETTERS * width)
+    lines = len([*_head(paths, width).splitlines(), *foot.splitlines()])
+    panel_height = panel_width * half[1] / half[0]
+    height = _LINE_HEIGHT * lines + rows * (_AROUND_PANEL + panel_height)
+    layout = ConstrainedLayoutEngine(w_pad=_GAP / 2, h_pad=0.03)
+    figure = Figure(figsize=(width, height), dpi=DPI, layout=layout)
+    head = figure.suptitle(_head(paths, width), x=0.02, ha="left", parse_math=False)
+    figure.supxlabel(foot, x=0.02, ha="left", fontsize=_SMALL, color="0.35")
 
-    trusted = paths.reference.positions[: paths.reference.trusted]
-    draw = _Nodes(paths, low, high)
-    reference = draw(grid[0], trusted, _REFERENCE_COLOUR)
-    runs = [
-        draw(axes, path.positions, stepper_style(index)[0])
-        for index, (axes, path) in enumerate(zip(grid[1:], paths.paths, strict=True))
-    ]
-
-    # Kept, because a title that is set anew takes on the user's settings.
-    over_reference, *over_runs = [axes.set_title("", loc="left") for axes in grid]
+    draw = functools.partial(_Panel, paths, middle, half)
+    known, *others = new_grid(figure, rows, columns, count, ("", ""))
+    now = known.text(0, 0, "", fontsize=head.get_fontsize(), animated=True, va="top")
+    now.set_in_layout(False)
+    shows = [draw(known, None, _DARK, panel_width)]
+    for index, (axes, run) in enumerate(zip(others, runs, strict=True)):
+        shows.append(draw(axes, run, stepper_style(index)[0], panel_width))
 
     def show(sample: int) -> None:
-        title.set_text(_head(paths, sample, width))
-        # Outside its horizon the reference is no truth, so that none is shown.
-        reference(sample, sample < len(trusted))
-        over_reference.set_text(f"reference\n{_reference_words(paths, sample)}")
-        for over, run, path in zip(over_runs, runs, paths.paths, strict=True):
-            run(sample, True)
-            name = wrapped(path.stepper, width=panel_width)
-            over.set_text(f"{name}\n{_run_words(paths, path, sample)}")
+        now.set_text(_time_words(paths, sample))
+        for each in shows:
+            each.show(sample)
 
     # Laid out once, so that nothing moves but the nodes.
     show(0)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
+    # Into the last line of the title, which is empty.
+    corner = head.get_window_extent()
+    now.set(transform=None, position=(corner.x0, corner.y0 + _LINE_HEIGHT * DPI))
     return figure, show
 
 
-class _Nodes:
-    """Draws nodes and the trace of one of them.
+class _Run:
+    """The nodes of a run as they are drawn.
+
+    Arguments:
+        paths: that it is one of.
+        path: the run.
+    """
+
+    def __init__(self, paths: NodePaths, path: NodePath):
+        self.path, self.shown = path, np.clip(path.positions[..., :2], -_LARGEST, _LARGEST)
+        errors = path.differences[..., :2]
+        self.times_error = _magnification(paths, errors)
+        if self.times_error > 1:
+            self.shown[: len(errors)] += (self.times_error - 1) * errors
+
+
+class _Panel:
+    """The nodes of the reference or of one run, and the words around them.
 
     Arguments:
         paths: to be drawn.
-        low: lower left corner of the view.
-        high: upper right corner.
+        middle: of the view.
+        half: its width and height, halved.
+        axes: gets the panel.
+        run: what it shows; None for the reference.
+        colour: of its nodes.
+        width: in inches.
     """
 
-    def __init__(self, paths: NodePaths, low: np.ndarray, high: np.ndarray):
-        size = _OUT_OF_SIGHT * (high - low)
-        self.room = low - size, high + size
-        self.node = _traced(paths)
+    def __init__(
+        self,
+        paths: NodePaths,
+        middle: np.ndarray,
+        half: np.ndarray,
+        axes: Axes,
+        run: _Run | None,
+        colour: str,
+        width: float,
+    ):
+        self.paths, self.run, self.middle = paths, run, middle
+        self.truth, self.node = _trusted(paths), _traced(paths)
+        self.shown = self.truth if run is None else run.shown
+        away = np.max(np.abs(self.shown - middle) / half, axis=(1, 2))
+        # It only ever grows, so that it does not flicker.
+        self.zooms = [1.0 if far <= 1 else _round_up(far) for far in np.maximum.accumulate(away)]
+
         mechanics = paths.problem.mechanics
         in_a_row = mechanics is not None and mechanics.links is not None
-        self.joined = "-" if in_a_row else "none"
+        joined = "-" if in_a_row else "none"
+        nodes = {"linestyle": joined, "linewidth": 1.4, "marker": "o", "markersize": 3}
+        behind = {**nodes, "color": _BEHIND, "markersize": 2}
+        styles = (
+            behind,
+            {"color": colour, "alpha": 0.45, "linewidth": 0.8},
+            {**nodes, "color": colour},
+        )
+        self.behind, self.trace, self.nodes = (
+            axes.plot([], [], animated=True, **style)[0] for style in styles
+        )
+        (self.box,) = axes.plot([], [], animated=True, color="0.4", linewidth=0.8, linestyle="--")
+        low, high = middle - half, middle + half
+        self.corners = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
+        axes.set(
+            xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[]
+        )
+        axes.spines[:].set(visible=True, color=_FRAME)
 
-    def __call__(
-        self, axes: Axes, positions: np.ndarray, colour: str
-    ) -> Callable[[int, bool], None]:
-        """A function that shows a sample of `positions`, ``(samples, nodes, dim)``, or the last."""
-        shown = positions[..., :2]
-        near = np.all((shown >= self.room[0]) & (shown <= self.room[1]), axis=-1, keepdims=True)
-        shown = np.where(near, shown, np.nan)
-        (trace,) = axes.plot([], [], color=colour, alpha=0.45, linewidth=0.8)
-        (nodes,) = axes.plot(
-            [], [], color=colour, linestyle=self.joined, linewidth=1.4, marker="o", markersize=3
+        name = "reference" if run is None else wrapped(run.path.stepper, width=width)
+        # Its last line is that of the error, which changes.
+        axes.set_title(f"{name}\n", loc="left", parse_math=False)
+        self.error = axes.text(0, 1.03, "", transform=axes.transAxes, animated=True)
+        self.bar = _round_up(2 * half[0] * _LONGEST_BAR / 2.5)
+        ends = [low[0], low[0] + self.bar]
+        axes.plot(ends, [low[1]] * 2, color="0.2", linewidth=3, clip_on=False)
+        below = {"y": -0.03, "va": "top", "fontsize": 8.0, "transform": axes.transAxes}
+        below["animated"] = True
+        self.scale = axes.text(0.0, s=" ", **below)
+        self.larger = axes.text(1.0, s="", ha="right", weight="bold", color=colour, **below)
+
+    def show(self, sample: int) -> None:
+        """Show the sample, or the last that there is."""
+        last = min(sample, len(self.shown) - 1)
+        zoom, inside = self.zooms[last], sample < len(self.truth)
+
+        def place(line: Any, points: np.ndarray | None) -> None:
+            placed = np.empty((0, 2)) if points is None else points
+            line.set_data(*((placed - self.middle) / zoom + self.middle).T)
+
+        place(self.trace, self.shown[: last + 1, self.node])
+        place(self.box, self.corners if zoom > 1 else None)
+        length = zoom * self.bar
+        self.scale.set_text(f"{_short(length)} {unit_of(self.paths.problem, 'position')}")
+        if self.run is None:
+            # Outside its horizon the reference is no truth, so that none is shown.
+            place(self.nodes, self.shown[last] if inside else None)
+            self.error.set_text(_reference_words(self.paths, sample))
+            return
+        place(self.behind, self.truth[sample] if inside else None)
+        place(self.nodes, self.shown[last])
+        self.error.set_text(_run_words(self.paths, self.run.path, sample))
+        known = sample < len(self.run.path.differences)
+        larger = {"errors": self.run.times_error if known else 1.0, "view": zoom}
+        self.larger.set_text(
+            ", ".join(f"{name} × {_short(times)}" for name, times in larger.items() if times > 1)
         )
 
-        def show(sample: int, nodes_too: bool) -> None:
-            last = min(sample, len(shown) - 1)
-            nodes.set_data(*(shown[last].T if nodes_too else ([], [])))
-            trace.set_data(*shown[: last + 1, self.node].T)
 
-        return show
+def _trusted(paths: NodePaths) -> np.ndarray:
+    """The reference's nodes in the plane of the film."""
+    return paths.reference.positions[: paths.reference.trusted, :, :2]
 
 
-def _view(paths: NodePaths) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of the view, the same in all panels."""
-    trusted = paths.reference.positions[: paths.reference.trusted, :, :2].reshape(-1, 2)
-    low, high = np.min(trusted, axis=0), np.max(trusted, axis=0)
-    size = float(np.max(high - low)) or 1.0
-    runs = np.concatenate([each.positions[..., :2].reshape(-1, 2) for each in paths.paths])
-    near = np.all((runs >= low - _FURTHEST * size) & (runs <= high + _FURTHEST * size), axis=1)
-    shown = np.concatenate([trusted, runs[near]])
+def _size(truth: np.ndarray) -> float:
+    return float(np.max(np.ptp(truth.reshape(-1, 2), axis=0))) or 1.0
+
+
+def _magnification(paths: NodePaths, errors: np.ndarray) -> float:
+    """The power of ten that makes errors as large as can be well seen; 1 where they are anyway.
+
+    Errors that the reference cannot tell stay too small to be seen.
+    """
+    size, largest = _size(_trusted(paths)), float(np.max(np.abs(errors)))
+    bound = float(paths.reference.certificate.bounds["position"][paths.reference.trusted - 1])
+    needed = max(largest / _LARGEST_ERROR, bound / _UNSEEN) / size
+    return 10.0 ** math.floor(-math.log10(needed)) if 0 < needed < 1 else 1.0
+
+
+def _view(truth: np.ndarray, runs: list[_Run]) -> tuple[np.ndarray, np.ndarray]:
+    """The middle of the view that all panels begin with, and half its size."""
+    corners, size = truth.reshape(-1, 2), _size(truth)
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    drawn, away = [run.shown.reshape(-1, 2) for run in runs], _FURTHEST * size
+    near = [each for each in drawn if np.all((each >= low - away) & (each <= high + away))]
+    shown = np.concatenate([corners, *near])
     low, high = np.min(shown, axis=0), np.max(shown, axis=0)
-    middle, (width, height) = (low + high) / 2, high - low + 2 * _MARGIN * size
+    width, height = high - low + 2 * _MARGIN * size
     half = np.array([max(width, height / _STEEPEST), max(height, width * _FLATTEST)]) / 2
-    return middle - half, middle + half
+    return (low + high) / 2, half
 
 
 def _traced(paths: NodePaths) -> int:
@@ -139,13 +243,31 @@ def _traced(paths: NodePaths) -> int:
     return len(away) - 1 if away[-1] > 0 else int(np.argmax(away))
 
 
-def _head(paths: NodePaths, sample: int, width: float) -> str:
-    """The problem, the step size and the time."""
-    problem, parts = paths.problem, paths.samples_per_frame
-    now = f"frame {sample / parts:.{0 if parts == 1 else 2}f} of {problem.frames}"
+def _round_up(number: float) -> float:
+    """The next of 1, 2, 5, 10, 20, 50, ..."""
+    power = 10.0 ** math.floor(math.log10(number))
+    return next(step * power for step in (1, 2, 5, 10) if number <= step * power * (1 + 1e-12))
+
+
+def _short(number: float) -> str:
+    """A round number in few letters."""
+    return (
+        f"{number:g}"
+        if 1e-3 <= number < 1e6
+        else f"{number:.0e}".replace("e+0", "e").replace("e+", "e")
+    )
+
+
+def _head(paths: NodePaths, width: float) -> str:
+    """The problem and the step size, and room for the time."""
     flat = ", x and y of 3 components" if paths.reference.positions.shape[2] == 3 else ""
-    steps = "" if paths.steps_per_frame is None else f"{paths.steps_per_frame} steps/frame"
-    return f"{wrapped(problem_words(problem) + flat, steps, width=width)}, {now}"
+    steps = "" if paths.steps_per_frame is None else f"; {paths.steps_per_frame} steps/frame"
+    return wrapped(problem_words(paths.problem) + flat + steps, width=width) + "\n"
+
+
+def _time_words(paths: NodePaths, sample: int) -> str:
+    parts = paths.samples_per_frame
+    return f"frame {sample / parts:.{0 if parts == 1 else 2}f} of {paths.problem.frames}"
 
 
 def _reference_words(paths: NodePaths, sample: int) -> str:

@@ -18,9 +18,13 @@ _ROPE_UNITS = {
 
 def with_unit(text: str, problem: Problem, quantity: str) -> str:
     """A label with its unit; only ropes have units."""
-    if problem.parameters.get("kind") not in ROPES:
-        return text
-    return f"{text} [{_ROPE_UNITS[quantity]}]"
+    unit = unit_of(problem, quantity)
+    return f"{text} [{unit}]" if unit else text
+
+
+def unit_of(problem: Problem, quantity: str) -> str:
+    """The unit of a quantity; empty where it has none."""
+    return _ROPE_UNITS[quantity] if problem.parameters.get("kind") in ROPES else ""
 
 
 # By column of a sweep; its errors have the unit of their norm.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import itertools
 import os
@@ -34,38 +35,97 @@ def cut():
     return node_paths(rope, ["rk4"], 4, rtol=1e-7, accuracy=1.6e-7)
 
 
+def lines(axes):
+    """The reference behind a run, the trace, the nodes, and the box of the first view."""
+    return [line.get_xydata() for line in axes.lines if line.get_animated()]
+
+
 def nodes_and_trace(axes):
-    nodes = [line for line in axes.lines if line.get_marker() == "o"]
-    traces = [line for line in axes.lines if line.get_marker() == "None"]
-    assert len(nodes) == len(traces) == 1
-    return nodes[0].get_xydata(), traces[0].get_xydata()
+    _, trace, nodes, _ = lines(axes)
+    return nodes, trace
 
 
 def words(axes):
-    return axes.get_title(loc="left").splitlines()
+    """The name, the error, and how it is drawn."""
+    *_, error, scale, larger = (text.get_text() for text in axes.texts)
+    return axes.get_title(loc="left").strip(), error, scale, larger
+
+
+def seen(axes, positions):
+    """Where nodes are drawn in a panel, by the words at it."""
+    middle = np.mean([axes.get_xlim(), axes.get_ylim()], axis=1)
+    *_, view = words(axes)[3].rpartition("view × ")
+    return middle + (positions - middle) / float(view or 1)
 
 
 def test_each_sample_is_shown_as_computed(short):
     figure, show = film(short)
     known, *others = figure.axes
+    truth = short.reference.positions
     for sample in (0, 3, len(short.times) - 1, 1):
         show(sample)
         nodes, trace = nodes_and_trace(known)
-        assert np.array_equal(nodes, short.reference.positions[sample])
-        assert np.array_equal(trace, short.reference.positions[: sample + 1, -1])
-        assert f"frame {sample / short.samples_per_frame:.2f} of 3" in figure.get_suptitle()
+        assert nodes == pytest.approx(truth[sample])
+        assert trace == pytest.approx(truth[: sample + 1, -1])
+        assert known.texts[0].get_text() == f"frame {sample / short.samples_per_frame:.2f} of 3"
         assert words(known)[0] == "reference"
-        for axes, path in zip(others, short.paths, strict=True):
-            nodes, trace = nodes_and_trace(axes)
-            assert np.array_equal(nodes, path.positions[sample])
-            assert np.array_equal(trace, path.positions[: sample + 1, -1])
+        for axes, path, times in zip(others, short.paths, (1e8, 100), strict=True):
+            behind, trace, nodes, box = lines(axes)
+            assert words(axes)[3] == ("errors × 1e8" if times > 100 else "errors × 100")
+            magnified = truth + times * (path.positions - truth)
+            assert behind == pytest.approx(truth[sample])
+            assert nodes == pytest.approx(magnified[sample])
+            assert trace == pytest.approx(magnified[: sample + 1, -1])
+            assert len(box) == 0
             assert words(axes)[0] == path.stepper
             if path.errors[sample] >= short.resolution[sample]:
                 assert words(axes)[1] == f"error {path.errors[sample]:.2e}"
             else:
                 assert words(axes)[1] == f"error < {short.resolution[sample]:.1e}"
     assert len({(each.get_xlim(), each.get_ylim()) for each in figure.axes}) == 1
-    assert len({to_hex(each.lines[0].get_color()) for each in figure.axes}) == len(figure.axes)
+    assert len({to_hex(each.lines[2].get_color()) for each in figure.axes}) == len(figure.axes)
+
+
+def test_errors_are_magnified_until_they_can_be_seen(short):
+    """Those that the reference cannot tell are not."""
+    size = np.max(np.ptp(short.reference.positions.reshape(-1, 2), axis=0))
+    path, (bound,) = short.paths[0], set(short.reference.certificate.bounds["position"][-1:])
+    for largest, least, most in ((1e-3, 0.02, 0.2), (bound, 0, 0.02), (0.3, 0.3, 0.3)):
+        scaled = path.differences * (largest * size / np.max(np.abs(path.differences)))
+        scaled = scaled if largest > bound else scaled / size
+        one = dataclasses.replace(
+            path, positions=short.reference.positions + scaled, differences=scaled
+        )
+        figure, show = film(dataclasses.replace(short, paths=(one,)))
+        assert "errors" in words(figure.axes[1])[3] or largest == 0.3
+        away = []
+        for sample in range(len(short.times)):
+            show(sample)
+            behind, _, nodes, _ = lines(figure.axes[1])
+            away.append(np.max(np.linalg.norm(nodes - behind, axis=1)))
+        assert least * 0.99 <= max(away) / size <= most * 1.5
+
+
+def test_the_view_follows_an_explosion(short):
+    """All nodes stay in the panel, and its words say how far it is seen from."""
+    far = short.paths[0].positions.copy()
+    far[3:] *= np.geomspace(3.0, 1e200, len(far) - 3)[:, None, None]
+    one = dataclasses.replace(short.paths[0], positions=far, differences=far - far[:1])
+    figure, show = film(dataclasses.replace(short, paths=(one,)))
+    axes = figure.axes[1]
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    for sample in range(len(far)):
+        show(sample)
+        _, _, nodes, box = lines(axes)
+        *_, scale, larger = words(axes)
+        zoom = float(larger.split()[-1]) if larger else 1.0
+        assert np.all((nodes >= low) & (nodes <= high))
+        assert nodes == pytest.approx(seen(axes, far[sample]))
+        assert (len(box) > 0) == (zoom > 1) == (sample >= 3)
+        assert float(scale.split()[0]) == pytest.approx(
+            zoom * float(words(figure.axes[0])[2].split()[0])
+        )
+    assert zoom > 1e190
 
 
 def test_titles_stay_inside_their_panels(cut):
@@ -95,21 +155,27 @@ def test_reference_ends_at_its_horizon(cut):
     assert len(trace) == trusted
     assert words(figure.axes[0])[1] == f"ended: trusted before frame {trusted / parts:g}"
     assert words(figure.axes[1])[1] == "error unknown: no reference"
-    assert np.array_equal(nodes_and_trace(figure.axes[1])[0], cut.paths[0].positions[trusted])
+    assert words(figure.axes[1])[3] == "view × 2"
+    assert seen(figure.axes[1], cut.paths[0].positions[trusted]) == pytest.approx(
+        nodes_and_trace(figure.axes[1])[0]
+    )
+    assert len(lines(figure.axes[1])[0]) == 0
 
 
 def test_diverged_run_stays_at_its_last_finite_state(short):
     positions = short.paths[0].positions[:6].copy()
-    positions[-1, -1] = 1e200
-    path = dataclasses.replace(short.paths[0], positions=positions, diverged_at=2)
+    positions[-1, -1] = 1e300
+    differences = positions - short.reference.positions[:6]
+    path = dataclasses.replace(
+        short.paths[0], positions=positions, differences=differences, diverged_at=2
+    )
     figure, show = film(dataclasses.replace(short, paths=(path,)))
     show(len(path.positions))
     assert words(figure.axes[1])[1] == "diverged at frame 2"
-    nodes, trace = nodes_and_trace(figure.axes[1])
-    last, near = positions[-1], np.array([True, True, True, False])
-    assert np.array_equal(nodes[near], last[near])
-    assert np.all(np.isnan(nodes[~near]))
-    assert len(trace) == len(path.positions)
+    last = nodes_and_trace(figure.axes[1])
+    show(len(path.positions) - 1)
+    for kept, now in zip(last, nodes_and_trace(figure.axes[1]), strict=True):
+        assert np.array_equal(kept, now)
 
 
 def test_three_components_are_seen_from_the_third_axis():
@@ -118,19 +184,25 @@ def test_three_components_are_seen_from_the_third_axis():
     figure, show = film(paths)
     show(2)
     assert "x and y of 3 components" in " ".join(figure.get_suptitle().split())
-    assert np.array_equal(nodes_and_trace(figure.axes[1])[0], paths.paths[0].positions[2, :, :2])
+    behind, _, nodes, _ = lines(figure.axes[1])
+    assert behind == pytest.approx(paths.reference.positions[2, :, :2])
+    assert nodes.shape == (5, 2)
 
 
 def test_the_traced_node_moves():
     paths = node_paths(Rope(num_nodes=4, pinned=[0, 2, 3]).problem(frames=3), ["rk4"], 4)
     figure, show = film(paths)
     show(len(paths.times) - 1)
-    assert np.array_equal(nodes_and_trace(figure.axes[0])[1], paths.reference.positions[:, 1])
+    assert nodes_and_trace(figure.axes[0])[1] == pytest.approx(paths.reference.positions[:, 1])
 
 
 def test_gif_has_a_picture_for_each_sample(short, tmp_path):
     said = []
-    path = animate(short, tmp_path / "a.gif", fps=25, progress=lambda *each: said.append(each))
+    film = animate(short, fps=25)
+    assert repr(film).endswith("13 pictures, 0.52 seconds>")
+    path = film.save(tmp_path / "a.gif", progress=lambda *each: said.append(each))
+    shown = film._repr_html_().partition("base64,")[2].rstrip('">')
+    assert base64.b64decode(shown) == path.read_bytes()
     with Image.open(path) as image:
         assert image.n_frames == len(short.times) == 3 * 4 + 1
         assert image.info["duration"] == 40
@@ -146,7 +218,7 @@ def test_gif_has_a_picture_for_each_sample(short, tmp_path):
 def test_mp4_has_a_picture_for_each_sample(short, tmp_path):
     import imageio_ffmpeg
 
-    path = animate(short, tmp_path / "a.mp4", fps=10)
+    path = animate(short, fps=10).save(tmp_path / "a.mp4")
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(path)
     assert frames == len(short.times)
     assert seconds == pytest.approx(1.3, abs=0.05)
@@ -166,7 +238,7 @@ def test_what_fails_half_way_leaves_the_old_file(suffix, short, tmp_path, monkey
 
     monkeypatch.setattr(animation, "film", lambda paths: (figure, broken))
     with pytest.raises(RuntimeError, match="half way"):
-        animate(short, out)
+        animate(short).save(out)
     assert out.read_bytes() == b"old"
     assert os.listdir(tmp_path) == [out.name]
 
@@ -179,4 +251,4 @@ def test_bad_fps(fps):
 
 def test_bad_file_names(short, tmp_path):
     with pytest.raises(InputError, match=r"out: .* ends in .gif, .mp4\. Fix: for example a.gif"):
-        animate(short, tmp_path / "a.png")
+        animate(short).save(tmp_path / "a.png")
