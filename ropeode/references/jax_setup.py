@@ -15,13 +15,18 @@ def set_up_jax() -> None:
 
     To be called before anything is solved.
     """
+    jax.config.update("jax_enable_x64", True)
+    keep_programs()
+
+
+def keep_programs() -> None:
+    """Keep what is traced, compiled and solved in the user's cache folder."""
     # Equinox's checks at run time call back into Python, and a program that does so cannot be
     # kept. Of diffrax's there are two, that sample times increase and lie in the span; both
     # are checked where a problem is built. Equinox reads this when it is imported.
     os.environ.setdefault("EQX_ON_ERROR", "off")
     cache = platformdirs.user_cache_path("ropeode")
     cache_folder.keep_in(cache)
-    jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_compilation_cache_dir", str(cache / "compiled"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

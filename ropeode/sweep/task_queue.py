@@ -1,7 +1,7 @@
 """The task queue: tasks go to an engine, and rows to a store, even if processes die.
 
 When a worker dies, or its code raises, or its time is up, each case of its task is a suspect. The
-task is tried again in halves, until each suspect is alone. A case that raises gets a row with the
+task is tried again in pieces, until each suspect is alone. A case that raises gets a row with the
 error. A case with which a worker died is tried again while nothing else runs, so that no neighbour
 can be the cause; if the worker still dies, the case gets a row that says so. A case whose time is
 up is tried once more, since it then finds compiled what it needs.
@@ -32,6 +32,8 @@ _CHECK_EVERY_S = 1.0
 # How often a single case may kill its process: once beside others, which may have been the cause,
 # and then this often alone.
 _TRIES_ALONE = 2
+# Fewer would need more deaths, and more minutes for a case that hangs.
+_PIECES = 8
 # How often the time of a single case may be up.
 _TRIES_IN_TIME = 2
 
@@ -101,7 +103,7 @@ def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, li
     Raises:
         RopeodeError: a disk is full, or no worker is left.
     """
-    halves: deque[Task] = deque()
+    pieces: deque[Task] = deque()
     suspects: deque[Task] = deque()
     deaths: Counter[str] = Counter()  # Of processes, by the key of the single case that they ran.
     late: Counter[str] = Counter()  # Tries whose time was up, likewise.
@@ -109,7 +111,7 @@ def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, li
     while True:
         suspect_runs = any(task.cases[0].key in deaths for task in running.values())
         while not (suspects or suspect_runs) and len(running) < engine.slots():
-            task = halves.popleft() if halves else next(tasks, None)
+            task = pieces.popleft() if pieces else next(tasks, None)
             if task is None:
                 break
             running[engine.submit(task)] = task
@@ -127,18 +129,18 @@ def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, li
             status, reason = _failure(future, engine)
             if not status:
                 rows = future.result()
-                halves.extend(_rest(task, len(rows)))
+                pieces.extend(_rest(task, len(rows)))
                 yield task._replace(cases=task.cases[: len(rows)]), rows
             elif len(task.cases) > 1:
-                middle = len(task.cases) // 2
-                halves.append(task._replace(cases=task.cases[:middle]))
-                halves.append(task._replace(cases=task.cases[middle:]))
+                size = -(-len(task.cases) // _PIECES)
+                for at in range(0, len(task.cases), size):
+                    pieces.append(task._replace(cases=task.cases[at : at + size]))
             elif status == DIED and deaths[first.key] < _TRIES_ALONE:
                 deaths[first.key] += 1
                 suspects.append(task)
             elif status == TIMED_OUT and late[first.key] + 1 < _TRIES_IN_TIME:
                 late[first.key] += 1
-                halves.append(task)
+                pieces.append(task)
             else:
                 error = future.exception()
                 seconds = error.seconds if isinstance(error, TookTooLong) else None

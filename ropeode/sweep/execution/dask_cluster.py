@@ -39,7 +39,7 @@ class DaskCluster(Engine):
 
         # A process that a worker starts may die too.
         self.lost = (distributed.KilledWorker, BrokenExecutor)
-        self._work = functools.partial(on_one_core, work)
+        self._work = functools.partial(_in_thread, work)
         if case_limit is not None:
             self._work = functools.partial(_in_process, work, case_limit)
         self._address = address
@@ -97,6 +97,19 @@ class DaskCluster(Engine):
             if self._threads:
                 self._alive_at = now
         return self._threads
+
+
+def _in_thread(work: Work, task: Any) -> list[Row]:
+    """Compute a task in a thread of a worker."""
+    import jax
+
+    from ropeode.references.jax_setup import keep_programs
+
+    # Without a cache each worker would trace and compile all programs, which takes minutes where
+    # several do so on one machine. One that the cluster's owner has chosen is left as it is.
+    if jax.config.jax_compilation_cache_dir is None:  # pyright: ignore[reportAttributeAccessIssue]
+        keep_programs()
+    return on_one_core(work, task)
 
 
 # Each thread of a worker has a process of its own, which starts when it is needed.
