@@ -10,6 +10,18 @@ from pathlib import Path
 
 from ropeode.validation import bad_value
 
+# Where this variable is set, no user's file is run. Processes that a command starts inherit it.
+NO_CODE = "ROPEODE_NO_CODE"
+
+
+def refuse_code(name: str, path: str | Path) -> None:
+    """Raises:
+    InputError: no code may be run.
+    """
+    if os.environ.get(NO_CODE):
+        allowed = f"no Python file, with --no-code or the variable {NO_CODE}"
+        raise bad_value(name, str(path), allowed, "read the file; if you trust it, allow code")
+
 
 def check_writable(name: str, path: str | Path) -> Path:
     """A path that a file can be written to, checked before anything is computed.
