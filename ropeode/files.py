@@ -10,6 +10,18 @@ from pathlib import Path
 
 from ropeode.validation import bad_value
 
+# Where this variable is set, no user's file is run. Processes that a command starts inherit it.
+NO_CODE = "ROPEODE_NO_CODE"
+
+
+def refuse_code(name: str, path: str | Path) -> None:
+    """Raises:
+    InputError: no code may be run.
+    """
+    if os.environ.get(NO_CODE):
+        allowed = f"no Python file, with --no-code or the variable {NO_CODE}"
+        raise bad_value(name, str(path), allowed, "read the file; if you trust it, allow code")
+
 
 def check_writable(name: str, path: str | Path) -> Path:
     """A path that a file can be written to, checked before anything is computed.
@@ -29,7 +41,7 @@ def check_writable(name: str, path: str | Path) -> Path:
         )
     if path.is_dir():
         raise bad_value(name, str(path), "a file", "add a file name; this is a folder")
-    if not os.access(folder, os.W_OK):
+    if not os.access(path if _is_special(path) else folder, os.W_OK):
         raise bad_value(name, str(path), "a folder that you may write to", "choose another folder")
     return path
 
@@ -52,6 +64,11 @@ def check_suffix(name: str, path: str | Path, suffixes: Iterable[str], then: str
         fix = f"for example {Path(path).stem or 'result'}{allowed[0]}{then}"
         raise bad_value(name, str(path), ends, fix)
     return check_writable(name, path)
+
+
+def _is_special(path: Path) -> bool:
+    """Whether it is a pipe or a device, such as /dev/stdout, which cannot be replaced."""
+    return path.exists() and not path.is_file()
 
 
 def write_whole(path: Path, contents: str | bytes) -> None:
@@ -86,7 +103,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """A new empty file beside `path`, for the block to write; then it replaces `path`.
 
     At any moment the old file or the new one is there, whole. If the block raises, the new file
-    is removed.
+    is removed. What a link leads to is replaced, not the link; a pipe or a device is written to.
 
     Arguments:
         path: of the file, which may exist.
@@ -94,17 +111,21 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: the operating system refuses; no part of the file is left behind.
     """
-    part = None
+    part, special = None, _is_special(path)
     try:
-        handle, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        beside = None if special else path.resolve().parent
+        handle, part = tempfile.mkstemp(dir=beside, prefix=f".{path.name}.", suffix=".part")
         os.close(handle)
         yield Path(part)
+        if special:
+            path.write_bytes(Path(part).read_bytes())
+            return
         with open(part, "rb") as file:
             os.fsync(file.fileno())
         mask = os.umask(0)
         os.umask(mask)
         os.chmod(part, 0o666 & ~mask)
-        os.replace(part, path)
+        os.replace(part, path.resolve())
     except OSError as error:
         raise bad_value(
             "out",

@@ -45,6 +45,21 @@ def test_no_room_leaves_the_old_file(tmp_path):
     assert os.listdir(tmp_path) == ["table.txt"]
 
 
+def test_links_pipes_and_devices_stay_what_they_are(tmp_path):
+    (tmp_path / "old").write_text("old")
+    (tmp_path / "link").symlink_to("old")
+    write_whole(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "old").read_text() == "new"
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_whole(check_writable("out", tmp_path / "pipe"), "text")
+    assert os.read(reader, 10) == b"text"
+    os.close(reader)
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+    assert sorted(os.listdir(tmp_path)) == ["link", "old", "pipe"]
+
+
 def test_targets_are_checked(tmp_path):
     assert check_writable("out", tmp_path / "a.txt") == tmp_path / "a.txt"
     with pytest.raises(InputError, match="out: .* folder that exists"):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ropeode.cli.options import no_code_option
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
@@ -39,6 +40,7 @@ NAMES = CommaSeparated()
     type=click.Choice(TEMPLATES),
     help="Print a stepper to begin with, and check nothing.",
 )
+@no_code_option
 @format_option
 @out_option("report")
 @click.pass_obj

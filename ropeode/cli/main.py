@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -26,6 +27,7 @@ from ropeode.terminal.supervision import Ended, say, watch
 
 # What is wrong with ropeode itself is none of the answers that a command may give.
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 # What runs the user's code, which may end its process, runs in another one: this command always,
 # the others where their words name a file that has, or names, such code.
 _JUDGES, _USERS_CODE = "check", (".py", ".toml")
@@ -105,6 +107,11 @@ def main(arguments: list[str] | None = None, ended: Ended | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            # What is written to files says so itself; this was standard output.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            why = f"output: {error.strerror}; allowed: where there is room. Fix: make room for it."
+            return _fail(BAD_INPUT, [why], debug)
         traceback.print_exc()
         message = f"{type(error).__name__}: a fault of ropeode; please report it."
         return _fail(BROKEN, [message], debug=False)
@@ -121,6 +128,12 @@ def _fail(code: int, lines: Sequence[str], debug: bool) -> int:
 def run_process() -> NoReturn:
     """The command as a process, which ends without waiting for a computation in another thread."""
     end_on_ctrl_c()
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        # Python has none where the shell closed it (`>&-`), and its number may become another file.
+        if getattr(sys, name) is None:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+            os.set_inheritable(number, True)
+            setattr(sys, name, os.fdopen(number, "w", closefd=False))
     words = sys.argv[1:]
     command = next((word for word in words if not word.startswith("-")), "")
     users = any(suffix in word for word in words for suffix in _USERS_CODE)

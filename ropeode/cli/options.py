@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 import click
 
+from ropeode.files import NO_CODE
 from ropeode.terminal.lists import CommaSeparated, split_at_commas
 
 
@@ -106,6 +108,21 @@ dt_option = click.option(
 )
 
 
+def _allow_no_code(ctx: click.Context, param: click.Parameter, chosen: bool) -> None:
+    if chosen:
+        os.environ[NO_CODE] = "1"
+
+
+# Of commands that take specs, and names of problems and steppers.
+no_code_option = click.option(
+    "--no-code",
+    is_flag=True,
+    expose_value=False,
+    callback=_allow_no_code,
+    help="Refuse FILE.py, and specs that name one.",
+)
+
+
 # What only runs of steppers depend on, not a problem or its reference.
 OF_RUNS = ("steppers", "steps_per_frame", "norm")
 
@@ -130,7 +147,7 @@ def table_options(without: Collection[str] = ()) -> Callable[[Callable], Callabl
                         type=option.type,
                     )
                     function = add_one(function)
-        return function
+        return no_code_option(function)
 
     return add
 

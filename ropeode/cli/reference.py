@@ -8,7 +8,7 @@ import click
 
 from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.job import job_from
-from ropeode.cli.options import OF_RUNS, table_options
+from ropeode.cli.options import OF_RUNS, no_code_option, table_options
 from ropeode.progress import Progress
 from ropeode.terminal.output import out_option_with
 from ropeode.terminal.running import set_up_jax, with_progress
@@ -100,6 +100,7 @@ def list_library() -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--problem", metavar="FILE.py:NAME", help="If the library does not have it.")
 @click.option("--time-limit", metavar="S", help="Seconds to recompute an extended reference. [60]")
+@no_code_option
 def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
     """Check FILE, and compute its reference again with today's solvers.
 

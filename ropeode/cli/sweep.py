@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from ropeode.cli.groups import DefaultGroup
+from ropeode.cli.options import no_code_option
 from ropeode.terminal.output import out_option_with
 from ropeode.terminal.running import KEPT, end_on_ctrl_c, set_up_jax, with_progress
 
@@ -29,6 +30,7 @@ def sweep() -> None:
 @click.option("--scheduler", metavar="ADDR", help="Run on a Dask cluster, as in tcp://host:8786.")
 @click.option("--extend", is_flag=True, help="Extend the smaller sweep in DIR to this one.")
 @click.option("--case-limit", metavar="S", help="Seconds that a case may take. [no limit]")
+@no_code_option
 def run(spec: Path, out: str, **options: Any) -> None:
     """Run the sweep in SPEC, and resume it if it was interrupted.
 

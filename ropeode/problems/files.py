@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import InputError, call_user_code
-from ropeode.files import read_text
+from ropeode.files import read_text, refuse_code
 from ropeode.problems.keywords import refuse_others
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
@@ -127,9 +127,10 @@ def names_in_file(path: Path, what: str) -> dict[str, Any]:
     """All names of a Python file, which is run; messages say `what` it holds.
 
     Raises:
-        InputError: there is no such file, or it is no Python file.
+        InputError: there is no such file, or it is no Python file, or no code may be run.
         UserCodeError: the file raised.
     """
+    refuse_code(what, path)
     read_text(what, path)
     spec = importlib.util.spec_from_file_location(f"ropeode_user_{what}", path)
     if spec is None or spec.loader is None:

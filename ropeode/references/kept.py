@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.errors import InputError
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.references import cache_folder
@@ -80,8 +79,8 @@ def _read(name: str, problem: Problem) -> Reference | None:
         certificate = certificate_from(described, claims, numbers)
         digest = hashlib.sha256(contents).hexdigest()
         return reference_from(Facts(Path(name), digest, described, certificate, numbers), problem)
-    except InputError:
-        # Of another problem: one that was changed after the library made it.
+    except (ValueError, KeyError):
+        # Of another problem (one that was changed after the library made it), or none of ours.
         return None
 
 

@@ -421,3 +421,27 @@ def test_a_process_does_not_wait_for_other_threads(environment):
         [sys.executable, "-c", code], env=environment, check=False, timeout=HANGS_AFTER_S
     )
     assert done.returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "words"),
+    [
+        ("steppers > /dev/full", 2, "output: No space left on device; allowed: "),
+        ("spec --out /dev/full", 2, "out: '/dev/full' given; allowed: a file that can be written"),
+        ("check --template rhs >&-", 0, ""),
+        ("spec --out /dev/stdout | head -1 >&2", 0, "# What `ropeode table THIS-FILE` computes."),
+    ],
+)
+def test_output_that_goes_nowhere(line, code, words, environment, tmp_path):
+    done = subprocess.run(
+        ["bash", "-c", f"{sys.executable} -m ropeode {line}"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+        timeout=HANGS_AFTER_S,
+    )
+    assert done.returncode == code
+    assert done.stdout == ""
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == bool(words)
