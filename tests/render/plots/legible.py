@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from unittest.mock import patch
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -15,8 +17,13 @@ _NEAR, _SHARED = 1.0, 1.0
 _SMALLEST = 6.0
 
 
-def assert_legible(figure: Figure) -> None:
-    """No text leaves the canvas, overlaps another or is too small; no line hides another."""
+def assert_legible(figure: Figure, runs: Sequence[Axes] | None = None) -> None:
+    """No text leaves the canvas, overlaps another or is too small; no line hides another.
+
+    Arguments:
+        figure: to be looked at.
+        runs: the axes whose lines stand for different runs; by default all.
+    """
     canvas, drawn = FigureCanvasAgg(figure), []
     draw = Text.draw
 
@@ -38,7 +45,7 @@ def assert_legible(figure: Figure) -> None:
         wide = min(first.x1, second.x1) - max(first.x0, second.x0)
         high = min(first.y1, second.y1) - max(first.y0, second.y0)
         assert min(wide, high) <= _SHARED * point, (one, other)
-    for axes in figure.axes:
+    for axes in figure.axes if runs is None else runs:
         # Dotted lines say of all runs alike that nothing is known of their errors.
         lines = [line for line in axes.lines if line.get_linestyle() not in ("None", ":")]
         for one, other in itertools.combinations(lines, 2):
