@@ -8,27 +8,56 @@ import click
 
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
+from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
+from ropeode.validation import bad_value
 
 
 @click.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options()
 @format_option
+@click.option(
+    "--columns",
+    metavar="C[,C...]",
+    type=CommaSeparated(),
+    help="LaTeX: max-error, final-error, rms-error, rhs-evals, seconds. [max-error]",
+)
+@click.option("--caption", metavar="TEXT", help="LaTeX: the caption, in LaTeX. [the problem]")
+@click.option("--label", metavar="NAME", help="LaTeX: what \\ref refers to.")
 @out_option("table")
-def table(spec: Path | None, form: str | None, out: Path | None, **options: str | None) -> None:
+def table(
+    spec: Path | None,
+    form: str | None,
+    out: Path | None,
+    columns: list[str] | None,
+    caption: str | None,
+    label: str | None,
+    **options: str | None,
+) -> None:
     """Print the accuracy table of a rope, or of another problem.
 
     The settings come from the options and from the file SPEC (`ropeode spec` prints one).
     Options override SPEC. Without settings, it prints the table of the default rope.
+
+    In LaTeX the table is one to paste into a paper, with step sizes down and steppers across.
     """
+    form = format_for(form, out)
+    given = {"columns": columns, "caption": caption, "label": label}
+    layout = {name: value for name, value in given.items() if value is not None}
+    if layout and form != "latex":
+        fix = "add --format latex"
+        name, value = next(iter(layout.items()))
+        raise bad_value(name, value, "only with the format latex", fix)
     set_up_jax()
     from ropeode.render.formats import format_table
+    from ropeode.render.latex_table import COLUMNS, check_layout
 
+    if layout:
+        check_layout(columns or COLUMNS[:1], label)
     job = job_from(spec, options)
-    form = format_for(form, out)
-    put_out(with_progress(lambda progress: format_table(job.run(progress), form)), out)
+    put_out(with_progress(lambda progress: format_table(job.run(progress), form, **layout)), out)
 
 
 @click.command()

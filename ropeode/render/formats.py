@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import importlib
+import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -9,9 +12,10 @@ from ropeode.errors import InputError
 from ropeode.render import markup
 from ropeode.render.data import as_dict, as_lines, csv_text, json_text
 from ropeode.render.documents import blocks
+from ropeode.render.latex_table import latex_table
 from ropeode.render.markup import Block
 from ropeode.render.plain_text import as_text
-from ropeode.validation import unknown
+from ropeode.validation import bad_value, unknown
 
 if TYPE_CHECKING:
     from ropeode.checking.report import CheckReport
@@ -25,6 +29,7 @@ def formats_of(
     blocks: Callable[[Any], Sequence[Block]],
     lines: Callable[[Any], list[dict[str, Any]]],
     values: Callable[[Any], dict[str, Any]],
+    drawings: Callable[[Any], Sequence[Block]] = lambda _: (),
 ) -> dict[str, Callable[[Any], str]]:
     """All formats of a kind of result.
 
@@ -33,31 +38,55 @@ def formats_of(
         blocks: its headings, paragraphs and tables, for documents.
         lines: its lines for CSV, the columns by name.
         values: all of it as nested plain values, for JSON.
+        drawings: pictures at the end of its HTML page.
     """
     return {
         "text": text,
         "markdown": lambda result: markup.markdown(blocks(result)),
-        "latex": lambda result: markup.latex(blocks(result)),
+        "latex": lambda result: markup.latex_part(blocks(result)),
         "csv": lambda result: csv_text(lines(result)),
         "json": lambda result: json_text(values(result)),
-        "html": lambda result: markup.html_page(blocks(result)),
+        "html": lambda result: markup.html_page([*blocks(result), *drawings(result)]),
     }
 
 
-FORMATS = formats_of(as_text, blocks, as_lines, as_dict)
+def _drawn(name: str, draw: str, result: Any) -> list[Block]:
+    """A picture of a result, where matplotlib is installed."""
+    if importlib.util.find_spec("matplotlib") is None:
+        return []
+    from ropeode.render.plots.files import figure_bytes
+
+    function = getattr(importlib.import_module(f"ropeode.render.plots.{name}"), draw)
+    return [markup.Drawing(figure_bytes(function(result), ".svg").decode())]
 
 
-def format_table(table: AccuracyTable, form: str = "text") -> str:
+FORMATS = {
+    **formats_of(
+        as_text,
+        blocks,
+        as_lines,
+        as_dict,
+        functools.partial(_drawn, "convergence", "plot_convergence"),
+    ),
+    "latex": latex_table,
+}
+
+
+def format_table(table: AccuracyTable, form: str = "text", **layout: Any) -> str:
     """A table as text.
 
     Arguments:
         table: from `ropeode.accuracy_table`.
         form: one of `FORMATS`.
+        layout: of LaTeX only: `columns` (some of `ropeode.render.latex_table.COLUMNS`), `caption`
+            (in LaTeX) and `label`.
 
     Raises:
-        InputError: there is no such format.
+        InputError: there is no such format, or the layout cannot be used.
     """
-    return formatted(table, form, FORMATS)
+    if layout and form != "latex":
+        raise bad_value("format", form, f"latex, with {', '.join(layout)}", "choose latex")
+    return formatted(table, form, {**FORMATS, "latex": functools.partial(latex_table, **layout)})
 
 
 def format_horizon(study: Horizon, form: str = "text") -> str:
@@ -73,7 +102,9 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
     # Each kind of result is imported with its own renderer: few commands have two.
     from ropeode.render import horizon as of
 
-    return formatted(study, form, formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict))
+    drawn = functools.partial(_drawn, "horizon", "plot_horizon")
+    forms = formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict, drawn)
+    return formatted(study, form, forms)
 
 
 def format_check(report: CheckReport, form: str = "text") -> str:

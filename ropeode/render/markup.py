@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from tabulate import tabulate
 
+from ropeode.render import latex
 from ropeode.render.text_layout import columns, wrapped
 
 _PAGE = """<!DOCTYPE html>
@@ -21,6 +22,7 @@ _PAGE = """<!DOCTYPE html>
 body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem }}
 table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }}
 th, td {{ padding: 0.2rem 0.8rem; border-bottom: 1px solid #ccc; vertical-align: top }}
+svg {{ max-width: 100%; height: auto }}
 td:not(.long) {{ white-space: nowrap }}
 thead th {{ border-bottom: 2px solid #444 }}
 </style>
@@ -30,13 +32,6 @@ thead th {{ border-bottom: 2px solid #444 }}
 </body>
 </html>
 """
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    **{c: f"\\{c}" for c in "&%$#_{}"},
-    "<": "$<$",
-    "~": r"\~{}",
-    "±": r"$\pm$",
-}
 
 
 class Heading(NamedTuple):
@@ -81,7 +76,13 @@ class Code(NamedTuple):
     text: str
 
 
-Block = Heading | Section | Paragraph | Grid | Code
+class Drawing(NamedTuple):
+    """A picture as SVG, for pages alone."""
+
+    svg: str
+
+
+Block = Heading | Section | Paragraph | Grid | Code | Drawing
 
 
 def plain(blocks: Sequence[Block]) -> str:
@@ -96,7 +97,7 @@ def plain(blocks: Sequence[Block]) -> str:
             lines += [*wrapped(block.text), ""]
         elif isinstance(block, Code):
             lines += [*block.text.splitlines(), ""]
-        else:
+        elif isinstance(block, Grid):
             lines += [*columns([block.headers, *block.rows], block.left), ""]
     return "\n".join(lines)
 
@@ -117,21 +118,23 @@ def markdown(blocks: Sequence[Block], level: int = 1) -> str:
     )
 
 
-def latex(blocks: Sequence[Block]) -> str:
-    """Sections and tabulars in the style of the booktabs package."""
+def latex_part(blocks: Sequence[Block]) -> str:
+    """Part of a LaTeX document, with tables in the style of the booktabs package."""
 
-    def text(words: str) -> str:
-        return "".join(_LATEX.get(c, c) for c in words)
+    def bold(words: str) -> str:
+        return rf"\noindent\textbf{{{latex.text(words)}}}\par\medskip"
 
     def grid(grid: Grid) -> str:
-        # tabulate escapes all that LaTeX needs, but for this sign.
-        return _tabulated(grid, "latex_booktabs", str).replace("±", _LATEX["±"])
+        pieces = latex.tabulars(grid.headers, grid.rows, grid.left, grid.long)
+        return "\n\n".join(
+            rf"{{\noindent{latex.SMALL}{chr(10)}{piece}\par}}\medskip" for piece in pieces
+        )
 
-    return _joined(
+    return f"{latex.NEEDS}\n" + _joined(
         blocks,
-        heading=lambda words: f"% needs \\usepackage{{booktabs}}\n\\section*{{{text(words)}}}",
-        section=lambda words: f"\\subsection*{{{text(words)}}}",
-        paragraph=lambda words: text(words) + "\n",
+        heading=bold,
+        section=bold,
+        paragraph=lambda words: latex.text(words) + "\n",
         grid=grid,
         code=lambda words: f"\\begin{{verbatim}}\n{words.rstrip()}\n\\end{{verbatim}}",
     )
@@ -205,6 +208,9 @@ def _joined(
             written.append(paragraph(block.text))
         elif isinstance(block, Code):
             written.append(code(block.text))
+        elif isinstance(block, Drawing):
+            # What is before belongs to files.
+            written.append(block.svg[block.svg.index("<svg") :].rstrip())
         else:
             written.append(grid(block))
     return "\n\n".join(written) + "\n"

@@ -120,6 +120,9 @@ def test_film_of_trajectories(trajectories, run, tmp_path):
         (["animate", "--fps", "0"], "fps: '0' given"),
         (["animate", "--fps", "quick"], "fps: 'quick' given"),
         (["animate", "--problem", "oscillator"], "positions have 2 or 3 components"),
+        (["animate", "--frames", "0"], "frames: '0' given"),
+        (["table", "--caption", "a"], "caption: 'a' given; allowed: only with the format latex"),
+        (["table", "--format", "latex", "--columns", "a"], "column: 'a' given"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import functools
 import io
 import json
 import re
@@ -15,9 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
+from ropeode.render import latex, markup
 from ropeode.render.data import SCHEMA
-from ropeode.render.formats import FORMATS
+from ropeode.render.documents import blocks
+from ropeode.render.formats import FORMATS, format_table
 from ropeode.render.horizon import as_lines as horizon_lines
 from ropeode.render.stepper_list import as_text as stepper_list
 from ropeode.steppers import STEPPERS
@@ -50,11 +55,17 @@ def test_formats_are_listed_on_the_command_line():
     assert list(LISTED) == list(FORMATS)
 
 
+@pytest.fixture(scope="module")
+def written(tables):
+    """Each table in each format, written once."""
+    return functools.cache(lambda case, form: FORMATS[form](tables[case]))
+
+
 @pytest.mark.parametrize("case", ["rope", "long names", "hostile", "cut"])
 @pytest.mark.parametrize("form", FORMATS)
-def test_every_format_holds_the_findings(form, case, tables):
+def test_every_format_holds_the_findings(form, case, tables, written):
     table = tables[case]
-    text = FORMATS[form](table)
+    text = written(case, form)
     assert text.endswith("\n")
     assert not re.search(r"\b(nan|NaN|inf|Infinity|None)\b", text)
     for each in table.orders:
@@ -150,10 +161,11 @@ class _Page(HTMLParser):
         self.text.append(data)
 
 
-def test_html_is_well_formed_and_safe(tables):
-    for table in tables.values():
+def test_html_is_well_formed_and_safe_and_holds_the_plot(tables, written):
+    for case, table in tables.items():
         page = _Page()
-        page.feed(FORMATS["html"](table))
+        page.feed(written(case, "html"))
+        assert page.seen.count("svg") == 1
         assert not page.open
         assert page.seen.count("table") == 2
         assert "b" not in page.seen
@@ -169,36 +181,96 @@ def test_markdown_tables_have_equal_columns(tables):
         assert columns == ({9} if with_theory else {9, 8})
 
 
-def test_latex_escapes(tables):
-    text = FORMATS["latex"](tables["hostile"])
-    title = next(line for line in text.splitlines() if line.startswith(r"\section"))
-    assert r"100\% \& \$x\_1\$ \textbackslash{} \{\#\}" in title
-    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 2
+def test_latex_is_a_fragment_with_step_sizes_down_and_steppers_across(written, tables):
+    table = tables["rope"]
+    lines = written("rope", "latex").splitlines()
+    assert lines[0] == r"% In the preamble: \usepackage{booktabs}"
+    assert not any(r"\section" in line or "documentclass" in line for line in lines)
+    first, rk4 = table.rows[0], next(row for row in table.rows if row.stepper == "rk4")
+    (row,) = (line for line in lines if line.startswith(f"1/{first.steps_per_frame} &"))
+    digits, power = f"{first.error_max:.1e}".split("e")
+    assert row.split(" & ")[1] == rf"${digits} \times 10^{{{int(power)}}}$"
+    assert len(row.split(" & ")) == 1 + len(table.orders)
+    below = next(line for line in lines if line.startswith("order & "))
+    for cell, each in zip(below[:-3].split(" & ")[1:], table.orders, strict=True):
+        assert cell == (f"{each.order.observed:.2f}" if each.order.observed else each.order.verdict)
+    assert rk4 in table.rows
 
 
-def has_booktabs() -> bool:
-    """Whether there is a pdflatex that finds the package that tables need."""
+def test_latex_escapes(written):
+    caption = next(x for x in written("hostile", "latex").splitlines() if "caption" in x)
+    assert r"100\% \& \$x\_1\$ \textbackslash{} \{\#\}" in caption
+    assert latex.text('a|b <c> ~^"') == (
+        r"a$|$b $<$c$>$ \textasciitilde{}\textasciicircum{}\textquotedbl{}"
+    )
+    assert latex.text("-2.0e-05 of 1e+56, < 3.1e-10, x2e5") == (
+        r"$-2.0 \times 10^{-5}$ of $1 \times 10^{56}$, $< 3.1 \times 10^{-10}$, x2e5"
+    )
+
+
+def test_the_layout_of_latex(tables):
+    columns = ["final-error", "seconds"]
+    text = format_table(
+        tables["rope"], "latex", columns=columns, caption=r"$\Delta t$", label="t:a"
+    )
+    assert "\\caption{$\\Delta t$}\n\\label{t:a}\n" in text
+    assert [line for line in text.splitlines() if "emph" in line] == [
+        r"\emph{final error}\\[1ex]",
+        r"\emph{seconds}\\[1ex]",
+    ]
+    with pytest.raises(InputError, match="column: 'order' given, which does not exist"):
+        format_table(tables["rope"], "latex", columns=["order"])
+    with pytest.raises(InputError, match="label: 'a b' given"):
+        format_table(tables["rope"], "latex", label="a b")
+    with pytest.raises(InputError, match="format: 'csv' given; allowed: latex, with caption"):
+        format_table(tables["rope"], "csv", caption="a")
+
+
+def has_latex() -> bool:
+    """Whether there is a pdflatex that finds what tables and slides need."""
     if not (shutil.which("pdflatex") and shutil.which("kpsewhich")):
         return False
-    search = subprocess.run(["kpsewhich", "booktabs.sty"], capture_output=True, check=False)
-    return search.returncode == 0
+    needed = ["kpsewhich", "booktabs.sty", "beamer.cls", "pgfmath.sty"]
+    found = subprocess.run(needed, capture_output=True, check=False, text=True)
+    return len(found.stdout.splitlines()) == len(needed) - 1
 
 
-def test_latex_compiles(tables, tmp_path):
-    if not has_booktabs():
-        pytest.skip("there is no LaTeX with the package booktabs here")
-    body = FORMATS["latex"](tables["hostile"]).replace("% needs", "%")
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["article", "beamer"])
+def test_latex_compiles_and_is_no_wider_than_the_page(kind, tables, written, tmp_path):
+    if not has_latex():
+        pytest.skip("there is no LaTeX with booktabs and beamer here")
+    long = "a_stepper.py:with_a_long_name&more%"
+    rope = tables["rope"]
+    rows = [
+        dataclasses.replace(row, stepper=f"{long}{n}{row.stepper}")
+        for n in range(3)
+        for row in rope.rows
+    ]
+    orders = [
+        dataclasses.replace(each, stepper=f"{long}{n}{each.stepper}")
+        for n in range(3)
+        for each in rope.orders
+    ]
+    many = dataclasses.replace(rope, rows=tuple(rows), orders=tuple(orders))
+    texts = [*(written(case, "latex") for case in tables), FORMATS["latex"](many)]
+    # Of documents with tables of all kinds, in the way of the other results.
+    texts.append(markup.latex_part(blocks(many)))
+    frames = "\n".join(f"\\begin{{frame}}\n{each}\\end{{frame}}" for each in texts)
     (tmp_path / "t.tex").write_text(
-        "\\documentclass{article}\\usepackage{booktabs}\\begin{document}\n"
-        + body
+        f"\\documentclass{{{kind}}}\\usepackage{{booktabs}}\\begin{{document}}\n"
+        + (frames if kind == "beamer" else "\n".join(texts))
         + "\\end{document}\n"
     )
-    subprocess.run(
+    done = subprocess.run(
         ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "t.tex"],
         cwd=tmp_path,
-        check=True,
+        check=False,
         capture_output=True,
+        text=True,
     )
+    assert done.returncode == 0, done.stdout[-2000:]
+    assert not [line for line in done.stdout.splitlines() if "Overfull \\hbox" in line]
 
 
 def test_every_stepper_is_in_the_list():
