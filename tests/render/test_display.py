@@ -27,6 +27,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.files.verify import Verification
 from ropeode.references.solvers.solver import DOPRI8
+from ropeode.render.plots.animation import Film
 from ropeode.render.plots.convergence import plot_convergence
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
 from ropeode.steppers import as_stepper
@@ -35,8 +36,8 @@ from ropeode.steppers.phase import Phase
 from ropeode.study.node_paths import NodePath, node_paths
 from tests.results import check_result, kinds
 
-# Short enough as they are.
-PLAIN = {ObservedOrder, Phase, System, Thresholds}
+# Short enough as they are; a film shows its pictures.
+PLAIN = {Film, ObservedOrder, Phase, System, Thresholds}
 NO_TABLES = {Ensemble, JaxStepper, NodePath, Problem}
 # They take long; `check_result` is called where they are tested.
 ELSEWHERE = {"Explanation", "Horizon", "Report", "SweepSummary"}
