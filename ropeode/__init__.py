@@ -10,7 +10,11 @@ from typing import Any
 
 import lazy_loader
 
-_public_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public_name, _public_names, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __dir__() -> list[str]:
+    return [*_public_names(), "__version__"]
 
 
 def __getattr__(name: str) -> Any:

@@ -8,15 +8,23 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
 from ropeode import callbacks
+from ropeode.validation import is_traced, traced_value
 
 _FLOAT32 = (
     "JAX computes this right-hand side in float32, because its float64 mode is off where jit, grad "
     "or vmap trace it; everything that ropeode says of the problem is about float64. Before you "
     "trace, call jax.config.update('jax_enable_x64', True), or hand problem.to_scipy() to SciPy"
+)
+
+_TRACER_ERRORS = (
+    jax.errors.ConcretizationTypeError,
+    jax.errors.TracerArrayConversionError,
+    jax.errors.TracerIntegerConversionError,
 )
 
 P = ParamSpec("P")
@@ -35,7 +43,14 @@ def in_float64(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
         with jax.enable_x64(True), callbacks.raised_again():
-            return function(*args, **kwargs)
+            try:
+                return function(*args, **kwargs)
+            except _TRACER_ERRORS:
+                # Inside a user's own `jit` even the sum of two numbers is traced.
+                inside = is_traced(jnp.add(0, 0))
+                if not inside and not is_traced((args, kwargs)):
+                    raise
+                raise traced_value(getattr(function, "__name__", "ropeode"), "a call") from None
 
     return wrapper
 

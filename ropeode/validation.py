@@ -5,7 +5,9 @@ from __future__ import annotations
 import difflib
 import functools
 import importlib
+import inspect
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import ModuleType
 from typing import Annotated, Any, TypeVar
@@ -24,6 +26,7 @@ from ropeode.errors import InputError, RopeodeError
 
 T = TypeVar("T")
 
+_TRACED = "a value that JAX traces"
 _LONGEST_VALUE_SHOWN = 60
 _LONGEST_TEXT_SHOWN = 200
 
@@ -47,6 +50,21 @@ class Input(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **others: Any) -> None:
+        """Let help and completion show names and defaults, and no validators."""
+        super().__pydantic_init_subclass__(**others)
+        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        parameters = [
+            inspect.Parameter(name, kind)
+            if each.is_required()
+            else inspect.Parameter(name, kind, default=each.default)
+            for name, each in cls.model_fields.items()
+        ]
+        # Those without a default come first.
+        parameters.sort(key=lambda each: each.default is not inspect.Parameter.empty)
+        cls.__signature__ = inspect.Signature(parameters)
 
     def __init__(self, *values: Any, **named: Any):
         cls = type(self)
@@ -108,7 +126,45 @@ def bad_value(name: str, given: Any, allowed: str, fix: str) -> InputError:
 
 def complaint(name: str, given: Any, allowed: str, fix: str) -> str:
     """The one form in which every bad value is reported."""
+    if is_traced(given):
+        return str(traced_value(name, allowed))
     return f"{name}: {shown(given)} given; allowed: {allowed}. Fix: {fix}."
+
+
+def traced_value(name: str, allowed: str) -> InputError:
+    """The exception for what JAX traces, to be raised.
+
+    Arguments:
+        name: of the value, or of the function that was called.
+        allowed: in its place.
+    """
+    return InputError(
+        f"{name}: {_TRACED} given; allowed: {allowed} outside of JAX's transformations, where "
+        "ropeode computes in NumPy. Fix: in jit, grad and vmap use ropeode.jax_stepper(problem, "
+        "stepper), made outside, whose `states` take traced y0 and args; docs/jax.md shows how."
+    )
+
+
+def is_traced(value: Any) -> bool:
+    """Whether JAX traces a value, or a part of it."""
+    # What was never imported traces nothing.
+    jax = sys.modules.get("jax")
+    if jax is None:
+        return False
+    try:
+        leaves = jax.tree.leaves(value)
+    except ValueError:
+        # No pytree.
+        return False
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+
+
+def not_traced(name: str, value: Any) -> None:
+    """Raises:
+    InputError: JAX traces the value, or a part of it.
+    """
+    if is_traced(value):
+        raise bad_value(name, value, "numbers", "")
 
 
 def shown(value: Any) -> str:
@@ -147,7 +203,13 @@ def unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """NumPy and JAX arrays and scalars as nested lists and numbers."""
+    """NumPy and JAX arrays and scalars as nested lists and numbers.
+
+    Raises:
+        ValueError: JAX traces it.
+    """
+    if hasattr(value, "aval") and is_traced(value):
+        raise ValueError(_TRACED)
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -156,6 +218,8 @@ def require_all_digits(value: Any) -> None:
     ValueError: it holds a number in less than float64 that would be another one in float64.
     """
     dtype = getattr(value, "dtype", None)
+    if hasattr(value, "aval") and is_traced(value):
+        raise ValueError(_TRACED)
     if dtype is None or dtype.kind not in "fV" or dtype.itemsize >= 8:
         return
     for each in value.ravel():
@@ -298,7 +362,8 @@ def _checked(name: str, value: Any, check: Callable[[Any], T], allowed: str, exa
         return check(value)
     except ValueError as error:
         fix = f"for example {name}={example}"
-        raise bad_value(name, plain(value), f"{allowed} ({error})", fix) from None
+        given = value if is_traced(value) else plain(value)
+        raise bad_value(name, given, f"{allowed} ({error})", fix) from None
 
 
 def require(package: str, extra: str, purpose: str) -> ModuleType:

@@ -17,7 +17,7 @@ from ropeode.problems.ensemble import same_problem
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 from ropeode.simulation import Trajectory
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, not_traced
 
 # An error is shown as a number only if it is this many times the reference's bound.
 RESOLUTION_FACTOR = 10.0
@@ -121,6 +121,7 @@ def _series_of_states(
         times = states.t if times is None else times
         states = np.moveaxis(states.y, -1, 0)
     problem = reference.problem
+    not_traced("trajectory", states)
     states = np.asarray(states)
     at = problem.ts[: len(states)] if times is None else real_array("times", times)
     wanted = (len(at), *problem.y0.shape)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from ropeode.validation import bad_value
+from ropeode.problems.checks import real_array
+from ropeode.validation import bad_value, not_traced
 
 Verdict = Literal["converges", "does not converge", "undetermined"]
 
@@ -74,8 +74,8 @@ class ObservedOrder:
 
 
 def observed_order(
-    dts: Sequence[float],
-    errors: Sequence[float | None],
+    dts: ArrayLike,
+    errors: Any,
     *,
     resolution: ArrayLike = 0.0,
     rounding: ArrayLike = 0.0,
@@ -111,7 +111,8 @@ def observed_order(
         InputError: step sizes are not positive and different, or there are more or fewer
             errors than step sizes.
     """
-    dt = np.asarray(dts, dtype=np.float64)
+    dt = real_array("dts", dts, "[0.1, 0.05, 0.025]")
+    not_traced("errors", (errors, resolution, rounding))
     error = np.array([np.nan if e is None else e for e in errors], dtype=np.float64)
     if dt.shape != error.shape or dt.ndim != 1:
         raise bad_value(

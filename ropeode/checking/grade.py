@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.checking.claims import checked_claims
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
@@ -38,7 +39,7 @@ _MORE_THAN_FIRST = 1.5
 def grade(
     files: Sequence[str | Path],
     problem: Problem | Reference,
-    dts: Sequence[Any] | None = None,
+    dts: ArrayLike | None = None,
     expected_order: int | None = None,
     *,
     method: str | None = None,
@@ -147,7 +148,7 @@ def _diagnosed(
     reference: Reference,
     runs: Sequence[Run],
     files: Sequence[str | Path],
-    dts: Sequence[Any] | None,
+    dts: ArrayLike | None,
     order: Finding,
     late: LateSamples | None,
 ) -> tuple[Diagnosis, ...]:

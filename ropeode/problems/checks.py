@@ -12,7 +12,13 @@ from ropeode.errors import InputError, RopeodeError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.signatures import check_signature
 from ropeode.problems.traced import compiled, traced
-from ropeode.validation import bad_value, finite_numbers, shortly
+from ropeode.validation import (
+    bad_value,
+    finite_numbers,
+    not_traced,
+    require_all_digits,
+    shortly,
+)
 
 # Where else a function with other parameters, or in NumPy, may belong.
 _OTHERS = {"rhs": ", or use Problem.from_scipy(rhs, ts, y0), which takes rhs(t, y, *args) in NumPy"}
@@ -151,16 +157,18 @@ def name_and_parameters(name: Any, parameters: Any) -> None:
 
 def float64_only(name: str, array: np.ndarray) -> None:
     """Raises:
-    InputError: it is an array of floating-point numbers with fewer digits than float64.
+    InputError: a number in it has fewer digits than float64, and would be another one there.
     """
-    if array.dtype.kind in "fV" and array.dtype.itemsize < 8:
+    try:
+        require_all_digits(array)
+    except ValueError:
         raise bad_value(
             name,
             array,
             "numbers in float64 (arrays of JAX are float32 outside of its float64 mode, and 0.1 is "
             "0.10000000149 there)",
             "make it in NumPy or Python, as in np.array([0.1])",
-        )
+        ) from None
 
 
 def numeric_pytree(name: str, value: Any) -> Any:
@@ -171,6 +179,7 @@ def numeric_pytree(name: str, value: Any) -> Any:
     """
 
     def leaf(path: Any, entry: Any) -> np.ndarray:
+        not_traced(name + jax.tree_util.keystr(path), entry)
         array = np.asarray(entry)
         float64_only(name + jax.tree_util.keystr(path), array)
         if array.dtype.kind == "f":

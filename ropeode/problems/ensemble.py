@@ -13,7 +13,7 @@ from ropeode.display import Displayed
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
 from ropeode.problems.state_structure import is_tree
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, not_traced
 
 
 class Numbers(NamedTuple):
@@ -105,6 +105,7 @@ class Ensemble(Displayed, Sequence[Problem]):
             InputError: an array has another shape or numbers that are not finite, or their
                 lengths differ, or there is none.
         """
+        not_traced("y0 and args", (y0, args))
         varied: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         own, structure = jax.tree.flatten(problem.args)
         if y0 is not None:
@@ -112,9 +113,13 @@ class Ensemble(Displayed, Sequence[Problem]):
                 y0 = problem.structure.ravel("y0", jax.tree.map(np.asarray, y0), axes=1)
             varied["y0"] = [(np.asarray(y0), problem.y0)]
         if args is not None:
-            arrays, others = jax.tree.flatten(args)
-            if others != structure:
-                raise bad_value("args", others, f"arguments like {structure}", "name them alike")
+            try:
+                # Lists in place of arrays are no structure of their own.
+                arrays = structure.flatten_up_to(args)
+            except ValueError:
+                others = jax.tree.structure(args)
+                fix = "name them alike"
+                raise bad_value("args", others, f"arguments like {structure}", fix) from None
             varied["args"] = [(np.asarray(new), old) for new, old in zip(arrays, own, strict=True)]
         size = _check_arrays(varied)
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import copy
 import dataclasses
 import functools
+import inspect
 import types
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.display import Displayed
 from ropeode.errors import InputError, call_user_code
@@ -134,6 +136,24 @@ class Problem(Displayed):
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     mechanics: Mechanics | None = None
     structure: StateStructure | None = None
+
+    if TYPE_CHECKING:
+        # Checked, and made arrays of.
+        def __init__(
+            self,
+            rhs: Rhs,
+            y0: Any,
+            ts: ArrayLike,
+            args: Any = None,
+            name: str = "problem",
+            energy: Callable[[Any, Any, Any], Any] | None = None,
+            exact: Callable[[np.ndarray], Any] | None = None,
+            jump_times: ArrayLike = (),
+            constraints: Callable[[Any, Any, Any], Mapping[str, Any]] | None = None,
+            parameters: Mapping[str, Any] = ...,
+            mechanics: Mechanics | None = None,
+            structure: StateStructure | None = None,
+        ) -> None: ...
 
     def __new__(cls, *values: Any, **named: Any) -> Problem:
         """A problem before its checks; words that are none of its fields are refused by name."""
@@ -546,6 +566,12 @@ class Problem(Displayed):
         """The size of the initial state's largest component; 1 where all are zero."""
         largest = float(np.max(np.abs(self.y0), initial=0.0))
         return largest if largest > 0 else 1.0
+
+
+# Not that of `__new__`, which help and completion would show.
+_fields = inspect.signature(Problem.__init__)
+_own = _fields.replace(parameters=list(_fields.parameters.values())[1:])
+setattr(Problem, "__signature__", _own)  # noqa: B010
 
 
 def require_problem(given: Any) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex
 
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.problems import rope_input
 from ropeode.problems.links import LinearDamping, Links, along, impulses
@@ -50,6 +51,21 @@ class Rope(RopeInput):
     gravity: Numbers = rope_input.GRAVITY
     damping: OneOrMany = rope_input.DAMPING
     initial_velocity: Velocity = rope_input.INITIAL_VELOCITY
+
+    if TYPE_CHECKING:
+        # Checked, and made tuples of.
+        def __init__(
+            self,
+            start: ArrayLike = ...,
+            end: ArrayLike = ...,
+            num_nodes: SupportsIndex = ...,
+            node_mass: ArrayLike = ...,
+            stiffness: ArrayLike = ...,
+            pinned: ArrayLike = ...,
+            gravity: ArrayLike = ...,
+            damping: ArrayLike = ...,
+            initial_velocity: ArrayLike = ...,
+        ) -> None: ...
 
     def functions(self) -> dict[str, Any]:
         """See `RopeInput`."""

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple, SupportsIndex, overload
 
 import jax
 import numpy as np
@@ -36,16 +36,16 @@ _FEWEST_FRAMES, _MOST_FRAMES, _MOST_BLOCKS = 16, 128, 64
 
 @overload
 def simulate(
-    given: Problem, stepper: Any, steps_per_frame: int, *, progress: Progress = ...
+    given: Problem, stepper: Any, steps_per_frame: SupportsIndex, *, progress: Progress = ...
 ) -> Trajectory: ...
 @overload
 def simulate(
-    given: Ensemble, stepper: Any, steps_per_frame: int, *, progress: Progress = ...
+    given: Ensemble, stepper: Any, steps_per_frame: SupportsIndex, *, progress: Progress = ...
 ) -> Trajectories: ...
 def simulate(
     given: Problem | Ensemble,
     stepper: Any,
-    steps_per_frame: int,
+    steps_per_frame: SupportsIndex,
     *,
     progress: Progress = silent,
 ) -> Trajectory | Trajectories:
@@ -81,7 +81,7 @@ def simulate(
 def simulate_chunks(
     ensemble: Ensemble,
     stepper: Any,
-    steps_per_frame: int,
+    steps_per_frame: SupportsIndex,
     *,
     progress: Progress = silent,
 ) -> Iterator[Trajectories]:
@@ -113,7 +113,7 @@ def simulate_chunks(
     return job.in_chunks(count, progress)
 
 
-def _check_steps(steps_per_frame: int) -> int:
+def _check_steps(steps_per_frame: SupportsIndex) -> int:
     return check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
 from ropeode.analysis.order import ObservedOrder, observed_order
@@ -129,7 +130,7 @@ class AccuracyTable(Tabular, written_by="ropeode.render.documents"):
 def accuracy_table(
     problem: Problem | Reference,
     steppers: Any = None,
-    steps_per_frame: Sequence[int] = DEFAULT_STEPS_PER_FRAME,
+    steps_per_frame: ArrayLike = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
     predict: bool = False,
@@ -166,7 +167,7 @@ def accuracy_table(
 def tables_in_norms(
     given: Problem | Reference,
     steppers: Any,
-    steps_per_frame: Sequence[int],
+    steps_per_frame: ArrayLike,
     norms: Sequence[Norm],
     predict: bool,
     options: ReferenceOptions,
@@ -306,7 +307,7 @@ class StepsPerFrame(tuple[int, ...]):
     """Numbers of steps per frame that have been checked."""
 
 
-def check_steps(given: Sequence[int]) -> StepsPerFrame:
+def check_steps(given: Any) -> StepsPerFrame:
     """Numbers of steps per frame, each once.
 
     Raises:

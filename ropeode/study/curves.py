@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.analysis.errors import distances, resolution
 from ropeode.display import Tabular
@@ -84,7 +85,7 @@ class ErrorCurves(Tabular):
 def error_curves(
     problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
-    steps_per_frame: Sequence[int] = _STEPS_PER_FRAME,
+    steps_per_frame: ArrayLike = _STEPS_PER_FRAME,
     *,
     norm: str | None = None,
     predict: bool = False,

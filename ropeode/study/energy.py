@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Unpack
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.analysis.errors import RESOLUTION_FACTOR, energy_errors
 from ropeode.display import Tabular
@@ -70,7 +71,7 @@ class EnergyCurves(Tabular):
 def energy_curves(
     problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
-    steps_per_frame: Sequence[int] = _STEPS_PER_FRAME,
+    steps_per_frame: ArrayLike = _STEPS_PER_FRAME,
     *,
     progress: Progress = silent,
     **asked: Unpack[Asked],

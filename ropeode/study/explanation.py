@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.display import Tabular
 from ropeode.norms import norm_for
@@ -201,7 +202,7 @@ def explain_stepper(
     problem: Problem | Reference,
     *,
     method: str | None = None,
-    steps_per_frame: Sequence[int] | None = None,
+    steps_per_frame: ArrayLike | None = None,
     norm: str | None = None,
     progress: Progress = silent,
     **asked: Unpack[Asked],

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import special
 
 from ropeode.analysis.errors import distances_from
@@ -180,7 +181,7 @@ class Horizon(Tabular, written_by="ropeode.render.horizon"):
 @in_float64
 def horizon(
     problem: Problem,
-    spans: Sequence[float] = SPANS,
+    spans: ArrayLike = SPANS,
     *,
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,
@@ -265,7 +266,7 @@ def horizon(
     )
 
 
-def check_spans(problem: Problem, spans: Sequence[float]) -> tuple[float, ...]:
+def check_spans(problem: Problem, spans: Any) -> tuple[float, ...]:
     """Spans as sorted numbers.
 
     Raises:
@@ -283,7 +284,7 @@ def check_spans(problem: Problem, spans: Sequence[float]) -> tuple[float, ...]:
         if numbers[-1] > most:
             allowed = f"at most {most:g}, which is {_FRAMES_AT_MOST} frames"
             faults.append(complaint("spans", span, allowed, f"for example spans={most:g}"))
-    if not spans:
+    if not len(spans):
         faults.append(complaint("spans", list(spans), "one or more", "for example spans=100,300"))
     if faults:
         raise InputError(faults)

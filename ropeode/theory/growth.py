@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 from jax.flatten_util import ravel_pytree
+from numpy.typing import ArrayLike
 from scipy import linalg
 
 from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.precision import in_float64
+from ropeode.problems.checks import real_array
 from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
 from ropeode.simulation import step_size
@@ -68,7 +70,7 @@ class Growth:
 
 @in_float64
 def growth_per_frame(
-    problem: Problem, stepper: Any, steps_per_frame: int, y: np.ndarray | None = None
+    problem: Problem, stepper: Any, steps_per_frame: int, y: ArrayLike | None = None
 ) -> Growth:
     """The growth of small disturbances, from the stepper's own step.
 
@@ -100,7 +102,7 @@ def growth_per_frame(
 
 
 @in_float64
-def stability_limit(problem: Problem, stepper: Any, y: np.ndarray | None = None) -> int | None:
+def stability_limit(problem: Problem, stepper: Any, y: ArrayLike | None = None) -> int | None:
     """The smallest number of steps per frame from which on the stepper is stable.
 
     `fewest_steps` says how it is searched for. Near the limit of a stepper that needs many
@@ -173,7 +175,7 @@ class StableSteps:
 def stable_steps_at_rest(
     problem: Problem,
     stepper: Any,
-    y: np.ndarray | None = None,
+    y: ArrayLike | None = None,
     expected: StableSteps | None = None,
 ) -> StableSteps:
     """How short steps have to be for the equilibrium to be stable, by the stepper's own growth.
@@ -245,14 +247,14 @@ def longest_step(stable: Callable[[float], bool], stable_dt: float) -> float:
 class _Linearised:
     """A stepper about an equilibrium of a problem, at any number of steps per frame."""
 
-    def __init__(self, problem: Problem, stepper: Any, y: np.ndarray | None):
+    def __init__(self, problem: Problem, stepper: Any, y: ArrayLike | None):
         problem = problem.up_to_date()
         problem.require_mechanics("problem")
         method = method_of(stepper, problem)
         self._problem = problem
         self._name = method.stepper.label
         self._stands_still = y is None
-        self._y = hanging_equilibrium(problem) if y is None else np.asarray(y, dtype=np.float64)
+        self._y = hanging_equilibrium(problem) if y is None else real_array("y", y)
         self._map = StepMap(problem, method)
         self._rounding = _EPS if self._map.exact else _DIFFERENCE
         self._free = free_coordinates(problem)

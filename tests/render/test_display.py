@@ -36,8 +36,7 @@ from ropeode.steppers.phase import Phase
 from ropeode.study.node_paths import NodePath, node_paths
 from tests.results import check_result, kinds
 
-# Short enough as they are.
-# A film shows itself, as a film.
+# Short enough as they are; a film shows its pictures.
 PLAIN = {Film, ObservedOrder, Phase, System, Thresholds}
 NO_TABLES = {Ensemble, JaxStepper, NodePath, Problem}
 # They take long; `check_result` is called where they are tested.

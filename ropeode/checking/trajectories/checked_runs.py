@@ -26,7 +26,7 @@ from ropeode.references.reference import Reference
 def checked_runs(
     files: Sequence[str | Path],
     problem: Problem,
-    dts: Sequence[Any] | None,
+    dts: Any,
     certified: Callable[[], Reference],
     progress: Progress,
     fewest: int = FEWEST,

@@ -153,7 +153,7 @@ def explain_times(
     certified: Callable[[], Reference],
     problem: Problem,
     files: Sequence[str | Path],
-    dts: Sequence[Any] | None,
+    dts: Any,
     fewest: int,
     as_written: Sequence[Run] | None = None,
 ) -> Explanation | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ropeode.analysis.errors import differences, distances, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
@@ -81,7 +82,7 @@ class TrajectoryErrors:
 def trajectory_errors(
     files: Sequence[str | Path],
     problem: Problem | Reference,
-    dts: Sequence[Any] | None = None,
+    dts: ArrayLike | None = None,
     *,
     norm: str | None = None,
     progress: Progress = silent,
@@ -121,7 +122,7 @@ def trajectory_errors(
 def trajectory_error_curves(
     files: Sequence[str | Path],
     problem: Problem | Reference,
-    dts: Sequence[Any] | None = None,
+    dts: ArrayLike | None = None,
     *,
     norm: str | None = None,
     progress: Progress = silent,
@@ -141,7 +142,7 @@ def trajectory_error_curves(
 def trajectory_energy_curves(
     files: Sequence[str | Path],
     problem: Problem | Reference,
-    dts: Sequence[Any] | None = None,
+    dts: ArrayLike | None = None,
     *,
     progress: Progress = silent,
     **asked: Any,
@@ -163,7 +164,7 @@ def trajectory_energy_curves(
 def trajectory_paths(
     files: Sequence[str | Path],
     problem: Problem | Reference,
-    dts: Sequence[Any] | None = None,
+    dts: ArrayLike | None = None,
     *,
     norm: str | None = None,
     progress: Progress = silent,
@@ -207,7 +208,7 @@ def trajectory_paths(
 def _runs(
     files: Sequence[str | Path],
     problem: Problem | Reference,
-    dts: Sequence[Any] | None,
+    dts: ArrayLike | None,
     norm: str | None,
     progress: Progress,
     asked: dict[str, Any],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import matplotlib
 import numpy as np
@@ -11,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import ArrayLike
 
 from ropeode.render.plots.style import (
     BAND,
@@ -35,9 +35,7 @@ _COARSEST = 4
 
 
 @matplotlib.rc_context(STYLE)
-def plot_stability(
-    explanation: Explanation, steps_per_frame: Sequence[int] | None = None
-) -> Figure:
+def plot_stability(explanation: Explanation, steps_per_frame: ArrayLike | None = None) -> Figure:
     """Where a step does not let a mode grow, and where the modes of a problem are.
 
     Arguments:

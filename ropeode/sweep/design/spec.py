@@ -263,7 +263,7 @@ def commented_sweep() -> str:
     return resources.files("ropeode.sweep.design").joinpath("commented.toml").read_text("utf-8")
 
 
-def read_sweep(path: Path) -> SweepSpec:
+def read_sweep(path: str | Path) -> SweepSpec:
     """A sweep from a spec file.
 
     Arguments:
@@ -273,4 +273,5 @@ def read_sweep(path: Path) -> SweepSpec:
         InputError: it cannot be read, or one line for each value that cannot be used.
         UserCodeError: the user's problem file raised.
     """
-    return SweepSpec(read_spec(path), Path(path).parent)
+    path = Path(path)
+    return SweepSpec(read_spec(path), path.parent)
