@@ -171,10 +171,19 @@ def engine(kind: str, folder: Path):
             yield made
 
 
-def rate(spec: SweepSpec, kind: str, folder: Path) -> tuple[float, float, float]:
-    """Cases per second once all workers have compiled, the whole in seconds, bytes per case."""
+def processor_time() -> float:
+    """Seconds of processor time of this process and of its children that have ended."""
+    own = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(each.ru_utime + each.ru_stime for each in own)
+
+
+def rate(spec: SweepSpec, kind: str, folder: Path) -> tuple[float, float, float, float]:
+    """Cases per second once all workers have compiled, the whole in seconds, bytes per case.
+
+    Last the milliseconds of processor time per case, starting and compiling included.
+    """
     samples: list[tuple[float, float]] = []
-    began = time.perf_counter()
+    began, busy = time.perf_counter(), processor_time()
     with engine(kind, folder) as made:
         store = Store(folder / "rows", spec.columns)
         work_through(
@@ -184,7 +193,8 @@ def rate(spec: SweepSpec, kind: str, folder: Path) -> tuple[float, float, float]
     # The first quarter of the tasks pays for starting and compiling.
     (start, before), (end, after) = samples[max(1, len(samples) // 4)], samples[-1]
     size = sum(path.stat().st_size for path in store.folder.rglob("*.parquet"))
-    return spec.count * (after - before) / (end - start), whole, size / spec.count
+    busy = 1e3 * (processor_time() - busy) / spec.count
+    return spec.count * (after - before) / (end - start), whole, size / spec.count, busy
 
 
 def real(tasks: int, repeats: int, kinds: list[str], folder: Path) -> None:
@@ -192,7 +202,7 @@ def real(tasks: int, repeats: int, kinds: list[str], folder: Path) -> None:
     path = folder / "real.toml"
     path.write_text(REAL.format(dampings=dampings))
     spec = read_sweep(path)
-    found: dict[str, list[tuple[float, float, float]]] = {kind: [] for kind in kinds}
+    found: dict[str, list[tuple[float, ...]]] = {kind: [] for kind in kinds}
     for repeat in range(repeats):
         for kind in kinds:
             own = folder / f"{kind} {repeat}"
@@ -200,7 +210,7 @@ def real(tasks: int, repeats: int, kinds: list[str], folder: Path) -> None:
             found[kind].append(rate(spec, kind, own))
     table = []
     for kind, each in found.items():
-        rates, wholes, sizes = zip(*each, strict=True)
+        rates, wholes, sizes, busy = zip(*each, strict=True)
         table.append(
             [
                 kind,
@@ -208,10 +218,12 @@ def real(tasks: int, repeats: int, kinds: list[str], folder: Path) -> None:
                 f"{min(rates):.0f} to {max(rates):.0f}",
                 f"{statistics.median(wholes):.1f}",
                 f"{sizes[0]:.0f}",
+                f"{statistics.median(busy):.1f}",
             ]
         )
     print(f"\na real sweep of {spec.count} cases; load {os.getloadavg()[0]:.1f}\n")
-    print(tabulate(table, ["where", "cases/s", "spread", "seconds in all", "bytes per case"]))
+    heads = ["where", "cases/s", "spread", "seconds in all", "bytes per case", "CPU ms per case"]
+    print(tabulate(table, heads))
 
 
 def main() -> None:

@@ -36,7 +36,7 @@ def run_sweep(
 ) -> SweepSummary:
     """Run a sweep and store its rows in a folder; resume it if it was interrupted.
 
-    Rows are stored every twenty seconds or so, and after each task. But for the column `seconds`
+    Rows are stored every minute or so, and after each task. But for the column `seconds`
     they are the same, bit for bit, wherever they are computed.
 
     Arguments:

@@ -28,7 +28,7 @@ AHEAD = 2
 _START_S = 120.0
 _STARTS = 3
 # Work hands back what it has well before, so that what takes longer is one case.
-_MANY_CASES_S = 60.0
+_MANY_CASES_S = 180.0
 
 
 class TookTooLong(Exception):
@@ -185,7 +185,7 @@ class Worker:
         Arguments:
             task: what to compute.
             case_limit: seconds that a case may take. The process of a task that takes longer is
-                killed; if the task has several cases, that is after a minute at least.
+                killed; if the task has several cases, that is after three minutes at least.
 
         Raises:
             BrokenExecutor: the process has died.

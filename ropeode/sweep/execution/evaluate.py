@@ -28,8 +28,9 @@ from ropeode.sweep.execution.runs import Run, Subject, run_all, subject
 from ropeode.theory.growth import MOST_STEPS, stability_limit
 from ropeode.validation import in_one_line
 
-# After so many seconds the rows that are finished are handed back, to be written.
-PART_S = 20.0
+# After so many seconds the rows that are finished are handed back, to be written. With fewer, much
+# that problems share would be computed for few of them.
+PART_S = 60.0
 
 
 def evaluate(task: Task, folder: Path, seconds: float = PART_S) -> list[Row]:
