@@ -4,6 +4,7 @@
 # make check   lint and types
 # make references  the stored library again (a quarter of an hour)
 # make docs    the computed parts of the documentation (ten minutes or so)
+# make lowest  the fast tests with the lowest versions that pyproject.toml allows (Python 3.11)
 # make old-releases  wrong and mended releases of other packages (Python 3.11 or 3.12; minutes)
 # PYTHON=python3.13 uses another interpreter, in an environment of its own.
 
@@ -12,7 +13,7 @@ VENV := .venv$(if $(filter-out python3,$(notdir $(PYTHON))),-$(notdir $(PYTHON))
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
 PYTEST := $(VENV)/bin/python -m pytest -n auto --dist loadfile
 
-.PHONY: table test test-all check docs references old-releases clean
+.PHONY: table test test-all lowest check docs references old-releases clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -22,6 +23,9 @@ test: $(VENV)/.installed-dev
 
 test-all: $(VENV)/.installed-dev
 	$(PYTEST)
+
+lowest: .venv-lowest/.installed
+	.venv-lowest/bin/python -m pytest -n auto --dist loadfile -m "not slow"
 
 check: $(VENV)/.installed-dev
 	$(VENV)/bin/ruff check .
@@ -46,6 +50,15 @@ $(OLD_ENVS)/%/.installed: $(OLD)/requirements/%.txt | $(VENV)/bin/python
 	@$(VENV)/bin/python -m venv $(OLD_ENVS)/$*
 	@$(OLD_ENVS)/$*/bin/python -m pip --disable-pip-version-check --quiet install \
 	  --only-binary :all: -r $<
+	@touch $@
+
+# uv, unlike pip, can ask for the lowest versions.
+.venv-lowest/.installed: pyproject.toml $(VENV)/.installed-dev
+	@echo "Installing ropeode with the lowest versions of what it needs into .venv-lowest ..."
+	@$(PIP) install uv
+	@$(VENV)/bin/uv venv --quiet --clear --python $(VENV)/bin/python .venv-lowest
+	@$(VENV)/bin/uv pip install --quiet --python .venv-lowest/bin/python \
+	  --resolution lowest-direct -e '.[dev]'
 	@touch $@
 
 clean:

@@ -66,6 +66,17 @@ def splits(repeats: int) -> None:
     print(tabulate(rows, headers=("part of a table", "cold, s", "warm, s"), disable_numparse=True))
 
 
+def beside_imports(repeats: int) -> None:
+    """Print how long a warm table takes, beside importing what computes it, in turns."""
+    imports = [sys.executable, "-c", "import jax, diffrax"]
+    with tempfile.TemporaryDirectory() as warm:
+        timed([*RUN, "table"], warm)
+        pairs = [(timed([*RUN, "table"], warm), timed(imports, warm)) for _ in range(repeats)]
+    for what, of in (("wall time", 0), ("processor time", 1)):
+        ratio = statistics.median(table[of] / alone[of] for table, alone in pairs)
+        print(f"a warm table takes {ratio:.2f} times the {what} of `import jax, diffrax`")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--repeats", type=int, default=5)
@@ -104,6 +115,8 @@ def main() -> None:
         measure("table 4096 x 1000", large, cold=True, repeats=1)
     headers = ("command", "seconds", "min-max", "of processors", "peak MiB")
     print(tabulate(rows, headers=headers, disable_numparse=True))
+    print()
+    beside_imports(given.repeats)
     print()
     splits(given.repeats)
 
