@@ -72,11 +72,20 @@ def _(table: AccuracyTable) -> list[dict[str, Any]]:
     return of_table.as_lines(table)
 
 
-@rows_of.register(ErrorCurves)
-@rows_of.register(EnergyCurves)
-def _(curves: ErrorCurves | EnergyCurves) -> list[dict[str, Any]]:
-    name = "error" if isinstance(curves, ErrorCurves) else "energy"
-    return [line for each in curves.curves for line in _curve(each, name)]
+@rows_of.register
+def _(curves: ErrorCurves) -> list[dict[str, Any]]:
+    return [line for each in curves.curves for line in _curve(each, "error")]
+
+
+@rows_of.register
+def _(curves: EnergyCurves) -> list[dict[str, Any]]:
+    rows = []
+    for each in curves.curves:
+        # Outside the trust horizon the true energy, and so the error, is not a number.
+        errors = itertools.chain(curves.errors(each).tolist(), itertools.repeat(float("nan")))
+        lines = _curve(each, "energy")
+        rows += [{**line, "error": error} for line, error in zip(lines, errors, strict=False)]
+    return rows
 
 
 @rows_of.register
