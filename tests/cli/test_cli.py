@@ -53,7 +53,7 @@ def test_help_and_completion_import_nothing_that_computes(environment):
     assert lines[-3:] == [
         "COMPLETED ('plain', 'table')",
         "COMPLETED ('file', 'r') ('plain', 'run')",
-        "COMPLETED ('plain', '--node-mass') ('plain', '--norm')",
+        "COMPLETED ('plain', '--no-code') ('plain', '--node-mass') ('plain', '--norm')",
     ]
     assert lines[0].startswith("Usage: ")
     assert max(len(line) for line in lines[:-3]) <= 80
