@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import threading
 
-import jax
 import pytest
 
 from ropeode.sweep.execution import engines
@@ -29,13 +28,9 @@ def test_a_limit_holds_until_it_is_taken_back():
     assert cores() == there
 
 
-@pytest.mark.usefixtures("command_surroundings")
-@pytest.mark.parametrize("worker", [engines.on_one_core, engines._work], ids=["cluster", "local"])
-def test_a_worker_uses_one(worker):
+def test_a_worker_uses_one():
     try:
-        assert worker(told, 4) == [{"cores": 1, "task": 4}]
-        # Nobody else sets JAX up in a process of this machine.
-        assert jax.config.jax_enable_x64 == (worker is engines._work)
+        assert engines.on_one_core(told, 4) == [{"cores": 1, "task": 4}]
     finally:
         use_cores(None)
 
