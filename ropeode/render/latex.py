@@ -15,7 +15,7 @@ _SIGNS = {
     **{sign: f"{{{sign}}}" for sign in "[*"},
     "~": r"\textasciitilde{}",
     "^": r"\textasciicircum{}",
-    '"': r"\textquotedbl{}",
+    '"': "''",
     "±": r"$\pm$",
     "×": r"$\times$",
     "·": r"$\cdot$",
@@ -123,7 +123,8 @@ def comment(words: str) -> str:
 
 def _escaped(words: str) -> str:
     marked = _MINUS.sub("−", words)
-    return "".join(_SIGNS.get(sign, sign) for sign in marked)
+    signs = "".join(_SIGNS.get(sign, sign) for sign in marked)
+    return signs.replace(r"$\Delta$t", r"$\Delta t$")
 
 
 def _width(words: str) -> float:
