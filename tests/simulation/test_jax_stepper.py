@@ -92,7 +92,7 @@ def test_every_stepper(stepper):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("float64")
-@pytest.mark.parametrize("stepper", OTHERS, ids=str)
+@pytest.mark.parametrize("stepper", OTHERS, ids=lambda each: getattr(each, "__name__", each))
 def test_steppers_of_others(stepper):
     check(stepper)
 
