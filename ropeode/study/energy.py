@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+import functools
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, Unpack
 
 import jax
@@ -29,8 +30,9 @@ from ropeode.validation import bad_value
 _STEPS_PER_FRAME = (64,)
 # An energy is conserved if it cannot change by more than this part of its terms over the span.
 _CONSERVED = 1e-9
-# Other times at which the slope of the energy is looked at, for each state.
-_OTHER_TIMES = 3
+# The slope of the energy is looked at for each state at so many times, and so often in all if the
+# states have no more numbers than that together.
+_TIMES, _LOOKS, _NUMBERS = 4, 4096, 2_000_000
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -109,7 +111,7 @@ def energy_curves(
     drawn = tuple(curves())
     known = problem if isinstance(problem, Reference) else None
     along = known.states[: known.trusted] if known else best.states
-    if known is None and (along is None or not _conserved(own, along)):
+    if known is None and (along is None or not _conserved(own, _slopes(own, along))):
         known = reference_for(own, options, lambda text, _: progress(text, 0.9))
         along = known.states[: known.trusted]
     assert along is not None
@@ -143,23 +145,29 @@ def energies_of(
             ``(times, *state)``.
         curves: of energies.
     """
-    times, slopes = problem.ts, _slopes(problem, along)
-    if conserved := _conserved(problem, along):
-        values = np.repeat(problem.energies(problem.y0[None]), len(times))
-        drift = np.max(np.abs(slopes.rate)) * (times - times[0])
-        rounding = np.maximum.accumulate(slopes.rounding)
-        bound = drift + np.append(rounding, np.full(len(times) - len(rounding), rounding[-1]))
-    else:
-        assert reference is not None
-        times = times[: reference.trusted]
-        values = problem.energies(along)
+    slopes, start = _slopes(problem, along), problem.energies(problem.y0[None])
+    rounding = np.maximum.accumulate(np.finfo(np.float64).eps * slopes.size[: len(along)])
+    conserved, known = _conserved(problem, slopes), None
+    if reference is not None:
+        times, values = problem.ts[: reference.trusted], problem.energies(along)
         # What an error of each quantity, as large as its bound at every node, can change.
+        gradient = slopes.gradient[: len(along)]
         sizes = [
-            np.sum(np.linalg.norm(problem.quantity(name, slopes.gradient), axis=2), axis=1)
+            np.sum(np.linalg.norm(problem.quantity(name, gradient), axis=2), axis=1)
             * reference.certificate.bounds[name][: len(times)]
             for name in problem.quantities
         ]
-        bound = np.maximum.accumulate(np.sum(sizes, axis=0) + slopes.rounding)
+        known = times, values, np.maximum.accumulate(np.sum(sizes, axis=0)) + rounding
+        # What acts too briefly to be met by a look may still show in the solution.
+        change = energy_errors(values, np.repeat(start, len(values)))
+        conserved &= bool(np.all(np.abs(change) <= known[2] + rounding[0]))
+    if conserved:
+        times, values = problem.ts, np.repeat(start, len(problem.ts))
+        drift = np.max(np.abs(slopes.rate)) * (times - times[0])
+        longer = np.append(rounding, np.repeat(rounding[-1], len(times) - len(rounding)))
+        known = times, values, drift + longer
+    assert known is not None
+    times, values, bound = known
     return EnergyCurves(problem, reference, conserved, times, values, bound, tuple(curves))
 
 
@@ -174,18 +182,11 @@ def check_energy(problem: Problem) -> None:
         raise bad_value("problem", problem.name, "a problem that has an energy", fix)
 
 
-def _conserved(problem: Problem, states: np.ndarray) -> bool:
-    """Whether ``dE/dt`` along the equation is zero, but for rounding, at states at all times."""
-    if len(problem.jump_times):
-        return False
+def _conserved(problem: Problem, slopes: _Slopes) -> bool:
+    """Whether ``dE/dt`` along the equation is zero, but for rounding, wherever it is looked at."""
     span = float(problem.ts[-1] - problem.ts[0])
-    draws = np.random.default_rng(0)
-    others = draws.uniform(problem.ts[0], problem.ts[-1], (_OTHER_TIMES, len(states)))
-    for times in (problem.ts[: len(states)], *others):
-        slopes = _slopes(problem, states, times)
-        if np.any(span * np.abs(slopes.rate) > _CONSERVED * slopes.size):
-            return False
-    return True
+    kept = span * np.abs(slopes.rate) <= _CONSERVED * slopes.size
+    return not len(problem.jump_times) and bool(np.all(kept))
 
 
 class _Slopes(NamedTuple):
@@ -201,26 +202,32 @@ class _Slopes(NamedTuple):
     rate: np.ndarray
     size: np.ndarray
 
-    @property
-    def rounding(self) -> np.ndarray:
-        """The error of an energy whose state is rounded, ``(times,)``."""
-        return np.finfo(np.float64).eps * self.size
-
 
 @in_float64
-def _slopes(problem: Problem, states: np.ndarray, times: np.ndarray | None = None) -> _Slopes:
-    """Arguments:
-    problem: with an energy.
-    states: ``(times, *state)``.
-    times: of the states; by default the first sample times.
-    """
-    energy, rhs = problem.energy, problem.rhs
-    assert energy is not None
+def _slopes(problem: Problem, states: np.ndarray) -> _Slopes:
+    """At the first sample times, for which the states are, and then at other times of the span.
 
-    def one(t: Any, y: Any) -> Any:
-        value, (by_time, gradient) = jax.value_and_grad(energy, argnums=(0, 1))(t, y, problem.args)
-        rate = by_time + jnp.sum(gradient * rhs(t, y, problem.args))
+    Arguments:
+        problem: with an energy.
+        states: ``(times, *state)``.
+    """
+    assert problem.energy is not None
+    count, looks = len(states), _TIMES * len(states)
+    if not problem.in_python:
+        looks = max(looks, min(_LOOKS, _NUMBERS // max(1, states[0].size)))
+    others = np.random.default_rng(0).uniform(problem.ts[0], problem.ts[-1], looks - count)
+    times, which = np.append(problem.ts[:count], others), np.arange(looks) % count
+    found = _compiled(problem.energy, problem.rhs)(times, states[which], problem.args)
+    return _Slopes(*map(np.asarray, found))
+
+
+@functools.lru_cache(maxsize=16)
+def _compiled(energy: Callable, rhs: Callable) -> Callable:
+    """The fields of `_Slopes`, for many times and states at once."""
+
+    def one(t: Any, y: Any, args: Any) -> Any:
+        value, (by_time, gradient) = jax.value_and_grad(energy, argnums=(0, 1))(t, y, args)
+        rate = by_time + jnp.sum(gradient * rhs(t, y, args))
         return gradient, rate, jnp.abs(value) + jnp.sum(jnp.abs(gradient * y))
 
-    at = problem.ts[: len(states)] if times is None else times
-    return _Slopes(*map(np.asarray, jax.jit(jax.vmap(one))(at, states)))
+    return jax.jit(jax.vmap(one, in_axes=(0, 0, None)))

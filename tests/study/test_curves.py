@@ -13,6 +13,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
+from ropeode.study import energy
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.curves import error_curves
 from ropeode.study.energy import energy_curves
@@ -119,6 +120,23 @@ def test_an_energy_that_changes_with_time_is_not_conserved():
         energy=lambda t, y, args: 0.5 * jnp.sum(y[1] ** 2 + (1.0 + t) * y[0] ** 2),
     )
     assert not energy_curves(problem, ["rk4"], [64]).conserved
+
+
+@pytest.mark.parametrize("looks", [energy._LOOKS, 0])
+def test_a_push_between_the_samples_is_no_conservation(looks, monkeypatch):
+    """Many looks meet it. Where they do not, it shows in the solution of a reference."""
+    monkeypatch.setattr(energy, "_LOOKS", looks)
+
+    def pushed(t, x, v, args):
+        return jnp.exp(-0.5 * ((t - 0.7) / 0.01) ** 2) / 0.01 - x
+
+    problem = Problem.second_order(
+        pushed, [1.0], [0.0], np.arange(4.0), energy=lambda t, y, args: 0.5 * jnp.sum(y**2)
+    )
+    assert energy_curves(problem, ["rk4"], [64]).conserved == (looks == 0)
+    energies = energy_curves(reference(problem), ["rk4"], [64])
+    assert not energies.conserved
+    assert np.ptp(energies.values) > 1.0
 
 
 def test_energies():

@@ -56,5 +56,5 @@ def plot_energies(curves: EnergyCurves) -> Figure:
 def _true_energy(curves: EnergyCurves) -> str:
     start, end = curves.values[0], curves.values[-1]
     if curves.conserved:
-        return f"true energy: {start:.4g} at all times, which the equation conserves"
+        return f"true energy: {start:.4g} at all times; conserved wherever looked at"
     return f"true energy: that of the reference, {start:.4g} at first and {end:.4g} at last"
