@@ -17,7 +17,7 @@ from ropeode.display import Tabular
 from ropeode.precision import in_float64
 from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.ladder import EXPLICIT, IMPLICIT, step_budget
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solver import Solver
@@ -76,13 +76,14 @@ class LyapunovExponent(Tabular):
         return "negative" if high < 0 else "not told from zero"
 
 
+@shows_progress
 @in_float64
 def lyapunov_exponent(
     problem: Problem,
     *,
     tangents: int = 3,
     rtol: float = 1e-10,
-    progress: Progress = silent,
+    progress: Progress = bar,
 ) -> LyapunovExponent:
     """Measure the largest Lyapunov exponent along a problem's solution.
 

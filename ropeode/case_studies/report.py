@@ -24,7 +24,7 @@ from ropeode.case_studies.runs import (
 )
 from ropeode.display import Tabular
 from ropeode.problems.rope import Rope
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation import Trajectory
 from ropeode.theory.growth import Growth
 from ropeode.validation import check_whole
@@ -144,12 +144,13 @@ class Report(Tabular, written_by="ropeode.case_studies.formats"):
     sensitive_to_rounding: tuple[RoundingEffect, ...]
 
 
+@shows_progress
 def rope_report(
     figures: Sequence[int] | None = None,
     frames: int | None = None,
     *,
     folder: Path | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
 ) -> Report:
     """Run figures of the published rope report again and test their claims.
 

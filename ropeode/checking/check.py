@@ -16,7 +16,7 @@ from ropeode.checking.report import EDGE_CASES, CheckReport, Claims, Diagnosis, 
 from ropeode.checking.time_limit import OutOfTime, kept_output, within
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
@@ -37,6 +37,7 @@ EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {
 _THRESHOLDS = ("time-shift", "scales", "sizes", "far-states")
 
 
+@shows_progress
 def check_stepper(
     step: Any,
     expected_order: int | None = None,
@@ -50,7 +51,7 @@ def check_stepper(
     quick: bool = False,
     diagnose: bool = True,
     time_limit: float = TIME_LIMIT,
-    progress: Progress = silent,
+    progress: Progress = bar,
 ) -> CheckReport:
     """Check a stepper: does it solve the right equation, and how well?
 

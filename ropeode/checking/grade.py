@@ -25,7 +25,7 @@ from ropeode.checking.trajectories.explanations import (
 from ropeode.checking.trajectories.run_files import FEWEST, Run, names_of
 from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.compute import reference_for
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
@@ -36,6 +36,7 @@ from ropeode.study.accuracy_table import problem_class
 _MORE_THAN_FIRST = 1.5
 
 
+@shows_progress
 def grade(
     files: Sequence[str | Path],
     problem: Problem | Reference,
@@ -46,7 +47,7 @@ def grade(
     accuracy: float | None = None,
     rtol: float | None = None,
     diagnose: bool = True,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Any,
 ) -> CheckReport:
     """Compare trajectories of one program, with several step sizes, with a certified reference.

@@ -210,7 +210,7 @@ def animate(
         else:
             paths = node_paths(job.given, job.spec.steppers or DEFAULT_STEPPERS, steps, **named)
         drawing = part_of(progress, _COMPUTING, 1.0)
-        return film_bytes(animate(paths, fps=speed), path.suffix, drawing)
+        return film_bytes(animate(paths, fps=speed), path.suffix, progress=drawing)
 
     _write(path, with_progress(work))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem, require_problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references.certificate import Level
 from ropeode.references.kept import kept_or_computed
 from ropeode.references.options import DIGITS, TIME_LIMIT, More, ReferenceOptions
@@ -27,7 +27,7 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **more: Unpack[More],
 ) -> Reference: ...
 @overload
@@ -36,9 +36,10 @@ def reference(
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **more: Unpack[More],
 ) -> list[Reference | ReferenceRefused]: ...
+@shows_progress
 def reference(
     problem: Problem | Ensemble,
     accuracy: float | None = None,
@@ -49,7 +50,7 @@ def reference(
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,
     dense: bool = False,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **others: Any,
 ) -> Reference | list[Reference | ReferenceRefused]:
     """Solve a problem, and say how far the solution can be trusted.
@@ -112,13 +113,14 @@ def reference(
     return _reference(problem, options, progress)
 
 
+@shows_progress
 def each_reference(
     ensemble: Ensemble,
     accuracy: float | None = None,
     rtol: float | None = None,
     *,
     workers: int | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **more: Unpack[More],
 ) -> Iterator[Outcome]:
     """The references of an ensemble's members, one after the other, in its order.

@@ -18,7 +18,7 @@ from ropeode.errors import call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems.ensemble import Ensemble, Numbers
 from ropeode.problems.problem import Problem, require_problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.program import Family, Program, program, shape_of
@@ -42,12 +42,13 @@ def simulate(
 def simulate(
     given: Ensemble, stepper: Any, steps_per_frame: SupportsIndex, *, progress: Progress = ...
 ) -> Trajectories: ...
+@shows_progress
 def simulate(
     given: Problem | Ensemble,
     stepper: Any,
     steps_per_frame: SupportsIndex,
     *,
-    progress: Progress = silent,
+    progress: Progress = bar,
 ) -> Trajectory | Trajectories:
     """Run a stepper over all frames of a problem, or of each member of an ensemble.
 
@@ -78,12 +79,13 @@ def simulate(
     return job.trajectories(0, own, progress)[0]
 
 
+@shows_progress
 def simulate_chunks(
     ensemble: Ensemble,
     stepper: Any,
     steps_per_frame: SupportsIndex,
     *,
-    progress: Progress = silent,
+    progress: Progress = bar,
 ) -> Iterator[Trajectories]:
     """Run a stepper over an ensemble of any size, some members at a time.
 

@@ -18,7 +18,7 @@ from ropeode.display import Tabular
 from ropeode.errors import InputError, UserCodeError
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
@@ -127,6 +127,7 @@ class AccuracyTable(Tabular, written_by="ropeode.render.documents"):
     orders: tuple[StepperOrder, ...]
 
 
+@shows_progress
 def accuracy_table(
     problem: Problem | Reference,
     steppers: Any = None,
@@ -134,7 +135,7 @@ def accuracy_table(
     *,
     norm: str | None = None,
     predict: bool = False,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Unpack[Asked],
 ) -> AccuracyTable:
     """Run steppers at several step sizes and compare them with a reference.

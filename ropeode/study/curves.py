@@ -14,7 +14,7 @@ from ropeode.analysis.errors import distances, resolution
 from ropeode.display import Tabular
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
@@ -82,6 +82,7 @@ class ErrorCurves(Tabular):
     curves: tuple[Curve, ...]
 
 
+@shows_progress
 def error_curves(
     problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
@@ -89,7 +90,7 @@ def error_curves(
     *,
     norm: str | None = None,
     predict: bool = False,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Unpack[Asked],
 ) -> ErrorCurves:
     """Run steppers and measure their distance from a reference at each sample.

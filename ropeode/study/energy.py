@@ -16,7 +16,7 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR, energy_errors
 from ropeode.display import Tabular
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
@@ -70,12 +70,13 @@ class EnergyCurves(Tabular):
         return energy_errors(curve.values, self.values)
 
 
+@shows_progress
 def energy_curves(
     problem: Problem | Reference,
     steppers: Sequence[str | Stepper] | None = None,
     steps_per_frame: ArrayLike = _STEPS_PER_FRAME,
     *,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Unpack[Asked],
 ) -> EnergyCurves:
     """Run steppers and compute their energy at each sample, and the true one.

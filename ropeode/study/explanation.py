@@ -15,7 +15,7 @@ from ropeode.precision import in_float64
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.certificate import largest_norms
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
@@ -196,6 +196,7 @@ class Explanation(Tabular, written_by="ropeode.render.explanation"):
     compared: StepDifference | None
 
 
+@shows_progress
 @in_float64
 def explain_stepper(
     step: Any,
@@ -204,7 +205,7 @@ def explain_stepper(
     method: str | None = None,
     steps_per_frame: ArrayLike | None = None,
     norm: str | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Unpack[Asked],
 ) -> Explanation:
     """Explain a stepper: what one step does, and what follows for its errors.

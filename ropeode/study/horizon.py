@@ -17,7 +17,7 @@ from ropeode.display import Tabular
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.certificate import Role, largest_norms, padded
 from ropeode.references.compute import reference_for
 from ropeode.references.extended import heyoka
@@ -178,6 +178,7 @@ class Horizon(Tabular, written_by="ropeode.render.horizon"):
         return float(np.max(self.runs[0].errors[inside] / self.bound[inside], initial=0.0))
 
 
+@shows_progress
 @in_float64
 def horizon(
     problem: Problem,
@@ -187,7 +188,7 @@ def horizon(
     time_limit: float = TIME_LIMIT,
     accuracy: float | None = None,
     rtol: float | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
 ) -> Horizon:
     """Compare a reference and each of its witnesses with a solution in extended precision.
 

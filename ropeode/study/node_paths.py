@@ -12,7 +12,7 @@ from ropeode.analysis.errors import differences, distances, resolution
 from ropeode.display import Displayed, Tabular
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
@@ -78,13 +78,14 @@ class NodePaths(Tabular):
         return self.reference.problem.ts
 
 
+@shows_progress
 def node_paths(
     problem: Problem | Reference,
     steppers: Sequence[str | Stepper] = DEFAULT_STEPPERS,
     steps_per_frame: int = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Unpack[Asked],
 ) -> NodePaths:
     """Run steppers on a problem that is sampled up to 8 times in each frame.

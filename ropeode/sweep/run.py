@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ropeode.errors import InputError
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.sweep.storage.folder import Index, locked_early, read_index, write_errors
 from ropeode.validation import bad_value, check_positive, check_whole, require
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ropeode.sweep.storage.summary import SweepSummary
 
 
+@shows_progress
 def run_sweep(
     spec: SweepSpec | Mapping[str, Any] | str | Path,
     folder: str | Path,
@@ -32,7 +33,7 @@ def run_sweep(
     scheduler: str | None = None,
     extend: bool = False,
     case_limit: float | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
 ) -> SweepSummary:
     """Run a sweep and store its rows in a folder; resume it if it was interrupted.
 

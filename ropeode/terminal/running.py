@@ -73,24 +73,14 @@ def show_progress(*, time_left: bool = False) -> Iterator[Progress]:
     if not sys.stderr.isatty():
         yield _in_lines()
         return
-    from rich import progress
-    from rich.console import Console
+    from ropeode.bars import TerminalBar
 
-    with progress.Progress(
-        progress.BarColumn(bar_width=20),
-        progress.TaskProgressColumn(),
-        progress.TimeRemainingColumn() if time_left else progress.TimeElapsedColumn(),
-        progress.TextColumn("{task.description}"),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bar:
-        task = bar.add_task("starting", total=None)
-
-        def update(text: str, fraction: float | None) -> None:
-            # Rich leaves the bar where it is if the fraction is None.
-            bar.update(task, description=text, completed=fraction, total=1.0)
-
-        yield update
+    bar = TerminalBar(time_left=time_left)
+    try:
+        bar.draw("starting", None)
+        yield bar.draw
+    finally:
+        bar.erase()
 
 
 def _in_lines() -> Progress:

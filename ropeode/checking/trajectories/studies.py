@@ -19,7 +19,7 @@ from ropeode.checking.trajectories.layout import samples_of, states_of
 from ropeode.checking.trajectories.run_files import Run, names_of
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.compute import reference_for
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
@@ -79,13 +79,14 @@ class TrajectoryErrors:
     orders: tuple[StepperOrder, ...]
 
 
+@shows_progress
 def trajectory_errors(
     files: Sequence[str | Path],
     problem: Problem | Reference,
     dts: ArrayLike | None = None,
     *,
     norm: str | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Any,
 ) -> TrajectoryErrors:
     """Errors of trajectories against step size.
@@ -119,13 +120,14 @@ def trajectory_errors(
     )
 
 
+@shows_progress
 def trajectory_error_curves(
     files: Sequence[str | Path],
     problem: Problem | Reference,
     dts: ArrayLike | None = None,
     *,
     norm: str | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Any,
 ) -> ErrorCurves:
     """Errors of trajectories against time, for `ropeode.plot_errors`.
@@ -139,12 +141,13 @@ def trajectory_error_curves(
     return errors_of(reference, measure, _curves(runs, times, errors))
 
 
+@shows_progress
 def trajectory_energy_curves(
     files: Sequence[str | Path],
     problem: Problem | Reference,
     dts: ArrayLike | None = None,
     *,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Any,
 ) -> EnergyCurves:
     """Energies of trajectories against time, for `ropeode.plot_energies`.
@@ -161,13 +164,14 @@ def trajectory_energy_curves(
     return energies_of(own, reference, known, tuple(_curves(runs, own.ts, energies)))
 
 
+@shows_progress
 def trajectory_paths(
     files: Sequence[str | Path],
     problem: Problem | Reference,
     dts: ArrayLike | None = None,
     *,
     norm: str | None = None,
-    progress: Progress = silent,
+    progress: Progress = bar,
     **asked: Any,
 ) -> NodePaths:
     """The nodes of trajectories, for `ropeode.animate`.

@@ -10,7 +10,7 @@ import numpy as np
 from ropeode.display import Tabular
 from ropeode.norms import distance
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.certificate import largest_norms
 from ropeode.references.compute import reference
 from ropeode.references.files.store import reference_from, stored_facts
@@ -54,12 +54,13 @@ class Verification(Tabular):
         return not self.outside
 
 
+@shows_progress
 def verify_reference(
     path: str | Path,
     problem: Problem | None = None,
     *,
     time_limit: float = TIME_LIMIT,
-    progress: Progress = silent,
+    progress: Progress = bar,
 ) -> Verification:
     """Check a file, and compute its reference again.
 

@@ -22,7 +22,7 @@ from matplotlib.text import Text
 from PIL import Image, ImageDraw, ImageFont
 
 from ropeode.files import check_suffix, write_whole
-from ropeode.progress import Progress, silent
+from ropeode.progress import Progress, bar, shows_progress
 from ropeode.render.display import line
 from ropeode.render.plots.film import DPI, film
 from ropeode.render.plots.style import COLOURS, STYLE
@@ -52,7 +52,8 @@ class Film:
     paths: NodePaths
     fps: float
 
-    def save(self, out: str | Path, *, progress: Progress = silent) -> Path:
+    @shows_progress
+    def save(self, out: str | Path, *, progress: Progress = bar) -> Path:
         """Write it to a file.
 
         Arguments:
@@ -66,7 +67,7 @@ class Film:
             InputError: the file cannot be written, or a package is missing.
         """
         path = check_film(out)
-        write_whole(path, film_bytes(self, path.suffix, progress))
+        write_whole(path, film_bytes(self, path.suffix, progress=progress))
         return path
 
     def __repr__(self) -> str:
@@ -125,7 +126,8 @@ def check_fps(rate: Any) -> float:
         raise bad_value("fps", rate, allowed, fix) from None
 
 
-def film_bytes(film: Film, suffix: str, progress: Progress = silent) -> bytes:
+@shows_progress
+def film_bytes(film: Film, suffix: str, *, progress: Progress = bar) -> bytes:
     """A film as the contents of a file.
 
     Arguments:

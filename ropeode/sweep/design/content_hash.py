@@ -23,6 +23,7 @@ PACKAGES = (
 # The parts of this package that compute a row, with everything that they import from it.
 SOURCES = (
     "analysis",
+    "bars.py",
     "callbacks.py",
     "display.py",
     "equality.py",

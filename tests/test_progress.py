@@ -1,0 +1,195 @@
+"""Bars where somebody looks on: in notebooks and the REPL."""
+
+from __future__ import annotations
+
+import inspect
+import io
+import sys
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+import ropeode
+from ropeode import bars, simulate
+from ropeode.errors import InputError
+from ropeode.progress import bar, shows_progress, silent
+from ropeode.render.plots.animation import film_bytes
+
+LONG_S = 5.0
+LOOK_S = 0.01
+
+
+class Notebook:
+    """What a notebook was sent: for each output of a cell, its contents one after the other."""
+
+    def __init__(self) -> None:
+        self.outputs: list[list[dict[str, str]]] = []
+        self.seen = threading.Semaphore(0)
+
+    def display(self, bundle, *, raw, display_id):
+        output: list[dict[str, str]] = []
+        self.outputs.append(output)
+
+        def update(bundle, *, raw):
+            output.append(bundle)
+            self.seen.release()
+
+        update(bundle, raw=raw)
+        return SimpleNamespace(update=update)
+
+    def wait(self) -> None:
+        """Until it is sent more than that the work begins."""
+        assert self.seen.acquire(timeout=LONG_S)
+        while "starting" in self.outputs[-1][-1]["text/plain"]:
+            assert self.seen.acquire(timeout=LONG_S)
+
+
+EMPTY = {"text/plain": "", "text/html": ""}
+
+
+@pytest.fixture
+def notebook(monkeypatch):
+    """Stands for Jupyter; there, work of no time shows a bar."""
+    made = Notebook()
+    shell = SimpleNamespace(kernel="a kernel")
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=made.display))
+    monkeypatch.setattr(bars, "AFTER_S", 0.0)
+    monkeypatch.setattr(bars, "EVERY_S", LOOK_S)
+    return made
+
+
+@shows_progress
+def work(until=lambda: None, progress=bar):
+    progress("a < b", 0.25)
+    until()
+    return "done"
+
+
+@shows_progress
+def pieces(until, progress=bar):
+    for piece in range(3):
+        progress(f"piece {piece}", piece / 3)
+        until()
+        yield piece
+
+
+def test_a_notebook_shows_a_bar_which_goes_away(notebook):
+    assert work(notebook.wait) == "done"
+    (output,) = notebook.outputs
+    *_, shown, last = output
+    assert shown["text/plain"].startswith("25 % a < b, ")
+    page = '<progress max="1" value="0.250"></progress> 25 % a &lt; b'
+    assert shown["text/html"].startswith(page)
+    assert last == EMPTY
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_what_is_raised_ends_the_bar(notebook, error):
+    def fail():
+        notebook.wait()
+        raise error
+
+    threads = threading.active_count()
+    for _ in range(2):
+        with pytest.raises(error):
+            work(fail)
+    assert [output[-1] for output in notebook.outputs] == [EMPTY, EMPTY]
+    assert threading.active_count() == threads
+
+
+def test_what_is_done_soon_shows_nothing(notebook, monkeypatch):
+    monkeypatch.setattr(bars, "AFTER_S", LONG_S)
+    assert work() == "done"
+    assert notebook.outputs == []
+
+
+def test_what_runs_inside_shows_no_second_bar(notebook):
+    def inside():
+        notebook.wait()
+        thread = threading.Thread(target=work)
+        thread.start()
+        thread.join()
+        work(lambda: notebook.wait())
+
+    work(inside)
+    assert len(notebook.outputs) == 1
+    # Nor does it where the caller of the whole wants none.
+    said = []
+    work(work, progress=silent)
+    work(work, progress=lambda *each: said.append(each))
+    assert len(notebook.outputs) == 1
+    assert said == [("a < b", 0.25)]
+
+
+def test_an_iterator_has_one_bar_for_all_that_it_yields(notebook):
+    assert list(pieces(notebook.wait)) == [0, 1, 2]
+    output = notebook.outputs[-1]
+    assert {"0 % piece 0", "67 % piece 2"} <= {each["text/plain"].split(",")[0] for each in output}
+    assert output[-1] == EMPTY
+    # One that is left, too; between two pieces other work has its bar.
+    left = pieces(notebook.wait)
+    next(left)
+    work(notebook.wait)
+    del left
+    assert all(output[-1] == EMPTY for output in notebook.outputs)
+    assert len(notebook.outputs) >= 3
+
+
+def test_scripts_and_workers_show_nothing(notebook, monkeypatch):
+    monkeypatch.setattr("multiprocessing.parent_process", lambda: "a process")
+    assert bars.bar_here() is None
+    monkeypatch.undo()
+    assert bars.bar_here() is None
+
+
+def test_a_terminal_where_somebody_types_shows_a_bar(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr(sys, "stderr", screen := Terminal())
+    assert bars.bar_here() is None
+    monkeypatch.setattr(sys, "ps1", ">>> ", raising=False)
+    monkeypatch.setattr(bars, "AFTER_S", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    drawn = threading.Event()
+    draw = bars.TerminalBar.draw
+
+    def seen(*given):
+        draw(*given)
+        drawn.set()
+
+    monkeypatch.setattr(bars.TerminalBar, "draw", seen)
+    work(lambda: drawn.wait(LONG_S))
+    assert "25%" in screen.getvalue()
+    assert "a < b" in screen.getvalue()
+    # It erases its line, and shows the cursor again.
+    assert screen.getvalue().endswith("\x1b[2K")
+    assert "\x1b[?25h" in screen.getvalue()
+
+
+def test_every_public_function_that_takes_progress_shows_a_bar():
+    public = [getattr(ropeode, name) for name in ropeode.__all__]
+    functions = [each for each in public if inspect.isfunction(each)]
+    methods = [
+        method
+        for each in public
+        if inspect.isclass(each)
+        for method in vars(each).values()
+        if inspect.isfunction(method)
+    ]
+    takes = {}
+    for each in [*functions, *methods, film_bytes]:
+        if (parameter := inspect.signature(each).parameters.get("progress")) is not None:
+            assert parameter.kind is parameter.KEYWORD_ONLY, each
+            assert parameter.default is bar, each
+            takes[each.__name__] = each
+            assert each.__code__ is work.__code__, each
+    assert {"reference", "simulate", "save"} <= set(takes)
+
+
+def test_progress_that_cannot_be_called_is_refused(small_rope):
+    with pytest.raises(InputError, match=r"progress: None given; .*ropeode\.progress\.silent"):
+        simulate(small_rope, "rk4", 16, progress=None)  # type: ignore[arg-type]
