@@ -5,8 +5,12 @@ Pyright checks this file, so that what runs here is also what type checkers let 
 
 from __future__ import annotations
 
+import functools
+import inspect
+import re
 from collections.abc import Callable
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, get_type_hints
 
 import jax
 import jax.numpy as jnp
@@ -26,13 +30,15 @@ from ropeode import (
     error_series,
     growth_per_frame,
     jax_stepper,
-    node_paths,
+    load,
     observed_order,
-    reference,
+    save_reference,
     simulate,
     stability_limit,
 )
 from ropeode.errors import InputError
+from ropeode.references.options import Asked, More
+from tests.results import kinds
 
 
 def decay(t, y, args):
@@ -77,20 +83,85 @@ def test_numbers_in_any_form(form):
         np.testing.assert_array_equal(one, other)
 
 
-def test_steps_and_times_in_any_form(small_rope):
-    truth = reference(small_rope)
-    for steps in ((16, 32), np.array([16, 32]), jnp.array([16, 32])):
+@pytest.fixture(scope="module")
+def truth():
+    """A reference that nobody need compute."""
+    return load("pendulum")
+
+
+def test_steps_and_times_in_any_form(truth):
+    forms = ((16, 32), np.array([16, 32]), jnp.array([16, 32]))
+    for steps in forms:
         rows = accuracy_table(truth, ["rk4"], steps).rows
         assert [row.steps_per_frame for row in rows] == [16, 32]
         assert len(error_curves(truth, ("rk4",), steps).curves) == 2
     assert len(energy_curves(truth, ["rk4"], np.array([16])).curves) == 1
-    run = simulate(small_rope, "rk4", 16)
-    for times in ([1.0, 2.0], (1.0, 2.0), np.array([1.0, 2.0]), jnp.array([1.0, 2.0])):
+    run = simulate(truth.problem, "rk4", 16)
+    first = truth.times[1:3]
+    for times in (first, first.tolist(), tuple(first), jnp.asarray(first)):
         series = error_series(run.states[1:3].tolist(), truth, times=times)
         np.testing.assert_array_equal(series.values, error_series(run, truth).values[:2])
 
 
-# Calls with a number, and with an array of a few, that JAX traces: public names, and their calls.
+# Values of the parameters that must be given, in calls of public functions with a number that JAX
+# traces.
+GIVEN: dict[str, Callable[[], Any]] = {
+    "problem": lambda: rope(),
+    "given": lambda: rope(),
+    "ensemble": lambda: ropes(),
+    "steppers": lambda: ["rk4"],
+    "stepper": lambda: "rk4",
+    "step": lambda: "rk4",
+    "what": lambda: force,
+    "steps_per_frame": lambda: 4,
+    "dts": lambda: [1.0, 2.0, 3.0],
+    "errors": lambda: [1.0, 2.0, 3.0],
+    # The numbers are looked at before these.
+    "files": lambda: ["coarse.csv", "fine.csv"],
+    "spec": dict,
+    "folder": lambda: "out",
+    "paths": lambda: None,
+    "explanation": lambda: SimpleNamespace(region="a region", stability=None),
+}
+# What takes numbers by its annotation; Any takes steppers and forms of numbers.
+TAKES_NUMBERS = re.compile(r"\b(float|int|SupportsIndex|ArrayLike)\b|^Any$")
+OPTIONS = {"Unpack[Asked]": Asked, "Unpack[More]": More}
+# Which have no numbers, or are made by ropeode alone; and types that a step of JAX uses.
+NOT_BUILT = {
+    "CheckArgs",
+    "Film",
+    "LinearDamping",
+    "Links",
+    "ObservedOrder",
+    "Phase",
+    "ProblemClass",
+    "Stepper",
+    "SweepSpec",
+    "System",
+}
+
+
+def numbers_of(function: Callable) -> dict[str, str]:
+    """The parameters of a function that take numbers, and their annotations."""
+    found = {}
+    for each in inspect.signature(function).parameters.values():
+        annotation = str(each.annotation)
+        if each.kind is not each.VAR_KEYWORD:
+            found[each.name] = annotation
+        elif annotation in OPTIONS:
+            hints = get_type_hints(OPTIONS[annotation])
+            found |= {name: str(hint) for name, hint in hints.items()}
+    return {name: each for name, each in found.items() if TAKES_NUMBERS.search(each)}
+
+
+PUBLIC = {name: getattr(ropeode, name) for name in vars(ropeode)["__all__"]}
+FUNCTIONS = {
+    name: found
+    for name, each in PUBLIC.items()
+    if inspect.isfunction(each) and (found := numbers_of(each))
+}
+# Calls with a number, and with an array of a few, that JAX traces, where the signature does not
+# tell what they mean.
 TRACED: dict[str, list[Callable[[Any, Any], Any]]] = {
     "Problem": [
         lambda x, _: Problem(decay, [x], [0, 1], 0.1),
@@ -118,68 +189,88 @@ TRACED: dict[str, list[Callable[[Any, Any], Any]]] = {
         lambda x, xs: Ensemble.varying(rope(), args=rope().args._replace(damping=xs)),
     ],
     "Thresholds": [lambda x, _: Thresholds(speed=x)],
-    "simulate": [lambda x, _: simulate(rope(), "rk4", x)],
-    "simulate_chunks": [lambda x, _: ropeode.simulate_chunks(ropes(), "rk4", x)],
     "jax_stepper": [lambda x, _: jax_stepper(rope(), "rk4").states(x)],
-    "reference": [
-        lambda x, _: reference(rope(), accuracy=x),
-        lambda x, _: reference(rope(), rtol=x),
-        lambda x, _: reference(rope(), atol=x),
-        lambda x, _: reference(rope(), time_limit=x),
-    ],
-    "each_reference": [
-        lambda x, _: ropeode.each_reference(ropes(), accuracy=x),
-        lambda x, _: ropeode.each_reference(ropes(), workers=x),
-    ],
-    "accuracy_table": [lambda x, xs: accuracy_table(rope(), ["rk4"], xs)],
-    "error_curves": [lambda x, xs: error_curves(rope(), ["rk4"], xs)],
-    "energy_curves": [lambda x, _: energy_curves(rope(), ["rk4"], [x])],
-    "node_paths": [lambda x, _: node_paths(rope(), ["rk4"], x)],
-    "observed_order": [
-        lambda x, xs: observed_order(xs, [1, 2, 3]),
-        lambda x, xs: observed_order([1, 2, 3], xs),
-        lambda x, xs: observed_order([1, 2, 3], [x, None, 1.0]),
-    ],
-    "growth_per_frame": [
-        lambda x, _: growth_per_frame(rope(), "rk4", x),
-        lambda x, xs: growth_per_frame(rope(), "rk4", 4, rope().y0 * x),
-    ],
+    "observed_order": [lambda x, xs: observed_order([1, 2, 3], [x, None, 1.0])],
+    "growth_per_frame": [lambda x, _: growth_per_frame(rope(), "rk4", 4, rope().y0 * x)],
     "stability_limit": [lambda x, _: stability_limit(rope(), "rk4", rope().y0 * x)],
-    "lyapunov_exponent": [
-        lambda x, _: ropeode.lyapunov_exponent(rope(), tangents=x),
-        lambda x, _: ropeode.lyapunov_exponent(rope(), rtol=x),
-    ],
-    "horizon": [lambda x, _: ropeode.horizon(rope(), [x])],
-    "as_stepper": [lambda x, _: ropeode.as_stepper(force, order=x)],
-    "check_stepper": [lambda x, _: ropeode.check_stepper("rk4", x)],
-    "explain_stepper": [lambda x, xs: ropeode.explain_stepper("rk4", rope(), steps_per_frame=xs)],
     "rope_report": [lambda x, _: ropeode.rope_report([1], x)],
 }
-# The others take results, files and words.
 
 
+@functools.cache
 def rope() -> Any:
     return Rope(num_nodes=4).problem(frames=3)
 
 
+@functools.cache
 def ropes() -> Ensemble:
     return Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.1])
 
 
-@pytest.mark.parametrize("name", TRACED)
-def test_what_jax_traces_is_met_with_what_to_do(name):
-    for use in TRACED[name]:
+def calls_of(name: str, truth: Any, kept: str) -> list[Callable[[Any, Any], Any]]:
+    """Each call with a number, a list or an array of numbers that JAX traces."""
+    calls, function = list(TRACED.get(name, ())), PUBLIC[name]
+    given = {
+        **GIVEN,
+        "reference": lambda: truth,
+        "trajectory": lambda: truth.states,
+        "path": lambda: kept,
+    }
+    for number, annotation in FUNCTIONS.get(name, {}).items():
+        others = {
+            each.name: given[each.name]()
+            for each in inspect.signature(function).parameters.values()
+            if each.default is each.empty and each.kind is not each.VAR_KEYWORD
+        }
+        call = functools.partial(_call, function, number, others)
+        calls.append(lambda x, _, call=call: call(x))
+        if "ArrayLike" in annotation:
+            calls += [
+                lambda x, _, call=call: call([x, 2.0]),
+                lambda _, xs, call=call: call(xs),
+            ]
+    return calls
 
-        def traced(x: Any, use: Callable = use) -> Any:
-            use(x, jnp.stack([x, 2 * x, 3 * x]))
-            return x
 
-        for transformation in (jax.grad, jax.jit):
+def _call(function: Callable, name: str, others: dict[str, Any], value: Any) -> Any:
+    return function(**{**others, name: value})
+
+
+def test_every_public_name_that_takes_numbers_is_known():
+    """Functions by their signatures; of a parameter that is new, `GIVEN` must tell a value."""
+    assert {"reference", "simulate", "accuracy_table", "observed_order"} <= set(FUNCTIONS)
+    classes = {
+        name
+        for name, each in PUBLIC.items()
+        if inspect.isclass(each) and not issubclass(each, Exception)
+    }
+    results = {each.__name__ for each in kinds()} - {"Problem", "Ensemble"}
+    assert classes == {name for name in TRACED if name in classes} | NOT_BUILT | (classes & results)
+
+
+@pytest.fixture(scope="module")
+def kept(truth, tmp_path_factory):
+    """The name of a file of that reference."""
+    path = tmp_path_factory.mktemp("kept") / "pendulum.nc"
+    save_reference(truth, path)
+    return str(path)
+
+
+@pytest.mark.parametrize("name", sorted({*FUNCTIONS, *TRACED}))
+def test_what_jax_traces_is_met_with_what_to_do(name, truth, kept):
+    calls = calls_of(name, truth, kept)
+
+    def traced(x: Any, xs: Any) -> Any:
+        for call in calls:
             with pytest.raises(InputError, match="a value that JAX traces given.*jax_stepper"):
-                transformation(traced)(1.0)
+                call(x, xs)
+        return x + xs[0]
+
+    for transformation in (jax.jit, functools.partial(jax.grad, argnums=(0, 1))):
+        transformation(traced)(1.0, jnp.array([1.0, 2.0, 3.0]))
 
 
-def test_states_that_jax_traces(small_rope):
-    truth, run = reference(small_rope), simulate(small_rope, "rk4", 16)
+def test_states_that_jax_traces(truth):
+    run = simulate(truth.problem, "rk4", 16)
     with pytest.raises(InputError, match="jax_stepper"):
         jax.jit(lambda states: error_series(states, truth).max)(run.states)

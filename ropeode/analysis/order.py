@@ -112,7 +112,9 @@ def observed_order(
             errors than step sizes.
     """
     dt = real_array("dts", dts, "[0.1, 0.05, 0.025]")
-    not_traced("errors", (errors, resolution, rounding))
+    rest = {"errors": errors, "resolution": resolution, "rounding": rounding}
+    for name, value in {**rest, "motion": motion, "claimed": claimed}.items():
+        not_traced(name, value)
     error = np.array([np.nan if e is None else e for e in errors], dtype=np.float64)
     if dt.shape != error.shape or dt.ndim != 1:
         raise bad_value(

@@ -155,12 +155,16 @@ def check_figures(numbers: Sequence[Any] | None) -> list[Figure]:
     figures = all_figures()
     if numbers is None:
         return list(figures.values())
+    allowed = f"whole numbers from 1 to {max(figures)}"
     chosen = []
+    try:
+        numbers = list(numbers)
+    except TypeError:
+        raise bad_value("figures", numbers, allowed, "for example [8, 9]") from None
     for number in numbers:
         try:
             chosen.append(figures[whole_number(number, at_least=1)])
         except (KeyError, ValueError):
-            allowed = f"whole numbers from 1 to {max(figures)}"
             raise bad_value("figures", number, allowed, "for example 8") from None
     if not chosen:
         raise bad_value("figures", [], "at least one figure", "for example 8")

@@ -186,6 +186,7 @@ def tables_in_norms(
             for method in methods
             for each in (problem, rescaled)
         ]
+        progress("compiling the steppers", 0.0)
         reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
         for each in compiled:
             each.result()

@@ -27,7 +27,7 @@ from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import Solver
 from ropeode.references.witnesses import budget_of, primary_solution, witness_runs
-from ropeode.validation import check_positive, complaint
+from ropeode.validation import bad_value, check_positive, check_whole, complaint
 
 SPANS = (100.0, 300.0, 1000.0)
 # Of float64, to whole digits.
@@ -215,6 +215,8 @@ def horizon(
         ReferenceRefused: there is no reference, or no truth, or the two contradict each other.
     """
     problem, spans = problem.up_to_date(), check_spans(problem, spans)
+    digits = check_whole("digits", digits, at_least=1, example="18")
+    time_limit = check_positive("time_limit", time_limit, example="60")
     heyoka()
     reference = reference_for(
         problem, ReferenceOptions(accuracy=accuracy, rtol=rtol), lambda text, _: progress(text, 0.0)
@@ -276,6 +278,10 @@ def check_spans(problem: Problem, spans: Any) -> tuple[float, ...]:
     frame = float(problem.ts[-1] - problem.ts[0]) / problem.frames
     most = _FRAMES_AT_MOST * frame
     numbers, faults = [], []
+    try:
+        spans = list(spans)
+    except TypeError:
+        raise bad_value("spans", spans, "several spans", "for example 100, 300") from None
     for span in spans:
         try:
             numbers.append(check_positive("spans", span, example="100,300"))
@@ -285,8 +291,8 @@ def check_spans(problem: Problem, spans: Any) -> tuple[float, ...]:
         if numbers[-1] > most:
             allowed = f"at most {most:g}, which is {_FRAMES_AT_MOST} frames"
             faults.append(complaint("spans", span, allowed, f"for example spans={most:g}"))
-    if not len(spans):
-        faults.append(complaint("spans", list(spans), "one or more", "for example spans=100,300"))
+    if not spans:
+        faults.append(complaint("spans", spans, "one or more", "for example spans=100,300"))
     if faults:
         raise InputError(faults)
     return tuple(sorted(set(numbers)))

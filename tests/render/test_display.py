@@ -27,13 +27,13 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.files.verify import Verification
 from ropeode.references.solvers.solver import DOPRI8
-from ropeode.render.plots.animation import Film
+from ropeode.render.plots.animation import Film, animate
 from ropeode.render.plots.convergence import plot_convergence
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import System
 from ropeode.steppers.phase import Phase
-from ropeode.study.node_paths import NodePath, node_paths
+from ropeode.study.node_paths import NodePath, NodePaths, node_paths
 from tests.results import check_result, kinds
 
 # Short enough as they are; a film shows its pictures.
@@ -115,6 +115,9 @@ def test_equality_is_that_of_the_content(results):
         assert pickle.loads(pickle.dumps(as_stepper(name))) == as_stepper(name)
     assert as_stepper("diffrax:Heun") != as_stepper("diffrax:Tsit5")
     assert as_stepper(diffrax.Kvaerno3()) == as_stepper("diffrax:Kvaerno3")
+    (paths,) = (each for each in results if isinstance(each, NodePaths))
+    film = animate(paths)
+    assert film == pickle.loads(pickle.dumps(film)) != animate(paths, fps=10)
 
 
 def test_a_copy_of_a_problem_cannot_be_written_to(results):

@@ -21,6 +21,7 @@ from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.references.reference import Reference
+from ropeode.validation import not_traced
 
 
 def checked_runs(
@@ -48,6 +49,7 @@ def checked_runs(
     Raises:
         InputError: they cannot be used; with the mistake that explains it, if there is one.
     """
+    not_traced("dts", dts)
     try:
         runs = read_runs(files, problem, dts, progress, fewest=fewest)
     except InputError:

@@ -21,6 +21,7 @@ from matplotlib.font_manager import findfont
 from matplotlib.text import Text
 from PIL import Image, ImageDraw, ImageFont
 
+from ropeode.equality import ByContent
 from ropeode.files import check_suffix, write_whole
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.render.display import line
@@ -41,7 +42,7 @@ _ANCHORS = {"top": "a", "baseline": "s"}
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Film:
+class Film(ByContent):
     """A film, which a notebook shows where it is the value of a cell.
 
     Arguments:
