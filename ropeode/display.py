@@ -49,7 +49,18 @@ class Tabular(Displayed):
     """A result that is also a table of numbers."""
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame: a row for each sample, run or check. It needs the extra `data`."""
+        """A pandas DataFrame: a row for each sample, run or check. It needs the extra `data`.
+
+        Examples:
+            >>> from ropeode import Rope, simulate
+            >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+            >>> run.to_dataframe()[["time", "x3", "y3"]].round(2)
+               time      x3      y3
+            0   0.0 -400.00  200.00
+            1   1.0 -400.00  199.50
+            2   2.0 -399.99  198.01
+            3   3.0 -399.93  195.54
+        """
         return _frames().dataframe(self)
 
 
@@ -60,6 +71,12 @@ class Sampled(Tabular):
         """An xarray Dataset with axes time, node and component; of many runs, also member.
 
         It needs the extra `data`.
+
+        Examples:
+            >>> from ropeode import Rope, simulate
+            >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+            >>> run.to_xarray()["position"].sel(time=3.0, node=3).values.round(2)
+            array([-399.93,  195.54])
         """
         return _frames().dataset(self)
 

@@ -9,7 +9,16 @@ from typing import Any
 
 
 class RopeodeError(Exception):
-    """Base of every exception that ropeode raises on purpose."""
+    """Base of every exception that ropeode raises on purpose.
+
+    Examples:
+        >>> from ropeode import Rope, RopeodeError
+        >>> try:
+        ...     Rope(num_nodes=-1)
+        ... except RopeodeError as error:
+        ...     print(type(error).__name__)
+        InputError
+    """
 
     def _render_traceback_(self) -> list[str]:
         """What IPython and notebooks show: the sentence, which says all that its reader can mend.
@@ -34,6 +43,11 @@ def full_tracebacks(on: bool = True) -> None:
 
     Arguments:
         on: whether to show the tracebacks.
+
+    Examples:
+        >>> from ropeode import full_tracebacks
+        >>> full_tracebacks()
+        >>> full_tracebacks(False)
     """
     _tracebacks.full = on
 
@@ -44,6 +58,13 @@ class InputError(RopeodeError, ValueError):
     Arguments:
         problems: one line for each fault; it names the field, its value, what is allowed, and
             a fix.
+
+    Examples:
+        >>> from ropeode import Rope
+        >>> Rope(num_nodes=-1)
+        Traceback (most recent call last):
+            ...
+        ropeode.errors.InputError: num_nodes: -1 given; allowed: a whole number >= 1 ...
     """
 
     def __init__(self, problems: str | Iterable[str]):
@@ -52,7 +73,15 @@ class InputError(RopeodeError, ValueError):
 
 
 class UserCodeError(InputError):
-    """The user's code raised an exception, which is the ``__cause__``."""
+    """The user's code raised an exception, which is the ``__cause__``.
+
+    Examples:
+        >>> from ropeode import Problem
+        >>> Problem(lambda t, y, args: y / len(args), [1.0], [0.0, 1.0])
+        Traceback (most recent call last):
+            ...
+        ropeode.errors.UserCodeError: rhs: raised TypeError: object of type 'NoneType' has no ...
+    """
 
 
 def call_user_code(what: str, function: Callable, *args: Any, **named: Any) -> Any:
@@ -86,6 +115,13 @@ class ReferenceRefused(RopeodeError):
         reason: the same as a `ropeode.references.certificate.Reason`, if it is one of these.
         witnesses: the runs that the decision rests on, each a
             `ropeode.references.certificate.Witness`.
+
+    Examples:
+        >>> from ropeode import Rope, reference
+        >>> reference(Rope(num_nodes=4).problem(frames=3), accuracy=1e-20)
+        Traceback (most recent call last):
+            ...
+        ropeode.errors.ReferenceRefused: no reference for 'rope': at t = 1 already the ...
     """
 
     def __init__(self, message: str, reason: str | None = None, witnesses: Iterable[Any] = ()):

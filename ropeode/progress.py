@@ -23,9 +23,17 @@ _at_work = threading.Lock()
 _END = object()
 
 
-def silent(text: str, fraction: float | None) -> None:
-    """Report nothing."""
-    del text, fraction
+class _Silent:
+    """Report nothing. `help` shows its name, where a function would show an address."""
+
+    def __call__(self, text: str, fraction: float | None) -> None:
+        del text, fraction
+
+    def __repr__(self) -> str:
+        return "silent"
+
+
+silent = _Silent()
 
 
 def bar(text: str, fraction: float | None) -> None:

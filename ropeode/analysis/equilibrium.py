@@ -46,6 +46,11 @@ def hanging_equilibrium(problem: Problem) -> np.ndarray:
     Raises:
         InputError: the problem is not mechanical, depends on time, or has no stable
             equilibrium that can be reached so.
+
+    Examples:
+        >>> from ropeode import Rope, hanging_equilibrium
+        >>> hanging_equilibrium(Rope(num_nodes=4).problem(frames=3))[0, 1].round(2)
+        array([ 200.  ,   66.64,  -66.72, -200.06])
     """
     problem = problem.up_to_date()
     problem.require_mechanics("problem")

@@ -46,6 +46,12 @@ class LyapunovExponent(Tabular):
         solver: that integrated state and tangents together.
         rtol: its relative tolerance.
         failure: why it did not reach the last sample; None if it did.
+
+    Examples:
+        >>> from ropeode import load, lyapunov_exponent
+        >>> exponent = lyapunov_exponent(load("lorenz").problem)
+        >>> exponent.interval[0] > 0, round(exponent.resolution, 3)
+        (True, 0.055)
     """
 
     value: float
@@ -121,6 +127,11 @@ def lyapunov_exponent(
 
     Raises:
         InputError: an argument cannot be used, or the solver stops in the first tenth.
+
+    Examples:
+        >>> from ropeode import load, lyapunov_exponent
+        >>> lyapunov_exponent(load("lorenz").problem)
+        <LyapunovExponent: ... per time unit, positive; over 50 time units>
     """
     problem = problem.up_to_date()
     tangents = check_whole("tangents", tangents, at_least=1, example="3")

@@ -39,6 +39,12 @@ class Thresholds:
 
     Raises:
         InputError: one is not a finite number above zero.
+
+    Examples:
+        >>> from ropeode import Rope, Thresholds, classify_motion, simulate
+        >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+        >>> classify_motion(run, Thresholds(stretch=1e-5)).diverged_at
+        3
     """
 
     speed: float = 1e-3
@@ -106,6 +112,12 @@ class Motion(Tabular, Words):
         jitter: the rate at which springs change length, in rest lengths per frame: root mean
             square over all springs and the last tenth of the frames. Zero for a rope that
             swings like a rod.
+
+    Examples:
+        >>> from ropeode import Rope, classify_motion, simulate
+        >>> motion = classify_motion(simulate(Rope(num_nodes=4).problem(frames=3), "rk4", 16))
+        >>> motion.verdict, motion.swings, f"{motion.largest_stretch:.1e}"
+        ('never_settles', 0, '2.2e-05')
     """
 
     largest_stretch: float
@@ -150,6 +162,14 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -
     Raises:
         InputError: the trajectory is not that of a rope that can hang, or its first sample
             has diverged already.
+
+    Examples:
+        >>> from ropeode import Rope, classify_motion, simulate
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> classify_motion(simulate(rope, "rk4", steps_per_frame=16)).verdict
+        'never_settles'
+        >>> classify_motion(simulate(rope, "rk4", steps_per_frame=1)).verdict
+        'diverges'
     """
     measures = measured(trajectory)
     words = _words(measures, thresholds)

@@ -62,6 +62,14 @@ class ObservedOrder:
         left_out: the others, with reasons.
         why: for `undetermined`, what is missing.
         add: for `undetermined`, step sizes of further runs that may decide; from coarse to fine.
+
+    Examples:
+        >>> from ropeode import observed_order
+        >>> order = observed_order([0.1, 0.05, 0.025], [1e-2, 2.5e-3, 6.25e-4])
+        >>> round(order.observed, 2), order.used
+        (2.0, (0.1, 0.05, 0.025))
+        >>> [round(end, 2) for end in order.ci95]
+        [1.99, 2.01]
     """
 
     observed: float | None
@@ -110,6 +118,13 @@ def observed_order(
     Raises:
         InputError: step sizes are not positive and different, or there are more or fewer
             errors than step sizes.
+
+    Examples:
+        >>> from ropeode import observed_order
+        >>> observed_order([0.1, 0.05, 0.025], [1e-2, 2.5e-3, 6.25e-4]).verdict
+        'converges'
+        >>> observed_order([0.1, 0.05], [1e-2, 2.5e-3]).why
+        '2 of 2 step sizes can be used, 3 are needed'
     """
     dt = real_array("dts", dts, "[0.1, 0.05, 0.025]")
     rest = {"errors": errors, "resolution": resolution, "rounding": rounding}

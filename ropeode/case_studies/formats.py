@@ -265,5 +265,12 @@ def format_report(report: Report, form: str = "text") -> str:
 
     Raises:
         InputError: there is no such format.
+
+    Examples:
+        >>> from ropeode import format_report, rope_report
+        >>> print(format_report(rope_report([8], frames=20)))
+        The published rope report, run again. Of the claims of 1 figure, 0 hold, 0 do
+        not, 1 was not watched long enough.
+        ...
     """
     return formatted(report, form, FORMATS)

@@ -135,6 +135,12 @@ class Report(Tabular, written_by="ropeode.case_studies.formats"):
         thresholds: behind the words.
         sensitive_to_thresholds: verdicts that change where a threshold is halved or doubled.
         sensitive_to_rounding: measurements that change with the last digits of the start.
+
+    Examples:
+        >>> from ropeode import rope_report
+        >>> report = rope_report([8], frames=20)
+        >>> report.figures[0].figure.claim, report.figures[0].verdict
+        ('diverges', 'not watched long enough')
     """
 
     figures: tuple[FigureResult, ...]
@@ -164,6 +170,11 @@ def rope_report(
 
     Raises:
         InputError: there is no such figure, or `frames` is not a whole number >= 1.
+
+    Examples:
+        >>> from ropeode import rope_report
+        >>> rope_report([8], frames=20)
+        <Report: Of the claims of 1 figure, 0 hold, 0 do not, 1 was not watched long enough.>
     """
     chosen = check_figures(figures)
     if frames is not None:

@@ -79,6 +79,14 @@ def check_stepper(
         InputError: an argument cannot be used.
         UserCodeError: the step raises, hangs, or returns what is no state; its own exception is
             the cause.
+
+    Examples:
+        >>> from ropeode import check_stepper
+        >>> def explicit_euler(rhs, t, y, dt, args):
+        ...     return y + dt * rhs(t, y, args)
+        >>> report = check_stepper(explicit_euler, expected_order=2, quick=True)
+        >>> print(report.failed[0].line)
+        positions order 1...; velocities order 1...; expected 2
     """
     claims = checked_claims(
         Claims(expected_order, method, symplectic, reversible, conserves_energy)

@@ -31,6 +31,15 @@ class CheckArgs(NamedTuple):
         drive: amplitude of the acceleration ``drive cos(frequency t)`` of all free nodes,
             ``(dim,)``.
         frequency: of the drive, in radians per time unit.
+
+    Examples:
+        >>> from ropeode import check_stepper
+        >>> def implicit_drag(acceleration, t, x, v, dt, args):
+        ...     drag = dt * (args.damping / args.mass)[:, None]
+        ...     v = (v + dt * acceleration(t, x, v, args) + drag * v) / (1 + drag)
+        ...     return x + dt * v, v
+        >>> check_stepper(implicit_drag, expected_order=1, quick=True).verdict
+        'right'
     """
 
     mass: Any

@@ -73,6 +73,17 @@ def grade(
     Raises:
         InputError: an argument or a file cannot be used; one line for each, with the place.
         ReferenceRefused: no reference of the problem can be certified.
+
+    Examples:
+        >>> import numpy as np
+        >>> from ropeode import Rope, grade, simulate
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> files = ["16.npz", "32.npz", "64.npz"]
+        >>> for file, steps in zip(files, [16, 32, 64]):
+        ...     run = simulate(rope, "rk4", steps)
+        ...     np.savez(file, dt=run.dt, t=run.times, positions=run.positions)
+        >>> grade(files, rope, expected_order=4).verdict
+        'right'
     """
     started = time.perf_counter()
     claims = checked_claims(Claims(expected_order, method))

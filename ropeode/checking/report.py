@@ -136,6 +136,12 @@ class CheckReport(Tabular, written_by="ropeode.render.check"):
         diagnosis: the causes of failures; empty if nothing failed.
         notes: further observations, for example that the stepper prints.
         seconds: the time that the check took.
+
+    Examples:
+        >>> from ropeode import check_stepper
+        >>> report = check_stepper("velocity-verlet", expected_order=4, quick=True)
+        >>> report.verdict, [finding.check for finding in report.failed]
+        ('wrong', ['order-unequal', 'order-driven'])
     """
 
     label: str

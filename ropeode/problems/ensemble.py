@@ -43,6 +43,14 @@ class Ensemble(Displayed, Sequence[Problem]):
         member: gives a member by its index.
         built_apart: those members that may differ in what makes a stepper refuse them; the
             others are like the first.
+
+    Examples:
+        >>> from ropeode import Rope
+        >>> ropes = Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.01, 0.1])
+        >>> len(ropes), ropes[0].name
+        (3, 'rope')
+        >>> ropes
+        <Ensemble: 3 problems; the first is rope, 4 nodes, damping 0, 3 frames>
     """
 
     def __init__(
@@ -63,6 +71,11 @@ class Ensemble(Displayed, Sequence[Problem]):
 
         Raises:
             InputError: there is none, or they differ in more than their numbers.
+
+        Examples:
+            >>> from ropeode import Ensemble, Rope
+            >>> Ensemble.of([Rope(num_nodes=4, damping=d).problem(frames=3) for d in (0.01, 0.1)])
+            <Ensemble: 2 problems; the first is rope, 4 nodes, damping 0.01, 3 frames>
         """
         members = list(problems)
         if not members:
@@ -104,6 +117,12 @@ class Ensemble(Displayed, Sequence[Problem]):
         Raises:
             InputError: an array has another shape or numbers that are not finite, or their
                 lengths differ, or there is none.
+
+        Examples:
+            >>> from ropeode import Ensemble, Rope
+            >>> problem = Rope(num_nodes=4).problem(frames=3)
+            >>> Ensemble.varying(problem, y0=[problem.y0, problem.y0 + 1e-6, problem.y0 + 1e-3])
+            <Ensemble: 3 problems; the first is rope, 3 frames>
         """
         not_traced("y0 and args", (y0, args))
         varied: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}

@@ -41,6 +41,14 @@ class InextensibleRope(RopeInput):
 
     Raises:
         InputError: one line for each argument that cannot be used.
+
+    Examples:
+        >>> from ropeode import InextensibleRope
+        >>> rope = InextensibleRope(num_nodes=4)
+        >>> rope.problem(frames=3)
+        <Problem: inextensible rope, 4 nodes, damping 0.01, 3 frames>
+        >>> rope.lengths().round(1)
+        array([133.3, 133.3, 133.3])
     """
 
     kind = "inextensible-rope"

@@ -20,6 +20,16 @@ class LinearDamping(NamedTuple):
         rate: damping per mass, in 1/time; broadcasts against the positions.
         coefficient: the damping coefficient itself, in mass/time. Only a stepper that
             (like the course assignment) uses it without the mass asks for it.
+
+    Examples:
+        >>> from ropeode import LinearDamping, Problem
+        >>> fall = Problem.second_order(
+        ...     acceleration=lambda t, x, v, drag: -9.81 - drag * v / 2.0,  # of a mass of 2
+        ...     x0=[0.0], v0=[1.0], ts=[0.0, 1.0, 2.0], args=0.1,
+        ...     damping=lambda drag: LinearDamping(rate=drag / 2.0, coefficient=drag),
+        ... )
+        >>> fall.mechanics.damping(fall.args)
+        LinearDamping(rate=array(0.05), coefficient=array(0.1))
     """
 
     rate: Any
@@ -40,6 +50,13 @@ class Links(NamedTuple):
         acceleration: of the nodes by everything but links and damping; zero where pinned;
             broadcasts against the positions.
         damping: the damping of the nodes.
+
+    Examples:
+        >>> from ropeode import InextensibleRope
+        >>> problem = InextensibleRope(num_nodes=4).problem(frames=3)
+        >>> links = problem.mechanics.links(problem.args)
+        >>> links.length.round(1), links.inverse_mass
+        (array([133.3, 133.3, 133.3]), array([0., 1., 1., 1.]))
     """
 
     length: Any

@@ -120,6 +120,14 @@ class Problem(Displayed):
     Raises:
         InputError: one line for each argument that cannot be used.
         UserCodeError: `rhs` raised; its own exception is the cause.
+
+    Examples:
+        >>> from ropeode import Problem
+        >>> decay = Problem(lambda t, y, rate: -rate * y, [1.0], [0.0, 1.0, 2.0], 0.5, "decay")
+        >>> decay
+        <Problem: decay, 2 frames>
+        >>> decay.rhs(0.0, decay.y0, decay.args)
+        array([-0.5])
     """
 
     rhs: Rhs
@@ -319,6 +327,15 @@ class Problem(Displayed):
         Raises:
             InputError: an argument cannot be used, or `damping` is not what the
                 acceleration does.
+
+        Examples:
+            >>> from ropeode import Problem
+            >>> spring = Problem.second_order(lambda t, x, v, k: -k * x, [1], [0], [0, 1, 2], 4)
+            >>> spring.y0.shape
+            (2, 1)
+            >>> spring.rhs(0.0, spring.y0, spring.args)
+            array([[ 0.],
+                   [-4.]])
         """
         refuse_others(more, (*_MORE, "damping", "links", "node_axis", "in_turn"))
         if is_tree(x0):
@@ -392,6 +409,12 @@ class Problem(Displayed):
         Raises:
             InputError: an argument cannot be used.
             UserCodeError: `fun` raised, or the same arguments gave different results.
+
+        Examples:
+            >>> from ropeode import Problem
+            >>> turn = Problem.from_scipy(lambda t, y: [y[1], -y[0]], (0, 2), [1, 0], frames=4)
+            >>> turn.ts
+            array([0. , 0.5, 1. , 1.5, 2. ])
         """
         refuse_others(more, _MORE)
         return cls(**{**scipy_form(fun, t_span_or_ts, y0, args, frames), **more})
@@ -412,6 +435,13 @@ class Problem(Displayed):
         Raises:
             InputError: the problem has no equations.
             UserCodeError: a function of the user's raised.
+
+        Examples:
+            >>> from scipy.integrate import solve_ivp
+            >>> from ropeode import Rope
+            >>> ivp = Rope(num_nodes=4).problem(frames=3).to_scipy()
+            >>> solve_ivp(**ivp, method="DOP853", rtol=1e-9).y.shape
+            (16, 4)
         """
         now = self.up_to_date()
         return {
@@ -452,6 +482,11 @@ class Problem(Displayed):
 
         Arguments:
             samples: how many leading sample times to keep, 2 or more.
+
+        Examples:
+            >>> from ropeode import Rope
+            >>> Rope(num_nodes=4).problem(frames=3).until(2).ts
+            array([0., 1.])
         """
         ts = self.ts[:samples]
         return self.changed(ts=ts, jump_times=tuple(t for t in self.jump_times if t < ts[-1]))
@@ -470,6 +505,15 @@ class Problem(Displayed):
 
         Returns:
             A pytree whose arrays are those of the initial state, with an axis of times in front.
+
+        Examples:
+            >>> from ropeode import Problem
+            >>> start = {"x": 1.0, "v": 0.0}
+            >>> turn = Problem(lambda t, y, args: {"x": y["v"], "v": -y["x"]}, start, [0.0, 1.0])
+            >>> turn.y0
+            array([0., 1.])
+            >>> turn.unravel(turn.y0)
+            {'v': array(0.), 'x': array(1.)}
         """
         return states if self.structure is None else self.structure.unravel(states)
 
@@ -481,6 +525,14 @@ class Problem(Displayed):
         Arguments:
             name: one of `quantities`.
             states: shape ``(times, *y0.shape)``.
+
+        Examples:
+            >>> from ropeode import Rope, simulate
+            >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+            >>> run.problem.quantities
+            ('position', 'velocity')
+            >>> run.problem.quantity("velocity", run.states)[-1, 3].round(2)
+            array([ 0.09, -2.96])
         """
         if self.mechanics is None:
             return states.reshape(len(states), -1, 1)
@@ -494,6 +546,12 @@ class Problem(Displayed):
 
         Raises:
             InputError: this is not a second-order problem.
+
+        Examples:
+            >>> from ropeode import Rope, simulate
+            >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+            >>> run.problem.positions(run.states)[-1, 3].round(2)
+            array([-399.93,  195.54])
         """
         self.require_mechanics("positions")
         return self.quantity("position", states)
@@ -503,6 +561,12 @@ class Problem(Displayed):
 
         Raises:
             InputError: this is not a second-order problem.
+
+        Examples:
+            >>> from ropeode import Rope, simulate
+            >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+            >>> run.problem.velocities(run.states)[-1, 3].round(2)
+            array([ 0.09, -2.96])
         """
         self.require_mechanics("velocities")
         return self.quantity("velocity", states)
@@ -531,6 +595,12 @@ class Problem(Displayed):
 
         Raises:
             InputError: the problem has no energy.
+
+        Examples:
+            >>> from ropeode import Rope, simulate
+            >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+            >>> run.problem.energies(run.states).round(2)
+            array([800.  , 799.99, 799.92, 799.74])
         """
         self.require_equations()
         if self.energy is None:
@@ -552,6 +622,13 @@ class Problem(Displayed):
 
         Arguments:
             states: shape ``(times, *y0.shape)``, taken at the first sample times.
+
+        Examples:
+            >>> from ropeode import InextensibleRope, simulate
+            >>> rope = InextensibleRope(num_nodes=4).problem(frames=3)
+            >>> drift = rope.drift(simulate(rope, "rk4", steps_per_frame=1).states)
+            >>> {quantity: f"{values.max():.0e}" for quantity, values in drift.items()}
+            {'position': '6e-06', 'velocity': '3e-07'}
         """
         if self.constraints is None:
             return {}

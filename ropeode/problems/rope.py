@@ -36,6 +36,11 @@ class Rope(RopeInput):
 
     Raises:
         InputError: one line for each argument that cannot be used.
+
+    Examples:
+        >>> from ropeode import Rope
+        >>> Rope(num_nodes=4, damping=0.05).problem(frames=3)
+        <Problem: rope, 4 nodes, damping 0.05, 3 frames>
     """
 
     kind = "rope"

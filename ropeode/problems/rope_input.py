@@ -194,6 +194,12 @@ class RopeInput(Input):
 
         Raises:
             InputError: one line for each array that cannot be used.
+
+        Examples:
+            >>> from ropeode import Rope
+            >>> ropes = Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.01, 0.1])
+            >>> ropes[2]
+            <Problem: rope, 4 nodes, damping 0.1, 3 frames>
         """
         # Not above: few ropes become an ensemble.
         from ropeode.problems.rope_ensemble import rope_ensemble
@@ -205,6 +211,12 @@ class RopeInput(Input):
 
         Raises:
             InputError: `frames` is not a whole number >= 1.
+
+        Examples:
+            >>> from ropeode import Rope
+            >>> problem = Rope(num_nodes=4).problem(frames=3)
+            >>> problem.y0.shape, problem.ts
+            ((2, 2, 4), array([0., 1., 2., 3.]))
         """
         frames = check_whole("frames", frames, at_least=1, example="20")
         x0, v0 = self.y0()

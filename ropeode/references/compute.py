@@ -96,6 +96,14 @@ def reference(
     Raises:
         InputError: an argument cannot be used.
         ReferenceRefused: not even the first sample can be trusted; says why.
+
+    Examples:
+        >>> from ropeode import Rope, reference
+        >>> truth = reference(Rope(num_nodes=4).problem(frames=3))
+        >>> truth
+        <Reference: rope, 4 nodes, damping 0.01, 3 frames; diffrax Dopri8, estimated bound ...>
+        >>> truth.positions[-1, 3].round(6)
+        array([-399.931534,  195.544665])
     """
     options = ReferenceOptions(
         accuracy=accuracy,
@@ -146,6 +154,14 @@ def each_reference(
 
     Raises:
         InputError: an argument cannot be used.
+
+    Examples:
+        >>> from ropeode import Rope, each_reference
+        >>> ropes = Rope(num_nodes=4).ensemble(frames=3, damping=[0.01, 0.1])
+        >>> for truth in each_reference(ropes):
+        ...     print(truth.problem.name, truth.positions[-1, 3].round(4))
+        rope [-399.9315  195.5447]
+        rope [-399.9424  195.9182]
     """
     options = ReferenceOptions(accuracy=accuracy, rtol=rtol, **more)
     count = cores() if workers is None else check_whole("workers", workers, at_least=1, example="2")

@@ -25,6 +25,15 @@ class Reference(Sampled):
             `certificate.trusted` of them are inside the trust horizon.
         certificate: how far it can be trusted, and why.
         dense: the states between the samples as well; None where there is no dense output.
+
+    Examples:
+        >>> from ropeode import load
+        >>> truth = load("kepler")
+        >>> truth
+        <Reference: Kepler, 90 frames; heyoka Taylor, 124 bits, estimated bound 1.1e-16,
+        trusted to the end>
+        >>> truth.states.shape, truth.trusted, truth.horizon
+        ((91, 2, 1, 2), 91, None)
     """
 
     problem: Problem
@@ -68,6 +77,12 @@ class Reference(Sampled):
         Arguments:
             norm: in which the error is measured; the bound is for the largest node, which
                 no norm exceeds. By default the problem's first quantity.
+
+        Examples:
+            >>> from ropeode import load
+            >>> bound = load("robertson").bound()
+            >>> f"{bound[1]:.0e}, {bound[-1]:.0e}"
+            '8e-12, 3e-10'
         """
         quantity = (norm or norm_for(self.problem)).quantity
         return self.certificate.bounds[quantity][: self.trusted]
@@ -83,6 +98,14 @@ class Reference(Sampled):
 
         Raises:
             InputError: the reference has no dense output, or it does not cover a time.
+
+        Examples:
+            >>> from ropeode import Rope, reference
+            >>> truth = reference(Rope(num_nodes=4).problem(frames=3), dense=True)
+            >>> truth.at([0.5, 1.5]).shape
+            (2, 2, 2, 4)
+            >>> truth.at(1.5)[0, 1].round(6)
+            array([200.      , 198.880646, 198.880604, 198.880604])
         """
         states = self._dense().at(times)
         return states if np.ndim(times) else states[0]
@@ -96,6 +119,12 @@ class Reference(Sampled):
 
         Raises:
             InputError: the reference has no dense output, or it does not cover a time.
+
+        Examples:
+            >>> from ropeode import Rope, reference
+            >>> truth = reference(Rope(num_nodes=4).problem(frames=3), dense=True)
+            >>> truth.bound_at([0.5, 1.5]) < 1e-9
+            array([ True,  True])
         """
         bounds = self._dense().bound_at(times, (norm or norm_for(self.problem)).quantity)
         return bounds if np.ndim(times) else bounds[0]

@@ -83,6 +83,17 @@ def format_table(table: AccuracyTable, form: str = "text", **layout: Any) -> str
 
     Raises:
         InputError: there is no such format, or the layout cannot be used.
+
+    Examples:
+        >>> from ropeode import Rope, accuracy_table, format_table
+        >>> table = accuracy_table(Rope(num_nodes=4).problem(frames=3), ["rk4"], [16, 32, 64])
+        >>> print(format_table(table))
+        Accuracy of steppers: rope, 4 nodes, damping 0.01, 3 frames
+        Error: largest distance of a node, over samples 1 to 3.
+        ...
+        rk4
+            converges, order 3.9... [3.6..., 4.2...], 16 to 64 steps/frame; expected 4
+        ...
     """
     if layout and form != "latex":
         raise bad_value("format", form, f"latex, with {', '.join(layout)}", "choose latex")
@@ -98,6 +109,12 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
 
     Raises:
         InputError: there is no such format.
+
+    Examples:
+        >>> from ropeode import Rope, format_horizon, horizon
+        >>> print(format_horizon(horizon(Rope(num_nodes=4).problem(frames=3), spans=[3.0])))
+        Horizon of float64 references: rope, 4 nodes, damping 0.01, 3 frames
+        ...
     """
     # Each kind of result is imported with its own renderer: few commands have two.
     from ropeode.render import horizon as of
@@ -116,6 +133,14 @@ def format_check(report: CheckReport, form: str = "text") -> str:
 
     Raises:
         InputError: there is no such format.
+
+    Examples:
+        >>> from ropeode import check_stepper, format_check
+        >>> report = check_stepper("rk4", expected_order=4, only=["order-driven"])
+        >>> print(format_check(report))
+        Check of rk4: claimed to be of order 4
+        ok     order-driven  positions order ...
+        Right: 1 of 1 check passed, none failed (... s).
     """
     from ropeode.render import check as of
 
@@ -131,6 +156,16 @@ def format_explanation(explanation: Explanation, form: str = "text") -> str:
 
     Raises:
         InputError: there is no such format.
+
+    Examples:
+        >>> from ropeode import Rope, explain_stepper, format_explanation
+        >>> explained = explain_stepper("explicit-euler", Rope(num_nodes=4).problem(frames=3))
+        >>> print(format_explanation(explained))
+        explicit-euler: rope, 4 nodes, damping 0.01, 3 frames
+        One step
+        --------
+        At dt = 0 the step is the identity, to ...
+        ...
     """
     from ropeode.render import explanation as of
 

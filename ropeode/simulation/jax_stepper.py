@@ -34,6 +34,16 @@ class JaxStepper(Displayed):
     Arguments:
         problem: whose equations and sample times it has.
         method: the stepper, which JAX can compile.
+
+    Examples:
+        >>> import jax
+        >>> from ropeode import Rope, jax_stepper
+        >>> jax.config.update("jax_enable_x64", True)
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> rk4 = jax_stepper(rope, "rk4")
+        >>> carried = rk4.step(0.0, rk4.init(0.0, rope.y0, 0.25, rope.args), 0.25, rope.args)
+        >>> rk4.state(0.25, carried, 0.25, rope.args)[0, 1].round(3)
+        Array([200.   , 199.969, 199.969, 199.969], dtype=float64)
     """
 
     problem: Problem
@@ -67,6 +77,15 @@ class JaxStepper(Displayed):
 
         Raises:
             InputError: `steps_per_frame` cannot be used, or JAX is not in float64 mode.
+
+        Examples:
+            >>> import jax
+            >>> from ropeode import Rope, jax_stepper
+            >>> jax.config.update("jax_enable_x64", True)
+            >>> rk4 = jax_stepper(Rope(num_nodes=4).problem(frames=3), "rk4")
+            >>> slope = jax.grad(lambda y0: rk4.states(16, y0=y0)[-1, 0, 1, 3])(rk4.problem.y0)
+            >>> slope[1, 1, 3].round(2)
+            Array(2.95, dtype=float64)
         """
         steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
         init, step, state = self._functions()
@@ -115,6 +134,14 @@ def jax_stepper(problem: Problem, stepper: Any) -> JaxStepper:
     Raises:
         InputError: there is no such stepper, it cannot run on the problem, or it runs in Python.
         UserCodeError: a user's step raised, or returned something that is no state.
+
+    Examples:
+        >>> import jax
+        >>> from ropeode import Rope, jax_stepper
+        >>> jax.config.update("jax_enable_x64", True)
+        >>> rk4 = jax_stepper(Rope(num_nodes=4).problem(frames=3), "rk4")
+        >>> rk4.states(16)[-1, 0, 1].round(2)
+        Array([200.  , 195.55, 195.54, 195.54], dtype=float64)
     """
     require_problem(problem)
     problem = problem.up_to_date()

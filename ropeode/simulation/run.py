@@ -67,6 +67,14 @@ def simulate(
             not a whole number >= 1, or the states of an ensemble do not fit into memory.
         UserCodeError: a user's step raised, returned something that is no state, or keeps hidden
             state.
+
+    Examples:
+        >>> from ropeode import Rope, simulate
+        >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+        >>> run.status, run.states.shape
+        ('ok', (4, 2, 2, 4))
+        >>> run.positions[-1, 3].round(2)
+        array([-399.93,  195.54])
     """
     if isinstance(given, Ensemble):
         _check_memory(given)
@@ -100,6 +108,13 @@ def simulate_chunks(
 
     Raises:
         InputError: as for `simulate`.
+
+    Examples:
+        >>> from ropeode import Rope, simulate_chunks
+        >>> ropes = Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.01, 0.1])
+        >>> for some in simulate_chunks(ropes, "rk4", steps_per_frame=16):
+        ...     print(some.start, some.states.shape)
+        0 (4, 2, 2, 4, 3)
     """
     steps, ensemble = _check_steps(steps_per_frame), ensemble.up_to_date()
     first = ensemble.first

@@ -30,6 +30,14 @@ class Trajectory(Sampled):
             the step makes them in a loop, whose length nobody knows.
         seconds: to run, without compiling.
         compile_seconds: to trace and compile; 0 if that had been done before.
+
+    Examples:
+        >>> from ropeode import Rope, simulate
+        >>> run = simulate(Rope(num_nodes=4).problem(frames=3), "rk4", steps_per_frame=16)
+        >>> run
+        <Trajectory: rk4, 16 steps/frame; rope, 4 nodes, damping 0.01, 3 frames; ok, 4 samples>
+        >>> run.dt, run.rhs_evaluations
+        (0.0625, 192)
     """
 
     problem: Problem
@@ -84,6 +92,13 @@ class Trajectories(Sampled):
             `Trajectory`.
         seconds: to run all these members, without compiling.
         compile_seconds: to trace and compile; 0 if that had been done before.
+
+    Examples:
+        >>> from ropeode import Rope, simulate
+        >>> ropes = Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.01, 0.1])
+        >>> runs = simulate(ropes, "rk4", steps_per_frame=16)
+        >>> runs.states.shape, runs[1].status
+        ((4, 2, 2, 4, 3), 'ok')
     """
 
     ensemble: Ensemble

@@ -23,6 +23,12 @@ class ProblemClass(NamedTuple):
         damped: the acceleration contains damping.
         at_rest: all initial velocities are zero.
         rigid: its nodes are joined by rigid links (a rope that is not: by springs).
+
+    Examples:
+        >>> from ropeode import ProblemClass, as_stepper
+        >>> verlet = as_stepper("stormer-verlet:damping=lagged")
+        >>> verlet.order(ProblemClass()), verlet.order(ProblemClass(damped=True))
+        (2, 1)
     """
 
     damped: bool = False
@@ -53,6 +59,17 @@ class System:
         mechanical: whether the problem has positions and velocities.
         damping: the `LinearDamping` inside the acceleration; None if it is not known.
         links: the `Links` between neighbours; None if nodes do not stand in a row.
+
+    Examples:
+        >>> from ropeode import Phase, Rope, Stepper, simulate
+        >>> class Symplectic(Stepper):
+        ...     needs = "second order"
+        ...     def step(self, system, t, carried, dt):
+        ...         v = carried.v + dt * system.acceleration(t, carried.x, carried.v)
+        ...         return Phase(carried.x + dt * v, v)
+        >>> simulate(Rope(num_nodes=4).problem(frames=3), Symplectic(), steps_per_frame=16)
+        <Trajectory: Symplectic, 16 steps/frame; rope, 4 nodes, damping 0.01, 3 frames; ok,
+        4 samples>
     """
 
     equations: Equations
@@ -97,6 +114,15 @@ class Stepper(abc.ABC):
             with the same results, is compiled, and the rest runs in Python.
         any_layout: whether it works whichever axis counts the nodes, and on several ropes whose
             nodes stand in turn (see `Links`). If not, it is handed ``(nodes, dim)``.
+
+    Examples:
+        >>> from ropeode import Rope, Stepper, simulate
+        >>> class Midpoint(Stepper):
+        ...     def step(self, system, t, carried, dt):
+        ...         half = carried + dt / 2 * system.rhs(t, carried)
+        ...         return carried + dt * system.rhs(t + dt / 2, half)
+        >>> simulate(Rope(num_nodes=4).problem(frames=3), Midpoint(), steps_per_frame=16)
+        <Trajectory: Midpoint, 16 steps/frame; rope, 4 nodes, damping 0.01, 3 frames; ok, 4 samples>
     """
 
     name: ClassVar[str] = ""
@@ -119,6 +145,13 @@ class Stepper(abc.ABC):
         """The order of convergence that it declares; None where it declares none.
 
         0 stands for a stepper that converges to another solution.
+
+        Examples:
+            >>> from ropeode import ProblemClass, as_stepper
+            >>> as_stepper("rk4").order(ProblemClass())
+            4
+            >>> as_stepper("stormer-verlet:damping=lagged").order(ProblemClass(damped=True))
+            1
         """
         del problem_class
         return None

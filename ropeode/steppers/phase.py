@@ -42,6 +42,13 @@ class Phase:
     Arguments:
         x: positions, ``(nodes, dim)``.
         v: velocities, of the same shape.
+
+    Examples:
+        >>> import numpy as np
+        >>> from ropeode import Phase
+        >>> y = Phase(np.array([[0.0, 1.0]]), np.array([[2.0, 0.0]]))
+        >>> y + 0.5 * Phase(y.v, np.array([[0.0, -9.81]]))
+        Phase(x=array([[1., 1.]]), v=array([[ 2.   , -4.905]]))
     """
 
     x: Any

@@ -53,6 +53,14 @@ def as_stepper(
     Raises:
         InputError: it is none of these, or an argument does not go with it.
         UserCodeError: the user's file or class raised.
+
+    Examples:
+        >>> from ropeode import as_stepper
+        >>> as_stepper("diffrax:Tsit5")
+        DiffraxStepper(solver=Tsit5())
+        >>> mine = as_stepper(lambda rhs, t, y, dt, args: y + dt * rhs(t, y, args), label="mine")
+        >>> mine.label
+        'mine'
     """
     if order is not None:
         order = check_whole("order", order, at_least=1, example="2")

@@ -109,6 +109,11 @@ def error_curves(
     Raises:
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference of the problem can be certified.
+
+    Examples:
+        >>> from ropeode import Rope, error_curves
+        >>> error_curves(Rope(num_nodes=4).problem(frames=3), ["rk4"], [16, 64])
+        <ErrorCurves: rope, 4 nodes, damping 0.01, 3 frames; position-max of 2 runs (rk4)>
     """
     measure = norm_for(problem_of(problem), norm)
     own, options = problem_of(problem), ReferenceOptions(**asked)

@@ -93,6 +93,11 @@ def energy_curves(
     Raises:
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: the energy is not conserved, and no reference can be certified.
+
+    Examples:
+        >>> from ropeode import Rope, energy_curves
+        >>> energy_curves(Rope(num_nodes=4).problem(frames=3), ["rk4"], [16])
+        <EnergyCurves: rope, 4 nodes, damping 0.01, 3 frames; energies of 1 runs (rk4)>
     """
     own = problem_of(problem)
     check_energy(own)

@@ -178,6 +178,12 @@ class Explanation(Tabular, written_by="ropeode.render.explanation"):
             run; or why there is none; None where the step is not symplectic, or keeps the energy.
         equal: steppers of ropeode that make the same steps.
         compared: the difference from the method that was named, if one was.
+
+    Examples:
+        >>> from ropeode import Rope, explain_stepper
+        >>> explain_stepper("explicit-euler", Rope(num_nodes=4).problem(frames=3))
+        <Explanation: explicit-euler: rope, 4 nodes, damping 0.01, 3 frames; local order 1,
+        observed 1.0...>
     """
 
     stepper: str
@@ -228,6 +234,12 @@ def explain_stepper(
         InputError: one line for each argument that cannot be used.
         UserCodeError: the step raised, or returned what is no state.
         ReferenceRefused: no reference of the problem can be certified.
+
+    Examples:
+        >>> from ropeode import Rope, explain_stepper
+        >>> explained = explain_stepper("explicit-euler", Rope(num_nodes=4).problem(frames=3))
+        >>> explained.local.order, round(explained.tables[0].orders[0].order.observed, 1)
+        (1, 1.0)
     """
     own, options = problem_of(problem), ReferenceOptions(**asked)
     norms = tuple(largest_norms(own).values()) if norm is None else (norm_for(own, norm),)

@@ -149,6 +149,12 @@ class Horizon(Tabular, written_by="ropeode.render.horizon"):
         exponent: the largest Lyapunov exponent, over the longest span.
         digits: requested at the end of each span.
         needs: for each span.
+
+    Examples:
+        >>> from ropeode import Rope, horizon
+        >>> study = horizon(Rope(num_nodes=4).problem(frames=3), spans=[3.0])
+        >>> [(need.span, round(need.digits, 1)) for need in study.needs]
+        [(3.0, 18.2)]
     """
 
     problem: Problem
@@ -213,6 +219,11 @@ def horizon(
         InputError: one line for each argument that cannot be used; the right-hand side cannot
             be translated, or heyoka is missing.
         ReferenceRefused: there is no reference, or no truth, or the two contradict each other.
+
+    Examples:
+        >>> from ropeode import Rope, horizon
+        >>> horizon(Rope(num_nodes=4).problem(frames=3), spans=[3.0])
+        <Horizon: rope, 4 nodes, damping 0.01, 3 frames; float64 trusted to the end>
     """
     problem, spans = problem.up_to_date(), check_spans(problem, spans)
     digits = check_whole("digits", digits, at_least=1, example="18")

@@ -104,6 +104,11 @@ def node_paths(
     Raises:
         InputError: one line for each argument that cannot be used.
         ReferenceRefused: no reference of the problem can be certified.
+
+    Examples:
+        >>> from ropeode import Rope, node_paths
+        >>> node_paths(Rope(num_nodes=4).problem(frames=3), ["rk4"], steps_per_frame=16)
+        <NodePaths: rope, 4 nodes, damping 0.01, 3 frames; 25 samples of 1 runs (rk4)>
     """
     source, problem = problem, problem_of(problem)
     check_positions(problem)

@@ -56,6 +56,12 @@ def run_sweep(
         InputError: the spec or the folder cannot be used, the folder belongs to another sweep
             or is locked, an extra is not installed, or no scheduler answers.
         RopeodeError: the disk is full, or all workers have gone; finished cases are kept.
+
+    Examples:
+        >>> from ropeode import run_sweep
+        >>> grid = {"damping": [0.0, 0.1], "num_nodes": [4], "frames": [3]}
+        >>> run_sweep({"steppers": ["rk4"], "grid": grid}, "ropes")
+        <SweepSummary: ropes: 6 of 6 cases>
     """
     with reserved(folder) as lock:
         return run_in(

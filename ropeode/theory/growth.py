@@ -96,6 +96,12 @@ def growth_per_frame(
     Raises:
         InputError: the stepper cannot run on this problem, `steps_per_frame` is not a whole
             number >= 1, or there is no equilibrium.
+
+    Examples:
+        >>> from ropeode import Rope, growth_per_frame
+        >>> growth = growth_per_frame(Rope(num_nodes=4).problem(frames=3), "explicit-euler", 64)
+        >>> round(growth.per_frame, 2), growth.predicted_blow_up
+        (11.43, 16)
     """
     steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
     return _Linearised(problem, stepper, y).growth(steps)
@@ -119,6 +125,12 @@ def stability_limit(problem: Problem, stepper: Any, y: ArrayLike | None = None) 
 
     Raises:
         InputError: the stepper cannot run on this problem, or there is no equilibrium.
+
+    Examples:
+        >>> from ropeode import Rope, stability_limit
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> stability_limit(rope, "rk4"), stability_limit(rope, "semi-implicit-euler")
+        (7, 10)
     """
     linearised = _Linearised(problem, stepper, y)
     return fewest_steps(lambda steps: linearised.growth(steps).stable)

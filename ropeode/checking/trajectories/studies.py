@@ -102,6 +102,15 @@ def trajectory_errors(
     Raises:
         InputError: an argument or a file cannot be used; one line for each, with the place.
         ReferenceRefused: no reference of the problem can be certified.
+
+    Examples:
+        >>> import numpy as np
+        >>> from ropeode import Rope, simulate, trajectory_errors
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> run = simulate(rope, "rk4", steps_per_frame=16)
+        >>> np.savez("run.npz", dt=run.dt, t=run.times, positions=run.positions)
+        >>> f"{trajectory_errors(['run.npz'], rope).rows[0].error_max:.1e}"
+        '9.0e-07'
     """
     runs, measure = _runs(files, problem, dts, norm, progress, asked)
     reference = _reference(problem, progress, asked)
@@ -133,6 +142,15 @@ def trajectory_error_curves(
     """Errors of trajectories against time, for `ropeode.plot_errors`.
 
     Arguments and errors are those of `trajectory_errors`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from ropeode import Rope, simulate, trajectory_error_curves
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> run = simulate(rope, "rk4", steps_per_frame=16)
+        >>> np.savez("run.npz", dt=run.dt, t=run.times, positions=run.positions)
+        >>> trajectory_error_curves(["run.npz"], rope)
+        <ErrorCurves: rope, 4 nodes, damping 0.01, 3 frames; position-max of 1 runs (run.npz)>
     """
     runs, measure = _runs(files, problem, dts, norm, progress, asked)
     reference = _reference(problem, progress, asked)
@@ -153,6 +171,16 @@ def trajectory_energy_curves(
     """Energies of trajectories against time, for `ropeode.plot_energies`.
 
     Arguments and errors are those of `trajectory_errors`; the files need velocities.
+
+    Examples:
+        >>> import numpy as np
+        >>> from ropeode import Rope, simulate, trajectory_energy_curves
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> run = simulate(rope, "rk4", steps_per_frame=16)
+        >>> x, v = run.positions, run.velocities
+        >>> np.savez("run.npz", dt=run.dt, t=run.times, positions=x, velocities=v)
+        >>> trajectory_energy_curves(["run.npz"], rope)
+        <EnergyCurves: rope, 4 nodes, damping 0.01, 3 frames; energies of 1 runs (run.npz)>
     """
     own = problem_of(problem)
     check_energy(own)
@@ -178,6 +206,16 @@ def trajectory_paths(
 
     Where all files have samples between those of the problem, the film shows up to 8 in each
     frame. Arguments and errors are those of `trajectory_errors`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from ropeode import Rope, simulate, trajectory_paths
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> run = simulate(rope, "rk4", steps_per_frame=16)
+        >>> np.savez("run.npz", dt=run.dt, t=run.times, positions=run.positions)
+        >>> trajectory_paths(["run.npz"], rope)
+        <NodePaths: rope, 4 nodes, damping 0.01, 3 frames; 4 samples of 1 runs
+        (run.npz, dt = 0.0625)>
     """
     own = problem_of(problem)
     check_positions(own)

@@ -85,6 +85,12 @@ def load(name: str) -> Reference:
 
     Raises:
         InputError: there is none of this name, or its file is not as it was written.
+
+    Examples:
+        >>> from ropeode import load
+        >>> load("kepler")
+        <Reference: Kepler, 90 frames; heyoka Taylor, 124 bits, estimated bound 1.1e-16,
+        trusted to the end>
     """
     # Not `find`: a file of the same name in the current folder is another matter.
     return load_reference(_stored_file("name", name))

@@ -45,6 +45,11 @@ def save_reference(reference: Reference, path: str | Path) -> Path:
 
     Raises:
         InputError: its name does not end in ``.nc``, or it cannot be written.
+
+    Examples:
+        >>> from ropeode import load, save_reference
+        >>> str(save_reference(load("kepler"), "mine.nc"))
+        'mine.nc'
     """
     path = check_reference_path(path)
     # Not above: HDF5 takes its time to load, and a command that writes no file does without.
@@ -80,6 +85,13 @@ def load_reference(path: str | Path, problem: Problem | None = None) -> Referenc
     Raises:
         InputError: the file is not as it was written, or holds no reference, or one of another
             problem; says what differs.
+
+    Examples:
+        >>> from ropeode import load, load_reference, save_reference
+        >>> path = save_reference(load("kepler"), "mine.nc")
+        >>> load_reference(path)
+        <Reference: Kepler, 90 frames; heyoka Taylor, 124 bits, estimated bound 1.1e-16,
+        trusted to the end>
     """
     return reference_from(stored_facts(path), problem)
 

@@ -37,6 +37,13 @@ class Verification(Tabular):
         distances: for each quantity, the largest distance over the samples.
         outside: the first sample time at which the distance exceeds the sum of the bounds, for
             each quantity that has one.
+
+    Examples:
+        >>> from ropeode import Rope, reference, save_reference, verify_reference
+        >>> path = save_reference(reference(Rope(num_nodes=4).problem(frames=3)), "rope.nc")
+        >>> found = verify_reference(path)
+        >>> found.samples, found.of, found.agrees
+        (4, 4, True)
     """
 
     path: Path
@@ -74,6 +81,12 @@ def verify_reference(
     Raises:
         InputError: as for `load_reference`.
         ReferenceRefused: the problem has no reference with today's solvers.
+
+    Examples:
+        >>> from ropeode import Rope, reference, save_reference, verify_reference
+        >>> path = save_reference(reference(Rope(num_nodes=4).problem(frames=3)), "rope.nc")
+        >>> verify_reference(path)
+        <Verification: rope.nc: agrees, 4 of 4 samples compared>
     """
     facts = stored_facts(path)
     stored = reference_from(facts, problem)

@@ -48,6 +48,13 @@ class Film(ByContent):
     Arguments:
         paths: what it shows.
         fps: pictures per second.
+
+    Examples:
+        >>> from ropeode import Rope, animate, node_paths
+        >>> paths = node_paths(Rope(num_nodes=4).problem(frames=3), ["rk4"], steps_per_frame=16)
+        >>> film = animate(paths, fps=10)
+        >>> len(film.paths.times) / film.fps
+        2.5
     """
 
     paths: NodePaths
@@ -66,6 +73,12 @@ class Film(ByContent):
 
         Raises:
             InputError: the file cannot be written, or a package is missing.
+
+        Examples:
+            >>> from ropeode import Rope, animate, node_paths
+            >>> paths = node_paths(Rope(num_nodes=4).problem(frames=3), ["rk4"], steps_per_frame=16)
+            >>> str(animate(paths).save("rope.gif"))
+            'rope.gif'
         """
         path = check_film(out)
         write_whole(path, film_bytes(self, path.suffix, progress=progress))
@@ -94,6 +107,13 @@ def animate(paths: NodePaths, *, fps: float = DEFAULT_FPS) -> Film:
 
     Raises:
         InputError: `fps` is out of range.
+
+    Examples:
+        >>> from ropeode import Rope, animate, node_paths
+        >>> paths = node_paths(Rope(num_nodes=4).problem(frames=3), ["rk4"], steps_per_frame=16)
+        >>> animate(paths, fps=10)
+        <Film: rope, 4 nodes, damping 0.01, 3 frames; 25 samples of 1 runs (rk4);
+        25 pictures, 2.5 seconds>
     """
     return Film(paths, check_fps(fps))
 

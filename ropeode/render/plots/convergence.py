@@ -48,6 +48,12 @@ def plot_convergence(table: AccuracyTable, *, ax: Axes | None = None) -> Figure:
         The matplotlib figure. A new one is 6.5 inches wide, with one pair of logarithmic axes:
         step size in the problem's unit of time, `error_max` in that of the norm. docs/plots.md
         says what each mark means.
+
+    Examples:
+        >>> from ropeode import Rope, accuracy_table, plot_convergence
+        >>> table = accuracy_table(Rope(num_nodes=4).problem(frames=3), ["rk4"], [16, 32, 64])
+        >>> plot_convergence(table).axes[0].get_xlabel()
+        'step size dt [frames]'
     """
     drawn = {each.stepper: points(table, each.stepper) for each in table.orders}
     shown = [mark for mark in MARKS if any(p.mark == mark for each in drawn.values() for p in each)]

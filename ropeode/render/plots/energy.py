@@ -31,6 +31,12 @@ def plot_energies(curves: EnergyCurves) -> Figure:
         A matplotlib figure, 6.5 inches wide, with a panel for each stepper, or a single one
         where there is one number of steps per frame; time and energy (logarithmic) in the
         problem's units. docs/plots.md says what each mark means.
+
+    Examples:
+        >>> from ropeode import Rope, energy_curves, plot_energies
+        >>> curves = energy_curves(Rope(num_nodes=4).problem(frames=3), ["rk4"], [16])
+        >>> plot_energies(curves).axes[0].get_xlabel()
+        'time [frames]'
     """
     label = with_unit(r"$|E - E_{\rm true}|$", curves.problem, "energy")
     # At the first sample, each error is zero by definition.

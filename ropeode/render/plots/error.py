@@ -27,6 +27,12 @@ def plot_errors(curves: ErrorCurves) -> Figure:
         A matplotlib figure, 6.5 inches wide, with a panel for each stepper, or a single one
         where there is one number of steps per frame; time in the problem's unit, errors
         (logarithmic) in that of the norm. docs/plots.md says what each mark means.
+
+    Examples:
+        >>> from ropeode import Rope, error_curves, plot_errors
+        >>> curves = error_curves(Rope(num_nodes=4).problem(frames=3), ["rk4"], [16, 64])
+        >>> plot_errors(curves).axes[0].get_ylabel()
+        'error [length units]'
     """
     label = with_unit("error", curves.problem, curves.norm.quantity)
     figure, panels = new_panels(

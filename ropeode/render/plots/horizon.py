@@ -44,6 +44,12 @@ def plot_horizon(study: Horizon) -> Figure:
         A matplotlib figure, 6.5 inches wide; time in the problem's unit, errors (logarithmic)
         in that of its first quantity, and on the right the digits that are left. docs/horizon.md
         says what each line means.
+
+    Examples:
+        >>> from ropeode import Rope, horizon, plot_horizon
+        >>> study = horizon(Rope(num_nodes=4).problem(frames=3), spans=[3.0])
+        >>> plot_horizon(study).axes[0].get_ylabel()
+        'error [length units]'
     """
     truth = study.truth
     figure = new_figure(

@@ -52,6 +52,12 @@ def plot_stability(explanation: Explanation, steps_per_frame: ArrayLike | None =
 
     Raises:
         InputError: the stepper has no region of stability, or these are no numbers of steps.
+
+    Examples:
+        >>> from ropeode import Rope, explain_stepper, plot_stability
+        >>> explained = explain_stepper("rk4", Rope(num_nodes=4).problem(frames=3))
+        >>> plot_stability(explained).axes[0].get_xlabel()
+        'Re z,  z = dt λ'
     """
     region, found = explanation.region, explanation.stability
     if region is None:

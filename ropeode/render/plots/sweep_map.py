@@ -144,6 +144,13 @@ def plot_sweep(
     Raises:
         InputError: there is no such column, or no row with these values, or rows differ in
             an input that is not shown.
+
+    Examples:
+        >>> from ropeode import plot_sweep, run_sweep
+        >>> grid = {"damping": [0.0, 0.1], "num_nodes": [4], "frames": [3]}
+        >>> summary = run_sweep({"steppers": ["rk4"], "grid": grid}, "ropes")
+        >>> plot_sweep("ropes", "damping", "steps_per_frame", "error_max").axes[0].get_xlabel()
+        'damping [mass / frame]'
     """
     frame: Frame = load_sweep(sweep) if isinstance(sweep, (str, Path)) else sweep
     frame = _chosen(frame, x, y, value, dict(where or {}))

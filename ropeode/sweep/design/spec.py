@@ -90,6 +90,13 @@ class SweepSpec:
     Raises:
         InputError: one line for each value that cannot be used.
         UserCodeError: the user's problem file raised.
+
+    Examples:
+        >>> from ropeode import SweepSpec
+        >>> grid = {"damping": [0.0, 0.1], "num_nodes": [4, 8]}
+        >>> spec = SweepSpec({"steppers": ["rk4"], "grid": grid})
+        >>> spec.count, spec.values["steps_per_frame"]
+        (12, [16, 32, 64])
     """
 
     def __init__(self, values: Mapping[str, Any], folder: Path | None = None):
@@ -272,6 +279,13 @@ def read_sweep(path: str | Path) -> SweepSpec:
     Raises:
         InputError: it cannot be read, or one line for each value that cannot be used.
         UserCodeError: the user's problem file raised.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from ropeode import read_sweep
+        >>> written = Path("sweep.toml").write_text("grid = {damping = [0.0, 0.1]}")
+        >>> read_sweep("sweep.toml").count
+        30
     """
     path = Path(path)
     return SweepSpec(read_spec(path), path.parent)

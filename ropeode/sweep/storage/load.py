@@ -36,6 +36,16 @@ def load_sweep(
         InputError: there is no sweep in the folder, or no such column; or so many inputs
             differ that most cells of an xarray object would be empty.
         RopeodeError: a file is damaged.
+
+    Examples:
+        >>> from ropeode import load_sweep, run_sweep
+        >>> grid = {"damping": [0.0, 0.1], "num_nodes": [4], "frames": [3]}
+        >>> summary = run_sweep({"steppers": ["rk4"], "grid": grid}, "ropes")
+        >>> load_sweep("ropes")[["damping", "steps_per_frame", "observed_order"]].head(2).round(1)
+              damping  steps_per_frame  observed_order
+        case
+        0         0.0               16             3.9
+        1         0.0               32             4.0
     """
     require("pandas", "data", "sweeps")
     require("pyarrow", "data", "sweeps")

@@ -45,6 +45,12 @@ class SweepSummary(Tabular, written_by="ropeode.render.sweep"):
         done: finished cases.
         steppers: by name.
         reasons: counts of each status with its reason, for the rows that have one.
+
+    Examples:
+        >>> from ropeode import run_sweep
+        >>> grid = {"damping": [0.0, 0.1], "num_nodes": [4], "frames": [3]}
+        >>> dict(run_sweep({"steppers": ["rk4"], "grid": grid}, "ropes").statuses)
+        {'ok': 6}
     """
 
     folder: Path
