@@ -159,6 +159,23 @@ def is_traced(value: Any) -> bool:
     return any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
 
 
+def check_kind(name: str, value: Any, kind: type, maker: str) -> None:
+    """Refuse what is not a result of some type.
+
+    Arguments:
+        name: of the argument.
+        value: to be checked.
+        kind: what it must be.
+        maker: the public function that returns such results.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if not isinstance(value, kind):
+        allowed = f"results of type {kind.__name__}"
+        raise bad_value(name, value, allowed, f"make one with ropeode.{maker}")
+
+
 def not_traced(name: str, value: Any) -> None:
     """Raises:
     InputError: JAX traces the value, or a part of it.

@@ -9,7 +9,6 @@ import functools
 import inspect
 import re
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any, get_type_hints
 
 import jax
@@ -121,7 +120,7 @@ GIVEN: dict[str, Callable[[], Any]] = {
     "spec": dict,
     "folder": lambda: "out",
     "paths": lambda: None,
-    "explanation": lambda: SimpleNamespace(region="a region", stability=None),
+    "explanation": lambda: None,
 }
 # What takes numbers by its annotation; Any takes steppers and forms of numbers.
 TAKES_NUMBERS = re.compile(r"\b(float|int|SupportsIndex|ArrayLike)\b|^Any$")
@@ -274,3 +273,24 @@ def test_states_that_jax_traces(truth):
     run = simulate(truth.problem, "rk4", 16)
     with pytest.raises(InputError, match="jax_stepper"):
         jax.jit(lambda states: error_series(states, truth).max)(run.states)
+
+
+NEED_SOMETHING = [
+    name
+    for name, function in PUBLIC.items()
+    if inspect.isfunction(function)
+    and any(each.default is each.empty for each in inspect.signature(function).parameters.values())
+]
+
+
+@pytest.mark.parametrize("given", [object(), 3], ids=["object", "number"])
+@pytest.mark.parametrize("name", NEED_SOMETHING)
+def test_what_is_of_no_use_is_refused_by_name(name, given):
+    """One sentence, and no error of what would be done with it; Python itself tells of paths."""
+    needed = {
+        each.name: given
+        for each in inspect.signature(PUBLIC[name]).parameters.values()
+        if each.default is each.empty and each.kind is not each.VAR_KEYWORD
+    }
+    with pytest.raises((InputError, TypeError), match=r"given.*; allowed|os\.PathLike"):
+        list(result) if inspect.isgenerator(result := PUBLIC[name](**needed)) else None

@@ -14,7 +14,7 @@ from scipy.linalg import null_space
 
 from ropeode.precision import in_float64
 from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Acceleration, Problem
+from ropeode.problems.problem import Acceleration, Problem, require_problem
 from ropeode.validation import bad_value
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -52,6 +52,7 @@ def hanging_equilibrium(problem: Problem) -> np.ndarray:
         >>> hanging_equilibrium(Rope(num_nodes=4).problem(frames=3))[0, 1].round(2)
         array([ 200.  ,   66.64,  -66.72, -200.06])
     """
+    require_problem(problem)
     problem = problem.up_to_date()
     problem.require_mechanics("problem")
     key = (

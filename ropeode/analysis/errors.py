@@ -17,7 +17,7 @@ from ropeode.problems.ensemble import same_problem
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 from ropeode.simulation import Trajectory
-from ropeode.validation import bad_value, not_traced
+from ropeode.validation import bad_value, check_kind, not_traced
 
 # An error is shown as a number only if it is this many times the reference's bound.
 RESOLUTION_FACTOR = 10.0
@@ -104,6 +104,7 @@ def error_series(
         >>> f"{errors.max:.1e}"
         '9.0e-07'
     """
+    check_kind("reference", reference, Reference, "reference")
     if not isinstance(trajectory, Trajectory):
         return _series_of_states(trajectory, reference, norm_for(reference.problem, norm), times)
     if times is not None:
@@ -138,7 +139,12 @@ def _series_of_states(
         states = np.moveaxis(states.y, -1, 0)
     problem = reference.problem
     not_traced("trajectory", states)
-    states = np.asarray(states)
+    try:
+        states = np.atleast_1d(np.asarray(states))
+    except ValueError:
+        # Rows of different lengths.
+        allowed = "states of one shape, (times, *state)"
+        raise bad_value("trajectory", states, allowed, "give an array of numbers") from None
     at = problem.ts[: len(states)] if times is None else real_array("times", times)
     wanted = (len(at), *problem.y0.shape)
     if states.size != math.prod(wanted) or states.shape[:1] != at.shape:

@@ -16,7 +16,7 @@ from scipy import special
 from ropeode.display import Tabular
 from ropeode.precision import in_float64
 from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.ladder import EXPLICIT, IMPLICIT, step_budget
 from ropeode.references.solvers import diffrax_solver
@@ -133,6 +133,7 @@ def lyapunov_exponent(
         >>> lyapunov_exponent(load("lorenz").problem)
         <LyapunovExponent: ... per time unit, positive; over 50 time units>
     """
+    require_problem(problem)
     problem = problem.up_to_date()
     tangents = check_whole("tangents", tangents, at_least=1, example="3")
     rtol = check_positive("rtol", rtol, example="1e-10")

@@ -15,7 +15,7 @@ from ropeode.errors import InputError
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
 from ropeode.simulation import Trajectory
-from ropeode.validation import bad_value, check_positive
+from ropeode.validation import bad_value, check_kind, check_positive
 
 Verdict = Literal["diverges", "settles", "settles_without_swinging", "never_settles"]
 
@@ -171,6 +171,7 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -
         >>> classify_motion(simulate(rope, "rk4", steps_per_frame=1)).verdict
         'diverges'
     """
+    check_kind("trajectory", trajectory, Trajectory, "simulate")
     measures = measured(trajectory)
     words = _words(measures, thresholds)
     kept = words.frames + 1

@@ -130,6 +130,8 @@ def observed_order(
     rest = {"errors": errors, "resolution": resolution, "rounding": rounding}
     for name, value in {**rest, "motion": motion, "claimed": claimed}.items():
         not_traced(name, value)
+    if not np.iterable(errors):
+        raise bad_value("errors", errors, "a number or None for each step size", "give a list")
     error = np.array([np.nan if e is None else e for e in errors], dtype=np.float64)
     if dt.shape != error.shape or dt.ndim != 1:
         raise bad_value(

@@ -11,6 +11,7 @@ from ropeode.case_studies.report import FigureResult, Reading, Report
 from ropeode.render.formats import formats_of, formatted
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.text_layout import wrapped
+from ropeode.validation import check_kind
 
 SCHEMA = "ropeode.report/1"
 TITLE = "The published rope report, run again"
@@ -273,4 +274,5 @@ def format_report(report: Report, form: str = "text") -> str:
         not, 1 was not watched long enough.
         ...
     """
+    check_kind("report", report, Report, "rope_report")
     return formatted(report, form, FORMATS)

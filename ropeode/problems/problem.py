@@ -26,12 +26,14 @@ from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.scipy_form import ScipyFunction, scipy_form
 from ropeode.problems.state_structure import StateStructure, is_tree
 from ropeode.problems.traced import again, compiled, traced
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, not_traced
 
 Rhs = Callable[[Any, Any, Any], Any]
 Acceleration = Callable[[Any, Any, Any, Any], Any]
 
 # The fields of a problem that its other constructors hand on.
+# Fields that JAX could trace.
+_NUMBERS = ("y0", "ts", "args", "jump_times")
 _MORE = ("name", "energy", "exact", "jump_times", "constraints", "parameters")
 
 
@@ -234,6 +236,8 @@ class Problem(Displayed):
         """
         other = copy.copy(self)
         for name, value in fields.items():
+            if name in _NUMBERS:
+                not_traced(name, value)
             other._set(name, value)
         return other
 

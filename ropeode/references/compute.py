@@ -15,7 +15,7 @@ from ropeode.references.kept import kept_or_computed
 from ropeode.references.options import DIGITS, TIME_LIMIT, More, ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.threads import cores
-from ropeode.validation import check_whole, complaint
+from ropeode.validation import check_kind, check_whole, complaint
 
 if TYPE_CHECKING:
     from ropeode.references.ensemble import Outcome
@@ -203,6 +203,7 @@ def _each(
     # Not above: a command that finds its reference in the cache folder needs no solver.
     from ropeode.references.ensemble import or_refused, side_by_side
 
+    check_kind("ensemble", ensemble, Ensemble, "Ensemble.of")
     ensemble = ensemble.up_to_date()
     if options.level == "consensus" and not options.dense:
         return side_by_side(ensemble, options, workers, progress)

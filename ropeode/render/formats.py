@@ -15,11 +15,11 @@ from ropeode.render.documents import blocks
 from ropeode.render.latex_table import latex_table
 from ropeode.render.markup import Block
 from ropeode.render.plain_text import as_text
-from ropeode.validation import bad_value, unknown
+from ropeode.study.accuracy_table import AccuracyTable
+from ropeode.validation import bad_value, check_kind, unknown
 
 if TYPE_CHECKING:
     from ropeode.checking.report import CheckReport
-    from ropeode.study.accuracy_table import AccuracyTable
     from ropeode.study.explanation import Explanation
     from ropeode.study.horizon import Horizon
 
@@ -95,6 +95,7 @@ def format_table(table: AccuracyTable, form: str = "text", **layout: Any) -> str
             converges, order 3.9... [3.6..., 4.2...], 16 to 64 steps/frame; expected 4
         ...
     """
+    check_kind("table", table, AccuracyTable, "accuracy_table")
     if layout and form != "latex":
         raise bad_value("format", form, f"latex, with {', '.join(layout)}", "choose latex")
     return formatted(table, form, {**FORMATS, "latex": functools.partial(latex_table, **layout)})
@@ -118,7 +119,9 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
     """
     # Each kind of result is imported with its own renderer: few commands have two.
     from ropeode.render import horizon as of
+    from ropeode.study.horizon import Horizon
 
+    check_kind("study", study, Horizon, "horizon")
     drawn = functools.partial(_drawn, "horizon", "plot_horizon")
     forms = formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict, drawn)
     return formatted(study, form, forms)
@@ -142,8 +145,10 @@ def format_check(report: CheckReport, form: str = "text") -> str:
         ok     order-driven  positions order ...
         Right: 1 of 1 check passed, none failed (... s).
     """
+    from ropeode.checking.report import CheckReport
     from ropeode.render import check as of
 
+    check_kind("report", report, CheckReport, "check_stepper")
     return formatted(report, form, formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict))
 
 
@@ -168,7 +173,9 @@ def format_explanation(explanation: Explanation, form: str = "text") -> str:
         ...
     """
     from ropeode.render import explanation as of
+    from ropeode.study.explanation import Explanation
 
+    check_kind("explanation", explanation, Explanation, "explain_stepper")
     return formatted(explanation, form, formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict))
 
 

@@ -26,7 +26,7 @@ from ropeode.simulation.python_driver import run_in_python
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
 from ropeode.steppers.base import BuiltIn
 from ropeode.threads import cores, threads
-from ropeode.validation import bad_value, check_whole
+from ropeode.validation import bad_value, check_kind, check_whole
 
 # States that one call of a program writes, and that a chunk of an ensemble holds, in bytes.
 _SEGMENT = 2**23
@@ -116,6 +116,7 @@ def simulate_chunks(
         ...     print(some.start, some.states.shape)
         0 (4, 2, 2, 4, 3)
     """
+    check_kind("ensemble", ensemble, Ensemble, "Ensemble.of")
     steps, ensemble = _check_steps(steps_per_frame), ensemble.up_to_date()
     first = ensemble.first
     method = method_of(stepper, first)

@@ -16,7 +16,7 @@ from ropeode.analysis.lyapunov import LyapunovExponent, lyapunov_exponent, mean_
 from ropeode.display import Tabular
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.certificate import Role, largest_norms, padded
 from ropeode.references.compute import reference_for
@@ -225,6 +225,7 @@ def horizon(
         >>> horizon(Rope(num_nodes=4).problem(frames=3), spans=[3.0])
         <Horizon: rope, 4 nodes, damping 0.01, 3 frames; float64 trusted to the end>
     """
+    require_problem(problem)
     problem, spans = problem.up_to_date(), check_spans(problem, spans)
     digits = check_whole("digits", digits, at_least=1, example="18")
     time_limit = check_positive("time_limit", time_limit, example="60")

@@ -16,7 +16,7 @@ from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.precision import in_float64
 from ropeode.problems.checks import real_array
 from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem
+from ropeode.problems.problem import Problem, require_problem
 from ropeode.simulation import step_size
 from ropeode.simulation.method import method_of
 from ropeode.simulation.step_map import StepMap
@@ -260,6 +260,7 @@ class _Linearised:
     """A stepper about an equilibrium of a problem, at any number of steps per frame."""
 
     def __init__(self, problem: Problem, stepper: Any, y: ArrayLike | None):
+        require_problem(problem)
         problem = problem.up_to_date()
         problem.require_mechanics("problem")
         method = method_of(stepper, problem)

@@ -93,7 +93,7 @@ def load(name: str) -> Reference:
         trusted to the end>
     """
     # Not `find`: a file of the same name in the current folder is another matter.
-    return load_reference(_stored_file("name", name))
+    return load_reference(_stored_file("name", str(name)))
 
 
 def _stored_file(what: str, name: str, *others: str) -> Path:

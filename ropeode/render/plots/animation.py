@@ -28,7 +28,7 @@ from ropeode.render.display import line
 from ropeode.render.plots.film import DPI, film
 from ropeode.render.plots.style import COLOURS, STYLE
 from ropeode.study.node_paths import NodePaths
-from ropeode.validation import bad_value, finite_number, require
+from ropeode.validation import bad_value, check_kind, finite_number, require
 
 FILMS = (".gif", ".mp4")
 DEFAULT_FPS = 20.0
@@ -115,7 +115,9 @@ def animate(paths: NodePaths, *, fps: float = DEFAULT_FPS) -> Film:
         <Film: rope, 4 nodes, damping 0.01, 3 frames; 25 samples of 1 runs (rk4);
         25 pictures, 2.5 seconds>
     """
-    return Film(paths, check_fps(fps))
+    fps = check_fps(fps)
+    check_kind("paths", paths, NodePaths, "node_paths")
+    return Film(paths, fps)
 
 
 def check_film(out: str | Path) -> Path:

@@ -13,6 +13,7 @@ from ropeode.render.plots.panels import draw_legend, new_panels
 from ropeode.render.plots.style import STYLE
 from ropeode.render.plots.time_axes import draw_horizon
 from ropeode.study.energy import EnergyCurves
+from ropeode.validation import check_kind
 
 _LESS = Line2D(
     [], [], color="0.3", linestyle="none", marker="o", markersize=3.5, markerfacecolor="white",
@@ -38,6 +39,7 @@ def plot_energies(curves: EnergyCurves) -> Figure:
         >>> plot_energies(curves).axes[0].get_xlabel()
         'time [frames]'
     """
+    check_kind("curves", curves, EnergyCurves, "energy_curves")
     label = with_unit(r"$|E - E_{\rm true}|$", curves.problem, "energy")
     # At the first sample, each error is zero by definition.
     after = slice(1, None)

@@ -11,6 +11,7 @@ from ropeode.render.plots.panels import draw_legend, new_panels
 from ropeode.render.plots.style import PREDICTED, PREDICTION, STYLE
 from ropeode.render.plots.time_axes import draw_horizon
 from ropeode.study.curves import ErrorCurves
+from ropeode.validation import check_kind
 
 # Times the motion; an error above it is that of a run that has blown up.
 _HIGHEST = 10.0
@@ -34,6 +35,7 @@ def plot_errors(curves: ErrorCurves) -> Figure:
         >>> plot_errors(curves).axes[0].get_ylabel()
         'error [length units]'
     """
+    check_kind("curves", curves, ErrorCurves, "error_curves")
     label = with_unit("error", curves.problem, curves.norm.quantity)
     figure, panels = new_panels(
         curves.problem, curves.curves, "Error", f"Error: {curves.norm.words}", label

@@ -16,6 +16,7 @@ from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE, make_room, new_fi
 from ropeode.render.plots.time_axes import draw_horizon
 from ropeode.render.table_words import problem_words
 from ropeode.study.horizon import Horizon
+from ropeode.validation import check_kind
 
 _HEIGHT = 3.8
 # In the order in which they are drawn: what matters most is on top.
@@ -51,6 +52,7 @@ def plot_horizon(study: Horizon) -> Figure:
         >>> plot_horizon(study).axes[0].get_ylabel()
         'error [length units]'
     """
+    check_kind("study", study, Horizon, "horizon")
     truth = study.truth
     figure = new_figure(
         f"Float64 against extended precision: {problem_words(study.problem)}",

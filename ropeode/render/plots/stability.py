@@ -26,7 +26,7 @@ from ropeode.study.explanation import Explanation
 from ropeode.theory.linear_stability import LinearStability
 from ropeode.theory.stability_function import StabilityFunction
 from ropeode.theory.stability_limits import StabilityRegion
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, check_kind
 
 _HEIGHT = 4.2
 # Levels of the factor by which a mode grows in a step.
@@ -59,6 +59,9 @@ def plot_stability(explanation: Explanation, steps_per_frame: ArrayLike | None =
         >>> plot_stability(explained).axes[0].get_xlabel()
         'Re z,  z = dt λ'
     """
+    if steps_per_frame is not None:
+        steps_per_frame = check_steps(steps_per_frame)
+    check_kind("explanation", explanation, Explanation, "explain_stepper")
     region, found = explanation.region, explanation.stability
     if region is None:
         why = " ".join(found.notes) or "it has no stability function"
@@ -71,7 +74,7 @@ def plot_stability(explanation: Explanation, steps_per_frame: ArrayLike | None =
     if steps_per_frame is None:
         steps_per_frame = [row.steps_per_frame for row in explanation.tables[0].rows[:_COARSEST]]
     # The longest steps first, which spread the eigenvalues most.
-    drawn = sorted(check_steps(steps_per_frame))
+    drawn = sorted(steps_per_frame)
     function = region.function
     figure = new_figure(
         f"Stability of {function.stepper}: {problem_words(found.problem)}",

@@ -153,6 +153,9 @@ def plot_sweep(
         'damping [mass / frame]'
     """
     frame: Frame = load_sweep(sweep) if isinstance(sweep, (str, Path)) else sweep
+    if not hasattr(frame, "columns"):
+        allowed = "the folder of a sweep, or a data frame of its rows"
+        raise bad_value("sweep", sweep, allowed, "read them with ropeode.load_sweep(folder)")
     frame = _chosen(frame, x, y, value, dict(where or {}))
     with_axes = _check_shown(frame, x, y)
     by_stepper = "stepper" not in (x, y)

@@ -13,6 +13,7 @@ from ropeode.problems.oscillator import oscillator
 from ropeode.references.files.library import load
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.stability import plot_stability
+from ropeode.study.explanation import Explanation
 from ropeode.theory.linear_stability import linear_stability
 from ropeode.theory.spectrum import Spectrum
 from ropeode.theory.stability_function import StabilityFunction
@@ -38,9 +39,15 @@ def drawn():
     # All that the picture reads of an explanation.
     rows = [SimpleNamespace(steps_per_frame=steps) for steps in (1, 4, 6, 8, 10)]
     tables = (SimpleNamespace(rows=rows),)
-    return SimpleNamespace(
+    return explanation_of(
         stepper="explicit-euler", region=region, stability=stability, tables=tables
     )
+
+
+def explanation_of(**fields):
+    explanation = object.__new__(Explanation)
+    vars(explanation).update(fields)
+    return explanation
 
 
 def test_eigenvalues_are_where_dt_puts_them(drawn):
@@ -79,7 +86,7 @@ def test_the_coarsest_runs_are_drawn_by_default(drawn):
 
 
 def test_a_stepper_without_a_region(drawn):
-    without = SimpleNamespace(**{**vars(drawn), "region": None})
+    without = explanation_of(**{**vars(drawn), "region": None})
     with pytest.raises(InputError, match="explanation: 'explicit-euler' given; allowed: .* Fix: "):
         plot_stability(without)
     with pytest.raises(InputError, match="steps_per_frame: .0. given"):
