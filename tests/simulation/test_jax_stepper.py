@@ -37,7 +37,8 @@ def ways_of(stepper):
     """How it can be differentiated."""
     if str(stepper).startswith("diffrax") and "Leapfrog" not in stepper:
         return [BACKWARDS]
-    return [FORWARDS] if getattr(stepper, "iterates", False) else [FORWARDS, BACKWARDS]
+    # Rattle iterates until it has converged.
+    return [FORWARDS] if getattr(stepper, "label", "") == "rattle" else [FORWARDS, BACKWARDS]
 
 
 def problem_for(stepper) -> Problem:
