@@ -51,37 +51,40 @@ def system(
         turned: whether positions are stored ``(dim, nodes)`` and seen as ``(nodes, dim)``.
         in_numpy: whether the functions take and return NumPy arrays.
     """
+    units = args.units if isinstance(args, InUnits) else None
     own = args.args if isinstance(args, InUnits) else args
-
-    def whole(own: Any) -> Any:
-        return args._replace(args=own) if isinstance(args, InUnits) else own
+    whole = functools.partial(_of_problem, units)
 
     if mechanics is None:
         slope = counted(_numpy_version(rhs) if in_numpy else rhs)
 
-        def rhs_of_args(t: Any, y: Any, own: Any) -> Any:
-            return slope(t, y, whole(own))
+        # Python names these functions and their arguments to a step that calls them wrongly.
+        def rhs_of_state(t: Any, y: Any, args: Any) -> Any:
+            return slope(t, y, whole(args))
 
-        rhs_of_args.in_jax = _in_jax(rhs, args)  # type: ignore[attr-defined]
-        return System(Equations(rhs_of_args, _no_acceleration, own), mechanical=False)
+        rhs_of_state.in_jax = _in_jax(rhs, units)  # type: ignore[attr-defined]
+        return System(Equations(rhs_of_state, _no_acceleration, own), mechanical=False)
     own_force = mechanics.acceleration
     force = counted(_numpy_version(own_force) if in_numpy else own_force)
     if turned:
         force = _turned(force)
 
-    def first_order(t: Any, y: Any, own: Any) -> Any:
-        a = force(t, y[0], y[1], whole(own))
+    def acceleration(t: Any, x: Any, v: Any, args: Any) -> Any:
+        return force(t, x, v, whole(args))
+
+    def rhs_of_halves(t: Any, y: Any, args: Any) -> Any:
+        a = force(t, y[0], y[1], whole(args))
         if isinstance(y, Phase):
             return Phase(y.v, a)
         # NumPy's own, where it will do: `jnp.stack` of NumPy arrays costs a hundred times as much.
         return (np if isinstance(a, np.ndarray) else jnp).stack([y[1], a])
 
-    first_order.in_jax = _in_jax(  # type: ignore[attr-defined]
-        _first_order(own_force, turned), args
+    rhs_of_halves.in_jax = _in_jax(  # type: ignore[attr-defined]
+        _first_order(own_force, turned), units
     )
     damping = mechanics.damping(args) if mechanics.damping else None
     return System(
-        Equations(first_order, lambda t, x, v, own: force(t, x, v, whole(own)), own),
+        Equations(rhs_of_halves, acceleration, own),
         mechanical=True,
         damping=_turned_damping(damping) if turned and damping else damping,
         links=mechanics.links(args) if mechanics.links else None,
@@ -147,9 +150,9 @@ def _turned(force: Callable) -> Callable:
     return lambda t, x, v, args: force(t, x.T, v.T, args).T
 
 
-def _in_jax(rhs: Callable, args: Any) -> Partial:
+def _in_jax(rhs: Callable, units: Any) -> Partial:
     """``rhs(t, y, own)`` in JAX, as an argument of programs: one serves for all units."""
-    return Partial(_OfOwnArgs(rhs), args.units if isinstance(args, InUnits) else None)
+    return Partial(_OfOwnArgs(rhs), units)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,7 +160,12 @@ class _OfOwnArgs:
     rhs: Callable
 
     def __call__(self, units: Any, t: Any, y: Any, own: Any) -> Any:
-        return self.rhs(t, y, own if units is None else InUnits(units, own))
+        return self.rhs(t, y, _of_problem(units, own))
+
+
+def _of_problem(units: Any, own: Any) -> Any:
+    """The arguments of a problem's functions, of those that steppers see."""
+    return own if units is None else InUnits(units, own)
 
 
 @functools.lru_cache(maxsize=64)
