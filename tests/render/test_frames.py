@@ -62,7 +62,8 @@ def read(path):
     if path.suffix == ".parquet":
         return pd.read_parquet(path)
     if path.suffix == ".csv":
-        return pd.read_csv(path)
+        # By default older versions of pandas read faster, to a rounding.
+        return pd.read_csv(path, float_precision="round_trip")
     names = path.read_text().splitlines()[0].removeprefix("# ").split()
     return dict(zip(names, np.loadtxt(path).T, strict=True))
 

@@ -29,7 +29,7 @@ from ropeode.render.plots.style import (
 )
 from ropeode.render.plots.triangles import FittedLine, draw_triangles
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
-from ropeode.validation import bad_value, check_kind
+from ropeode.validation import bad_value
 
 _AXES_HEIGHT = 3.8
 _DENSE = 40
@@ -56,7 +56,9 @@ def plot_convergence(table: AccuracyTable, *, ax: Axes | None = None) -> Figure:
         >>> plot_convergence(table).axes[0].get_xlabel()
         'step size dt [frames]'
     """
-    check_kind("table", table, AccuracyTable, "accuracy_table")
+    if not hasattr(table, "orders"):
+        allowed = "an accuracy table, or errors of trajectories"
+        raise bad_value("table", table, allowed, "make one with ropeode.accuracy_table")
     if ax is not None and not isinstance(ax, Axes):
         raise bad_value("ax", ax, "axes of matplotlib", "for example figure.subplots()")
     drawn = {each.stepper: points(table, each.stepper) for each in table.orders}
