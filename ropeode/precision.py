@@ -10,7 +10,6 @@ from typing import Any, ParamSpec, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 
 from ropeode import callbacks
 from ropeode.validation import is_traced, traced_value
@@ -67,7 +66,7 @@ def rhs_in_float64(rhs: Callable[..., Any], *inputs: Any) -> Any:
     """
     if jax.config.jax_enable_x64:  # type: ignore[attr-defined]
         return rhs(*inputs)
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(inputs)):
+    if is_traced(inputs):
         warnings.warn(_FLOAT32, stacklevel=4)
         return rhs(*inputs)
     return jax.tree.map(np.asarray, in_float64(rhs)(*inputs))

@@ -219,14 +219,19 @@ def unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
     return f"{kind}: {name!r} given, which does not exist; allowed: {', '.join(names)}. Fix: {fix}"
 
 
+def _refuse_traced(value: Any) -> None:
+    # What is no array of JAX costs nothing.
+    if hasattr(value, "aval") and is_traced(value):
+        raise ValueError(_TRACED)
+
+
 def plain(value: Any) -> Any:
     """NumPy and JAX arrays and scalars as nested lists and numbers.
 
     Raises:
         ValueError: JAX traces it.
     """
-    if hasattr(value, "aval") and is_traced(value):
-        raise ValueError(_TRACED)
+    _refuse_traced(value)
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -235,8 +240,7 @@ def require_all_digits(value: Any) -> None:
     ValueError: it holds a number in less than float64 that would be another one in float64.
     """
     dtype = getattr(value, "dtype", None)
-    if hasattr(value, "aval") and is_traced(value):
-        raise ValueError(_TRACED)
+    _refuse_traced(value)
     if dtype is None or dtype.kind not in "fV" or dtype.itemsize >= 8:
         return
     for each in value.ravel():

@@ -18,14 +18,13 @@ from typing import Any, Literal, NoReturn
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jax.custom_derivatives import SymbolicZero
 from jax.experimental.buffer_callback import buffer_callback
 
 from ropeode import callbacks
 from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import rhs_in_float64
-from ropeode.validation import bad_value, shortly, shown
+from ropeode.validation import bad_value, is_traced, shortly, shown
 
 # A function may write to arrays of its own before it returns them, which are the same in all
 # threads. Whoever calls one holds this.
@@ -77,7 +76,7 @@ class PythonRhs:
         Raises:
             UserCodeError: the function raised, or returned something that is no derivative.
         """
-        if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((t, y, args))):
+        if is_traced((t, y, args)):
             return self(t, y, args)
         return self.evaluated(float(t), np.asarray(y), args)
 
