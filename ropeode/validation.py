@@ -49,7 +49,7 @@ class Input(BaseModel):
         InputError: with one line for each field that cannot be used.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True, defer_build=True)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **others: Any) -> None:

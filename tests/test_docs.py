@@ -18,7 +18,8 @@ from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
-PAGES = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted(ROOT.glob("docs/*.md"))]
+DOCS = sorted(ROOT.glob("docs/**/*.md"))
+PAGES = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *DOCS]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # The text that a line of code prints, as a comment behind it.
 PRINTED = re.compile(r"^print\(.*\)  # (.*)$", re.MULTILINE)
@@ -46,7 +47,7 @@ def headings(page: Path) -> set[str]:
 
 WITH_CODE = [page for page in PAGES if blocks(page, "python")]
 # The others run what has tests of its own, and take up to ten seconds each.
-QUICK = {"README.md", "docs/rope.md"}
+QUICK = {"README.md"}
 
 
 @pytest.mark.parametrize("page", WITH_CODE, ids=page_id)
@@ -67,7 +68,9 @@ def test_code_imports_what_exists(page):
     ids=page_id,
 )
 @pytest.mark.usefixtures("same_jax_settings")
-def test_code_runs_and_prints_what_it_says(page):
+def test_code_runs_and_prints_what_it_says(page, tmp_path, monkeypatch):
+    # What it writes, a reader finds in the folder that they are in.
+    monkeypatch.chdir(tmp_path)
     namespace = {"__name__": "docs"}
     for code in blocks(page, "python"):
         out = io.StringIO()

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import ropeode
-from ropeode.references import cache_folder
+from ropeode import cache_folder
 
 # Methods that only ropeode calls, and those that the example of the class shows in use.
 WITHOUT = {
@@ -37,7 +37,7 @@ SLOW = {
     *["SweepSummary", "run_sweep", "load_sweep", "plot_sweep"],
     *["Film", "Film.save", "animate", "node_paths"],
     *["Reference.at", "Reference.bound_at", "Verification", "verify_reference"],
-    *["JaxStepper", "JaxStepper.states", "each_reference", "Problem.drift", "System"],
+    *["lab", "JaxStepper", "JaxStepper.states", "each_reference", "Problem.drift", "System"],
     *["energy_curves", "trajectory_energy_curves", "plot_energies"],
     *["growth_per_frame", "stability_limit", "ErrorSeries", "ReferenceRefused"],
     *["Motion", "Thresholds", "classify_motion", "hanging_equilibrium", "Sampled.to_xarray"],

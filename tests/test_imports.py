@@ -22,11 +22,14 @@ PACKAGE = Path(ropeode.__file__).parent
 # From the ground up; a room imports from the rooms that it names, and from the ground floor.
 GROUND = {
     "bars",
+    "cache_folder",
     "callbacks",
     "display",
     "equality",
     "errors",
     "files",
+    "identity",
+    "kept_programs",
     "precision",
     "progress",
     "threads",
@@ -46,21 +49,30 @@ ALLOWED["checking"] = {"study", *ALLOWED["study"]}
 ALLOWED["render"] = {"sweep", "checking", *ALLOWED["checking"]}
 ALLOWED["terminal"] = {"references"}
 ALLOWED["case_studies"] = {"render", "terminal", *ALLOWED["render"]}
-ALLOWED["cli"] = {"case_studies", *ALLOWED["case_studies"]}
+ALLOWED["classroom"] = {"render", "terminal", *ALLOWED["render"]}
+ALLOWED["laboratory"] = {"case_studies", *ALLOWED["case_studies"]}
+ALLOWED["cli"] = {"laboratory", "classroom", *ALLOWED["laboratory"]}
 ALLOWED["pytest_plugin"] = {"checking", "render"}
 ALLOWED["__main__"] = {"cli"}
 
 
-TREES = trees()
-IMPORTS = module_imports(TREES)
+@pytest.fixture(scope="module")
+def modules():
+    """The syntax tree of each. Reading them all takes a second, which not every process needs."""
+    return trees()
 
 
-def circle_through(module: str) -> list[str]:
+@pytest.fixture(scope="module")
+def imports(modules):
+    return module_imports(modules)
+
+
+def circle_through(module: str, imports) -> list[str]:
     """The shortest way from a module back to itself along imports; empty if there is none."""
     paths, visited = [[module]], {module}
     while paths:
         path = paths.pop(0)
-        for other in sorted(IMPORTS[path[-1]]):
+        for other in sorted(imports[path[-1]]):
             if other == module:
                 return [*path, module]
             if other not in visited:
@@ -69,10 +81,10 @@ def circle_through(module: str) -> list[str]:
     return []
 
 
-def test_rooms_import_downwards_only():
+def test_rooms_import_downwards_only(imports):
     offences = [
         f"{module} imports {other}"
-        for module, others in sorted(IMPORTS.items())
+        for module, others in sorted(imports.items())
         for other in sorted(others)
         if (room := room_of(module)) != "__init__"
         and room_of(other) != room
@@ -81,17 +93,18 @@ def test_rooms_import_downwards_only():
     assert not offences, "\n".join(offences)
 
 
-def test_no_file_imports_itself_through_others():
-    circles = {frozenset(path): path for path in map(circle_through, sorted(IMPORTS)) if path}
+def test_no_file_imports_itself_through_others(imports):
+    paths = [circle_through(module, imports) for module in sorted(imports)]
+    circles = {frozenset(path): path for path in paths if path}
     assert not circles, "\n".join(" -> ".join(path) for path in circles.values())
 
 
-def test_every_room_is_listed():
-    assert {room_of(module) for module in TREES} == {*ALLOWED, *GROUND, "__init__"}
+def test_every_room_is_listed(modules):
+    assert {room_of(module) for module in modules} == {*ALLOWED, *GROUND, "__init__"}
 
 
-def test_every_module_says_what_it_is():
-    silent = [module for module, tree in TREES.items() if not ast.get_docstring(tree)]
+def test_every_module_says_what_it_is(modules):
+    silent = [module for module, tree in modules.items() if not ast.get_docstring(tree)]
     assert not silent, silent
 
 
@@ -124,7 +137,7 @@ def test_public_names_exist_and_type_checkers_see_them():
         ropeode.nonsense  # noqa: B018
 
 
-def test_what_stands_beside_the_package_imports_what_exists():
+def test_what_stands_beside_the_package_imports_what_exists(modules):
     root = PACKAGE.parent
     missing = []
     for path in (
@@ -137,7 +150,7 @@ def test_what_stands_beside_the_package_imports_what_exists():
                     f"{path.relative_to(root)}: {node.module}.{alias.name}"
                     for alias in node.names
                     if not hasattr(module, alias.name)
-                    and f"{node.module}.{alias.name}" not in TREES
+                    and f"{node.module}.{alias.name}" not in modules
                 ]
     assert not missing, "\n".join(missing)
 
@@ -159,7 +172,11 @@ def test_stepper_classes_are_there_after_importing_the_package():
 
 def test_rooms_are_attributes_of_the_package():
     """In a process that has imported nothing else of ropeode; a command has no use in Python."""
-    rooms = {each.parent.name for each in PACKAGE.glob("*/__init__.py")} - {"cli", "terminal"}
+    rooms = {each.parent.name for each in PACKAGE.glob("*/__init__.py")} - {
+        "classroom",
+        "cli",
+        "terminal",
+    }
     code = (
         "import ropeode\n"
         f"print(*(getattr(ropeode, name).__name__ for name in {sorted({*rooms, 'errors'})}))"
@@ -180,5 +197,5 @@ def test_float64_is_not_switched_on_for_the_caller(small_rope):
 
 def test_a_table_imports_nothing_that_only_other_commands_need():
     modules = "ropeode.study.spec, ropeode.render.formats, ropeode.references.kept"
-    heavy = "{'diffrax', 'equinox', 'scipy.integrate', 'matplotlib', 'h5py', 'heyoka', 'xarray'}"
+    heavy = "{'diffrax', 'equinox', 'scipy', 'matplotlib', 'h5py', 'heyoka', 'xarray'}"
     assert run_python(f"import sys, {modules}; print({heavy} & set(sys.modules))") == "set()\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -68,7 +68,9 @@ def hanging_equilibrium(problem: Problem) -> np.ndarray:
 
 
 def _equilibrium(problem: Problem) -> np.ndarray:
-    acceleration, (x, v) = problem.require_mechanics("problem").acceleration, problem.y0
+    # Compiled: operation by operation JAX takes many times as long over it.
+    acceleration = jax.jit(problem.require_mechanics("problem").acceleration)
+    x, v = problem.y0
     first, *others = (
         np.asarray(acceleration(t, x, v, problem.args))
         for t in (problem.ts[0], np.mean(problem.ts), problem.ts[-1])
@@ -113,6 +115,43 @@ def frequencies(problem: Problem, y: np.ndarray) -> np.ndarray:
     Raises:
         InputError: the problem is not mechanical, or the state is not stable.
     """
+    at, free = _stable(problem, y)
+    return np.sqrt(np.maximum(np.sort(at.modes(free)), 0.0))
+
+
+class NormalModes(NamedTuple):
+    """The small undamped oscillations about an equilibrium, the slowest first.
+
+    Fields:
+        frequencies: radians per time unit, ``(modes,)``.
+        weights: ``sum(weights[k] * (x - x_equilibrium))`` is how far a state is out in mode k:
+            the largest component of its displacement in this mode alone. ``(modes, *positions)``.
+    """
+
+    frequencies: np.ndarray
+    weights: np.ndarray
+
+
+@in_float64
+def normal_modes(problem: Problem, y: np.ndarray) -> NormalModes:
+    """The modes whose frequencies are those of `frequencies`; arguments and exceptions likewise.
+
+    The coordinates in which they do not act on each other are the left eigenvectors of
+    ``-da/dx``, scaled by the right ones.
+    """
+    at, free = _stable(problem, y)
+    allowed = at.allowed(free)
+    values, shapes = np.linalg.eig(allowed.T @ at.stiffness(free) @ allowed)
+    order = np.argsort(np.real(values))
+    values, shapes = np.real(values)[order], np.real(shapes)[:, order]
+    largest = np.max(np.abs(allowed @ shapes), axis=0)
+    weights = np.zeros((len(values), *at.free.shape))
+    weights[:, at.free] = np.linalg.inv(shapes / largest) @ allowed.T
+    return NormalModes(np.sqrt(np.maximum(values, 0.0)), weights)
+
+
+def _stable(problem: Problem, y: np.ndarray) -> tuple[_Still, np.ndarray]:
+    """The problem at rest, and the free coordinates of a state that is a stable equilibrium."""
     problem.require_mechanics("problem")
     at = _Still(problem)
     free = np.asarray(y)[0][at.free]
@@ -123,7 +162,7 @@ def frequencies(problem: Problem, y: np.ndarray) -> np.ndarray:
             "a stable equilibrium (this one has a mode that moves away from it)",
             "take it from hanging_equilibrium(problem)",
         )
-    return np.sqrt(np.maximum(np.sort(at.modes(free)), 0.0))
+    return at, free
 
 
 class _Still:
@@ -167,10 +206,14 @@ class _Still:
         """``-da/dx``, square."""
         return -self.derivative(free)[: free.size]
 
+    def allowed(self, free: np.ndarray) -> np.ndarray:
+        """A basis of the motions that constraints allow, ``(coordinates, motions)``."""
+        constraints = self.derivative(free)[free.size :]
+        return null_space(constraints) if constraints.size else np.eye(free.size)
+
     def modes(self, free: np.ndarray) -> np.ndarray:
         """The eigenvalues of the stiffness, over the motions that constraints allow."""
-        constraints = self.derivative(free)[free.size :]
-        allowed = null_space(constraints) if constraints.size else np.eye(free.size)
+        allowed = self.allowed(free)
         return np.real(np.linalg.eigvals(allowed.T @ self.stiffness(free) @ allowed))
 
 

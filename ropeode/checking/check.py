@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from ropeode.checking.check_context import Examination, own_claims, references_ahead
@@ -70,7 +70,8 @@ def check_stepper(
         diagnose: look for the cause of what fails.
         time_limit: the processor time that the step may use in each check and in the diagnosis,
             in seconds; of wall time, as for waiting, it may use ten times as much.
-        progress: called with what is being done and the fraction that is done.
+        progress: called again and again with what is being done and the fraction that is done;
+            what it raises ends the check.
 
     Returns:
         The report; ``report.passed`` is the verdict.
@@ -101,8 +102,10 @@ def check_stepper(
         needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
         references_ahead(needed)
         driven = convergence_problems()["driven"]
-        progress("trial", 0.0)
-        trial = within(limit, "a trial of a few steps", lambda: trial_of(stepper, driven))
+        what = functools.partial(progress, "trial", 0.0)
+        trial = within(
+            limit, "a trial of a few steps", lambda: trial_of(stepper, driven), meanwhile=what
+        )
         findings: list[Finding] = []
         diagnosis: tuple[Diagnosis, ...] = ()
         if not trial.repeatable:
@@ -110,14 +113,19 @@ def check_stepper(
         else:
             examination = _examination(stepper, trial, claims)
             for done, name in enumerate(names):
-                progress(name, done / len(names))
+                within_limit = functools.partial(
+                    within,
+                    limit,
+                    f"the check {name!r}",
+                    meanwhile=functools.partial(progress, name, done / len(names)),
+                )
                 # Enters float64 again, which is a thread's own.
                 check = in_float64(CHECKS[name])
                 work = functools.partial(check, examination)
                 try:
-                    finding = within(limit, f"the check {name!r}", work)
+                    finding = within_limit(work)
                     if finding.status == "fail" and name in _THRESHOLDS:
-                        again = within(limit, f"the check {name!r}", work)
+                        again = within_limit(work)
                         if again.line != finding.line:
                             finding = dataclasses.replace(finding, line=HIDDEN_STATE)
                     findings.append(finding)
@@ -128,8 +136,8 @@ def check_stepper(
                     findings.append(Finding(name, "undetermined", line))
             failed = {finding.check for finding in findings if finding.status == "fail"}
             if diagnose and not quick and failed & EXPLAINED:
-                progress("diagnosis", 1.0)
-                diagnosis = _diagnosed(examination, limit)
+                what = functools.partial(progress, "diagnosis", 1.0)
+                diagnosis = _diagnosed(examination, limit, what)
     progress("done", 1.0)
     return CheckReport(
         label=stepper.label,
@@ -177,14 +185,16 @@ def _notes(trial: Trial, printed: str) -> Iterator[str]:
         )
 
 
-def _diagnosed(examination: Examination, limit: float) -> tuple[Diagnosis, ...]:
+def _diagnosed(
+    examination: Examination, limit: float, meanwhile: Callable[[], None]
+) -> tuple[Diagnosis, ...]:
     """The diagnosis. What has been found before stands, whatever becomes of it."""
     # Not above: it imports diffrax, and most steppers need none of it.
     from ropeode.checking.diagnosis.stepper import diagnose_stepper
 
     work = functools.partial(diagnose_stepper, examination)
     try:
-        return within(limit, "the diagnosis", work, _DIAGNOSIS * limit)
+        return within(limit, "the diagnosis", work, _DIAGNOSIS * limit, meanwhile)
     except OutOfTime as error:
         why = f"it did not finish {error.why}; raise the time limit (--time-limit)"
     except UserCodeError as error:

@@ -21,7 +21,7 @@ from ropeode.checking.convergence import RunAndDouble, converging, ladder
 from ropeode.checking.report import Claims, Convergence
 from ropeode.errors import ReferenceRefused, RopeodeError
 from ropeode.problems.problem import Problem
-from ropeode.references.compute import reference
+from ropeode.references.compute import reference_for
 from ropeode.references.reference import Reference
 from ropeode.simulation import simulate, step_size
 from ropeode.simulation.method import Method, method_of
@@ -221,7 +221,7 @@ def reference_of(problem: Problem) -> Reference:
     with own.lock:
         if own.kept is None:
             try:
-                own.kept = reference(problem)
+                own.kept = reference_for(problem)
             except ReferenceRefused as refusal:
                 own.kept = refusal
         if isinstance(own.kept, ReferenceRefused):

@@ -38,7 +38,13 @@ class OutOfTime(UserCodeError):
         )
 
 
-def within(seconds: float, what: str, work: Callable[[], T], overall: float | None = None) -> T:
+def within(
+    seconds: float,
+    what: str,
+    work: Callable[[], T],
+    overall: float | None = None,
+    meanwhile: Callable[[], None] = lambda: None,
+) -> T:
     """Call a function in a thread of its own, and abandon it at the time limit.
 
     What counts is the processor time of the user's steps that it runs, and ten times as much of
@@ -53,6 +59,8 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
         work: the function; its exceptions are raised here.
         overall: the wall time that all of it may take, in seconds, without waiting for a
             processor; None for as long as it needs.
+        meanwhile: called first, and again and again while the function runs; what it raises ends
+            the work.
 
     Raises:
         OutOfTime: it did not return in time.
@@ -70,11 +78,17 @@ def within(seconds: float, what: str, work: Callable[[], T], overall: float | No
         except BaseException as error:
             raised.append(error)
 
+    meanwhile()
     worker = threading.Thread(target=run, daemon=True)
     worker.start()
     ready.wait()
     while worker.is_alive():
         worker.join(_LOOKS_AGAIN_S)
+        try:
+            meanwhile()
+        except BaseException:
+            _end(worker, clocks[0])
+            raise
         processor, wall = clocks[0].spent()
         if processor > seconds:
             why = f"within {seconds:g} s of processor time in the step"

@@ -18,6 +18,7 @@ from ropeode.cli.explain import explain
 from ropeode.cli.grade import grade
 from ropeode.cli.groups import WholeHelp
 from ropeode.cli.horizon import horizon
+from ropeode.cli.lab import lab
 from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
 from ropeode.cli.sweep import sweep
@@ -29,8 +30,9 @@ from ropeode.terminal.supervision import Ended, say, watch
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 # What runs the user's code, which may end its process, runs in another one: this command always,
-# the others where their words name a file that has, or names, such code.
-_JUDGES, _USERS_CODE = "check", (".py", ".toml")
+# the others where their words name a file that has, or names, such code; but the lab has a process
+# of its own for it.
+_JUDGES, _USERS_CODE, _WATCHES = "check", (".py", ".toml"), "lab"
 
 
 @click.group(
@@ -57,6 +59,7 @@ for command in (
     plot,
     animate,
     report,
+    lab,
     spec,
     steppers,
 ):
@@ -136,8 +139,10 @@ def run_process() -> NoReturn:
             setattr(sys, name, os.fdopen(number, "w", closefd=False))
     words = sys.argv[1:]
     command = next((word for word in words if not word.startswith("-")), "")
-    users = any(suffix in word for word in words for suffix in _USERS_CODE)
-    code = _run_watched(command) if command == _JUDGES or users else main()
+    users = any(suffix in word for word in words for suffix in _USERS_CODE) and command != _WATCHES
+    # The submissions of a folder have processes of their own.
+    a_class = command == _JUDGES and any(os.path.isdir(word) for word in words)
+    code = _run_watched(command) if (command == _JUDGES or users) and not a_class else main()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)

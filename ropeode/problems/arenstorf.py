@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import around
 from ropeode.problems.problem import Problem
 from ropeode.validation import Positive, WholePositive
 
@@ -18,7 +19,7 @@ SPEED = -2.00158510637908252240537862224
 PERIOD = 17.0652165601579625588917206249
 
 
-@library_problem()
+@library_problem(around((-MOON, 0.0), (1.0 - MOON, 0.0)))
 def arenstorf(frames: WholePositive = 20, periods: Positive = 1.0) -> Problem:
     """The restricted three-body problem on a closed orbit that passes close to the moon.
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from ropeode.errors import InputError, RopeodeError, UserCodeError
 from ropeode.precision import in_float64
+from ropeode.problems.functions import evaluated_once, never_changes, traced
 from ropeode.problems.signatures import check_signature
-from ropeode.problems.traced import compiled, traced
 from ropeode.validation import (
     bad_value,
     finite_numbers,
@@ -213,7 +213,7 @@ def acceleration(function: Any, t: np.float64, x: np.ndarray, v: np.ndarray, arg
 
 
 def _tried(name: str, signature: str, function: Any, like: np.ndarray, inputs: tuple) -> Callable:
-    function, result = _traced(name, signature, function, inputs)
+    function, result = _traced(name, signature, function, inputs, evaluated_once)
     if getattr(result, "shape", None) != like.shape:
         what = getattr(result, "shape", type(result).__name__)
         raise bad_value(
@@ -229,7 +229,8 @@ def _tried(name: str, signature: str, function: Any, like: np.ndarray, inputs: t
             "float64",
             "remove casts and 32-bit constants; compute with the dtype of the arguments",
         )
-    value = np.asarray(compiled(function)(*inputs))
+    shape_alone = isinstance(result, jax.ShapeDtypeStruct)
+    value = np.asarray(evaluated_once(function, *inputs) if shape_alone else result)
     if not np.all(np.isfinite(value)):
         raise bad_value(
             f"{name} result",
@@ -270,7 +271,7 @@ def damping(function: Any, args: Any) -> Callable:
         InputError: it is not a function.
         UserCodeError: the function raised.
     """
-    return _traced("damping", "damping(args)", function, (args,))[0]
+    return _traced("damping", "damping(args)", function, (args,), _called)[0]
 
 
 @in_float64
@@ -282,7 +283,7 @@ def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> Callable:
             is not one length for each pair of neighbours.
         UserCodeError: the function raised.
     """
-    function, result = _traced("links", "links(args)", function, (args,))
+    function, result = _traced("links", "links(args)", function, (args,), _called)
     if x.ndim != 2 or node_axis != 1:
         raise bad_value(
             "links",
@@ -300,15 +301,31 @@ def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> Callable:
     return function
 
 
-def _traced(name: str, signature: str, function: Any, inputs: tuple) -> tuple[Callable, Any]:
-    """A function in JAX, and its result with shapes and dtypes in place of arrays."""
+def _called(function: Callable, *inputs: Any) -> Any:
+    return function(*inputs)
+
+
+def _traced(
+    name: str,
+    signature: str,
+    function: Any,
+    inputs: tuple,
+    evaluated: Callable[..., Any] = jax.eval_shape,
+) -> tuple[Callable, Any]:
+    """A function in JAX, and its result: shapes and dtypes, where it is the user's.
+
+    Arguments:
+        name, signature, function, inputs: of the function.
+        evaluated: the result of a function of the library, which need not be traced for it.
+    """
     if not callable(function):
         raise bad_value(name, function, f"a function {signature}", "write one in JAX")
     wanted = signature.partition("(")[2].rstrip(")").split(", ")
     check_signature(name, function, wanted, _OTHERS.get(name, ""))
     try:
         function = traced(name, function, inputs)
-        return function, jax.eval_shape(function, *inputs)
+        own = never_changes(function)
+        return function, (evaluated if own else jax.eval_shape)(function, *inputs)
     except RopeodeError:
         raise
     except Exception as error:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import Picture
 from ropeode.problems.problem import Problem
 from ropeode.validation import FinitePair, Positive, PositivePair, WholePositive
 
@@ -20,7 +21,15 @@ class DoublePendulumArgs(NamedTuple):
     gravity: Any
 
 
-@library_problem()
+def _rods(times: np.ndarray, states: np.ndarray, args: DoublePendulumArgs) -> np.ndarray:
+    """The pivot and the two masses, ``(times, 3, 2)``."""
+    del times
+    angles = states[:, 0, :, 0]
+    rods = np.stack([np.sin(angles), -np.cos(angles)], axis=2) * args.lengths[:, None]
+    return np.cumsum(np.concatenate([np.zeros_like(rods[:, :1]), rods], axis=1), axis=1)
+
+
+@library_problem(Picture("pendulum", _rods, fixed=(0,), chained=True))
 def double_pendulum(
     frames: WholePositive = 20,
     masses: PositivePair = (1.0, 1.0),

@@ -13,7 +13,6 @@ import numpy as np
 from ropeode.errors import InputError, call_user_code
 from ropeode.files import read_text, refuse_code
 from ropeode.problems.keywords import refuse_others
-from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope_input import RopeInput
 from ropeode.problems.scipy_form import sample_times_of
@@ -41,6 +40,9 @@ def load_problem(where: str, *, folder: Path | None = None, frames: int | None =
         UserCodeError: the file or the function raised.
     """
     if ":" not in where and not where.endswith(".py"):
+        # Not above: commands about a rope need no other problem.
+        from ropeode.problems.library import PROBLEMS
+
         if where not in PROBLEMS:
             raise InputError(unknown("problem", where, [*PROBLEMS, "FILE.py:NAME"]))
         return PROBLEMS[where](**({} if frames is None else {"frames": frames}))
@@ -105,6 +107,9 @@ def named_in_file(where: str, folder: Path | None = None, what: str = "problem")
             for key, value in found.items()
             if not key.startswith("_") and not inspect.ismodule(value)
         ]
+        if not public:
+            allowed = "the name of something in the file, which defines nothing"
+            raise bad_value(what, where, allowed, f"define {name} in it")
         raise InputError(unknown(f"name in {path}", name, public))
     return found[name]
 
@@ -131,15 +136,35 @@ def names_in_file(path: Path, what: str) -> dict[str, Any]:
         UserCodeError: the file raised.
     """
     refuse_code(what, path)
-    read_text(what, path)
+    return names_in_text(read_text(what, path), path, what)
+
+
+def names_in_text(text: str, path: Path, what: str) -> dict[str, Any]:
+    """All names of a Python file with this text, which is run.
+
+    Arguments:
+        text: of the file, which may have another one by now.
+        path: of the file.
+        what: it holds, for messages.
+
+    Raises:
+        InputError: it is no Python file, or no code may be run.
+        UserCodeError: the text raised.
+    """
+    refuse_code(what, path)
     spec = importlib.util.spec_from_file_location(f"ropeode_user_{what}", path)
     if spec is None or spec.loader is None:
         raise bad_value(what, str(path), "a Python file, *.py", "rename it")
     module = importlib.util.module_from_spec(spec)
     # Dataclasses and pickles look their module up by its name.
     sys.modules[spec.name] = module
-    call_user_code(f"{what}: the file {path}", spec.loader.exec_module, module)
+    # Not by its loader, which takes a compiled file of the same second and size for this one.
+    call_user_code(f"{what}: the file {path}", _run, text, path, vars(module))
     return vars(module)
+
+
+def _run(text: str, path: Path, names: dict[str, Any]) -> None:
+    exec(compile(text, str(path), "exec", dont_inherit=True), names)
 
 
 def is_function(found: Any) -> bool:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import Picture
 from ropeode.problems.problem import Problem
 from ropeode.validation import Finite, Positive, WholePositive
 
@@ -20,7 +21,12 @@ class ForcedArgs(NamedTuple):
     frequency: Any
 
 
-@library_problem()
+def _with_its_forcing(times: np.ndarray, states: np.ndarray, args: ForcedArgs) -> np.ndarray:
+    """The forcing, and the value that follows it."""
+    return np.stack([np.cos(args.frequency * times), states[:, 0]], axis=1)[:, None]
+
+
+@library_problem(Picture("phase", _with_its_forcing, ("forcing", "value")))
 def forced(
     frames: WholePositive = 20, rate: Positive = 1.0, frequency: Finite = 1.0, y0: Finite = 0.0
 ) -> Problem:

@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import around
 from ropeode.problems.problem import Problem
 from ropeode.validation import FinitePair, Positive, WholePositive
 
 
-@library_problem()
+@library_problem(around((0.0, 0.0)))
 def henon_heiles(
     frames: WholePositive = 20,
     duration: Positive = 20.0,

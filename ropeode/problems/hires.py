@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import plane
 from ropeode.problems.problem import Problem
 from ropeode.validation import Positive, WholePositive
 
 
-@library_problem()
+@library_problem(plane(4, 5, ("y5", "y6")))
 def hires(frames: WholePositive = 20, duration: Positive = 321.8122) -> Problem:
     """The high irradiance response of a plant, a stiff reaction of eight substances.
 

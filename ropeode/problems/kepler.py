@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import around
 from ropeode.problems.problem import Problem
 from ropeode.validation import NonNegative, Positive, WholePositive
 
@@ -24,7 +25,7 @@ _TERMS = 12
 Eccentricity = Annotated[NonNegative, Field(le=0.9999), "a number from 0 to 0.9999"]
 
 
-@library_problem()
+@library_problem(around((0.0, 0.0)))
 def kepler(
     frames: WholePositive = 20, eccentricity: Eccentricity = 0.5, periods: Positive = 1.0
 ) -> Problem:

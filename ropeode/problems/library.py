@@ -9,7 +9,6 @@ from ropeode.problems.double_pendulum import double_pendulum
 from ropeode.problems.forced import forced
 from ropeode.problems.henon_heiles import henon_heiles
 from ropeode.problems.hires import hires
-from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
 from ropeode.problems.linear_chain import linear_chain
 from ropeode.problems.lorenz import lorenz
@@ -19,13 +18,8 @@ from ropeode.problems.pendulum import pendulum
 from ropeode.problems.pleiades import pleiades
 from ropeode.problems.problem import Problem
 from ropeode.problems.robertson import robertson
-from ropeode.problems.rope import Rope
+from ropeode.problems.ropes import ROPES
 from ropeode.problems.van_der_pol import van_der_pol
-
-# The ropes, which take the same words in specs and options.
-ROPES: dict[str, type[Rope] | type[InextensibleRope]] = {
-    rope.kind: rope for rope in (Rope, InextensibleRope)
-}
 
 # Each problem's `parameters` name its kind, one of these keys; with the others it is built anew.
 PROBLEMS: dict[str, Callable[..., Problem]] = {

@@ -13,6 +13,7 @@ from pydantic import ValidationInfo, field_validator
 from ropeode.problems import oscillator
 from ropeode.problems.oscillator import OscillatorArgs
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import Picture
 from ropeode.problems.problem import Problem
 from ropeode.validation import FiniteTuple, NonNegative, Positive, WholePositive
 
@@ -27,7 +28,18 @@ def _filled(values: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...
     return values + (0.0,) * missing
 
 
-@library_problem(filled=field_validator("displacement", "velocity")(_filled))
+def _between_walls(times: np.ndarray, states: np.ndarray, args: OscillatorArgs) -> np.ndarray:
+    """Displacements over the places of the masses in the row, with the two walls."""
+    del times, args
+    displacements = np.pad(states[:, 0], [(0, 0), (1, 1)])
+    places = np.broadcast_to(np.arange(displacements.shape[1]), displacements.shape)
+    return np.stack([places, displacements], axis=2)
+
+
+@library_problem(
+    Picture("rope", _between_walls, ("mass", "displacement"), fixed=(0, -1), chained=True),
+    filled=field_validator("displacement", "velocity")(_filled),
+)
 def linear_chain(
     frames: WholePositive = 20,
     num_masses: WholePositive = 8,

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import plane
 from ropeode.problems.problem import Problem
 from ropeode.validation import Finite, FiniteTriple, Positive, WholePositive
 
@@ -20,7 +21,7 @@ class LorenzArgs(NamedTuple):
     beta: Any
 
 
-@library_problem()
+@library_problem(plane(0, 2, ("x", "z")))
 def lorenz(
     frames: WholePositive = 20,
     duration: Positive = 10.0,

@@ -26,6 +26,21 @@ def equations(traced: ClosedJaxpr | Jaxpr) -> Iterator[JaxprEqn]:
             yield from equations(each)
 
 
+def split_scan(equation: Any, inputs: Sequence[Any]) -> tuple[list[Any], list[Any], list[Any]]:
+    """The inputs of a scan: its constants, what it carries from round to round, and its rows.
+
+    The parameters that name them differ between versions of JAX. Shapes tell them too: an array
+    that is read or stacked row by row has one axis more outside of the loop than inside.
+    """
+    body: Any = inside(equation)[0]
+    read = zip(equation.invars, body.in_avals, strict=True)
+    results = zip(equation.outvars, body.out_avals, strict=True)
+    rows = sum(outside.aval.ndim > within.ndim for outside, within in read)
+    carried = sum(outside.aval.ndim == within.ndim for outside, within in results)
+    end = len(inputs) - rows
+    return list(inputs[: end - carried]), list(inputs[end - carried : end]), list(inputs[end:])
+
+
 def evaluated(
     traced: ClosedJaxpr | Jaxpr,
     inputs: Iterable[Any],

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import logarithmic_plane
 from ropeode.problems.problem import Problem
 from ropeode.validation import Positive, WholePositive
 
@@ -20,7 +21,7 @@ class OregonatorArgs(NamedTuple):
     w: Any
 
 
-@library_problem()
+@library_problem(logarithmic_plane(0, 1, ("log10 y1", "log10 y2"), 1e-4))
 def oregonator(frames: WholePositive = 20, duration: Positive = 360.0) -> Problem:
     """The reaction of Belousov and Zhabotinskii, with a limit cycle of steep flanks.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import Picture
 from ropeode.problems.problem import Problem
 from ropeode.validation import Finite, NonNegative, Positive, WholePositive
 
@@ -22,7 +23,16 @@ class OscillatorArgs(NamedTuple):
     damping: Any
 
 
-@library_problem()
+def _on_its_spring(times: np.ndarray, states: np.ndarray, args: OscillatorArgs) -> np.ndarray:
+    """The wall, well to the left of where the mass starts, and the mass."""
+    del times, args
+    mass = np.concatenate([states[:, 0], np.zeros_like(states[:, 0])], axis=2)
+    wall = np.zeros_like(mass)
+    wall[..., 0] = -2.0 * np.abs(mass[0, 0, 0]) - 1.0
+    return np.concatenate([wall, mass], axis=1)
+
+
+@library_problem(Picture("rope", _on_its_spring, ("displacement", ""), fixed=(0,), chained=True))
 def oscillator(
     frames: WholePositive = 20,
     mass: Positive = 1.0,

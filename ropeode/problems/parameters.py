@@ -11,19 +11,23 @@ from typing import Any, ParamSpec
 
 from pydantic import create_model
 
+from ropeode.problems.picture import PICTURES, Picture
 from ropeode.problems.problem import Problem
 from ropeode.validation import Input, field
 
 P = ParamSpec("P")
 
 
-def library_problem(**validators: Any) -> Callable[[Callable[P, Problem]], Callable[P, Problem]]:
+def library_problem(
+    picture: Picture | None = None, **validators: Any
+) -> Callable[[Callable[P, Problem]], Callable[P, Problem]]:
     """Check the arguments of a function that builds a problem, and record them in the problem.
 
     The type of an argument says what is allowed, as `ropeode.validation.Positive` does; its
     default is the example in messages. The problem's kind is the function's name, with hyphens.
 
     Arguments:
+        picture: how the problem is drawn, where the general rule would not show what it is.
         validators: pydantic's, for checks beyond the type of an argument.
     """
 
@@ -44,6 +48,8 @@ def library_problem(**validators: Any) -> Callable[[Callable[P, Problem]], Calla
             build.__name__, __base__=Input, __validators__=validators, **fields
         )
         kind = build.__name__.replace("_", "-")
+        if picture is not None:
+            PICTURES[kind] = picture
 
         @functools.wraps(build)
         def checked(*values: P.args, **named: P.kwargs) -> Problem:

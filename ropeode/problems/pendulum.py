@@ -10,6 +10,7 @@ import numpy as np
 
 from ropeode.problems import elliptic
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import Picture
 from ropeode.problems.problem import Problem
 from ropeode.validation import Finite, Positive, WholePositive
 
@@ -21,7 +22,15 @@ class PendulumArgs(NamedTuple):
     gravity: Any
 
 
-@library_problem()
+def _rod(times: np.ndarray, states: np.ndarray, args: PendulumArgs) -> np.ndarray:
+    """The pivot and the mass, ``(times, 2, 2)``."""
+    del times
+    angles = states[:, 0, :, 0]
+    mass = args.length * np.stack([np.sin(angles), -np.cos(angles)], axis=2)
+    return np.concatenate([np.zeros_like(mass), mass], axis=1)
+
+
+@library_problem(Picture("pendulum", _rod, fixed=(0,), chained=True))
 def pendulum(
     frames: WholePositive = 20,
     length: Positive = 1.0,

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ropeode.precision import in_float64
+from ropeode.problems.functions import compiled
 from ropeode.problems.problem import Problem
-from ropeode.problems.traced import compiled
 
 _PROBES = 3
 

@@ -19,13 +19,13 @@ from ropeode.display import Displayed
 from ropeode.errors import InputError, call_user_code
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems import checks
+from ropeode.problems.functions import again, evaluated_once, traced
 from ropeode.problems.keywords import refuse_others
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.scipy_form import ScipyFunction, scipy_form
 from ropeode.problems.state_structure import StateStructure, is_tree
-from ropeode.problems.traced import again, compiled, traced
 from ropeode.validation import bad_value, not_traced
 
 Rhs = Callable[[Any, Any, Any], Any]
@@ -717,7 +717,7 @@ def _trials(
     """The acceleration at rest, and a few velocities with the acceleration at each of them."""
 
     def at(v: np.ndarray) -> np.ndarray:
-        return np.asarray(compiled(acceleration)(ts[0], x0, v, args))
+        return np.asarray(evaluated_once(acceleration, ts[0], x0, v, args))
 
     # Not symmetric in any way, and of the problem's size.
     draw = np.random.default_rng(20).normal(size=(3, *v0.shape))

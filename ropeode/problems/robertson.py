@@ -8,11 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import Picture
 from ropeode.problems.problem import Problem
 from ropeode.validation import Positive, WholePositive
 
 
-@library_problem()
+def _scaled(times: np.ndarray, states: np.ndarray, args: Any) -> np.ndarray:
+    """The first substance, and the second, of which there is never much more than 1e-5."""
+    del times, args
+    return (states[:, [0, 1]] * [1.0, 1e5])[:, None]
+
+
+@library_problem(Picture("phase", _scaled, ("y1", "1e5 y2")))
 def robertson(frames: WholePositive = 12, duration: Positive = 1e11) -> Problem:
     """Three substances; the second decays almost as soon as it forms.
 

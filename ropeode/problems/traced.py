@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
-import types
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +14,7 @@ from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal, jaxpr_as_fun
 
 from ropeode.errors import call_user_code
 from ropeode.precision import in_float64, rhs_in_float64
+from ropeode.problems.changing import Changing
 from ropeode.problems.nested_jaxprs import equations, evaluated
 from ropeode.problems.traced_digest import digest
 from ropeode.validation import bad_value
@@ -30,7 +29,7 @@ _PLAIN_BITS = 16
 _OWN = os.path.dirname(os.path.dirname(__file__)) + os.sep
 
 
-class Traced:
+class Traced(Changing):
     """A function in JAX: the operations that it consists of, and the numbers in them.
 
     It never changes: what the function reads besides its arguments (a closure, a global variable,
@@ -128,37 +127,6 @@ class Traced:
 @in_float64
 def _traced_again(name: str, function: Callable, inputs: tuple) -> Traced:
     return Traced(name, function, inputs)
-
-
-def traced(name: str, function: Callable, inputs: tuple) -> Callable:
-    """A user's function traced, unless it is already; one of the library's own as it is.
-
-    Arguments:
-        name, function, inputs: as for `Traced`.
-    """
-    if _never_changes(function) or (isinstance(function, Traced) and function.fits(inputs)):
-        return function
-    return Traced(name, getattr(function, "function", function), inputs)
-
-
-@functools.lru_cache(maxsize=64)
-def compiled(function: Callable) -> Callable:
-    """A function compiled by JAX, once for all that are equal."""
-    return jax.jit(function)
-
-
-def again(function: Any) -> Any:
-    """A user's function as it is now; what is not traced is returned as it is."""
-    return function.again() if isinstance(function, Traced) else function
-
-
-def _never_changes(function: Callable) -> bool:
-    """Whether it is a function or an object of the library, with nothing of the user's in it."""
-    if isinstance(function, types.FunctionType):
-        # Code that was run by `exec` has no module.
-        own = (function.__module__ or "").startswith("ropeode.")
-        return own and function.__closure__ is None
-    return type(function).__module__.startswith("ropeode.") and not isinstance(function, Traced)
 
 
 def _as(leaf: Any, like: jax.ShapeDtypeStruct) -> Any:

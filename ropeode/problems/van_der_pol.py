@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from ropeode.problems.parameters import library_problem
+from ropeode.problems.picture import plane
 from ropeode.problems.problem import Problem
 from ropeode.validation import Finite, Positive, WholePositive
 
 
-@library_problem()
+@library_problem(plane(0, 1, ("x", "x'")))
 def van_der_pol(
     frames: WholePositive = 20,
     duration: Positive = 2.0,

@@ -7,7 +7,7 @@ import os
 import jax
 import platformdirs
 
-from ropeode.references import cache_folder
+from ropeode import cache_folder
 
 
 def set_up_jax() -> None:

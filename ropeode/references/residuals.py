@@ -97,7 +97,7 @@ class Sampler:
     """
 
     def __init__(self, problem: Problem, path: Path, bounds: Mapping[str, np.ndarray]):
-        self._leaves = jax.tree.leaves(problem.args)
+        self._leaves = jax.device_put(jax.tree.leaves(problem.args))
         self._path = path
         self._ts, self._bounds = problem.ts, bounds
         numbers = path.states.shape[1]
@@ -173,12 +173,13 @@ class Sampler:
             s = place / (self.parts[step] * _ROW)[:, None]
             t = self._inside(step, s)
             values = self._values(t, s, *(each[row] for each in curves), self._leaves)
-            residual, beyond = _compare(values, coefficients[row], s, allowed[row])
-            beyond = np.flatnonzero(np.asarray(beyond) & real & self._looked_into[step])
+            smooth = coefficients[row]
+            beyond = np.asarray(_beyond(values, smooth, s, allowed[row]))
+            beyond = np.flatnonzero(beyond & real & self._looked_into[step])
             if not len(beyond):
                 continue
+            residual = np.asarray(_residual(values, smooth, s))[beyond].swapaxes(1, 2)
             row, step, t = row[beyond], step[beyond], t[beyond]
-            residual = np.asarray(residual)[beyond].swapaxes(1, 2)
             residual = np.where(residual <= allowed[row, None], 0.0, residual)
             residual[np.isnan(residual)] = np.inf
             np.add.at(added, row, np.sum(residual, axis=1) * self.spacing[step, None])
@@ -291,16 +292,12 @@ _TO_COEFFICIENTS[0] /= 2.0
 
 
 @jax.jit
-def _compare(values: Any, coefficients: Any, s: Any, allowed: Any) -> tuple[Any, Any]:
-    """How far values are from Chebyshev series at parts of steps.
+def _residual(values: Any, coefficients: Any, s: Any) -> Any:
+    """How far values are from Chebyshev series at parts of steps, ``(rows, numbers, times)``.
 
     The polynomials are computed once for all numbers at a time, and then summed, which takes a
     third of the operations of Clenshaw's rule. Not one program with the right-hand side: fused,
     they took several times as long.
-
-    Returns:
-        The distances, ``(rows, numbers, times)``, and for each row whether one of them is not
-        within what is allowed.
     """
     x = 2.0 * s[:, None] - 1.0
     before, last = jnp.ones_like(x), x
@@ -308,8 +305,17 @@ def _compare(values: Any, coefficients: Any, s: Any, allowed: Any) -> tuple[Any,
     for index in range(2, _NODES):
         last, before = 2.0 * x * last - before, last
         series = series + coefficients[:, index, :, None] * last
-    residual = jnp.abs(values - series)
-    return residual, jnp.any(~(residual <= allowed[..., None]), axis=(1, 2))
+    return jnp.abs(values - series)
+
+
+@jax.jit
+def _beyond(values: Any, coefficients: Any, s: Any, allowed: Any) -> Any:
+    """For each row whether a residual is not within what is allowed.
+
+    A program of its own: XLA would compute residuals that are returned too a second time.
+    """
+    residual = _residual(values, coefficients, s)
+    return jnp.any(~(residual <= allowed[..., None]), axis=(1, 2))
 
 
 @functools.lru_cache(maxsize=64)

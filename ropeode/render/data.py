@@ -124,7 +124,7 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
             "accuracy": certificate.accuracy,
             "horizon": certificate.horizon,
             "horizon_reason": certificate.horizon_reason,
-            "versions": dict(certificate.versions),
+            "versions": dict(sorted(certificate.versions.items())),
         },
         "rows": [dataclasses.asdict(row) for row in table.rows],
         "orders": [

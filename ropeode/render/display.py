@@ -14,6 +14,7 @@ import numpy as np
 from ropeode.analysis.errors import ErrorSeries
 from ropeode.analysis.lyapunov import LyapunovExponent
 from ropeode.analysis.motion import Motion
+from ropeode.checking.trajectories.studies import TrajectoryErrors
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.problem import Problem
@@ -22,7 +23,17 @@ from ropeode.references.files.verify import Verification
 from ropeode.references.reference import Reference
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.reference import claim, sparkline, value_words
-from ropeode.render.table_words import problem_words, trust_words
+from ropeode.render.table_words import (
+    RUN_HEADERS,
+    error_cell,
+    error_words,
+    interval,
+    observed_words,
+    problem_words,
+    reference_words,
+    trust_words,
+)
+from ropeode.render.text_layout import counted
 from ropeode.simulation import JaxStepper, Trajectories, Trajectory
 from ropeode.study.curves import Curve, ErrorCurves
 from ropeode.study.energy import EnergyCurves
@@ -125,7 +136,7 @@ def _(run: Trajectory) -> str:
     at = "" if run.diverged_at is None else f" at frame {run.diverged_at}"
     return (
         f"{run.stepper.label}, {run.steps_per_frame} steps/frame; {problem_words(run.problem)}; "
-        f"{run.status}{at}, {len(run.times)} samples"
+        f"{run.status}{at}, {counted(len(run.times), 'sample')}"
     )
 
 
@@ -138,7 +149,7 @@ def _(own: JaxStepper) -> str:
 def _(runs: Trajectories) -> str:
     diverged = len(runs) - int(np.sum(runs.finite))
     return (
-        f"{len(runs)} runs of {runs.stepper.label}, {runs.steps_per_frame} steps/frame; "
+        f"{counted(len(runs), 'run')} of {runs.stepper.label}, {runs.steps_per_frame} steps/frame; "
         f"{diverged or 'none'} diverged"
     )
 
@@ -154,6 +165,27 @@ def _(errors: ErrorSeries) -> str:
 
 
 @line.register
+def _(errors: TrajectoryErrors) -> str:
+    (each,) = errors.orders
+    files = counted(len(errors.rows), "file")
+    return f"{problem_words(errors.problem)}; {files}; order: {observed_words(each.order)}"
+
+
+@blocks.register
+def _(errors: TrajectoryErrors) -> list[Block]:
+    (each,) = errors.orders
+    order = each.order
+    runs = [(f"{row.dt:.4g}", error_cell(row.error_max, row.resolution)) for row in errors.rows]
+    return [
+        Heading(f"Errors of {each.stepper}: {problem_words(errors.problem)}"),
+        Paragraph(error_words(errors)),
+        Grid(RUN_HEADERS[1:3], runs, left=frozenset()),
+        Paragraph(f"Observed order: {observed_words(order)}, 95% interval {interval(order)}."),
+        Paragraph(reference_words(errors)),
+    ]
+
+
+@line.register
 def _(curves: ErrorCurves) -> str:
     return f"{problem_words(curves.problem)}; {curves.norm.name} {_of(curves.curves)}"
 
@@ -165,24 +197,25 @@ def _(curves: EnergyCurves) -> str:
 
 @line.register
 def _(curve: Curve) -> str:
-    return f"{curve.stepper}, {curve.label}; {len(curve.values)} samples"
+    return f"{curve.stepper}, {curve.label}; {counted(len(curve.values), 'sample')}"
 
 
 @line.register
 def _(paths: NodePaths) -> str:
-    return f"{problem_words(paths.problem)}; {len(paths.times)} samples {_of(paths.paths)}"
+    samples = counted(len(paths.times), "sample")
+    return f"{problem_words(paths.problem)}; {samples} {_of(paths.paths)}"
 
 
 @line.register
 def _(path: NodePath) -> str:
     samples, nodes, _ = path.positions.shape
-    return f"{path.stepper}; {nodes} nodes, {samples} samples"
+    return f"{path.stepper}; {counted(nodes, 'node')}, {counted(samples, 'sample')}"
 
 
 def _of(runs: Iterable[Curve | NodePath]) -> str:
     names = [each.stepper for each in runs]
     some = ", ".join(dict.fromkeys(names))
-    return f"of {len(names)} runs ({some})"
+    return f"of {counted(len(names), 'run')} ({some})"
 
 
 @line.register

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.text_layout import counted
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
 
 
@@ -13,7 +14,7 @@ def line(table: AccuracyTable) -> str:
         f"{each.stepper} {table_words.observed_words(each.order)}" for each in table.orders
     )
     problem = table_words.problem_words(table.problem)
-    return f"{problem}; {len(table.rows)} runs; orders: {orders}"
+    return f"{problem}; {counted(len(table.rows), 'run')}; orders: {orders}"
 
 
 def blocks(table: AccuracyTable) -> list[Block]:

@@ -14,6 +14,7 @@ import numpy as np
 from ropeode.analysis.errors import ErrorSeries
 from ropeode.analysis.lyapunov import LyapunovExponent
 from ropeode.analysis.motion import Motion
+from ropeode.checking.trajectories.studies import TrajectoryErrors
 from ropeode.files import check_suffix, write_whole
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
@@ -70,6 +71,11 @@ def _(errors: ErrorSeries) -> dict[str, np.ndarray]:
 @rows_of.register
 def _(table: AccuracyTable) -> list[dict[str, Any]]:
     return of_table.as_lines(table)
+
+
+@rows_of.register
+def _(errors: TrajectoryErrors) -> list[dict[str, Any]]:
+    return [dataclasses.asdict(row) for row in errors.rows]
 
 
 @rows_of.register

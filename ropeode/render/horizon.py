@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.norms import NORMS
-from ropeode.problems.library import ROPES
+from ropeode.problems.ropes import ROPES
 from ropeode.render import markup, table_words
 from ropeode.render.data import problem_dict
 from ropeode.render.markup import Block, Grid, Heading, Paragraph

@@ -19,11 +19,15 @@ _PAGE = """<!DOCTYPE html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
 <style>
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem }}
-table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }}
-th, td {{ padding: 0.2rem 0.8rem; border-bottom: 1px solid #ccc; vertical-align: top }}
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; padding: 0 1rem;
+  max-width: 72rem }}
+h1 {{ font-size: 1.6rem; line-height: 1.2 }}
+table {{ border-collapse: collapse; display: block; font-variant-numeric: tabular-nums;
+  margin: 1rem 0; max-width: 100%; overflow-x: auto; width: fit-content }}
+th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ccc; vertical-align: top }}
 svg {{ max-width: 100%; height: auto }}
 td:not(.long) {{ white-space: nowrap }}
+td.long {{ min-width: 10rem }}
 thead th {{ border-bottom: 2px solid #444 }}
 </style>
 </head>

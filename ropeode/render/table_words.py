@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from ropeode.analysis.order import ObservedOrder
-from ropeode.problems.library import ROPES
 from ropeode.problems.problem import Problem
+from ropeode.problems.ropes import ROPES
 from ropeode.references.certificate import Certificate
 from ropeode.references.hints import remarks
+from ropeode.render.text_layout import counted
 from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
 from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
+
+if TYPE_CHECKING:
+    from ropeode.checking.trajectories.studies import TrajectoryErrors
+
+    # What has errors against step size.
+    Errors: TypeAlias = AccuracyTable | TrajectoryErrors
 
 RUN_HEADERS = (
     "steps/frame",
@@ -36,9 +43,9 @@ def problem_words(problem: Problem) -> str:
     """The problem in a few words."""
     words, parameters = [problem.name], problem.parameters
     if parameters.get("kind") in ROPES:
-        words.append(f"{parameters['num_nodes']} nodes")
+        words.append(counted(parameters["num_nodes"], "node"))
         words.append(_parameter_words("damping", parameters["damping"]))
-    words.append(f"{problem.frames} frames")
+    words.append(counted(problem.frames, "frame"))
     if kind := ROPES.get(parameters.get("kind", "")):
         usual = kind().model_dump(mode="json")
         words += [
@@ -57,7 +64,7 @@ def _parameter_words(name: str, value: Any) -> str:
     return f"{words} {json.dumps(value)}" if len(value) <= 3 else f"{words} of each its own"
 
 
-def error_words(table: AccuracyTable) -> str:
+def error_words(table: Errors) -> str:
     """Which error the table has."""
     last = table.reference.trusted - 1
     return f"Error: {table.norm.words}, over samples 1 to {last}."
@@ -69,7 +76,7 @@ def run_cells(row: Row) -> tuple[str, ...]:
         errors = ("diverged", f"frame {row.diverged_at}", "")
     else:
         errors = tuple(
-            f"< {row.resolution:.1e}" if error is None else f"{error:.3e}"
+            error_cell(error, row.resolution)
             for error in (row.error_max, row.error_final, row.error_rms)
         )
     return (
@@ -79,6 +86,11 @@ def run_cells(row: Row) -> tuple[str, ...]:
         str(row.rhs_evaluations or "-"),
         f"{row.seconds:.2g}" if row.seconds < 10 else f"{row.seconds:.0f}",
     )
+
+
+def error_cell(error: float | None, resolution: float) -> str:
+    """An error; where the reference does not resolve it, what it is below."""
+    return f"< {resolution:.1e}" if error is None else f"{error:.3e}"
 
 
 def order_cells(table: AccuracyTable, each: StepperOrder) -> tuple[str, ...]:
@@ -164,7 +176,7 @@ def remark(order: StepperOrder) -> str | None:
     return "keeps every link at its length: solves the inextensible rope, not this one"
 
 
-def reference_words(table: AccuracyTable) -> str:
+def reference_words(table: Errors) -> str:
     """The reference and its bound, in the quantity of the errors."""
     reference, quantity = table.reference, table.norm.quantity
     certificate = reference.certificate
@@ -190,7 +202,7 @@ def trust_words(certificate: Certificate) -> str:
     return f"trusted before t = {certificate.horizon:g} only ({certificate.horizon_reason})"
 
 
-def _agreement(table: AccuracyTable, differences: np.ndarray) -> str:
+def _agreement(table: Errors, differences: np.ndarray) -> str:
     """How closely a witness agrees, and up to where if it has a horizon of its own."""
     reached = int(np.argmin(np.append(np.isfinite(differences), False)))
     words = f"agrees to {np.max(differences[:reached]):.1e}"

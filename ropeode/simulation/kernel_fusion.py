@@ -3,8 +3,8 @@
 XLA runs a loop on the processor as a list of small functions, which it calls one after the
 other in each iteration. For a rope of 16 nodes these calls take longer than the arithmetic.
 XLA also knows how to make one function of a whole loop, and does so with loops that touch less
-than a kibibyte (from jaxlib 0.12 on: 128 KiB). The marks that it then puts on a loop can be put
-there from outside as well.
+than a kibibyte (jaxlib 0.12: also with far larger ones). The marks that it then puts on a loop can
+be put there from outside as well.
 """
 
 from __future__ import annotations

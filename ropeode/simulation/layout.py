@@ -67,7 +67,8 @@ class Layout:
             # A vector that is the same for all nodes.
             leaf = np.repeat(leaf, self.nodes, axis=-2)
         spare = blocks * self.lanes - leaf.shape[-1]
-        leaf = np.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, spare)], mode="edge")
+        if spare:
+            leaf = np.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, spare)], mode="edge")
         leaf = np.moveaxis(leaf.reshape(*leaf.shape[:-1], blocks, self.lanes), -2, 0)
         if self.lanes == 1:
             return leaf[..., 0]

@@ -11,7 +11,6 @@ import jax
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.problems.traced_digest import digest
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import as_stepper
@@ -65,6 +64,9 @@ def method_of(stepper: Any, problem: Problem) -> Method:
 
 
 def _digest(stepper: Stepper, problem: Problem) -> Hashable:
+    # Not above: steppers of ropeode need none.
+    from ropeode.problems.traced_digest import digest
+
     init, step, state = on_stored_states(stepper, problem.rhs, problem.mechanics)
 
     # A new function at each call: JAX finds the traces of functions again.

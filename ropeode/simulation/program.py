@@ -1,47 +1,24 @@
-"""The compiled driver: blocks of runs, each a loop over frames around a loop over steps."""
+"""Compiled programs that run steppers, one for each family of runs."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import get_opaque_trace_state
 
-from ropeode.problems.problem import Mechanics
-from ropeode.simulation.kernel_fusion import in_one_kernel
-from ropeode.simulation.layout import Layout
-from ropeode.simulation.method import Method
-from ropeode.simulation.system import is_turned, stored, system
-from ropeode.simulation.transposes import on_stored
+from ropeode import kept_programs
+from ropeode.identity import described
+from ropeode.kept_programs import Source
+from ropeode.simulation.family import Family
 from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.phase import Phase
-
-
-class Family(NamedTuple):
-    """What runs have in common that one program can make; hashable.
-
-    Fields:
-        method: the stepper, ready to run.
-        rhs, mechanics: of the problem.
-        layout: of the runs in a block.
-        y0: the initial state of a block.
-        args_tree, args_leaves: the problem's arguments, for a block.
-    """
-
-    method: Method
-    rhs: Callable
-    mechanics: Mechanics | None
-    layout: Layout
-    y0: jax.ShapeDtypeStruct
-    args_tree: Any
-    args_leaves: tuple[jax.ShapeDtypeStruct, ...]
+from ropeode.steppers.base import BuiltIn
 
 
 @dataclasses.dataclass(eq=False)
@@ -51,7 +28,7 @@ class Program:
     Arguments:
         compiled: the loop.
         capacity: the most frames that it runs in one go.
-        nothing_carried: stands for what is carried where there is nothing yet.
+        nothing_carried: stands for what is carried where there is nothing yet, as arrays.
         evaluations: of the right-hand side, to start, in a step, and for a sample; None where they
             are made in a loop, whose length nobody knows.
         compile_seconds: that compiling took; 0 once they were taken.
@@ -59,7 +36,7 @@ class Program:
 
     compiled: Callable
     capacity: int
-    nothing_carried: Any
+    nothing_carried: list[np.ndarray]
     evaluations: tuple[int, int, int] | None
     compile_seconds: float
 
@@ -90,7 +67,7 @@ class Program:
             from.
         """
         spare = self.capacity - len(lengths)
-        frames, states, carried = on_user_clock(
+        frames, states, *carried = on_user_clock(
             lambda *given: jax.block_until_ready(self.compiled(*given)),
             y0,
             args,
@@ -144,156 +121,29 @@ def program(family: Family, capacity: int, blocks: int) -> Program:
 def _compiled(family: Family, capacity: int, blocks: int) -> Program:
     """Compile; the numbers of steps, frames and blocks that are run are run-time values."""
     started = time.perf_counter()
-    methods = _Methods(family)
-
-    def run(
-        y0: Any,
-        args: Any,
-        ts: Any,
-        lengths: Any,
-        frames: Any,
-        steps: Any,
-        count: Any,
-        fresh: Any,
-        carried: Any,
-    ) -> Any:
-        def one_block(block: Any, everything: tuple) -> tuple:
-            done, states, carried = everything
-            own = jax.tree.map(lambda leaf: leaf[block], args)
-            frame, own_states, own_carried = frames_of(
-                y0[block], own, jax.tree.map(lambda leaf: leaf[block], carried)
-            )
-            return (
-                done.at[block].set(frame),
-                states.at[block].set(own_states),
-                jax.tree.map(lambda all, new: all.at[block].set(new), carried, own_carried),
-            )
-
-        def frames_of(y0: Any, args: Any, carried: Any) -> tuple:
-            def steps_of(carried: Any, args: Any, start: Any, dt: Any, steps: Any) -> Any:
-                def one_step(i: Any, carried: Any) -> Any:
-                    return methods.step(args, start + i * dt, carried, dt)
-
-                return jax.lax.fori_loop(0, steps, one_step, carried)
-
-            def one_frame(loop: tuple) -> tuple:
-                frame, carried, states, _ = loop
-                dt = lengths[frame] / steps
-                carried = in_one_kernel(steps_of, carried, args, ts[frame], dt, steps)
-                y = methods.state(args, ts[frame + 1], carried, dt)
-                y = jnp.stack(tuple(y)) if isinstance(y, Phase) else y
-                states = jax.lax.dynamic_update_index_in_dim(states, y, frame, 0)
-                return frame + 1, carried, states, going_on(y)
-
-            def more(loop: tuple) -> Any:
-                frame, _, _, finite = loop
-                return (frame < frames) & finite
-
-            start = Phase(y0[0], y0[1]) if family.mechanics else y0
-            begun = methods.init(args, ts[0], start, lengths[0] / steps)
-            carried = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), begun, carried)
-            states = jnp.zeros((capacity, *y0.shape), y0.dtype)
-            frame, carried, states, _ = jax.lax.while_loop(
-                more, one_frame, (0, carried, states, jnp.asarray(True))
-            )
-            return frame, states, carried
-
-        def going_on(y: Any) -> Any:
-            """Whether a run of the block is still finite."""
-            return jnp.any(jnp.all(jnp.isfinite(y).reshape(-1, family.layout.lanes), axis=0))
-
-        if blocks == 1:
-            # Quicker to compile.
-            alone = frames_of(*jax.tree.map(lambda leaf: leaf[0], (y0, args, carried)))
-            return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
-        nothing = jnp.zeros(blocks, jnp.int64), jnp.zeros((blocks, capacity, *y0.shape[1:]))
-        return jax.lax.fori_loop(0, count, one_block, (*nothing, carried))
-
-    def in_blocks(leaf: Any) -> jax.ShapeDtypeStruct:
-        return shape_of((blocks, *leaf.shape), leaf.dtype)
-
-    evaluations, carried = methods.calls()
-    carried = jax.tree.map(in_blocks, carried)
-    whole, truth = shape_of((), np.int64), shape_of((), np.bool_)
-    compiled = (
-        jax.jit(run)
-        .lower(
-            in_blocks(family.y0),
-            jax.tree.map(in_blocks, methods.args),
-            shape_of((capacity + 1,)),
-            shape_of((capacity,)),
-            *(whole, whole, whole, truth),
-            carried,
-        )
-        .compile()
+    compiled, facts = kept_programs.program(
+        _description(family, capacity, blocks), lambda: _source(family, capacity, blocks)
     )
-    nothing = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), carried)
+    evaluations = None if facts["evaluations"] is None else tuple(facts["evaluations"])
+    nothing = [np.zeros(shape, dtype) for shape, dtype in facts["carried"]]
     return Program(compiled, capacity, nothing, evaluations, time.perf_counter() - started)
 
 
-def shape_of(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
-    """What stands for an array while nothing is computed."""
-    return jax.ShapeDtypeStruct(shape, dtype)
+def _description(family: Family, capacity: int, blocks: int) -> str | None:
+    """What tells a program of ropeode's own from all others; None for one of the user's."""
+    args = jax.tree.unflatten(family.args_tree, family.args_leaves)
+    stepper = family.method.stepper
+    if not isinstance(stepper, BuiltIn):
+        return None
+    of_problem = family.rhs, family.mechanics, family.y0, args
+    # What is the user's has no description.
+    with contextlib.suppress(TypeError):
+        return described((stepper, of_problem, family.layout, capacity, blocks))
+    return None
 
 
-class _Methods:
-    """`init`, `step` and `state` of a stepper, on blocks of a family: ``(args, t, y, dt)``."""
+def _source(family: Family, capacity: int, blocks: int) -> Source:
+    # Not above: a program that is kept needs none.
+    from ropeode.simulation.driver import source_of
 
-    def __init__(self, family: Family):
-        self._family = family
-        self._calls, self._looped = 0, False
-        self.args = jax.tree.unflatten(family.args_tree, family.args_leaves)
-        stepper = family.method.stepper
-        self._turned = is_turned(stepper, family.mechanics)
-        self.init = self._on_blocks(stepper.init)
-        self.step = self._on_blocks(stepper.step)
-        self.state = self._on_blocks(stepper.state)
-
-    def calls(self) -> tuple[tuple[int, int, int] | None, Any]:
-        """How often each calls the right-hand side, and the shapes of what is carried."""
-        y0: Any = self._family.y0
-        if self._family.mechanics:
-            half = shape_of(y0.shape[1:], y0.dtype)
-            y0 = Phase(half, half)
-        counts: list[int] = []
-
-        def shapes_of(method: Callable, y: Any) -> Any:
-            result = jax.eval_shape(method, self.args, shape_of(()), y, shape_of(()))
-            counts.append(self._calls)
-            return result
-
-        carried = shapes_of(self.init, y0)
-        shapes_of(self.step, carried)
-        shapes_of(self.state, carried)
-        to_start, per_step, per_sample = counts
-        return None if self._looped else (to_start, per_step, per_sample), carried
-
-    def _on_blocks(self, method: Callable) -> Callable:
-        family = self._family
-
-        def on_one(args: Any, t: Any, y: Any, dt: Any) -> Any:
-            self._calls = 0
-            outside = get_opaque_trace_state()
-
-            def counted(function: Callable) -> Callable:
-                def call(t: Any, state: Any, *others: Any) -> Any:
-                    self._calls += 1
-                    self._looped |= get_opaque_trace_state() != outside
-                    # What the first stage reads is stored anyway, as the step's input.
-                    state = stored(state, always) if self._calls > 1 else state
-                    return function(t, state, *others)
-
-                return call
-
-            always = dt > 0
-            bound = system(family.rhs, family.mechanics, args, counted=counted, turned=self._turned)
-            return on_user_clock(method, bound, t, y, dt)
-
-        def turned(args: Any, t: Any, y: Any, dt: Any) -> Any:
-            dim, nodes = family.y0.shape[1:3]
-            return on_stored(on_one, (nodes, dim))(args, t, y, dt)
-
-        on_one_state = turned if self._turned else on_one
-        if family.layout.lanes == 1 or family.layout.nodes is not None:
-            return on_one_state
-        return jax.vmap(on_one_state, in_axes=(-1, None, -1, None), out_axes=-1)
+    return source_of(family, capacity, blocks)

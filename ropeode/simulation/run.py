@@ -19,9 +19,10 @@ from ropeode.precision import in_float64
 from ropeode.problems.ensemble import Ensemble, Numbers
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
+from ropeode.simulation.family import Family, shape_of
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method, method_of
-from ropeode.simulation.program import Family, Program, program, shape_of
+from ropeode.simulation.program import Program, program
 from ropeode.simulation.python_driver import run_in_python
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
 from ropeode.steppers.base import BuiltIn

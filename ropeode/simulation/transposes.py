@@ -21,10 +21,10 @@ from ropeode.problems.nested_jaxprs import evaluated, inside
 # fmt: off
 COMPONENTWISE = frozenset((
     "abs", "add", "add_any", "and", "atan", "atan2", "ceil", "clamp", "convert_element_type",
-    "copy", "cos", "cosh", "div", "eq", "exp", "exp2", "expm1", "floor", "ge", "gt",
-    "integer_pow", "is_finite", "le", "log", "log1p", "logistic", "lt", "max", "min", "mul", "ne",
-    "neg", "not", "optimization_barrier", "or", "pow", "rem", "round", "rsqrt", "select_n", "sign",
-    "sin", "sinh", "sqrt", "square", "sub", "tan", "tanh", "xor",
+    "copy", "cos", "cosh", "div", "eq", "exp", "exp2", "expm1", "floor", "ge", "gt", "integer_pow",
+    "is_finite", "le", "log", "log1p", "log2", "logistic", "lt", "max", "min", "mul", "ne", "neg",
+    "not", "one_minus_square", "optimization_barrier", "or", "polynomial", "pow", "rem", "round",
+    "rsqrt", "select_n", "sign", "sin", "sinh", "sqrt", "square", "sub", "tan", "tanh", "xor",
 ))
 # fmt: on
 # These hold a function, which is looked into.

@@ -6,11 +6,12 @@ import dataclasses
 import importlib
 import inspect
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ropeode.errors import InputError, call_user_code
-from ropeode.problems.files import named_in_file, names_in_file
+from ropeode.problems.files import named_in_file, names_in_file, names_in_text
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.functions import (
     AccelerationFunction,
@@ -100,25 +101,55 @@ def _only_one_in(text: str, path: Path) -> tuple[str, Any]:
     Raises:
         InputError: there is none, or more than one.
     """
-    names = names_in_file(path, "stepper")
-    steppers = {
-        name: value
+    steppers = _defined_in(names_in_file(path, "stepper"), text)
+    if len(steppers) != 1:
+        allowed = (
+            f"FILE.py:NAME, or a file with one stepper in it; this one has {', '.join(steppers)}"
+        )
+        raise bad_value("stepper", text, allowed, "add the name")
+    ((name, value),) = steppers.items()
+    return name, value
+
+
+def steppers_in_text(where: str, text: str) -> dict[str, Stepper]:
+    """The steppers of a file with this text, which is run, by their whole names.
+
+    Arguments:
+        where: ``FILE.py:NAME`` for one of them, or ``FILE.py`` for all.
+        text: of the file, which may have another one by now.
+
+    Raises:
+        InputError: there is none, or none of this name.
+        UserCodeError: the text raised, or a class in it.
+    """
+    file, name = (where, "") if where.endswith(".py") else where.rsplit(":", 1)
+    names = names_in_text(text, Path(file), "stepper")
+    if not name:
+        found = _defined_in(names, file)
+    elif name in names:
+        found = {where: names[name]}
+    else:
+        raise InputError(unknown(f"name in {file}", name, _defined_in(names, file)))
+    return {whole: _from_object(each, whole) for whole, each in found.items()}
+
+
+def _defined_in(names: Mapping[str, Any], file: str) -> dict[str, Any]:
+    """The steppers that a file defines, by their whole names.
+
+    Raises:
+        InputError: there is none.
+    """
+    found = {
+        f"{file}:{name}": value
         for name, value in names.items()
         if getattr(value, "__module__", None) == names["__name__"]
         and not name.startswith("_")
         and (_is_stepper_class(value) or (inspect.isfunction(value) and signature_of(value)))
     }
-    if len(steppers) != 1:
-        listed = ", ".join(f"{text}:{name}" for name in steppers)
-        raise bad_value(
-            "stepper",
-            text,
-            "FILE.py:NAME, or a file with one stepper in it"
-            + (f"; this one has {listed}" if steppers else "; this one has none"),
-            "add the name" if steppers else _HOW_TO_WRITE_ONE,
-        )
-    ((name, value),) = steppers.items()
-    return f"{text}:{name}", value
+    if not found:
+        allowed = "FILE.py:NAME, or a file with a stepper in it; this one has none"
+        raise bad_value("stepper", file, allowed, _HOW_TO_WRITE_ONE)
+    return found
 
 
 _HOW_TO_WRITE_ONE = f"write def step({', '.join(AccelerationFunction.PARAMETERS)})"

@@ -18,7 +18,7 @@ from ropeode.display import Tabular
 from ropeode.errors import InputError, UserCodeError
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
-from ropeode.progress import Progress, bar, shows_progress
+from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
@@ -210,7 +210,7 @@ def tables_in_norms(
         ]
         # Those that take longest first, so that no processor is left without work at the end.
         running = {
-            pool.submit(_rows, problem, rescaled, method, steps, reference, norms): steps
+            pool.submit(rows_of_run, problem, rescaled, method, steps, reference, norms): steps
             for steps in sorted(steps_per_frame, reverse=True)
             for method in methods
         }
@@ -224,7 +224,7 @@ def tables_in_norms(
     progress("done", 1.0)
     every = [finished[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
     return tuple(
-        _table([rows[i] for rows in every], chosen, predictions, reference, norm)
+        table_of_rows([rows[i] for rows in every], chosen, predictions, reference, norm)
         for i, norm in enumerate(norms)
     )
 
@@ -236,13 +236,22 @@ def _predicted_error(reference: Reference, method: Method) -> PredictedError | s
     return predicted_error(reference, method)
 
 
-def _table(
+def table_of_rows(
     rows: Sequence[Row],
     chosen: Sequence[Stepper],
     predictions: Sequence[PredictedError | str | None],
     reference: Reference,
     norm: Norm,
 ) -> AccuracyTable:
+    """The table of runs.
+
+    Arguments:
+        rows: of the runs, in the order of the steppers.
+        chosen: the steppers.
+        predictions: for each of them what theory predicts; None where nobody asked for it.
+        reference: that the rows rest on.
+        norm: of the errors in the rows.
+    """
     problem = reference.problem
     resolution = float(RESOLUTION_FACTOR * reference.bound(norm)[-1])
     size = float(motion(problem, reference.states, norm)[reference.trusted - 1])
@@ -344,16 +353,27 @@ def check_steps(given: Any) -> StepsPerFrame:
     return steps
 
 
-def _rows(
+def rows_of_run(
     problem: Problem,
     rescaled: Problem,
     method: Method,
     steps: int,
     reference: Reference,
     norms: Sequence[Norm],
+    progress: Progress = silent,
 ) -> tuple[Row, ...]:
-    """One run as a row in each norm."""
-    run = simulate(problem, method, steps)
+    """One run as a row in each norm.
+
+    Arguments:
+        problem: what is solved.
+        rescaled: the same `in_other_units`, which shows the round-off.
+        method: with what, ready to run.
+        steps: per frame.
+        reference: of the problem.
+        norms: in which the error is measured.
+        progress: of the run.
+    """
+    run = simulate(problem, method, steps, progress=progress)
     rounding: Sequence[float | None] = [None] * len(norms)
     if run.status == "ok":
         rounding = round_off(run, rescaled, reference.trusted, norms, method)

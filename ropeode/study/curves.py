@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,9 @@ from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.error_constant import leading_term
-from ropeode.theory.global_error import PredictedError, predicted_error
+
+if TYPE_CHECKING:
+    from ropeode.theory.global_error import PredictedError
 
 # Lines that a reader can follow in a panel.
 _STEPS_PER_FRAME = (16, 64, 256, 1024)
@@ -124,11 +126,14 @@ def error_curves(
     def prediction(stepper: Stepper) -> PredictedError | str | None:
         if not predict:
             return None
+        # Not above: it takes as long to import as JAX, and most curves predict nothing.
+        from ropeode.theory.global_error import predicted_error
+
         return predicted_error(reference, method_of(stepper, reference.problem))
 
     def curve(run: Trajectory) -> Curve:
         found, own = prediction(run.stepper), error_curve(run, reference, measure)
-        if not isinstance(found, PredictedError):
+        if found is None or isinstance(found, str):
             return own
         sizes = leading_term(reference.problem, measure, found)
         predicted = None if sizes is None else sizes * run.dt**found.order

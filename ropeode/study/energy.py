@@ -97,7 +97,7 @@ def energy_curves(
     Examples:
         >>> from ropeode import Rope, energy_curves
         >>> energy_curves(Rope(num_nodes=4).problem(frames=3), ["rk4"], [16])
-        <EnergyCurves: rope, 4 nodes, damping 0.01, 3 frames; energies of 1 runs (rk4)>
+        <EnergyCurves: rope, 4 nodes, damping 0.01, 3 frames; energies of 1 run (rk4)>
     """
     own = problem_of(problem)
     check_energy(own)
@@ -117,11 +117,14 @@ def energy_curves(
     drawn = tuple(curves())
     known = problem if isinstance(problem, Reference) else None
     along = known.states[: known.trusted] if known else best.states
-    if known is None and (along is None or not _conserved(own, _slopes(own, along))):
+    slopes = None if along is None else _slopes(own, along)
+    if known is None and (slopes is None or not _conserved(own, slopes)):
         known = reference_for(own, options, lambda text, _: progress(text, 0.9))
         along = known.states[: known.trusted]
+        slopes = _slopes(own, along)
     assert along is not None
-    found = energies_of(own, known, along, drawn)
+    assert slopes is not None
+    found = _energies(own, known, along, slopes, drawn)
     progress("done", 1.0)
     return found
 
@@ -151,7 +154,17 @@ def energies_of(
             ``(times, *state)``.
         curves: of energies.
     """
-    slopes, start = _slopes(problem, along), problem.energies(problem.y0[None])
+    return _energies(problem, reference, along, _slopes(problem, along), curves)
+
+
+def _energies(
+    problem: Problem,
+    reference: Reference | None,
+    along: np.ndarray,
+    slopes: _Slopes,
+    curves: Sequence[Curve],
+) -> EnergyCurves:
+    start = problem.energies(problem.y0[None])
     rounding = np.maximum.accumulate(np.finfo(np.float64).eps * slopes.size[: len(along)])
     conserved, known = _conserved(problem, slopes), None
     if reference is not None:

@@ -108,7 +108,7 @@ def node_paths(
     Examples:
         >>> from ropeode import Rope, node_paths
         >>> node_paths(Rope(num_nodes=4).problem(frames=3), ["rk4"], steps_per_frame=16)
-        <NodePaths: rope, 4 nodes, damping 0.01, 3 frames; 25 samples of 1 runs (rk4)>
+        <NodePaths: rope, 4 nodes, damping 0.01, 3 frames; 25 samples of 1 run (rk4)>
     """
     source, problem = problem, problem_of(problem)
     check_positions(problem)

@@ -17,9 +17,9 @@ from ropeode.norms import NORMS
 from ropeode.problems.checks import run as run_checks
 from ropeode.problems.files import load_problem
 from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.problems.ropes import ROPES
 from ropeode.progress import Progress
 from ropeode.references.certificate import Level
 from ropeode.references.reference import Reference, problem_of
@@ -232,6 +232,7 @@ class TableJob:
     def _stored(self, named: set[str]) -> Reference:
         """The stored reference; its problem must be the one that is described, if one is."""
         # Not above: HDF5 takes its time to load, and most tables need none of it.
+        from ropeode.problems.library import PROBLEMS
         from ropeode.references.files.library import find
         from ropeode.references.files.store import reference_from, stored_facts
 

@@ -49,7 +49,8 @@ def run_sweep(
             belong to cases of this sweep; they are not computed again.
         case_limit: seconds that a case may take, with its reference and with what is compiled
             for it. Its process is killed, also without `workers`, and its row says `timed-out`.
-            Cases whose limit was shorter are tried again.
+            Cases whose limit was shorter are tried again. So are those that killed their process,
+            where cases run in processes of their own.
         progress: called with the number of finished cases and their fraction, after each task.
 
     Raises:
@@ -115,7 +116,8 @@ def run_in(
         with write_errors(path):
             index = _prepare_folder(path, sweep, extend)
         store = Store(path / index.rows, sweep.columns)
-        store.reopen(math.inf if case_limit is None else case_limit)
+        # In this process a case that kills it again would end the sweep.
+        store.reopen(math.inf if case_limit is None else case_limit, died=bool(engine.lost))
         work_through(sweep, store, engine, progress)
     return summarize(path)
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from ropeode.errors import RopeodeError
 from ropeode.progress import Progress, silent
-from ropeode.sweep.design.columns import TIMED_OUT, Row, failed_row
+from ropeode.sweep.design.columns import DIED, TIMED_OUT, Row, failed_row
 from ropeode.sweep.execution.engines import Engine, TookTooLong
 from ropeode.sweep.storage import row_files
 from ropeode.sweep.storage.row_files import Store, partition_of
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from ropeode.sweep.design.cases import Task
     from ropeode.sweep.design.spec import SweepSpec
 
-DIED = "worker-died"
 _CHECK_EVERY_S = 1.0
 # How often a single case may kill its process: once beside others, which may have been the cause,
 # and then this often alone.

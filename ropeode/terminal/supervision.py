@@ -54,6 +54,7 @@ class _Watched:
 
     def __init__(self) -> None:
         self.line: socket.socket | None = None
+        self.doing = ""
 
 
 _this = _Watched()
@@ -94,7 +95,7 @@ def watch(code: str, words: Sequence[str], left: str = NOTHING) -> Ended:
     return Ended(
         code=codes[-1] if codes else None,
         during=doing[-1] if doing else "",
-        how=_how(process.returncode),
+        how=how_it_ended(process.returncode, shell=True),
     )
 
 
@@ -116,13 +117,18 @@ def _all_that_is_said(line: socket.socket, process: subprocess.Popen) -> list[st
             time.sleep(waits_s)
 
 
-def _how(code: int) -> str:
-    """How a process ended, from the exit code of its shell, or the signal that ended the shell."""
-    number = -code if code < 0 else code - _ENDS_BY_SIGNAL
+def how_it_ended(code: int, *, shell: bool = False) -> str:
+    """How a process ended, in words.
+
+    Arguments:
+        code: its exit code; minus the number of the signal that ended it.
+        shell: whether that is the code of the shell around it, which has signals above 128.
+    """
+    number = -code if code < 0 else code - _ENDS_BY_SIGNAL if shell else 0
     if number in _HANGS:
         return "did not return, and let nothing else run meanwhile"
     with contextlib.suppress(ValueError):
-        if code < 0:
+        if code < 0 and shell:
             return f"killed its parent process ({signal.Signals(number).name})"
         return f"ended its process ({signal.Signals(number).name})"
     return f"ended its process (exit code {code})"
@@ -160,7 +166,8 @@ def _end_with_the_other(line: socket.socket) -> None:
 
 def say(doing: str) -> None:
     """Tell the process that watches this one what it does; nothing where none watches."""
-    if _this.line is not None:
+    if _this.line is not None and doing != _this.doing:
+        _this.doing = doing
         _this.line.sendall(f"{_DOES}{doing}\n".encode())
 
 
@@ -172,8 +179,16 @@ def end_if_nothing_runs(seconds: float) -> None:
     Arguments:
         seconds: of processor time; of wall time ten times as many.
     """
-    if _this.line is None:
-        return
+    if _this.line is not None:
+        end_if_python_stops(seconds)
+
+
+def end_if_python_stops(seconds: float) -> None:
+    """Let this process end where Python does not run for so long.
+
+    Arguments:
+        seconds: of processor time; of wall time ten times as many.
+    """
 
     def wind_up() -> None:
         while True:

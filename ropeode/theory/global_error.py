@@ -14,6 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem, Rhs
+from ropeode.progress import Progress, part_of, silent
 from ropeode.references.reference import Reference
 from ropeode.simulation.method import Method
 from ropeode.theory.expansion import STEPS, Expansion, expanded
@@ -48,7 +49,9 @@ class PredictedError:
 
 
 @in_float64
-def predicted_error(reference: Reference, method: Method) -> PredictedError | str:
+def predicted_error(
+    reference: Reference, method: Method, progress: Progress = silent
+) -> PredictedError | str:
     """The leading term of the global error of a stepper on the problem of a reference.
 
     With the local error ``dt**(p + 1) d(t, y)``, the error is ``dt**p e(t)`` and higher terms,
@@ -60,6 +63,7 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
     Arguments:
         reference: that the solution is taken from, as far as it is trusted.
         method: the stepper, ready to run on the reference's problem.
+        progress: called with what is being done and the fraction that is done.
 
     Returns:
         The prediction, or why there is none.
@@ -75,6 +79,7 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
         return "the frames differ in length, and so do the steps"
     if len(times) < 2:
         return "the reference is trusted for no frame"
+    progress("expanding a step", 0.0)
     samples, longest = StepSamples(problem, method), float(np.max(np.diff(times)))
     some = np.unique(np.linspace(0, len(times) - 2, _STATES).astype(int))
     local = begin = expanded(samples, times[some], states[some], longest)
@@ -92,12 +97,15 @@ def predicted_error(reference: Reference, method: Method) -> PredictedError | st
     if lacking:
         return lacking
     order = min(each.order for each in (local, begin) if each.order is not None)
-    along = solution_along(reference)
+    along = solution_along(reference, part_of(progress, 0.2, 0.6))
     if along is None:
         return "the solution is stiff: it is smooth over a small part of a frame only"
     zeros = order + 1 if samples.carries_state else order
-    rate = np.concatenate([_local_error(samples, each, order, zeros) for each in along.pieces])
-    rate = rate[along.index]
+    rates = []
+    for index, each in enumerate(along.pieces):
+        progress("the local error", 0.6 + 0.4 * index / len(along.pieces))
+        rates.append(_local_error(samples, each, order, zeros))
+    rate = np.concatenate(rates)[along.index]
     start = begin.start(order).value[0]
     fine, coarse = (
         _propagated(problem, times, start, *(each[::stride] for each in (along.t, along.y, rate)))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ropeode.progress import Progress, silent
 from ropeode.references.reference import Reference
 from ropeode.theory.flow import Flow, short_flow
 from ropeode.theory.step_samples import rates_of
@@ -63,19 +64,41 @@ class Along(NamedTuple):
         return np.concatenate([each.y for each in self.pieces])[self.index]
 
 
-@functools.lru_cache(maxsize=4)
-def solution_along(reference: Reference) -> Along | None:
+def solution_along(reference: Reference, progress: Progress = silent) -> Along | None:
     """The solution of a reference between its samples, to rounding, from sample to sample.
+
+    Arguments:
+        reference: whose solution; those of the last ones are kept.
+        progress: called with what is being done and the fraction that is done.
 
     Returns:
         None where it is smooth in very short pieces only: the problem is stiff.
     """
+    kept = _kept(reference)
+    if not kept:
+        kept.append(_followed(reference, progress))
+    return kept[0]
+
+
+@functools.lru_cache(maxsize=4)
+def _kept(reference: Reference) -> list[Along | None]:
+    del reference
+    return []
+
+
+def _followed(reference: Reference, progress: Progress) -> Along | None:
     times, states = reference.times[: reference.trusted], reference.states[: reference.trusted]
-    rates, found, count = rates_of(reference.problem), [], 0
+    own_rates, found, count = rates_of(reference.problem), [], 0
     # All frames are begun at once, and each is followed to its end.
     t, y, left = times[:-1], states[:-1], np.diff(times)
     length = 2.0 * left
+
+    def rates(t: np.ndarray, y: np.ndarray) -> np.ndarray:
+        progress("following the solution", done)
+        return own_rates(t, y)
+
     while len(t):
+        done = 1.0 - float(np.sum(left)) / float(times[-1] - times[0])
         flow = short_flow(rates, t, y, np.minimum(2.0 * left, 2.0 * length))
         length, moved = flow.length, flow.increments(_FRACTIONS)
         with np.errstate(invalid="ignore"):

@@ -225,7 +225,7 @@ def lively():
     return simulate(rope.problem(400), "velocity-verlet", 16)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(turns, st.sampled_from([-1.0, 1.0]), st.floats(0.01, 100), st.floats(0.1, 10))
 def test_words_depend_on_no_units_and_no_direction(lively, angle, mirror, length, time):
     usual = classify_motion(lively)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import special, stats
 
+from ropeode.analysis import order as module
 from ropeode.analysis.order import (
     PRE_ASYMPTOTIC,
     ROUND_OFF,
@@ -153,7 +154,8 @@ def test_an_interval_that_holds_another_order_gives_no_verdict(order, bend, nois
     low, high = fit.ci95
     limited = observed_order(dts, errors, claimed=claimed)
     if claimed is None:
-        decides = np.floor(high) <= np.ceil(low)
+        whole = np.floor(high) - np.ceil(low) + 1
+        decides = whole == 1 or (whole == 0 and high - low <= 0.25)
     else:
         # It excludes the claimed order, or each lower one.
         decides = high < claimed - 0.25 or low > claimed - 1
@@ -176,6 +178,20 @@ def test_errors_that_bend_like_explicit_eulers_on_the_default_rope():
     found = observed_order([*dts, 1 / 2048], [*errors, 4.281e-3])
     assert found.verdict == "converges"
     assert found.ci95 == pytest.approx((0.705, 1.310), abs=0.001)
+
+
+def test_errors_about_as_large_as_they_can_get_have_no_order():
+    """Of semi-implicit Euler on the rope without damping, over 300 frames: it has order 1."""
+    found = observed_order(1 / np.array([64, 128, 256]), [38.79, 29.88, 21.61])
+    assert found.verdict == "undetermined"
+    assert "[0.09, 0.76], which holds no whole order" in found.why
+
+
+@pytest.mark.parametrize("order", [0.6, 1.5, 2.4])
+def test_a_fractional_order_is_one_where_the_points_lie_on_a_line(order):
+    found = observed_order(DTS[:4], DTS[:4] ** order)
+    assert found.verdict == "converges"
+    assert found.observed == pytest.approx(order)
 
 
 def test_growing_errors_do_not_converge_however_wide_the_interval():
@@ -232,3 +248,9 @@ def test_erratic_errors_are_undetermined():
 def test_bad_input(dts, errors):
     with pytest.raises(InputError, match="(dts|errors): .* given; allowed: "):
         observed_order(dts, errors)
+
+
+def test_students_t_is_scipys():
+    degrees = range(1, len(module._STUDENT) + 3)
+    found = [module._student(each) for each in degrees]
+    np.testing.assert_allclose(found, special.stdtrit([*degrees], 0.975), rtol=1e-13)

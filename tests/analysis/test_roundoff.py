@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from ropeode.analysis.roundoff import in_other_units, round_off
 from ropeode.norms import distance, norm_for
 from ropeode.precision import in_float64
 from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS, ROPES
+from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.problems.ropes import ROPES
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.steppers import as_stepper, scipy_solvers
@@ -25,8 +27,8 @@ LAGGED = "stormer-verlet:damping=lagged"
 
 
 def also_slow(stepper):
-    """How it starts and damps, and how often it sweeps, is measured in no unit of length."""
-    return ":" in stepper.label or stepper.needs == "nodes in a row"
+    """What has one state and what has two positions; the others are measured in no other unit."""
+    return stepper.label not in ("rk4", "stormer-verlet")
 
 
 @pytest.mark.parametrize("stepper", slow_if(also_slow))
@@ -41,7 +43,11 @@ def test_other_units_change_nothing_but_rounding(stepper):
 
 
 @pytest.mark.parametrize(
-    "label", ["constraint-verlet", "rattle", pytest.param("rk4", marks=pytest.mark.slow)]
+    "label",
+    [
+        "constraint-verlet",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ("rattle", "rk4")),
+    ],
 )
 def test_links_are_measured_in_the_other_unit_as_well(label):
     # A length or an acceleration left in the old unit would change the motion by 19 %.
@@ -70,8 +76,19 @@ def test_links_in_other_units(name):
     assert hash(rescaled.mechanics) == hash(in_other_units(problem).mechanics)
 
 
-@pytest.mark.parametrize("name", sorted(set(scipy_solvers.solvers()) - {"BDF", "LSODA"}))
-@pytest.mark.parametrize("kind", ["rope", "forced"])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        # An explicit method for each shape of state, and an implicit one.
+        pytest.param(
+            *pair,
+            marks=() if pair in (("rope", "RK45"), ("forced", "Radau")) else pytest.mark.slow,
+        )
+        for pair in itertools.product(
+            ("rope", "forced"), sorted(set(scipy_solvers.solvers()) - {"BDF", "LSODA"})
+        )
+    ],
+)
 def test_solvers_of_scipy_run_in_other_units(name, kind):
     problem = PROBLEMS[kind](frames=2, **({"num_nodes": 4} if kind == "rope" else {}))
     run = simulate(problem, f"scipy:{name}", 8)
@@ -135,13 +152,8 @@ def test_errors_that_repeat_from_step_to_step_are_seen():
     assert round_off(grouped, rescaled, 21, [norm])[0] < apart / 5
 
 
-@pytest.mark.parametrize(
-    "label",
-    [
-        "stormer-verlet",
-        *(pytest.param(each, marks=pytest.mark.slow) for each in (LAGGED, "velocity-verlet")),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("label", ["stormer-verlet", LAGGED, "velocity-verlet"])
 def test_excess_over_the_order_is_explained(label):
     problem = Rope().problem(frames=20)
     norm = norm_for(problem)

@@ -51,10 +51,10 @@ def some(report) -> Report:
     )
 
 
-def test_reports_have_the_formats_of_tables():
+def test_reports_have_the_formats_of_tables(some):
     assert list(FORMATS) == list(TABLE_FORMATS)
     with pytest.raises(InputError, match="format: 'jsn' given"):
-        format_report(None, "jsn")
+        format_report(some, "jsn")
 
 
 @pytest.mark.parametrize("form", FORMATS)

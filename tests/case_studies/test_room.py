@@ -10,8 +10,14 @@ import ropeode
 
 PACKAGE = Path(ropeode.__file__).parent
 ROOM = PACKAGE / "case_studies"
-# What adds its command, and what lists public names.
-MAY_IMPORT = {Path("cli/main.py"), Path("__init__.py"), Path("__init__.pyi")}
+# What adds its command, what lists public names, and the lab, which shows its figures as scenes.
+MAY_IMPORT = {
+    Path("cli/main.py"),
+    Path("__init__.py"),
+    Path("__init__.pyi"),
+    Path("laboratory/scenes/__init__.py"),
+    Path("laboratory/scenes/make_verdicts.py"),
+}
 
 
 def outside():

@@ -118,14 +118,12 @@ def test_it_declares_its_documented_order(name, order):
 # Of each kind of solver those that other tests here compile as well: explicit Runge-Kutta methods
 # of several orders, implicit ones, and those that are neither. The others are slow tests.
 FAST = {
-    "Dopri5",
     "Euler",
     "ImplicitEuler",
     "LeapfrogMidpoint",
     "Midpoint",
     "ReversibleHeun",
     "SemiImplicitEuler",
-    "RK45",
 }
 
 

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode import cache_folder
 from ropeode.checking import check, check_context, time_limit
 from ropeode.checking.check import check_stepper
 from ropeode.checking.check_ropes import convergence_problems
@@ -145,7 +146,9 @@ def catches_all(acceleration, t, x, v, dt, args):
             t = t + 1.0
 
 
-@pytest.mark.parametrize("step", [hangs, hangs_later, catches_all])
+@pytest.mark.parametrize(
+    "step", [pytest.param(hangs, marks=pytest.mark.slow), hangs_later, catches_all]
+)
 def test_a_step_that_never_returns_is_given_up(step, monkeypatch):
     # On a busy machine, too, its processor time ends it, not the time on the clock.
     monkeypatch.setattr(time_limit, "_WAITING", 1e6)
@@ -245,15 +248,27 @@ def test_only_a_reference_or_its_refusal_is_kept(monkeypatch, error):
         asked.append(problem)
         raise error("why")
 
-    monkeypatch.setattr(check_context, "reference", refuses)
+    monkeypatch.setattr(check_context, "reference_for", refuses)
     rope = convergence_problems()["textbook"].changed(name=f"never asked for: {error.__name__}")
     for _ in range(2):
         with pytest.raises(error, match="why"):
             check_context.reference_of(rope)
     assert len(asked) == (1 if error is ReferenceRefused else 2)
-    monkeypatch.setattr(check_context, "reference", lambda problem: "a reference")
+    monkeypatch.setattr(check_context, "reference_for", lambda problem: "a reference")
     if error is not ReferenceRefused:
         assert check_context.reference_of(rope) == "a reference"
+
+
+def test_a_command_finds_the_references_of_check_ropes_in_its_cache_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(cache_folder, "_folder", tmp_path)
+    rope = convergence_problems()["textbook"].changed(name="kept in files")
+    made = check_context.reference_of(rope)
+    assert len(list((tmp_path / "references").iterdir())) == 1
+    check_context._slot.cache_clear()
+    monkeypatch.setattr("ropeode.references.compute._reference", lambda *_: pytest.fail("again"))
+    again = check_context.reference_of(rope)
+    assert again is not made
+    assert again.states.tobytes() == made.states.tobytes()
 
 
 def test_threads_that_make_references_ahead_are_no_daemons(monkeypatch):

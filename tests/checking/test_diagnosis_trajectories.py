@@ -46,6 +46,7 @@ def found(known, given, quantities=("position", "velocity")):
     return diagnosis
 
 
+@pytest.mark.slow
 def test_the_rope_that_was_solved_instead(known):
     given = runs("semi-implicit-euler", damping=0.0, gravity=(0.0, -0.49))
     without_velocities = [(dt, states.copy()) for dt, states in given]
@@ -62,6 +63,7 @@ def test_the_rope_that_was_solved_instead(known):
         assert diagnosis.evidence["orders"]["position"]["observed"] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_fewer_printed_digits_give_a_larger_spread(known):
     printed = runs("semi-implicit-euler", digits=7, damping=0.0, gravity=(0.0, -0.49))
     diagnosis = found(known, printed)

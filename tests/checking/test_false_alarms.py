@@ -6,12 +6,15 @@ import pytest
 
 from tests.checking.random_ropes import findings, ropes
 
+# On ropes of their own right steppers are checked in the fast tests too (test_checks.py).
+pytestmark = pytest.mark.slow
+
 # Of each kind one, with other ropes than benchmarks/false_alarms.py draws by default.
 STEPPERS = (
     "velocity_verlet",
-    pytest.param("yoshida4", marks=pytest.mark.slow),
-    pytest.param("dormand-prince5", marks=pytest.mark.slow),
-    pytest.param("ropeode stormer-verlet:damping=lagged", marks=pytest.mark.slow),
+    "yoshida4",
+    "dormand-prince5",
+    "ropeode stormer-verlet:damping=lagged",
 )
 
 

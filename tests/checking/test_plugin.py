@@ -7,6 +7,9 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
+# Here, because pytester forgets what its runs import, and NumPy loads no compiled module twice.
+import scipy.special  # noqa: F401
+
 pytest_plugins = ["pytester"]
 
 STEPS = """

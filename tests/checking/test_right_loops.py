@@ -49,9 +49,11 @@ def test_right_loops_are_right(name):
 @pytest.mark.parametrize(
     "name",
     [
-        "xpbd_in_plain_python",
         "gauss_seidel_1",
-        pytest.param("xpbd_small_steps", marks=pytest.mark.slow),
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("xpbd_in_plain_python", "xpbd_small_steps")
+        ),
     ],
 )
 def test_right_loops_keep_what_a_motion_keeps(name):

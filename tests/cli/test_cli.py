@@ -15,7 +15,9 @@ import pytest
 from click.testing import CliRunner
 
 from ropeode.cli.main import cli, main
+from ropeode.errors import InputError
 from ropeode.references.files.library import entries
+from ropeode.study.spec import TableJob
 from tests.cli.conftest import commands
 from tests.cli.interrupted import interrupt
 from tests.time_limit import HANGS_AFTER_S
@@ -93,31 +95,54 @@ def test_spec_file_with_options_on_top(run, tmp_path):
     assert run("spec").stdout == (tmp_path / "mine.toml").read_text()
 
 
-def test_every_rope_option(run):
-    done = run(
-        *("table", "--frames", "3", "--steps", "8,12,18", "--format", "json"),
-        *("--steppers", "stormer-verlet:start=rest,damping=lagged,rk4"),
-        *("--start", "0,0,0", "--end", "-3,1,0", "--num-nodes", "5", "--node-mass", "1,2,3,2,1"),
-        *("--stiffness", "4,5,5,4", "--pinned", "1", "--gravity", "0,0,-2"),
-        *("--damping", "0,0.1,0.2,0,0"),
-        *("--initial-velocity", "1,0,0;0,0,0;0,-1,0;0,0,0;0,0,1", "--norm", "velocity-rms"),
-        *("--accuracy", "1e-5", "--rtol", "1e-10"),
-    )
+EVERY_ROPE_OPTION = (
+    *("table", "--frames", "3", "--steps", "8,12,18", "--format", "json"),
+    *("--steppers", "stormer-verlet:start=rest,damping=lagged,rk4"),
+    *("--start", "0,0,0", "--end", "-3,1,0", "--num-nodes", "5", "--node-mass", "1,2,3,2,1"),
+    *("--stiffness", "4,5,5,4", "--pinned", "1", "--gravity", "0,0,-2"),
+    *("--damping", "0,0.1,0.2,0,0"),
+    *("--initial-velocity", "1,0,0;0,0,0;0,-1,0;0,0,0;0,0,1", "--norm", "velocity-rms"),
+    *("--accuracy", "1e-5", "--rtol", "1e-10"),
+)
+PARAMETERS = {
+    "kind": "rope",
+    "frames": 3,
+    "start": [0, 0, 0],
+    "end": [-3, 1, 0],
+    "num_nodes": 5,
+    "node_mass": [1, 2, 3, 2, 1],
+    "stiffness": [4, 5, 5, 4],
+    "pinned": [1],
+    "gravity": [0, 0, -2],
+    "damping": [0, 0.1, 0.2, 0, 0],
+    "initial_velocity": [[1, 0, 0], [0, 0, 0], [0, -1, 0], [0, 0, 0], [0, 0, 1]],
+}
+
+
+def test_every_rope_option(run, monkeypatch):
+    """What would be computed; computing it takes seconds and shows no more of the options."""
+    jobs = []
+
+    def noted(job, progress):
+        jobs.append(job)
+        raise InputError(["noted"])
+
+    monkeypatch.setattr(TableJob, "run", noted)
+    assert run(*EVERY_ROPE_OPTION).stderr == "ropeode: noted\n"
+    (job,) = jobs
+    assert json.loads(json.dumps(dict(job.problem.parameters))) == PARAMETERS
+    assert job.spec.steps_per_frame == (8, 12, 18)
+    assert (job.spec.norm, job.spec.rtol, job.spec.accuracy) == ("velocity-rms", 1e-10, 1e-5)
+    labels = [each.label for each in job.spec.steppers]
+    assert labels == ["stormer-verlet:start=rest,damping=lagged", "rk4"]
+
+
+@pytest.mark.slow
+def test_every_rope_option_is_computed_with(run):
+    done = run(*EVERY_ROPE_OPTION)
     assert done.returncode == 0, done.stderr
     whole = json.loads(done.stdout)
-    assert whole["problem"]["parameters"] == {
-        "kind": "rope",
-        "frames": 3,
-        "start": [0, 0, 0],
-        "end": [-3, 1, 0],
-        "num_nodes": 5,
-        "node_mass": [1, 2, 3, 2, 1],
-        "stiffness": [4, 5, 5, 4],
-        "pinned": [1],
-        "gravity": [0, 0, -2],
-        "damping": [0, 0.1, 0.2, 0, 0],
-        "initial_velocity": [[1, 0, 0], [0, 0, 0], [0, -1, 0], [0, 0, 0], [0, 0, 1]],
-    }
+    assert whole["problem"]["parameters"] == PARAMETERS
     assert whole["norm"] == "velocity-rms"
     assert (whole["reference"]["rtol"], whole["reference"]["accuracy"]) == (1e-10, 1e-5)
     assert [o["stepper"] for o in whole["orders"]] == [
@@ -272,6 +297,7 @@ def test_report_faults(run, tmp_path, arguments, words):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_an_interrupted_report_keeps_what_is_finished(environment, tmp_path):
     """Figure 4 is done in no time; figure 6, which takes a minute, is interrupted."""
     kept = Path(environment["XDG_CACHE_HOME"]) / "ropeode" / "report"
@@ -427,9 +453,17 @@ def test_a_process_does_not_wait_for_other_threads(environment):
     ("line", "code", "words"),
     [
         ("steppers > /dev/full", 2, "output: No space left on device; allowed: "),
-        ("spec --out /dev/full", 2, "out: '/dev/full' given; allowed: a file that can be written"),
         ("check --template rhs >&-", 0, ""),
-        ("spec --out /dev/stdout | head -1 >&2", 0, "# What `ropeode table THIS-FILE` computes."),
+        pytest.param(
+            *("spec --out /dev/full", 2),
+            "out: '/dev/full' given; allowed: a file that can be written",
+            marks=SLOW,
+        ),
+        pytest.param(
+            *("spec --out /dev/stdout | head -1 >&2", 0),
+            "# What `ropeode table THIS-FILE` computes.",
+            marks=SLOW,
+        ),
     ],
 )
 def test_output_that_goes_nowhere(line, code, words, environment, tmp_path):

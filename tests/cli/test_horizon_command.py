@@ -15,7 +15,7 @@ from tests.cli.interrupted import interrupt
 QUICK = ["--problem", "oscillator", "--frames", "4", "--spans", "4,100"]
 
 
-def test_text_json_and_picture(run, tmp_path):
+def test_json_and_picture(run, tmp_path):
     pytest.importorskip("heyoka", reason="heyoka is an extra")
     done = run("horizon", *QUICK, "--plots", "new", "--format", "json", "--out", "a.json")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "wrote 1 picture to new\n")
@@ -24,6 +24,11 @@ def test_text_json_and_picture(run, tmp_path):
     assert [need["measured"] for need in found["needs"]] == [True, False]
     with Image.open(tmp_path / "new" / "horizon.png") as image:
         assert image.width == 1300
+
+
+@pytest.mark.slow
+def test_text(run):
+    pytest.importorskip("heyoka", reason="heyoka is an extra")
     done = run("horizon", *QUICK)
     assert (done.returncode, done.stderr) == (0, "")
     assert "Only rounding is lost" in done.stdout

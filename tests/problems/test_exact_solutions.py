@@ -147,7 +147,7 @@ def test_the_problem_is_the_equation(name, data, t):
 
 
 @pytest.mark.parametrize("name", EXACT)
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=6)
 @given(data=st.data())
 def test_solves_the_equation(name, data):
     problem = PROBLEMS[name](frames=data.draw(st.integers(1, 9)), **data.draw(PARAMETERS[name]))

@@ -153,26 +153,46 @@ def writes_to_the_state(t, y):
 @pytest.mark.parametrize(
     ("function", "args", "traced"),
     [
-        (lambda t, y: [y[1], -y[0]], (), True),
-        (lambda t, y: (y[1], -y[0] * 2), (), True),
         (lambda t, y: [1, 0], (), True),
-        (lambda t, y, a, word: y[::-1] * a if word == "x" else y, (2.0, "x"), True),
-        (lambda t, y, n: [sum(y[i] for i in range(n)), 0.0], (2,), True),
         (lambda t, y: np.array([y[1], -np.sin(y[0])]), (), True),
-        (lambda t, y: np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y * np.cos(t), (), True),
         (lambda t, y: np.sin(np.array([y[1], -y[0]])), (), True),
         (lambda t, y: (np.reshape(y, (1, 2)).T * t)[:, 0], (), True),
-        (lambda t, y: np.fft.ifft(1j * np.fft.fft(y)).real * t, (), True),
-        (lambda t, y: np.where(y > t, np.roll(y, 1), 0.0) / np.linalg.norm(y), (), True),
-        (filled(np.zeros_like), (), True),
         (lambda t, y: added_to(y), (), True),
-        (filled(lambda y: np.zeros(2)), (), False),
         (lambda t, y: [y[1], -math.sin(y[0])], (), False),
         (lambda t, y: y if t < 0.5 else -y, (), False),
         (lambda t, y, table: np.interp(t, *table) * y, (np.array([[0, 9], [1, 3]]),), True),
-        (lambda t, y, words: [y[0] * math.exp(words["rate"]), t], ({"rate": 0.5},), True),
         (writes_to_its_own(), (), False),
         (writes_to_the_state, (), False),
+        (lambda t, y, a, word: y[::-1] * a if word == "x" else y, (2.0, "x"), True),
+        # Other ways to write the same.
+        pytest.param(lambda t, y: [y[1], -y[0]], (), True, marks=pytest.mark.slow),
+        pytest.param(lambda t, y: (y[1], -y[0] * 2), (), True, marks=pytest.mark.slow),
+        pytest.param(
+            lambda t, y, n: [sum(y[i] for i in range(n)), 0.0], (2,), True, marks=pytest.mark.slow
+        ),
+        pytest.param(
+            lambda t, y: np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y * np.cos(t),
+            (),
+            True,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            lambda t, y: np.fft.ifft(1j * np.fft.fft(y)).real * t, (), True, marks=pytest.mark.slow
+        ),
+        pytest.param(
+            lambda t, y: np.where(y > t, np.roll(y, 1), 0.0) / np.linalg.norm(y),
+            (),
+            True,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(filled(np.zeros_like), (), True, marks=pytest.mark.slow),
+        pytest.param(filled(lambda y: np.zeros(2)), (), False, marks=pytest.mark.slow),
+        pytest.param(
+            lambda t, y, words: [y[0] * math.exp(words["rate"]), t],
+            ({"rate": 0.5},),
+            True,
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_functions_of_many_kinds(function, args, traced):

@@ -175,6 +175,7 @@ def across(start, end, rates):
     return np.outer(rates, (-along[1], along[0]) / np.linalg.norm(along))
 
 
+@pytest.mark.slow
 def test_energy_is_constant_without_damping():
     problem = InextensibleRope(
         start=(0, 0),
@@ -225,6 +226,7 @@ def test_momentum_is_kept_without_pins_and_gravity():
     assert np.max(np.abs(known.velocities - known.velocities[0])) > 1
 
 
+@pytest.mark.slow
 def test_stiff_springs_tend_to_it():
     """The springs' extensions are tensions over stiffness, so that the distance falls as 1/k."""
     given = {

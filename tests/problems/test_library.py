@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import InputError
-from ropeode.problems.library import PROBLEMS, ROPES
+from ropeode.problems.library import PROBLEMS
 from ropeode.problems.rope import Rope, RopeArgs, acceleration, energy
+from ropeode.problems.ropes import ROPES
 
 WRONG = {
     "rope": {"num_nodes": 0, "damping": -1, "nonsense": 3},

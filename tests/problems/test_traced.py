@@ -13,9 +13,10 @@ from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
 from ropeode.analysis.errors import error_series
 from ropeode.errors import InputError
 from ropeode.problems.ensemble import Ensemble
+from ropeode.problems.functions import traced
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.problems.traced import Traced, traced, was_float32
+from ropeode.problems.traced import Traced, was_float32
 from ropeode.references.compute import each_reference, reference
 from ropeode.simulation import simulate
 from ropeode.theory.growth import stability_limit
@@ -69,8 +70,8 @@ def inside_jit():
 
 READERS = (
     in_a_closure,
-    as_an_object,
     as_a_method,
+    pytest.param(as_an_object, marks=pytest.mark.slow),
     # Programs of their own.
     pytest.param(in_an_array, marks=pytest.mark.slow),
     pytest.param(inside_jit, marks=pytest.mark.slow),
@@ -258,6 +259,7 @@ def test_keys_of_random_numbers_are_numbers():
     assert of(1) != of(2)
 
 
+@pytest.mark.slow
 def test_tables_are_looked_up_by_time():
     def rhs(t, y, args):
         return args["rate"][jnp.floor(t).astype(int)] * y

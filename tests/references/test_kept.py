@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from ropeode import cache_folder
 from ropeode.problems.problem import Problem
-from ropeode.references import cache_folder, kept
+from ropeode.references import kept
 from ropeode.references.compute import reference_for
 from ropeode.references.files.encoding import texts_of
 from ropeode.references.files.library import find
@@ -68,28 +71,39 @@ def test_other_settings_and_software_have_another(stored, solve, folder, monkeyp
     assert solve(problem, ReferenceOptions(accuracy=1e-6))[1] == 2
     assert solve(problem, ReferenceOptions(time_limit=1.0))[1] == 3
     assert solve(problem.changed(y0=problem.y0 * 2.0))[1] == 4
-    monkeypatch.setattr(kept, "_heyoka", lambda: "another")
+    monkeypatch.setattr(kept, "software", lambda: "another")
     assert solve(problem)[1] == 5
-    monkeypatch.setattr(kept, "_SOURCES", ("*.py",))
-    assert solve(problem)[1] == 6
 
 
-def test_what_is_in_a_file_must_be_of_the_problem(stored, solve, folder, monkeypatch):
-    """The name of a file is no evidence: its problem is compared, the equation included."""
-    monkeypatch.setattr(kept, "_key", lambda *_: "one")
+def test_the_equation_counts(stored, solve, folder):
+    """Parameters of the library are no evidence."""
     solve(stored.problem)
     rhs = stored.problem.rhs
     changed = stored.problem.changed(rhs=lambda t, y, args: 1.001 * rhs(t, y, args))
     assert solve(changed)[1] == 2
+    assert solve(changed)[1] == 3
 
 
-def test_what_ends_early_or_is_no_problem_of_the_library_is_not_kept(
-    stored, solve, folder, monkeypatch
-):
+@pytest.mark.parametrize(("last", "kept"), [(1.0, True), (np.inf, False)])
+def test_a_horizon_is_kept_unless_a_run_ended_before_it(stored, folder, monkeypatch, last, kept):
+    """A run that the time limit ended is not compared with the reference any more."""
+    claims = stored.certificate
+    bounds = {name: np.append(bound[:-1], last) for name, bound in claims.bounds.items()}
+    ends = len(stored.times) - 1
+    claims = dataclasses.replace(
+        claims, bounds=bounds, trusted=ends, horizon=stored.times[ends], horizon_reason="chaos"
+    )
+    found = dataclasses.replace(stored, certificate=claims)
+    monkeypatch.setattr("ropeode.references.compute._reference", lambda *_: found)
+    assert reference_for(stored.problem).horizon == stored.times[ends]
+    assert folder.exists() == kept
+    monkeypatch.setattr("ropeode.references.compute._reference", lambda *_: stored)
+    assert reference_for(stored.problem) == (found if kept else stored)
+
+
+def test_what_is_no_problem_of_the_library_is_not_kept(stored, solve, folder, monkeypatch):
     own = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0])
     solve(own)
-    monkeypatch.setattr(type(stored), "horizon", 3.0)
-    assert solve(stored.problem)[1] == solve(stored.problem)[1] - 1 == 2
     assert not folder.exists()
     monkeypatch.setattr(cache_folder, "_folder", None)
-    assert solve(stored.problem)[1] == 4
+    assert solve(stored.problem)[1] == 2

@@ -242,8 +242,11 @@ def never_wrong(problem, exact, rtol):
 @pytest.mark.parametrize(
     "rtol",
     [
-        *(None, 1e-3, 1e-5, 1e-7, 1e-9),
-        *(pytest.param(rtol, marks=pytest.mark.slow) for rtol in (1e-4, 1e-6, 1e-8, 1e-10)),
+        *(None, 1e-5),
+        *(
+            pytest.param(rtol, marks=pytest.mark.slow)
+            for rtol in (1e-3, 1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+        ),
     ],
 )
 def test_what_most_runs_step_over_is_not_trusted(width, rtol):
@@ -405,7 +408,7 @@ def test_bound_covers_the_true_error_of_an_inextensible_rope(name, rtol):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow if "space" in name else ())
+        pytest.param(name, marks=pytest.mark.slow if name.startswith(("space", "plane")) else ())
         for name in INEXTENSIBLE
     ],
 )

@@ -209,7 +209,7 @@ def creeping_variants():
         moves = EPS * 10.0 ** draw.uniform(-3, -0.3, size=3) / (ts[1] - ts[0])
         y0 = draw.choice([-1, 1], 3) * 10.0 ** draw.uniform(-5, 16, 3)
         # Each number of samples takes a program of its own.
-        marks = [] if samples in (2, 200) else pytest.mark.slow
+        marks = [] if samples == 2 else pytest.mark.slow
         variants += [
             pytest.param(y0[0], ts, {"rate": moves[0]}, marks=marks),
             pytest.param(y0[1], ts, {"slope": moves[1] * y0[1]}, marks=marks),
@@ -264,6 +264,7 @@ def test_motion_below_the_last_place_is_kept_over_many_samples(samples):
         assert covered(problem, {"state": crept(problem)[:, None]}) is not None
 
 
+@pytest.mark.slow
 def test_motion_below_the_last_place_is_kept_in_an_ensemble():
     ts = np.arange(130.0)
     problems = [creeping(1.0, ts, rate=rate) for rate in (4e-17, -6e-17, 1e-17)]
@@ -278,6 +279,7 @@ def beside(t, y, args):
     return jnp.stack([jnp.ones_like(y[0]), args * y[2], -args * y[1]])
 
 
+@pytest.mark.slow
 def test_a_clock_beside_something_fast_is_kept():
     rate, frame = 2e8, 1e-7
     problem = Problem(beside, [1.7e9, 0.0, 1e9], frame * np.arange(7), rate)
@@ -334,7 +336,7 @@ def column(t, x, v, args):
 
 
 @pytest.mark.parametrize(("rate", "pull"), [(2.0, 1e-17), (0.7, -8e-17), (5.0, 0.0)])
-@pytest.mark.parametrize("swing", [0.0, 1.0])
+@pytest.mark.parametrize("swing", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_an_unstable_balance_is_trusted_no_longer_than_it_lasts(rate, pull, swing):
     ts = np.linspace(0.0, 60.0 / rate, 8)
     x0 = [[0.0, 0.0], [0.0, swing], [0.0, 3.0]]

@@ -53,7 +53,11 @@ def test_solves_at_the_sample_times(solver):
     np.testing.assert_allclose(run.states, logistic(TS), rtol=0, atol=30 * rtol)
 
 
-@pytest.mark.parametrize("solver", EXPLICIT, ids=str)
+@pytest.mark.parametrize(
+    "solver",
+    [DOPRI8, pytest.param(SCIPY_DOP853, marks=pytest.mark.slow)],
+    ids=str,
+)
 def test_samples_are_steps_and_no_interpolation(solver):
     # Sampled at a hundred times: were samples interpolated, many would be worse.
     for ts in 0.04 * np.arange(1, 101).reshape(25, 4):

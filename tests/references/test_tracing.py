@@ -1,4 +1,4 @@
-"""Traces in files: the same program, found again where it is the same and nowhere else."""
+"""Kept programs of the primary solver: found again where they are the same, and nowhere else."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import jax
 import numpy as np
 import pytest
 
+from ropeode import cache_folder
 from ropeode.problems.problem import Problem
-from ropeode.references import cache_folder
 from ropeode.references.solvers import diffrax_solver, program_cache
 from ropeode.references.solvers.family import Family
 from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
@@ -16,11 +16,11 @@ from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """A folder for traces, without Equinox's checks, as the command line has it."""
+    """A folder for programs, without Equinox's checks, as the command line has it."""
     # It says so before Equinox is imported, and here that has happened.
     monkeypatch.setattr(equinox.internal, "error_if", lambda x, *_: x)
     monkeypatch.setattr(cache_folder, "_folder", tmp_path)
-    yield tmp_path / "traced"
+    yield tmp_path / "programs"
     program_cache._compiled.cache_clear()
 
 
@@ -33,26 +33,20 @@ def solve(problem):
     return diffrax_solver.solve(problem, DOPRI8, 1e-9, 1e-9, max_steps=1000)
 
 
-def test_a_kept_trace_is_the_same_program(kept, monkeypatch):
+def test_a_kept_program_is_the_same(kept, monkeypatch):
     traced = solve(logistic())
     (path,) = kept.iterdir()
-    # What is read is not traced.
+    # What is read is not made.
     with monkeypatch.context() as patch:
-        patch.setattr(program_cache, "_traced", None)
+        patch.setattr(program_cache, "_source", None)
         read = solve(logistic())
     assert traced.states.tobytes() == read.states.tobytes()
     assert traced.steps == read.steps
-    # A file that is not what was written is written anew.
-    whole = path.read_bytes()
-    for damage in (b"", b"no line", whole.replace(b"\n", b"0\n", 1), whole[:-1]):
-        path.write_bytes(damage)
-        assert cache_folder.read(f"traced/{path.name}") is None
-    assert solve(logistic()).states.tobytes() == read.states.tobytes()
-    assert cache_folder.read(f"traced/{path.name}") is not None
+    assert cache_folder.read(f"programs/{path.name}") is not None
 
 
 @pytest.mark.slow
-def test_a_trace_that_is_not_kept_is_the_same_program(kept, monkeypatch):
+def test_a_program_that_is_not_kept_is_the_same(kept, monkeypatch):
     traced = solve(logistic())
     monkeypatch.setattr(cache_folder, "_folder", None)
     plain = solve(logistic())
@@ -64,10 +58,12 @@ def key_of(rhs, y0=(1.0,), ts=(0.0, 1.0), args=1.0, solver=DOPRI8, jumps=0):
     leaves, tree = jax.tree.flatten(np.asarray(args))
     abstract = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
     with jax.enable_x64(True):
-        return program_cache._key(Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps))
+        return program_cache._description(
+            Family(solver, rhs, np.shape(y0), tree, abstract, len(ts), jumps)
+        )
 
 
-def test_what_differs_in_numbers_only_has_one_trace():
+def test_what_differs_in_numbers_only_has_one_program():
     assert key_of(lambda t, y, args: args * y) == key_of(lambda s, z, a: a * z, [2.0], [3, 5], 4.0)
 
 
@@ -113,5 +109,5 @@ def test_what_cannot_be_kept_is_solved_all_the_same(kept):
 def test_a_folder_that_cannot_be_written_to_is_no_fault(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setattr(cache_folder, "_folder", tmp_path / "file")
-    cache_folder.write("a.traced", b"a trace")
+    cache_folder.write("a.program", b"a program")
     assert (tmp_path / "file").read_text() == "no folder"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import inspect
 import math
 import pickle
 from pathlib import Path
@@ -18,6 +19,7 @@ from ropeode.analysis.lyapunov import LyapunovExponent
 from ropeode.analysis.motion import Thresholds, classify_motion
 from ropeode.analysis.order import ObservedOrder
 from ropeode.checking.report import CheckReport, Claims, Finding
+from ropeode.checking.trajectories.studies import trajectory_errors
 from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks
@@ -34,24 +36,28 @@ from ropeode.steppers import as_stepper
 from ropeode.steppers.base import System
 from ropeode.steppers.phase import Phase
 from ropeode.study.node_paths import NodePath, NodePaths, node_paths
+from ropeode.theory.growth import Growth
 from tests.results import check_result, kinds
 
 # Short enough as they are; a film shows its pictures.
-PLAIN = {Film, ObservedOrder, Phase, System, Thresholds}
+PLAIN = {Film, Growth, ObservedOrder, Phase, System, Thresholds}
 NO_TABLES = {Ensemble, JaxStepper, NodePath, Problem}
 # They take long; `check_result` is called where they are tested.
 ELSEWHERE = {"Explanation", "Horizon", "Report", "SweepSummary"}
 
 
 @pytest.fixture(scope="module")
-def results(study):
+def results(study, tmp_path_factory):
     table = study("convergence", "one step size")
     problem, reference = table.problem, table.reference
     ensemble = Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.01])
     run = simulate(problem, "rk4", 16)
     paths = node_paths(reference, ["rk4"], 16)
+    file = tmp_path_factory.mktemp("runs") / "16.npz"
+    np.savez(file, dt=run.dt, t=run.times, positions=run.positions)
     return [
         problem,
+        trajectory_errors([file], reference),
         ensemble,
         reference,
         reference.certificate,
@@ -80,7 +86,10 @@ def results(study):
 
 def test_public_results_are_displayed(results):
     """Which a new one cannot forget."""
-    classes = (getattr(ropeode, name) for name in ropeode.__all__)
+    named = [getattr(ropeode, name) for name in ropeode.__all__]
+    functions = map(inspect.unwrap, filter(inspect.isfunction, named))
+    returned = [each.__globals__.get(each.__annotations__.get("return")) for each in functions]
+    classes = (each for each in [*named, *returned] if isinstance(each, type))
     public = {each for each in classes if dataclasses.is_dataclass(each)} - PLAIN
     assert public <= set(kinds())
     assert all(each.__repr__ is Displayed.__repr__ for each in kinds())

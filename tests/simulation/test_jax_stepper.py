@@ -77,16 +77,9 @@ def float64():
         yield
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("float64")
-@pytest.mark.parametrize(
-    "stepper",
-    [
-        pytest.param(
-            each, id=each.label, marks=() if each.label == "velocity-verlet" else pytest.mark.slow
-        )
-        for each in EVERY_VARIANT
-    ],
-)
+@pytest.mark.parametrize("stepper", [pytest.param(each, id=each.label) for each in EVERY_VARIANT])
 def test_every_stepper(stepper):
     check(stepper)
 

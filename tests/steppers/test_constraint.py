@@ -189,7 +189,7 @@ def test_rattle_keeps_lengths_and_rates(pinned, steps):
         pytest.param("constraint-verlet:sweeps=2", 1, marks=SLOW),
     ],
 )
-@pytest.mark.parametrize("pinned", [(0,), (0, 1)])
+@pytest.mark.parametrize("pinned", [(0,), pytest.param((0, 1), marks=SLOW)])
 def test_orders_in_positions_and_velocities(label, order, pinned):
     problem = moving(pinned=pinned).problem(frames=3)
     truth = inextensible_rope_solution(problem).astype(np.float64)

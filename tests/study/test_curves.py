@@ -110,6 +110,7 @@ def test_the_bound_of_an_energy_holds_the_errors_of_the_reference(small_rope):
     assert known.bound[-1] < 1e-4 * known.values[0]
 
 
+@pytest.mark.slow
 def test_an_energy_that_changes_with_time_is_not_conserved():
     """A spring that grows stiffer, at rest first: nothing but the time changes its energy."""
     problem = Problem.second_order(

@@ -9,8 +9,9 @@ import tomllib
 import pytest
 
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.library import PROBLEMS, ROPES
+from ropeode.problems.library import PROBLEMS
 from ropeode.problems.rope import Rope
+from ropeode.problems.ropes import ROPES
 from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, default_steppers
 from ropeode.study.spec import TableJob, TableSpec, commented_table, read_spec
 

@@ -8,9 +8,10 @@ import pytest
 
 import ropeode
 from ropeode.errors import InputError
+from ropeode.identity import source_digest
 from ropeode.steppers import STEPPERS
 from ropeode.sweep.design import spec as spec_module
-from ropeode.sweep.design.content_hash import SOURCES, software, source_digest
+from ropeode.sweep.design.content_hash import SOURCES, software
 from ropeode.sweep.design.spec import SweepSpec, read_sweep
 from ropeode.sweep.design.steppers import stepper_digest, stepper_from, stepper_sources
 
@@ -204,8 +205,8 @@ def test_a_changed_source_counts(tmp_path):
         else:
             path.mkdir()
     (tmp_path / "steppers" / "euler.py").write_text("a = 1")
-    before = source_digest(tmp_path)
-    assert source_digest(tmp_path) == before
+    before = source_digest(tmp_path, SOURCES)
+    assert source_digest(tmp_path, SOURCES) == before
     (tmp_path / "steppers" / "euler.py").write_text("a = 2")
-    assert source_digest(tmp_path) != before
-    assert software()["source"] == source_digest(Path(ropeode.__file__).parent)
+    assert source_digest(tmp_path, SOURCES) != before
+    assert software()["source"] == source_digest(Path(ropeode.__file__).parent, SOURCES)

@@ -55,7 +55,7 @@ class Killed(BaseException):
 
 
 @given(when=st.lists(st.integers(0, 45), max_size=6), skip=st.integers(0, 1))
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=5)
 def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
     tmp_path_factory, when, skip
 ):
@@ -200,14 +200,19 @@ def test_a_summary_adds_all_files_up(tmp_path):
 
 @pytest.mark.parametrize(("count", "again"), [(5, 2), (47, 4)])
 def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count, again):
-    """In a merged partition, and in the files of an open one; and if that is killed midway."""
-    late = {0: 2.0, 1: 2.0, 2: 2.0, 6: 9.0, 40: 2.0}
+    """In a merged partition, and in the files of an open one; and if that is killed midway.
+
+    So are those that killed their process, where that is asked for.
+    """
+    late, died = {0: 2.0, 1: 2.0, 2: 2.0, 6: 9.0, 40: 2.0}, 3
 
     def work(task):
         rows = [row(case) for case in task.cases]
         for case, each in zip(task.cases, rows, strict=True):
             if case.number in late:
                 each |= {"status": "timed-out", "seconds": late[case.number]}
+            if case.number == died:
+                each |= {"status": "worker-died", "seconds": None}
         return rows
 
     folder, sweep = tmp_path / "rows", Sweep(count=count)
@@ -218,15 +223,17 @@ def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count
     else:
         work_through(sweep, store, InProcess(work))
     before = store.count()
-    store.reopen(2.0)
+    store.reopen(2.0, died=False)
     assert store.count() == before
     with monkeypatch.context() as patch:
         patch.setattr(Path, "unlink", _killed)
         patch.setattr("ropeode.sweep.storage.row_files.write_whole", _killed)
         with pytest.raises(KeyboardInterrupt):
-            store.reopen(3.0)
-    store.reopen(3.0)
+            store.reopen(3.0, died=True)
+    store.reopen(3.0, died=False)
     assert store.count() == before - again
+    store.reopen(0.0, died=True)
+    assert store.count() == before - again - 1
     work_through(sweep, store, InProcess(Rows()))
     kept = [each["status"] for each in stored(folder)]
     assert kept == ["timed-out" if n == 6 else "ok" for n in range(count)]

@@ -136,6 +136,7 @@ def shared_programs(cache):
         compiled.symlink_to(os.environ["JAX_COMPILATION_CACHE_DIR"])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("exact_references")
 def test_two_engines_make_the_same_files(folder, cache, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
@@ -196,6 +197,8 @@ def test_a_case_that_kills_its_process_is_a_row_and_its_neighbours_have_theirs(
     path.write_text(path.read_text().replace("[4, 8]", "[4]"))
     summary = run_sweep(path, "out", workers=1)
     assert dict(summary.statuses) == {"ok": 1, "worker-died": 1}
+    # It is left alone where it would kill this process.
+    assert run_sweep(path, "out").statuses == summary.statuses
     rows = load_sweep("out").drop(columns="seconds")
     healthy = load_sweep("healthy").set_index("key")
     assert list(rows["rate"]) == [0.1, 13.0]

@@ -257,7 +257,11 @@ def test_damping_per_step_grows_with_the_steps():
     assert found.rate == pytest.approx(-(omega**2) / 102.4, rel=0.01)
 
 
-@pytest.mark.parametrize("name", STEPPERS)
+@pytest.mark.parametrize(
+    "name",
+    # Rigid links take programs of their own.
+    [pytest.param(name, marks=pytest.mark.slow if name == "rattle" else ()) for name in STEPPERS],
+)
 def test_every_stepper_can_be_linearised(name):
     problem = (Rope if name != "rattle" else InextensibleRope)(**SMALL, damping=0.1).problem(2)
     found = growth_per_frame(problem, name, 5000)

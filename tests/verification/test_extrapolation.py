@@ -201,6 +201,7 @@ def test_inextensible_rope_of_three_nodes_is_the_double_pendulum(damping):
     assert not np.any(states[:, :, :, 0])
 
 
+@pytest.mark.slow
 def test_inextensible_rope_without_pins_keeps_what_it_must():
     problem = InextensibleRope(
         start=(1, 2, 3),
@@ -240,6 +241,7 @@ def test_inextensible_rope_without_pins_keeps_what_it_must():
     assert np.max(np.abs(spin - spin[0] - torque)) < 1e-15
 
 
+@pytest.mark.slow
 def test_two_tolerances_agree_on_inextensible_ropes():
     problem = InextensibleRope(
         num_nodes=6, pinned=(1, 2), start=(0, 0, 0), end=(10, 0, 0), damping=0.2

@@ -20,10 +20,11 @@ from ropeode.analysis.errors import distances_from, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS, ROPES
+from ropeode.problems.library import PROBLEMS
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.problems.ropes import ROPES
 from ropeode.simulation.trajectory import Trajectory
 from ropeode.steppers.base import BuiltIn
 from ropeode.study.accuracy_table import problem_class as class_of

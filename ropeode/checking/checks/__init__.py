@@ -6,7 +6,6 @@ import functools
 from collections.abc import Callable
 
 from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.checks.conservation import energy, free_flight, momentum, pins
 from ropeode.checking.checks.error_constant import predicted
 from ropeode.checking.checks.far_states import far_states
@@ -30,11 +29,15 @@ from ropeode.checking.report import Finding
 
 Check = Callable[[Examination], Finding]
 
+# The names of `convergence_problems`. Building those starts JAX's threads, and an import may not:
+# a process that has only imported this can be forked.
+_ORDERS = ("textbook", "damped", "unequal", "driven", "uneven", "free")
+
 CHECKS: dict[str, Check] = {
     "determinism": determinism,
     "purity": purity,
     "first-sample": first_sample,
-    **{f"order-{name}": functools.partial(order, problem=name) for name in convergence_problems()},
+    **{f"order-{name}": functools.partial(order, problem=name) for name in _ORDERS},
     "error-constant": predicted,
     "free-flight": free_flight,
     "pins": pins,

@@ -17,6 +17,7 @@ from ropeode.checking.trajectories.convergence import shown, worst_rounding
 from ropeode.checking.trajectories.initial_states import rounding_of
 from ropeode.checking.trajectories.layout import samples_of, states_of
 from ropeode.checking.trajectories.run_files import Run, names_of
+from ropeode.display import Tabular
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
@@ -58,8 +59,8 @@ class FileRow:
     resolution: float
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class TrajectoryErrors:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class TrajectoryErrors(Tabular):
     """Errors of trajectories against step size, with their observed order.
 
     `ropeode.plot_convergence` draws it like an accuracy table.
@@ -150,7 +151,7 @@ def trajectory_error_curves(
         >>> run = simulate(rope, "rk4", steps_per_frame=16)
         >>> np.savez("run.npz", dt=run.dt, t=run.times, positions=run.positions)
         >>> trajectory_error_curves(["run.npz"], rope)
-        <ErrorCurves: rope, 4 nodes, damping 0.01, 3 frames; position-max of 1 runs (run.npz)>
+        <ErrorCurves: rope, 4 nodes, damping 0.01, 3 frames; position-max of 1 run (run.npz)>
     """
     runs, measure = _runs(files, problem, dts, norm, progress, asked)
     reference = _reference(problem, progress, asked)
@@ -180,7 +181,7 @@ def trajectory_energy_curves(
         >>> x, v = run.positions, run.velocities
         >>> np.savez("run.npz", dt=run.dt, t=run.times, positions=x, velocities=v)
         >>> trajectory_energy_curves(["run.npz"], rope)
-        <EnergyCurves: rope, 4 nodes, damping 0.01, 3 frames; energies of 1 runs (run.npz)>
+        <EnergyCurves: rope, 4 nodes, damping 0.01, 3 frames; energies of 1 run (run.npz)>
     """
     own = problem_of(problem)
     check_energy(own)
@@ -214,7 +215,7 @@ def trajectory_paths(
         >>> run = simulate(rope, "rk4", steps_per_frame=16)
         >>> np.savez("run.npz", dt=run.dt, t=run.times, positions=run.positions)
         >>> trajectory_paths(["run.npz"], rope)
-        <NodePaths: rope, 4 nodes, damping 0.01, 3 frames; 4 samples of 1 runs
+        <NodePaths: rope, 4 nodes, damping 0.01, 3 frames; 4 samples of 1 run
         (run.npz, dt = 0.0625)>
     """
     own = problem_of(problem)

@@ -162,6 +162,23 @@ def _exp2(entry: Any) -> Any:
     return np.exp2(entry) if is_constant(entry) else exp(np.log(two) * entry)
 
 
+def _log2(entry: Any) -> Any:
+    return np.log2(entry) if is_constant(entry) else _log(entry) / np.log(heyoka().real(2, _BITS))
+
+
+def _one_minus_square(entry: Any) -> Any:
+    one = heyoka().real(1, 53)
+    return multiply(add(one, entry), subtract(one, entry))
+
+
+def horner(entry: Any, *coefficients: Any) -> Any:
+    """A polynomial, with its coefficients from the constant one on."""
+    result, *others = reversed(coefficients)
+    for coefficient in others:
+        result = add(multiply(result, entry), coefficient)
+    return result
+
+
 def _error_function(name: str) -> Callable[[Any], Any]:
     return lambda entry: getattr(heyoka(), name)(heyoka().expression(entry))
 
@@ -182,6 +199,8 @@ OF_ONE: dict[str, Callable[[Any], Any]] = {
     "expm1": _function(np.expm1, "expm1"),
     "log": _log,
     "log1p": _function(np.log1p, "log1p"),
+    "log2": _log2,
+    "one_minus_square": _one_minus_square,
     "sin": _sin,
     "cos": _cos,
     "tan": _function(np.tan, "tan"),
@@ -235,6 +254,7 @@ def _modulus(z: Complex) -> Any:
 OF_ONE_COMPLEX: dict[str, Callable[[Any], Any]] = {
     "neg": negative,
     "square": lambda z: multiply(z, z),
+    "one_minus_square": _one_minus_square,
     "conj": conjugate,
     "real": lambda z: _parts(z).re,
     "imag": lambda z: _parts(z).im,
@@ -300,6 +320,7 @@ CHOICES: dict[str, Callable[..., Any]] = {
 # The same for complex numbers, which choose between branches.
 CHOICES_COMPLEX: dict[str, Callable[..., Any]] = {
     "log": _complex_log,
+    "log2": lambda choice, z: divide(_complex_log(choice, z), np.log(heyoka().real(2, _BITS))),
     "sqrt": lambda choice, z: _complex_power(choice, z, heyoka().real(0.5, 53)),
     "rsqrt": lambda choice, z: _complex_power(choice, z, heyoka().real(-0.5, 53)),
     "pow": _complex_power,

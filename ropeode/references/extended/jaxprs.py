@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.problems.nested_jaxprs import equations, evaluated, inside
+from ropeode.problems.nested_jaxprs import equations, evaluated, inside, split_scan
 from ropeode.references.solvers.rounding import CALLS
 
 # A loop of more rounds is not unrolled.
@@ -132,8 +132,8 @@ def _applied(equation: Any, inputs: Sequence[Value], domain: Domain) -> list[Val
 def _scan(equation: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]:
     """A loop over the first axis of some inputs, round by round."""
     params = equation.params
-    constants, carried = params["num_consts"], params["num_consts"] + params["num_carry"]
-    carry, rows = list(inputs[constants:carried]), inputs[carried:]
+    constants, carry, rows = split_scan(equation, inputs)
+    carried = len(carry)
     rounds = _counted(range(params["length"]), "scan")
     collected: list[list[Value]] = []
     for i in reversed(rounds) if params["reverse"] else rounds:
@@ -141,13 +141,13 @@ def _scan(equation: Any, inputs: Sequence[Value], domain: Domain) -> list[Value]
             value if value.content is None else value._replace(content=value.content[i, ...])
             for value in rows
         ]
-        results = walk(params["jaxpr"], [*inputs[:constants], *carry, *row], domain)
-        carry = results[: params["num_carry"]]
-        collected.append(results[params["num_carry"] :])
+        results = walk(params["jaxpr"], [*constants, *carry, *row], domain)
+        carry = results[:carried]
+        collected.append(results[carried:])
     if params["reverse"]:
         collected.reverse()
     stacks = []
-    for k, variable in enumerate(equation.outvars[params["num_carry"] :]):
+    for k, variable in enumerate(equation.outvars[carried:]):
         column = [row[k] for row in collected]
         stacks.append(
             Value(

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.precision import in_float64
+from ropeode.problems.functions import compiled
 from ropeode.problems.problem import Problem
-from ropeode.problems.traced import compiled
 from ropeode.references.certificate import Certificate, Sampling, Witness, padded
 from ropeode.references.dense.polynomials import Dense
 from ropeode.references.reference import Reference
@@ -245,7 +245,9 @@ def _state_dims(problem: Problem) -> tuple[str, ...]:
 
 
 def _is_rope(problem: Problem) -> bool:
-    return all(hasattr(problem.args, name) for name in ("rest_length", "gravity", "free", "mass"))
+    """Whether the arguments are those of the library's ropes, whose gravity is a column."""
+    named = all(hasattr(problem.args, name) for name in ("rest_length", "gravity", "free", "mass"))
+    return named and np.ndim(problem.args.gravity) == 2
 
 
 def _fields(value: Certificate | Witness, without: tuple[str, ...]) -> dict[str, Any]:

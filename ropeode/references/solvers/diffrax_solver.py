@@ -65,7 +65,7 @@ def solve(
     limit = max_steps if np.isinf(seconds) else min(max_steps, _few_steps(problem, solver))
     while True:
         this = Stopwatch()
-        result, steps, saved, reached = jax.block_until_ready(
+        result, steps, saved, reached = jax.device_get(
             program(
                 start.reshape(-1),
                 jax.tree.leaves(problem.args),
@@ -84,7 +84,7 @@ def solve(
         # From the start again: what a run does must not depend on how fast it is.
         limit = int(min(max_steps, affordable))
     taken = whole.seconds
-    states = np.asarray(saved)[:samples].reshape(-1, *problem.y0.shape)
+    states = saved[:samples].reshape(-1, *problem.y0.shape)
     # diffrax can report success on a state that is not finite, so this is looked at as well.
     states = states[: finite_samples(states)]
     failure, ran_out = None, len(states) < samples and steps >= limit

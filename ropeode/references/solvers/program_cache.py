@@ -1,28 +1,18 @@
-"""Programs of the primary solver: traced, or read from the file that keeps the trace."""
+"""Programs of the primary solver: compiled, or found in the cache folder."""
 
 from __future__ import annotations
 
 import functools
-import hashlib
-import importlib.util
 import threading
 from collections.abc import Callable
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import jax
 
-from ropeode.references import cache_folder
+from ropeode import cache_folder, kept_programs
+from ropeode.kept_programs import Source
 from ropeode.references.solvers.family import Family, abstract
 
-# What decides what a trace looks like, beside the right-hand side.
-_PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "lineax", "optimistix")
-_MODULES = (
-    "ropeode.references.solvers.diffrax_program",
-    "ropeode.references.solvers.rounding",
-    "ropeode.problems.nested_jaxprs",
-)
 _compiling = threading.Lock()
 
 
@@ -38,37 +28,19 @@ def compiled(family: Family) -> tuple[Callable, bool]:
 
 @functools.lru_cache(maxsize=64)
 def _compiled(family: Family) -> Callable:
-    inputs = family.inputs()
-    if not cache_folder.is_used():
-        return _traced(family).lower(*inputs).compile()
-    try:
-        kept = _kept(family)
-    except Exception:
-        # What calls back into Python cannot be kept. What cannot be traced raises here.
-        return _traced(family).lower(*inputs).compile()
-    return jax.jit(kept.call).lower(*inputs).compile()
+    description = _description(family) if cache_folder.is_used() else None
+    return kept_programs.program(description, lambda: _source(family))[0]
 
 
-def _kept(family: Family) -> Any:
-    """The trace of a family from its file; writes the file if there is none."""
-    name = f"traced/{_key(family)}.traced"
-    contents = cache_folder.read(name)
-    if contents is not None:
-        return jax.export.deserialize(bytearray(contents))
-    exported = jax.export.export(_traced(family))(*family.inputs())
-    cache_folder.write(name, bytes(exported.serialize()))
-    return exported
-
-
-def _traced(family: Family) -> Any:
+def _source(family: Family) -> Source:
     # Not above: it imports diffrax.
     from ropeode.references.solvers.diffrax_program import solution_of
 
-    return jax.jit(solution_of(family))
+    return Source(solution_of(family), family.inputs())
 
 
-def _key(family: Family) -> str:
-    """A hash of all that a trace depends on.
+def _description(family: Family) -> str:
+    """What tells a program of the primary solver from all others.
 
     The right-hand side enters as the program that JAX lowers it to, with its derivative where
     an implicit solver needs that; neither its name nor its source text says what it does.
@@ -79,14 +51,10 @@ def _key(family: Family) -> str:
 
     function = with_slope if family.solver.implicit else family.field
     y0, leaves, *_ = family.inputs()
-    own = map(importlib.util.find_spec, _MODULES)
     parts = (
-        *(f"{name} {metadata.version(name)}" for name in _PACKAGES),
-        *(Path(str(each and each.origin)).read_text() for each in own),
-        jax.default_backend(),
         str(family.solver),
         repr(family.inputs()),
         str(family.jumps > 0),
         jax.jit(function).lower(abstract(()), y0, leaves).as_text(),
     )
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+    return "\0".join(parts)

@@ -26,7 +26,7 @@ import numpy as np
 from jax import lax
 from jax.extend.core import jaxpr_as_fun
 
-from ropeode.problems.nested_jaxprs import evaluated, inside
+from ropeode.problems.nested_jaxprs import evaluated, inside, split_scan
 
 _EPS = np.finfo(np.float64).eps
 _ONE, _HALF, _MANTISSA = np.uint64(1), np.uint64(2**63), np.uint64(2**52 - 1)
@@ -64,7 +64,8 @@ _CHOICES = _names(
 _ROUNDED = _names(
     """
     acos acosh asin asinh atan atan2 atanh cbrt cos cosh cumprod erf erfc exp exp2 expm1
-    integer_pow log log1p logistic pow reduce_prod rsqrt sin sinh sqrt square tan tanh
+    integer_pow log log1p log2 logistic one_minus_square pow reduce_prod rsqrt sin sinh sqrt
+    square tan tanh
     """
 )
 # Primitives that add many numbers: what is lost is a part of the largest, not of the result.
@@ -175,11 +176,11 @@ def _evaluated(traced: Any, salt: _Salt, inputs: Sequence[Pair]) -> list[Pair]:
 
 def _applied(equation: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
     """The results of one primitive."""
-    name, params = equation.primitive.name, equation.params
+    name = equation.primitive.name
     if name in CALLS:
         return _evaluated(inside(equation)[0], salt, inputs)
     if name in _LOOPS:
-        return _LOOPS[name](params, salt, inputs)
+        return _LOOPS[name](equation, salt, inputs)
     plain = _bound(equation, [each.plain for each in inputs])
     same = all(each.moved is each.plain for each in inputs)
     if _is_exact(equation):
@@ -251,17 +252,18 @@ _RULES: dict[str, Callable] = {
 }
 
 
-def _cond(params: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
+def _cond(equation: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
     which, *inputs = inputs
 
     def branch(traced: Any) -> Callable:
         return lambda inputs: _evaluated(traced, salt, inputs)
 
-    branches = [branch(traced) for traced in params["branches"]]
+    branches = [branch(traced) for traced in equation.params["branches"]]
     return lax.switch(which.plain, branches, inputs)
 
 
-def _while(params: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
+def _while(equation: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
+    params = equation.params
     outside, before = params["cond_nconsts"], params["cond_nconsts"] + params["body_nconsts"]
     goes_on = jaxpr_as_fun(params["cond_jaxpr"])
     asked = [each.plain for each in inputs[:outside]]
@@ -278,19 +280,19 @@ def _while(params: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
     return lax.while_loop(again, body, (jnp.asarray(0), list(inputs[before:])))[1]
 
 
-def _scan(params: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
-    outside, before = params["num_consts"], params["num_consts"] + params["num_carry"]
+def _scan(equation: Any, salt: _Salt, inputs: list[Pair]) -> Sequence[Pair]:
+    params = equation.params
+    constants, start, rows = split_scan(equation, inputs)
 
     def body(state: Any, rows: list[Pair]) -> Any:
         count, pairs = state
-        inner = [*inputs[:outside], *pairs, *rows]
+        inner = [*constants, *pairs, *rows]
         results = _evaluated(params["jaxpr"], salt.in_round(count), inner)
         return (count + 1, results[: len(pairs)]), results[len(pairs) :]
 
-    carry = (jnp.asarray(0), list(inputs[outside:before]))
     more = {name: params[name] for name in ("length", "reverse", "unroll")}
-    (_, last), rows = lax.scan(body, carry, list(inputs[before:]), **more)
-    return [*last, *rows]
+    (_, last), stacks = lax.scan(body, (jnp.asarray(0), start), rows, **more)
+    return [*last, *stacks]
 
 
 _LOOPS: dict[str, Callable] = {"cond": _cond, "while": _while, "scan": _scan}

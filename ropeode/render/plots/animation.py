@@ -112,7 +112,7 @@ def animate(paths: NodePaths, *, fps: float = DEFAULT_FPS) -> Film:
         >>> from ropeode import Rope, animate, node_paths
         >>> paths = node_paths(Rope(num_nodes=4).problem(frames=3), ["rk4"], steps_per_frame=16)
         >>> animate(paths, fps=10)
-        <Film: rope, 4 nodes, damping 0.01, 3 frames; 25 samples of 1 runs (rk4);
+        <Film: rope, 4 nodes, damping 0.01, 3 frames; 25 samples of 1 run (rk4);
         25 pictures, 2.5 seconds>
     """
     fps = check_fps(fps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -13,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
+from ropeode.checking.trajectories.studies import TrajectoryErrors
 from ropeode.render import table_words
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.overlaps import TURNS, moved_right, side_by_side, take_turns
@@ -31,6 +33,9 @@ from ropeode.render.plots.triangles import FittedLine, draw_triangles
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
 from ropeode.validation import bad_value
 
+if TYPE_CHECKING:
+    from ropeode.render.table_words import Errors
+
 _AXES_HEIGHT = 3.8
 _DENSE = 40
 # Over a shorter range, step sizes between powers of ten are labelled too.
@@ -38,7 +43,7 @@ _FEW_DECADES = 50.0
 
 
 @matplotlib.rc_context(STYLE)
-def plot_convergence(table: AccuracyTable, *, ax: Axes | None = None) -> Figure:
+def plot_convergence(table: Errors, *, ax: Axes | None = None) -> Figure:
     """Error against step size, with the fitted orders and what was left out of them.
 
     Arguments:
@@ -56,7 +61,7 @@ def plot_convergence(table: AccuracyTable, *, ax: Axes | None = None) -> Figure:
         >>> plot_convergence(table).axes[0].get_xlabel()
         'step size dt [frames]'
     """
-    if not hasattr(table, "orders"):
+    if not isinstance(table, AccuracyTable | TrajectoryErrors):
         allowed = "an accuracy table, or errors of trajectories"
         raise bad_value("table", table, allowed, "make one with ropeode.accuracy_table")
     if ax is not None and not isinstance(ax, Axes):
@@ -148,7 +153,7 @@ def _draw_fits(axes: Axes, fits: Sequence[FittedLine | None]) -> list[Line2D]:
     ]
 
 
-def _draw_predictions(axes: Axes, table: AccuracyTable) -> list[Line2D]:
+def _draw_predictions(axes: Axes, table: Errors) -> list[Line2D]:
     """The lines ``C dt^p`` of theory, over all step sizes, where there are any."""
     lines = []
     for index, each in enumerate(table.orders):
@@ -162,7 +167,7 @@ def _draw_predictions(axes: Axes, table: AccuracyTable) -> list[Line2D]:
 
 
 def _legends(
-    table: AccuracyTable, shown: Sequence[str], shared: bool
+    table: Errors, shown: Sequence[str], shared: bool
 ) -> tuple[list[Artist], list[Artist]]:
     """The steppers with their orders, and what the marks mean."""
     steppers: list[Artist] = [

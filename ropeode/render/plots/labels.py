@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ropeode.norms import NORMS
-from ropeode.problems.library import ROPES
 from ropeode.problems.problem import Problem
+from ropeode.problems.ropes import ROPES
 
 _ROPE_UNITS = {
     "time": "frames",

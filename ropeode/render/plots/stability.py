@@ -20,11 +20,11 @@ from ropeode.render.plots.style import (
     new_figure,
     stepper_style,
 )
+from ropeode.render.stability_words import limit_words, region_words
 from ropeode.render.table_words import problem_words
 from ropeode.study.accuracy_table import check_steps
 from ropeode.study.explanation import Explanation
 from ropeode.theory.linear_stability import LinearStability
-from ropeode.theory.stability_function import StabilityFunction
 from ropeode.theory.stability_limits import StabilityRegion
 from ropeode.validation import bad_value, check_kind
 
@@ -78,13 +78,13 @@ def plot_stability(explanation: Explanation, steps_per_frame: ArrayLike | None =
     function = region.function
     figure = new_figure(
         f"Stability of {function.stepper}: {problem_words(found.problem)}",
-        _limit_words(found),
+        limit_words(found.predicted),
         _HEIGHT,
     )
     axes = figure.subplots()
     _draw_region(axes, region)
     handles: list[Patch | Line2D] = [
-        Patch(facecolor=BAND, edgecolor="0.25", label=_region_words(function))
+        Patch(facecolor=BAND, edgecolor="0.25", label=region_words(function))
     ]
     for index, steps in enumerate(drawn):
         handles.append(_draw_modes(axes, found, steps, *stepper_style(index)))
@@ -125,23 +125,3 @@ def _draw_modes(axes: Axes, found: LinearStability, steps: int, colour: str, mar
     if outside := int(np.sum(~inside)):
         label += f" ({outside} of {len(z)} outside)"
     return Line2D([], [], label=label, **form)
-
-
-def _region_words(function: StabilityFunction) -> str:
-    if function.equation == "y' = lambda y":
-        return "nothing grows: |R(z)| ≤ 1"
-    return "an oscillation with the modes z and z* does not grow"
-
-
-def _limit_words(found: LinearStability) -> str:
-    predicted = found.predicted
-    if predicted is None:
-        return "no limit from the eigenvalues along the solution"
-    steps = predicted.steps.steps_per_frame
-    value = f"{predicted.eigenvalue.real:.3g}{predicted.eigenvalue.imag:+.3g}i"
-    if steps is None:
-        return f"unstable at every step size tried, by λ = {value} at t = {predicted.time:g}"
-    if not np.isfinite(predicted.steps.dt):
-        return "stable at every step size tried"
-    words = f"stable for dt < {predicted.steps.dt:.4g}, {steps} per frame or more"
-    return f"{words}; λ = {value} at t = {predicted.time:g} decides"

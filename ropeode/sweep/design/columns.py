@@ -75,7 +75,8 @@ RESULTS: Mapping[str, Column] = {
     "largest_stable_dt": Column("double", "step size there, if requested"),
     "seconds": Column("double", "that the case took; the only column that another run changes"),
 }
-TIMED_OUT = "timed-out"
+# Rows that say nothing of the case alone: a longer limit, or another machine, may change them.
+TIMED_OUT, DIED = "timed-out", "worker-died"
 
 # Each sweep has these, and one column for each parameter of its problem, named after it.
 COLUMNS: Mapping[str, Column] = {**INPUTS, **RESULTS}

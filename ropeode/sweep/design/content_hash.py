@@ -14,6 +14,7 @@ from typing import Any
 import jax
 
 from ropeode.files import read_bytes
+from ropeode.identity import source_digest
 
 # The packages that compute a row; diffrax's solvers come from the last three.
 PACKAGES = (
@@ -24,11 +25,14 @@ PACKAGES = (
 SOURCES = (
     "analysis",
     "bars.py",
+    "cache_folder.py",
     "callbacks.py",
     "display.py",
     "equality.py",
     "errors.py",
     "files.py",
+    "identity.py",
+    "kept_programs.py",
     "norms.py",
     "precision.py",
     "problems",
@@ -86,20 +90,5 @@ def software() -> Mapping[str, str]:
         "python": platform.python_version(),
         "machine": platform.machine(),
         "backend": jax.default_backend(),
-        "source": source_digest(Path(__file__).parents[2]),
+        "source": source_digest(Path(__file__).parents[2], SOURCES),
     }
-
-
-def source_digest(package: Path) -> str:
-    """The sha256 of the source files in `SOURCES`, which may change between releases.
-
-    Arguments:
-        package: the folder that contains them.
-    """
-    total = hashlib.sha256()
-    for part in SOURCES:
-        path = package / part
-        for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
-            total.update(f"{file.relative_to(package).as_posix()}\0".encode())
-            total.update(hashlib.sha256(file.read_bytes()).digest())
-    return total.hexdigest()

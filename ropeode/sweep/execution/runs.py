@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
@@ -149,14 +148,8 @@ def _side_by_side(
     # Each number of members needs a program of its own, so only powers of two are used.
     full = 1 << (len(problems) - 1).bit_length()
     padding = [problems[-1]] * (full - len(problems))
-    together = simulate(_ensemble((*problems, *padding)), method, steps_per_frame)
+    together = simulate(Ensemble.of([*problems, *padding]), method, steps_per_frame)
     return [together[index] for index in range(len(problems))]
-
-
-@functools.lru_cache(maxsize=4)
-def _ensemble(problems: tuple[Problem, ...]) -> Ensemble:
-    """The same problems are run with many numbers of steps."""
-    return Ensemble.of(problems)
 
 
 def _motion(trajectory: Trajectory) -> dict[str, Any]:

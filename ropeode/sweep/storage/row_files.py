@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 
 from ropeode.errors import RopeodeError
 from ropeode.files import write_whole
-from ropeode.sweep.design.columns import TIMED_OUT, Column, Row
+from ropeode.sweep.design.columns import DIED, TIMED_OUT, Column, Row
 from ropeode.sweep.storage.folder import write_errors
 
 if TYPE_CHECKING:
@@ -120,11 +120,12 @@ class Store:
             _sync(self.folder)
             shutil.rmtree(parts[0].parent)
 
-    def reopen(self, limit: float) -> None:
-        """Remove the rows of cases whose time limit was shorter; their partitions are open again.
+    def reopen(self, limit: float, died: bool) -> None:
+        """Remove the rows of cases that may now have results; their partitions are open again.
 
         Arguments:
-            limit: of now, in seconds.
+            limit: of now, in seconds. Cases whose limit was shorter are tried again.
+            died: whether those are that killed their process.
 
         Raises:
             RopeodeError: the operating system refuses, or a file is damaged.
@@ -134,8 +135,9 @@ class Store:
             for path in files_of(self.folder, name):
                 # Two columns, since files are many and this is rare.
                 few = read_file(path, ["status", "seconds"])
-                again = few["status"].to_numpy() == TIMED_OUT
-                again &= few["seconds"].to_numpy() < limit
+                status = few["status"].to_numpy()
+                again = (status == TIMED_OUT) & (few["seconds"].to_numpy() < limit)
+                again |= (status == DIED) & died
                 if again.any():
                     with write_errors(self.folder):
                         self._keep(path, int(name), read_file(path).filter(pa.array(~again)))

@@ -146,7 +146,13 @@ def test_exact_solutions_to_thirty_digits(name):
     assert largest(run.states - exact_states(name)) < 1e-30
 
 
-@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ("oscillator", "kepler") else pytest.mark.slow)
+        for name in EXACT
+    ],
+)
 def test_the_bound_holds_and_is_half_a_unit(name):
     problem = problem_named(name)
     known = extended_solution(problem, time_limit=NEVER)
@@ -192,6 +198,7 @@ def test_ropes_against_extrapolation():
     assert largest(apart / reals(rope_sizes(problem.args, problem.y0))) < 4e-17
 
 
+@pytest.mark.slow
 def test_inextensible_ropes_against_extrapolation():
     problem = InextensibleRope(num_nodes=4).problem(frames=5)
     apart = solve(problem).states - reals(inextensible_rope_solution(problem))
@@ -210,6 +217,7 @@ def test_two_precisions_agree_on_a_chaotic_rope():
     assert known.bounds["position"][-1] < 0.51 * np.sqrt(2) * np.spacing(400.0)
 
 
+@pytest.mark.slow
 def test_digits_grow_with_what_is_lost():
     # x' = 8 x from 1e-20 loses 11.5 bits in each unit of time, 69 in all, beside y = 1.
     problem = Problem(
@@ -300,7 +308,7 @@ def test_what_a_step_passes_over_is_found_in_its_parts():
 
     ts = np.linspace(0.0, 20.0, 3)
     bounds = {"state": np.full(len(ts), 1e-16)}
-    for centre, found in ((-1.0, 0), (6.4, 1), (14.321, 1)):
+    for centre, found in ((-1.0, 0), (14.321, 1)):
         problem = Problem(kicked, [1.0, 0.0], ts, args=centre)
         path = solve(problem, looked_into=True).path
         turned = np.stack([np.cos(path.times), -np.sin(path.times)], axis=1)

@@ -27,7 +27,7 @@ PUBLISHED = [name for name, (recipe, _) in RECIPES.items() if recipe.published]
 EXTENDED = [name for name, (recipe, _) in RECIPES.items() if recipe.level == "extended"]
 OTHERS = sorted(set(NAMES) - set(EXTENDED))
 # The fast tests compute these again; `make test-all` computes every one.
-FAST = ("oscillator", "rope-damping-0.1", "robertson")
+FAST = ("oscillator",)
 # How many samples a test computes again where it is not a tenth. All samples of all references
 # take a quarter of an hour.
 FIRST_SAMPLES = {

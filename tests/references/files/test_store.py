@@ -23,10 +23,10 @@ import xarray
 
 from ropeode.analysis.errors import error_series
 from ropeode.errors import InputError
+from ropeode.problems.functions import compiled
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.problems.traced import compiled
 from ropeode.references.certificate import Certificate, Sampling, Witness
 from ropeode.references.compute import reference
 from ropeode.references.dense.dense_output import with_dense_output
@@ -128,7 +128,14 @@ def anything(problem: Problem, reached: int) -> Reference:
     )
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+# Ropes, and what is of first order; the others are kept by name and parameters as well.
+FAST = ("rope", "inextensible-rope", "lorenz")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in PROBLEMS],
+)
 def test_every_problem_of_the_library_comes_back(name, tmp_path):
     """All of it, and a reference that ends before its problem does."""
     problem = PROBLEMS[name](frames=3)
@@ -408,21 +415,19 @@ for _ in range(10000):
 """
 
 
-def test_kill_at_any_moment_leaves_a_whole_file(saved, tmp_path):
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_kill_at_any_moment_leaves_a_whole_file(seed, saved, tmp_path):
     target = tmp_path / "target.nc"
     shutil.copy(saved, target)
-    random = np.random.default_rng(1)
-    process = None
-    for _ in range(2):
-        process = subprocess.Popen(
-            [sys.executable, "-c", SAVE, str(saved), str(target)], stdout=subprocess.PIPE
-        )
-        process.stdout.readline()
-        time.sleep(float(random.uniform(0.0, 0.15)))
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        process.stdout.close()
-        same(load_reference(target), load_reference(saved))
+    process = subprocess.Popen(
+        [sys.executable, "-c", SAVE, str(saved), str(target)], stdout=subprocess.PIPE
+    )
+    process.stdout.readline()
+    time.sleep(float(np.random.default_rng(seed).uniform(0.0, 0.15)))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    same(load_reference(target), load_reference(saved))
 
 
 FULL = """

@@ -1,4 +1,4 @@
-"""The cache folder of a command: files that carry their checksum, and are read while it holds."""
+"""The cache folder of a command, whose files carry their checksum."""
 
 from __future__ import annotations
 

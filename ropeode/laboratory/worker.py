@@ -1,0 +1,211 @@
+"""The process that computes the answers; it is the only one that runs JAX, and the user's code.
+
+Orders come on standard input, a line of JSON each: ``{"number": N, "ask": {...}}``, a question;
+``{"stop": N}``, leave it off; ``{"number": N, "load": {...}}``, a version of the user's file.
+Messages leave on standard output: their length, and then bytes as `wire.encoded` writes them, with
+the number of the order for a key. The first, of number 0, says what the lab was opened with.
+"""
+
+from __future__ import annotations
+
+import collections
+import functools
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn, Protocol
+
+from pydantic import TypeAdapter
+
+from ropeode.errors import RopeodeError
+from ropeode.laboratory.messages import Ask, Message, Refused, Working
+from ropeode.laboratory.orders import Loaded, Ready, Stopped
+from ropeode.laboratory.replies import NotWanted, reply
+from ropeode.laboratory.wire import encoded
+from ropeode.laboratory.worker_process import LENGTH
+from ropeode.progress import Progress
+from ropeode.terminal.supervision import end_if_python_stops
+
+if TYPE_CHECKING:
+    from ropeode.laboratory.answers import Answer
+
+# The browser draws meanwhile.
+_NICE = 10
+# Without a question for so long, answers are prepared that nobody wants yet.
+_QUIET_S = 0.5
+# Processor time for which compiled code may keep Python from running.
+_PYTHON_STOPS_S = 60.0
+
+
+class Answering(Protocol):
+    """What has answers.
+
+    Attributes:
+        link: what the page shows at first, as parts of its link.
+    """
+
+    link: dict[str, Any]
+
+    def answer(self, ask: Ask, progress: Progress) -> Answer:
+        """The answer to a question, as `ropeode.laboratory.answers.answer_to`."""
+        ...
+
+    def ahead(self) -> Iterator[Ask]:
+        """Questions whose answers are prepared while there is nothing else to do."""
+        ...
+
+    def load(self, version: str, text: str, fault: str | None) -> Loaded:
+        """Run a version of the user's file, as `OwnFile.load`."""
+        ...
+
+    def refusal(self, error: RopeodeError) -> Refused:
+        """What became of a question that has no answer."""
+        ...
+
+
+class _OfRopeode:
+    """The answers of ropeode."""
+
+    def __init__(self, own: str | None, problem: str | None, scene: str | None) -> None:
+        from ropeode.references.jax_setup import set_up_jax
+
+        set_up_jax()
+        from ropeode.laboratory import opening
+        from ropeode.laboratory.answers import answer_to
+        from ropeode.laboratory.compilations import told_of
+        from ropeode.laboratory.own_file import OwnFile
+        from ropeode.laboratory.setup import Laboratory
+
+        given, choice = opening.opened_with(problem) if problem else (None, None)
+        self.link = opening.link_of(choice, scene)
+        self._answer_to, self._told_of = answer_to, told_of
+        self._laboratory = Laboratory(given)
+        self._own = OwnFile(own) if own else None
+
+    def answer(self, ask: Ask, progress: Progress) -> Answer:
+        """See `Answering`."""
+        with self._told_of(progress) as told:
+            return self._answer_to(ask, self._laboratory, told)
+
+    def ahead(self) -> Iterator[Ask]:
+        """See `Answering`."""
+        from ropeode.laboratory.ahead import asks_ahead
+
+        return asks_ahead()
+
+    def load(self, version: str, text: str, fault: str | None) -> Loaded:
+        """See `Answering`."""
+        assert self._own is not None
+        loaded = self._own.load(version, text, fault)
+        self._laboratory.own = self._own.own
+        return loaded
+
+    def refusal(self, error: RopeodeError) -> Refused:
+        """See `Answering`."""
+        if self._own is None:
+            return Refused(message=str(error))
+        from ropeode.laboratory.own_file import in_words, line_of
+
+        return Refused(message=in_words(error), line=line_of(error, self._own.path))
+
+
+def main(answering: Callable[..., Answering] = _OfRopeode) -> NoReturn:
+    """Answer questions until the server is gone.
+
+    Arguments:
+        answering: makes what has the answers, from the words of the process in JSON.
+    """
+    # Of two compiled files with the same second and size, the older might be taken.
+    sys.dont_write_bytecode = True
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(_NICE)
+    # The user's code finds neither by its number: what it prints goes to standard error.
+    orders, messages = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
+    end_if_python_stops(_PYTHON_STOPS_S)
+    _Worker(orders, messages).run(answering)
+
+
+class _Worker:
+    def __init__(self, orders: BinaryIO, messages: BinaryIO) -> None:
+        self._orders, self._messages = orders, messages
+        self._waiting: queue.SimpleQueue[Mapping[str, Any]] = queue.SimpleQueue()
+        # Held while a message is written; progress may come from any thread.
+        self._writing = threading.Lock()
+        self._stopped = 0
+
+    def run(self, answering: Callable[..., Answering]) -> NoReturn:
+        threading.Thread(target=self._listen, daemon=True).start()
+        try:
+            answers = answering(*map(json.loads, sys.argv[1:]))
+        except RopeodeError as error:
+            self._say(0, Refused(message=str(error)), {})
+            os._exit(1)
+        self._say(0, Ready(link=answers.link), {})
+        ahead = collections.deque(answers.ahead())
+        while True:
+            try:
+                order = self._waiting.get(timeout=_QUIET_S if ahead else None)
+            except queue.Empty:
+                while ahead and self._is_prepared(answers, ahead[0]):
+                    ahead.popleft()
+                continue
+            if "load" in order:
+                self._say(order["number"], answers.load(**order["load"]), {})
+            else:
+                self._answer(answers, order["number"], order["ask"])
+
+    def _listen(self) -> NoReturn:
+        for line in self._orders:
+            order = json.loads(line)
+            if "stop" in order:
+                self._stopped = order["stop"]
+            else:
+                self._waiting.put(order)
+        # The server is gone, or has no use for this process any more.
+        os._exit(0)
+
+    def _is_prepared(self, answers: Answering, ask: Ask) -> bool:
+        """Make an answer that nobody wants yet; False if an order came in between."""
+
+        def progress(*_: Any) -> None:
+            if not self._waiting.empty():
+                raise NotWanted
+
+        try:
+            answers.answer(ask, progress)
+        except NotWanted:
+            return False
+        except Exception:
+            # Who asks the same is told what is wrong.
+            traceback.print_exc()
+        return True
+
+    def _answer(self, answers: Answering, number: int, ask: Any) -> None:
+        question = TypeAdapter(Ask).validate_python(ask)
+
+        def tell(text: str, fraction: float | None) -> None:
+            self._say(number, Working(key=str(number), text=text, fraction=fraction), {})
+
+        found = reply(
+            functools.partial(answers.answer, question),
+            lambda: self._stopped != number,
+            tell,
+            answers.refusal,
+        )
+        self._say(number, *(found or (Stopped(), {})))
+
+    def _say(self, number: int, message: Message, arrays: Mapping[str, Any]) -> None:
+        contents = encoded(str(number), message, arrays)
+        with self._writing:
+            try:
+                self._messages.write(LENGTH.pack(len(contents)) + contents)
+                self._messages.flush()
+            except OSError:
+                os._exit(0)

@@ -1,0 +1,89 @@
+"""How many points for which checks, and which rubrics are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ropeode.checking.checks import CHECKS
+from ropeode.classroom.rubric import DEFAULT, Item, read_rubric
+from ropeode.errors import InputError
+
+PAGE = Path(__file__).parents[2] / "docs/classroom.md"
+
+
+def rubric(tmp_path, text):
+    path = tmp_path / "rubric.toml"
+    path.write_text(text)
+    return read_rubric(path)
+
+
+def test_the_default_gives_ten_points_and_is_documented():
+    items = read_rubric(None)
+    assert sum(item.points for item in items) == 10.0
+    assert items[-1].checks == tuple(CHECKS)
+    assert f"```toml\n{DEFAULT}```" in PAGE.read_text()
+    all_right = dict.fromkeys(CHECKS, "pass")
+    assert [item.earned(all_right) for item in items] == [2.0, 4.0, 2.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("statuses", "partial", "points"),
+    [
+        (("pass", "pass"), False, 4.0),
+        (("pass", "fail"), False, 0.0),
+        (("pass", "fail"), True, 2.0),
+        (("pass", "undetermined"), False, 0.0),
+        (("pass", "skip"), False, 4.0),
+        (("pass", "note"), True, 4.0),
+        (("skip", "note"), False, 0.0),
+        (("skip", "skip"), True, 0.0),
+    ],
+)
+def test_points_of_an_item(statuses, partial, points):
+    item = Item("two", 4.0, ("pins", "momentum"), partial)
+    assert item.earned(dict(zip(item.checks, statuses, strict=True))) == points
+
+
+def test_a_check_that_was_not_made_does_not_count():
+    assert Item("two", 4.0, ("pins", "momentum")).earned({"pins": "pass"}) == 4.0
+    assert Item("two", 4.0, ("pins",)).earned({}) == 0.0
+
+
+ITEM = '[[item]]\nname = "a"\npoints = 1\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "rubric: item: nothing given"),
+        ("item = 3", "rubric: item: 3 given"),
+        ("[[item]\n", "a TOML file"),
+        ('[[item]]\nname = "a"\n', "rubric: item[1].points: nothing given"),
+        (ITEM + '[[item]]\nname = "b"\npoints = -1\n', "rubric: item[2].points: -1 given"),
+        ('[[item]]\nname = "a"\npoints = "many"\n', "item[1].points: 'many' given"),
+        ('[[item]]\nname = "a"\npoints = true\n', "item[1].points: True given"),
+        ('[[item]]\nname = "a"\npoints = inf\n', "item[1].points: inf given"),
+        ("[[item]]\npoints = 1\n", "rubric: item[1].name: nothing given"),
+        (ITEM + 'checks = "pins"\n', "item[1].checks: 'pins' given"),
+        (ITEM + "checks = []\n", "item[1].checks: [] given"),
+        (ITEM + 'checks = ["pin"]\n', "check in item[1].checks: 'pin' given"),
+        (ITEM + 'checks = ["orders-*"]\n', "check in item[1].checks: 'orders-*' given"),
+        (ITEM + "partial = 1\n", "item[1].partial: 1 given"),
+        (ITEM + "weight = 1\n", "field of item[1]: 'weight' given"),
+        (ITEM + ITEM, "rubric: item[2].name: 'a' given; allowed: a name of its own"),
+        ("total = 10\n" + ITEM, "field of the rubric: 'total' given"),
+    ],
+)
+def test_a_wrong_rubric_names_the_field(tmp_path, text, says):
+    with pytest.raises(InputError) as refused:
+        rubric(tmp_path, text)
+    assert says in str(refused.value)
+    assert "Fix:" in str(refused.value)
+
+
+def test_all_faults_are_told_at_once(tmp_path):
+    with pytest.raises(InputError) as refused:
+        rubric(tmp_path, '[[item]]\nname = ""\npoints = -1\nchecks = ["pin"]\n')
+    assert len(refused.value.problems) == 3

@@ -1,0 +1,97 @@
+"""What counts as a submission of a folder."""
+
+from __future__ import annotations
+
+import pytest
+
+from ropeode.classroom.submissions import submissions_in
+from ropeode.errors import InputError
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, text in {
+        "anna.py": "def step(): ...\n",
+        "bert/mine.py": "",
+        "carla/a.py": "",
+        "carla/b.py": "",
+        "dora/readme.txt": "",
+        "_solution.py": "",
+        ".hidden/x.py": "",
+        "notes.txt": "",
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def by_name(folder, name=None):
+    return {each.name: each for each in submissions_in(folder, name)}
+
+
+def test_a_file_or_a_subfolder_with_one_file(folder):
+    found = by_name(folder)
+    assert list(found) == ["anna", "bert", "carla", "dora"]
+    assert found["anna"].where == "anna.py"
+    assert found["bert"].where == "bert/mine.py"
+    assert found["carla"].where is None
+    assert "a.py, b.py" in found["carla"].trouble
+    assert "no Python file" in found["dora"].trouble
+
+
+def test_a_name_says_which_function_and_which_file(folder):
+    assert by_name(folder, "verlet")["bert"].where == "bert/mine.py:verlet"
+    found = by_name(folder, "b.py:verlet")
+    assert found["carla"].where == "carla/b.py:verlet"
+    assert found["anna"].where == "anna.py:verlet"
+    assert "no file b.py" in found["bert"].trouble
+    for name in ("b.py", "verlet()", "b.txt:verlet", ""):
+        with pytest.raises(InputError, match="name:"):
+            submissions_in(folder, name)
+
+
+def test_a_folder_without_submissions(tmp_path):
+    (tmp_path / "notes.txt").write_text("")
+    with pytest.raises(InputError, match="has none"):
+        submissions_in(tmp_path)
+
+
+def test_the_grade_book_may_lie_among_them(folder):
+    names = [each.name for each in submissions_in(folder, without=folder / "dora")]
+    assert names == ["anna", "bert", "carla"]
+
+
+def test_what_cannot_be_read_has_a_row(folder):
+    (folder / "emil.py").symlink_to("nowhere.py")
+    found = by_name(folder)["emil"]
+    assert found.where is None
+    assert "emil.py cannot be read (No such file" in found.trouble
+
+
+def test_the_digest_is_that_of_all_files_of_a_submission(folder):
+    before = {name: each.digest for name, each in by_name(folder).items()}
+    (folder / "carla/b.py").write_text("x = 1\n")
+    after = {name: each.digest for name, each in by_name(folder).items()}
+    assert {name for name in before if before[name] != after[name]} == {"carla"}
+
+
+@pytest.mark.parametrize(
+    ("text", "marks"),
+    [
+        ("from ropeode import Stepper\n", ()),
+        ("from ropeode import Stepper, as_stepper\n", ("imports as_stepper of ropeode",)),
+        ("def f():\n    import ropeode.steppers\n", ("imports ropeode.steppers of ropeode",)),
+        ("import ropeodes, numpy\n", ()),
+        ("def\n", ()),
+    ],
+)
+def test_what_is_taken_from_ropeode_is_marked(folder, text, marks):
+    (folder / "anna.py").write_text(text)
+    assert by_name(folder)["anna"].marks == marks
+
+
+def test_a_file_and_a_folder_of_one_name_have_two(folder):
+    (folder / "anna").mkdir()
+    (folder / "anna/step.py").write_text("")
+    found = by_name(folder)
+    assert (found["anna"].where, found["anna.py"].where) == ("anna/step.py", "anna.py")

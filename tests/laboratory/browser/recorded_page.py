@@ -1,0 +1,113 @@
+"""The page without Python: its files, and answers that a test gives in Python's place."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import http.server
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import ropeode.laboratory
+from ropeode.laboratory.wire import encoded
+
+PAGE = Path(ropeode.laboratory.__file__).parent / "page"
+RECORDING = json.loads((PAGE / "recordings/default.json").read_text())
+
+
+# A problem of which only Python knows.
+NOT_RECORDED = {"name": "rope", "parameters": {"damping": 0.02}, "frames": 40}
+
+
+class _Files(http.server.SimpleHTTPRequestHandler):
+    extensions_map = {".js": "text/javascript", ".html": "text/html", ".css": "text/css"}  # noqa: RUF012
+
+    def log_message(self, format: str, *values: object) -> None:
+        """Nothing."""
+
+
+@contextmanager
+def served() -> Iterator[str]:
+    """The address of the page's files."""
+    handler = functools.partial(_Files, directory=str(PAGE))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/"
+        server.shutdown()
+
+
+def link(**scene: object) -> str:
+    """What stands after the address of the page, for a scene."""
+    return "#" + "&".join(f"{name}={quote(json.dumps(value))}" for name, value in scene.items())
+
+
+def scene_of(url: str) -> dict[str, object]:
+    """What the link of a page says of its scene."""
+    from urllib.parse import unquote
+
+    parts = url.partition("#")[2].split("&")
+    return {name: json.loads(unquote(text)) for name, _, text in (p.partition("=") for p in parts)}
+
+
+class Python:
+    """Answers at the other end of the WebSocket, from a table; what is not in it has none.
+
+    `asked` has every question, `said` what is sent as text.
+    """
+
+    def __init__(self, page) -> None:
+        self.asked: list[dict] = []
+        self.longest = 0
+        # JSON, or a message with its arrays.
+        self.answers: dict[str, Any] = {}
+        self.sockets: list = []
+        page.route_web_socket("**/socket", self._connected)
+
+    def _connected(self, socket) -> None:
+        self.sockets.append(socket)
+        socket.on_message(lambda text: self._listen(socket, json.loads(text)["want"]))
+
+    def _listen(self, socket, want: list[dict]) -> None:
+        self.longest = max(self.longest, len(want))
+        for each in want:
+            ask = each["ask"]
+            self.asked.append(ask)
+            found = self.answers.get(f"{ask['kind']} {ask.get('stepper', '')}".strip())
+            if isinstance(found, tuple):
+                socket.send(encoded(each["key"], *found))
+            elif found is not None:
+                socket.send(json.dumps({**found, "key": each["key"]}))
+
+    def say(self, **message: object) -> None:
+        """Send what comes unasked."""
+        self.sockets[-1].send(json.dumps(message))
+
+
+def library(**changes: object) -> dict:
+    """The recorded answer to what can be chosen, with changes."""
+    (wire,) = (each["wire"] for each in RECORDING if each["ask"]["kind"] == "library")
+    contents = base64.b64decode(wire)
+    length = int.from_bytes(contents[:4], "little")
+    header = json.loads(contents[4 : 4 + length])
+    return {**header, **changes}
+
+
+def opened(page, address, **scene):
+    """The page with a scene, when it shows it."""
+    page.goto(address + link(**scene))
+    page.wait_for_function("document.querySelector('#time-shown')?.textContent")
+    return page
+
+
+def picture(page):
+    """The stage as SVG."""
+    page.click("#take")
+    with page.expect_download() as download:
+        page.click("#save-svg")
+    page.keyboard.press("Escape")
+    return download.value.path().read_text()

@@ -1,0 +1,321 @@
+"""What the lab answers: the numbers of tables, curves and certificates, and nothing else."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import math
+import pkgutil
+import shlex
+from typing import get_args
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ropeode import accuracy_table, check_stepper, grade, hanging_equilibrium, simulate
+from ropeode.analysis.equilibrium import frequencies, normal_modes
+from ropeode.errors import InputError
+from ropeode.laboratory import answers, messages
+from ropeode.laboratory.messages import (
+    AskCheck,
+    AskCommand,
+    AskFilm,
+    AskGrade,
+    AskLibrary,
+    AskOrder,
+    AskPhase,
+    AskRun,
+    AskStability,
+    AskTheory,
+    AskTruth,
+    GivenFile,
+    ProblemChoice,
+)
+from ropeode.problems.library import PROBLEMS
+from ropeode.progress import silent
+from ropeode.render import check
+from ropeode.render.table_words import constant_words
+from tests.laboratory.conftest import ROPE, csv_of
+
+LADDER = (4, 16, 32, 64, 96)
+CHOICES = {
+    "rope": ROPE,
+    "undamped and heavy": ProblemChoice(
+        name="rope", parameters={"num_nodes": 4, "damping": 0.0, "node_mass": 2.5}, frames=3
+    ),
+}
+
+
+def of_row(row):
+    """The fields of a row that a run has, but for the time that it took."""
+    names = ("stepper", "steps_per_frame", "dt", "status", "diverged_at", "error_final")
+    more = ("error_max", "error_rms", "resolution", "round_off", "rhs_evaluations")
+    return {name: getattr(row, name) for name in (*names, *more)}
+
+
+@pytest.mark.parametrize(
+    ("stepper", "name"),
+    [
+        ("explicit-euler", "rope"),
+        pytest.param("explicit-euler", "undamped and heavy", marks=pytest.mark.slow),
+        *(pytest.param("rk4", name, marks=pytest.mark.slow) for name in CHOICES),
+    ],
+)
+def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory, name, stepper):
+    choice = CHOICES[name]
+    table = accuracy_table(laboratory.problem(choice), [stepper], LADDER, progress=silent)
+    for row in table.rows:
+        question = AskRun(
+            kind="run", problem=choice, stepper=stepper, steps_per_frame=row.steps_per_frame
+        )
+        run, arrays = ask(question)
+        assert of_row(run) == of_row(row)
+        if row.status == "ok":
+            at_frames = arrays["errors"][:: 8 // run.every][1:]
+            assert math.isclose(at_frames.max(), row.error_max, rel_tol=1e-9)
+    (expected,) = table.orders
+    question = AskOrder(kind="order", problem=choice, stepper=stepper, steps_per_frame=LADDER)
+    order, _ = ask(question)
+    assert order.observed == expected.order.observed
+    assert (order.low, order.high) == (expected.order.ci95 or (None, None))
+    assert (order.verdict, order.expected) == (expected.order.verdict, expected.expected)
+    whole = {*order.used, *(each.steps_per_frame for each in order.left_out)}
+    assert whole == {*LADDER}
+
+
+def test_differences_are_those_of_the_nodes_in_float64(ask, laboratory):
+    question = AskRun(kind="run", problem=ROPE, stepper="rk4", steps_per_frame=32)
+    run, arrays = ask(question)
+    truth, of_truth = ask(AskTruth(kind="truth", problem=ROPE))
+    motion = laboratory.motion(ROPE, silent)
+    method = laboratory.method(motion.problem, "rk4", None)
+    states = laboratory.run(motion, method, 32, silent).states
+    wanted = motion.problem.positions(states) - motion.finer.positions[:: run.every]
+    assert np.array_equal(arrays["differences"], wanted)
+    assert 0.0 < np.abs(wanted).max() < 1e-6
+    farthest = np.linalg.norm(arrays["differences"], axis=2).max(axis=1)
+    np.testing.assert_allclose(arrays["errors"], farthest, rtol=1e-12, atol=1e-300)
+    energies = motion.energy.curves
+    assert energies == ()
+    assert truth.trusted == len(of_truth["bound"]) == len(of_truth["times"]) == 25
+    assert truth.links == ((0, 1), (1, 2), (2, 3))
+    assert truth.fixed == (0,)
+
+
+def test_the_library_has_every_problem_and_says_what_its_parameters_are(ask):
+    library, _ = ask(AskLibrary(kind="library"))
+    assert [each.name for each in library.problems] == list(PROBLEMS)
+    for problem in library.problems:
+        assert set(problem.default_steppers) <= set(problem.steppers)
+        assert problem.default_steppers
+        for each in problem.parameters:
+            assert each.words
+            assert each.allowed
+            if each.low is not None and each.high is not None:
+                assert each.low <= each.default <= each.high
+                assert each.low > 0 or not each.logarithmic
+                assert each.low >= 0 or each.allowed.startswith("a finite number")
+                assert each.logarithmic or "> 0" not in each.allowed
+    names = {each.name for each in library.steppers}
+    assert names >= {"rk4", "diffrax:Tsit5", "scipy:RK45"}
+    assert all(set(each.steppers) <= names for each in library.problems)
+
+
+def test_what_does_not_move_in_a_plane_has_no_film(ask):
+    problem = ProblemChoice(name="lorenz")
+    question = AskFilm(kind="film", problem=problem, steppers=("rk4",), steps_per_frame=16)
+    with pytest.raises(InputError, match="2 or 3 components"):
+        ask(question)
+
+
+@pytest.mark.parametrize(
+    ("problem", "stepper", "steps", "named"),
+    [
+        (ProblemChoice(name="ropes"), "rk4", 16, "problem"),
+        (ProblemChoice(parameters={"num_nodes": 10**9}), "rk4", 16, "num_nodes"),
+        (ProblemChoice(parameters={"num_nodes": "1000000000"}), "rk4", 16, "num_nodes"),
+        (ProblemChoice(frames=601), "rk4", 16, "frames"),
+        (ProblemChoice(parameters={"colour": 1}), "rk4", 16, "colour"),
+        (ProblemChoice(name="kepler", parameters={"self": 1}), "rk4", 16, "self"),
+        (ROPE, "steps.py:step", 16, "stepper"),
+        (ROPE, "/etc/passwd", 16, "stepper"),
+        (ROPE, "scipy:RK45", 2**20, "steps_per_frame"),
+        (ROPE, "diffrax:Kvaerno3", 2**20, "steps_per_frame"),
+        (ROPE, "constraint-verlet:sweeps=999999999999", 16, "steps_per_frame"),
+    ],
+)
+def test_what_cannot_be_answered_is_refused_with_the_field(ask, problem, stepper, steps, named):
+    question = AskRun(kind="run", problem=problem, stepper=stepper, steps_per_frame=steps)
+    with pytest.raises(InputError, match=named):
+        ask(question)
+
+
+def test_each_kind_of_question_has_a_file_that_answers_it():
+    (union,) = (each for each in get_args(messages.Ask) if get_args(each))
+    kinds = {get_args(each.model_fields["kind"].annotation)[0] for each in get_args(union)}
+    files = {each.name for each in pkgutil.iter_modules(answers.__path__)}
+    assert kinds == files
+    assert all(callable(answers.answering(kind)) for kind in kinds)
+
+
+def test_theory_predicts_what_a_table_predicts(ask, laboratory):
+    found, _ = ask(AskTheory(kind="theory", problem=ROPE, stepper="explicit-euler"))
+    table = accuracy_table(
+        laboratory.problem(ROPE), ["explicit-euler"], [64], predict=True, progress=silent
+    )
+    constant = table.orders[0].constant
+    assert (found.order, found.constant) == (constant.order, constant.predicted)
+    assert constant_words(table, table.orders[0]).startswith(found.words)
+    why, _ = ask(AskTheory(kind="theory", problem=ROPE, stepper="constraint-verlet"))
+    assert why.constant is None
+    assert why.words.startswith("no error is predicted: ")
+
+
+def test_theory_tells_its_progress(laboratory):
+    told = []
+    question = AskTheory(kind="theory", problem=ROPE, stepper="semi-implicit-euler")
+    answers.answer_to(question, laboratory, lambda *what: told.append(what))
+    words, done = zip(*told, strict=True)
+    assert list(done) == sorted(done)
+    assert {"expanding a step", "the local error"} <= {*words}
+
+
+def test_the_stability_region_is_that_of_an_explanation(ask, laboratory):
+    found, arrays = ask(AskStability(kind="stability", problem=ROPE, stepper="rk4"))
+    rows, columns = arrays["radius"].shape
+    z = np.linspace(*found.real, columns) + 1j * np.linspace(*found.imaginary, rows)[:, None]
+    polynomial = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
+    np.testing.assert_allclose(arrays["radius"], polynomial, rtol=1e-9)
+    # Of the fastest oscillation along the solution RK4 allows dt = 2 sqrt(2) / omega at most.
+    fastest = np.abs(arrays["eigenvalues"][..., 1]).max()
+    assert math.isclose(found.largest_stable_dt, math.sqrt(8) / fastest, rel_tol=0.01)
+    assert arrays["eigenvalues"].shape == (4, 12, 2)
+    none, others = ask(AskStability(kind="stability", problem=ROPE, stepper="rattle"))
+    assert none.real is None
+    assert none.why_none
+    assert "radius" not in others
+
+
+def test_phase_planes_are_those_of_nodes_and_of_modes(ask, laboratory):
+    motion = laboratory.motion(ROPE, silent)
+    truth = AskPhase(kind="phase", problem=ROPE, stepper=None, node=2, component=1)
+    _, arrays = ask(truth)
+    assert np.array_equal(arrays["x"], motion.finer.positions[:, 2, 1])
+    assert np.array_equal(arrays["v"], motion.finer.velocities[:, 2, 1])
+    of_run = AskPhase(kind="phase", problem=ROPE, stepper="rk4", steps_per_frame=64, mode=1)
+    found, arrays = ask(of_run)
+    still = hanging_equilibrium(motion.problem)
+    modes = normal_modes(motion.problem, still)
+    np.testing.assert_allclose(modes.frequencies, frequencies(motion.problem, still), rtol=1e-9)
+    # A rope that is out in one mode alone is out by nothing in the others.
+    shapes = np.linalg.pinv(modes.weights.reshape(6, -1))
+    np.testing.assert_allclose(np.abs(shapes).max(axis=0), 1.0)
+    at_once = np.einsum("kdn,tdn->tk", modes.weights, motion.finer.states[:, 0] - still[0])
+    np.testing.assert_allclose(arrays["x"], at_once[:, 1], rtol=1e-3)
+    assert "mode 1" in found.x_label
+    with pytest.raises(InputError, match="mode"):
+        ask(of_run.model_copy(update={"mode": 6}))
+
+
+def test_files_are_graded_in_the_words_of_grade(ask, laboratory, tmp_path):
+    problem = laboratory.problem(ROPE)
+    files, paths = [], []
+    for steps in (16, 32, 64):
+        run = simulate(problem, "rk4", steps, progress=silent)
+        files.append(GivenFile(name=f"../runs/{steps}.csv", text=csv_of(run)))
+        paths.append(tmp_path / f"{steps}.csv")
+        paths[-1].write_text(files[-1].text)
+    question = AskGrade(kind="grade", problem=ROPE, files=tuple(files))
+    found, arrays = ask(question)
+    report = grade(paths, problem, progress=silent)
+    assert found.passed == report.passed
+    texts = [line.text for line in found.lines]
+    assert texts[0] == check.title(report)
+    assert texts[1 : 1 + len(report.findings)] == [f"{x.check}: {x.line}" for x in report.findings]
+    for index, (run, steps) in enumerate(zip(found.runs, (16, 32, 64), strict=True)):
+        own, _ = ask(AskRun(kind="run", problem=ROPE, stepper="rk4", steps_per_frame=steps))
+        assert (run.stepper, run.dt) == (f"{steps}.csv", own.dt)
+        assert (run.error_final, run.error_max) == (own.error_final, own.error_max)
+        assert arrays[f"{index}.differences"].shape == (4, 4, 2)
+    few, _ = ask(question.model_copy(update={"files": question.files[:1]}))
+    assert not few.passed
+    assert len(few.runs) == 1
+    bad = GivenFile(name="a.csv", text="t,node,x,y\n0,0,zero,1\n")
+    with pytest.raises(InputError) as refused:
+        ask(question.model_copy(update={"files": (bad, *question.files[:2])}))
+    assert "a.csv" in str(refused.value)
+    assert "/tmp" not in str(refused.value)
+    assert "ropeode-" not in str(refused.value)
+
+
+@pytest.mark.slow
+def test_a_check_has_the_words_of_check(ask):
+    found, _ = ask(AskCheck(kind="check", stepper="rk4", quick=True))
+    report = check_stepper("rk4", quick=True, progress=silent)
+    wanted = [f"{each.check}: {each.line}" for each in report.findings]
+    assert [line.text for line in found.lines[1 : 1 + len(wanted)]] == wanted
+    assert found.passed == report.passed
+    assert found.lines[-1].status == "right"
+
+
+COMMANDS = {
+    "rope": (ROPE, ("rk4", "stormer-verlet:start=rest,damping=lagged")),
+    "changed": (
+        ProblemChoice(
+            name="rope",
+            parameters={
+                "num_nodes": 4,
+                "pinned": [0, 3],
+                "stiffness": 55.5,
+                "initial_velocity": [0.0, 0.125],
+            },
+            frames=3,
+        ),
+        ("explicit-euler",),
+    ),
+    "kepler": (ProblemChoice(name="kepler", frames=5), ("rk4",)),
+    "ellipse": (ProblemChoice(name="kepler", parameters={"eccentricity": 0.25}), ("rk4",)),
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["changed", *(pytest.param(n, marks=pytest.mark.slow) for n in COMMANDS if n != "changed")],
+)
+def test_command_and_code_compute_what_is_shown(ask, run, name):
+    problem, steppers = COMMANDS[name]
+    ladder = (16, 32)
+    question = AskCommand(
+        kind="command", problem=problem, steppers=steppers, steps_per_frame=ladder
+    )
+    found, _ = ask(question)
+    made: dict = {}
+    exec(found.python, made)
+    rows = iter(made["table"].rows)
+    for stepper in steppers:
+        for steps in ladder:
+            shown, _ = ask(
+                AskRun(kind="run", problem=problem, stepper=stepper, steps_per_frame=steps)
+            )
+            assert of_row(shown) == of_row(next(rows))
+    if found.command is None:
+        assert name == "ellipse"
+        return
+    program, *words = shlex.split(found.command)
+    assert program == "ropeode"
+    done = run(*words, "--format", "json")
+    assert done.returncode == 0, done.stderr
+    printed = json.loads(done.stdout)
+    assert [each["error_max"] for each in printed["rows"]] == [
+        each.error_max for each in made["table"].rows
+    ]
+
+
+@pytest.mark.slow
+def test_a_film_is_a_gif(ask):
+    question = AskFilm(kind="film", problem=ROPE, steppers=("rk4",), steps_per_frame=16)
+    found, _ = ask(question)
+    with Image.open(io.BytesIO(base64.b64decode(found.gif))) as film:
+        assert (film.format, film.n_frames) == ("GIF", 25)

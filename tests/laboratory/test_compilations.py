@@ -1,0 +1,61 @@
+"""Work that compiles tells so, and is left off between two programs."""
+
+from __future__ import annotations
+
+import sys
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+from ropeode.laboratory.compilations import told_of
+
+
+class LeftOff(BaseException):
+    pass
+
+
+@pytest.fixture
+def double():
+    """A function that was never compiled."""
+    return jax.jit(lambda x: 2.0 * jnp.sin(x))
+
+
+def test_each_program_is_a_sign_of_life(double):
+    said = []
+    with told_of(lambda *what: said.append(what)) as progress:
+        progress("begun", 0.25)
+        double(1.0)
+        before = len(said)
+        double(2.0)
+    assert before > 1
+    assert said == before * [("begun", 0.25)]
+    double(jnp.ones(3))
+    assert len(said) == before
+
+
+def test_work_is_left_off_and_can_be_done_again(double):
+    def leave_off(*_):
+        raise LeftOff
+
+    with pytest.raises(LeftOff), told_of(leave_off):
+        double(1.0)
+    assert double(0.0) == 0.0
+
+
+def test_what_is_imported_is_imported_to_its_end(tmp_path, monkeypatch):
+    (tmp_path / "compiles_when_imported.py").write_text(
+        "import jax\nfound = jax.jit(lambda x: x + 1.25)(1.0)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    raised = []
+
+    def leave_off(*_):
+        raised.append(1)
+        raise LeftOff
+
+    with told_of(leave_off):
+        import compiles_when_imported  # type: ignore[import-not-found]
+    assert compiles_when_imported.found == 2.25
+    assert not raised
+    del sys.modules["compiles_when_imported"]

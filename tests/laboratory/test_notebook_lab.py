@@ -1,0 +1,141 @@
+"""The lab as a value of a notebook: what it takes, what it holds, and what it refuses."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ropeode import InputError, Rope, RopeodeError, accuracy_table, as_stepper, lab, reference
+from ropeode.laboratory.recording import answers_in
+from ropeode.progress import silent
+
+ROPE = Rope(num_nodes=4, node_mass=2.0, initial_velocity=(3.0, 1.0))
+STEPS = (16, 24, 48)
+
+
+def halves(rhs, t, y, dt, args):
+    """Explicit Euler with half the slope."""
+    return y + 0.5 * dt * rhs(t, y, args)
+
+
+def raises(rhs, t, y, dt, args):
+    raise ValueError("of mine")
+
+
+@pytest.fixture(scope="module")
+def table():
+    return accuracy_table(ROPE.problem(frames=3), ["rk4", "explicit-euler"], STEPS)
+
+
+@pytest.fixture(scope="module")
+def shown(table):
+    return lab(table, progress=silent)
+
+
+def answers(page, kind) -> list[tuple[Any, Any, Any]]:
+    text = re.search(r'id="recordings/default.json">(.*?)</script>', page, re.DOTALL)
+    assert text is not None
+    return [each for each in answers_in(text[1]) if each[0].kind == kind]
+
+
+def test_its_numbers_are_those_of_the_table(shown, table):
+    runs = {(ask.stepper, ask.steps_per_frame): head for ask, head, _ in answers(shown.page, "run")}
+    for row in table.rows:
+        found = runs[row.stepper, row.steps_per_frame]
+        assert (found["error_max"], found["error_final"]) == (row.error_max, row.error_final)
+    # Its keys go on from the first of the table's step sizes.
+    assert {steps for _, steps in runs} == {4, 8, *STEPS, 32, 64, 128, 256, 512}
+    ((_, truth, _),) = answers(shown.page, "truth")
+    assert truth["accuracy"] == table.reference.certificate.accuracy
+    orders = {
+        ask.stepper: head
+        for ask, head, _ in answers(shown.page, "order")
+        if ask.steps_per_frame == STEPS
+    }
+    for each in table.orders:
+        assert orders[each.stepper]["observed"] == each.order.observed
+
+
+def test_a_cell_holds_the_page_also_where_there_are_no_widgets(shown):
+    data, _ = shown._repr_mimebundle_()
+    assert data["application/vnd.jupyter.widget-view+json"]["model_id"] == shown.model_id
+    assert data["text/plain"] == repr(shown) == "<Lab: rope (given); rk4, explicit-euler>"
+    inside = re.search(r'srcdoc="([^"]*)"', data["text/html"])
+    assert inside is not None
+    unescaped = inside[1].replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", '"')
+    assert unescaped.replace("&#x27;", "'").replace("&amp;", "&") == shown.page
+
+
+def test_a_stepper_of_the_users_own_stands_where_it_was_named(table):
+    shown = lab(table.reference, ["rk4", halves], progress=silent)
+    steppers = {ask.stepper for ask, _, _ in answers(shown.page, "run")}
+    assert steppers == {"rk4", "halves"}
+    ((_, library, _),) = answers(shown.page, "library")
+    assert [each["name"] for each in library["own"]] == ["halves"]
+    commands = {ask.steppers for ask, _, _ in answers(shown.page, "command")}
+    assert commands == {("rk4", "halves")}
+    largest = [
+        head["error_max"] for ask, head, _ in answers(shown.page, "run") if ask.stepper == "halves"
+    ]
+    # Half the slope is half the pace: the error does not go to zero.
+    assert min(largest) > 2.0
+    # A check takes long; the kernel makes it when the page asks.
+    assert not answers(shown.page, "check")
+
+
+def test_a_reference_is_shown_as_it_is():
+    truth = reference(ROPE.problem(frames=3), rtol=1e-9)
+    shown = lab(truth, ["rk4"], progress=silent)
+    ((_, head, arrays),) = answers(shown.page, "truth")
+    assert head["accuracy"] == truth.certificate.accuracy
+    every = head["samples_per_frame"]
+    positions = truth.states.reshape(len(truth.times), 2, 2, -1)[:, 0].swapaxes(1, 2)
+    assert np.allclose(arrays["points"][::every], positions, rtol=1e-6)
+
+
+def test_export_writes_the_file_or_nothing(tmp_path, shown):
+    with pytest.raises(InputError, match="a file name that ends in .html"):
+        shown.export(tmp_path / "lab.pdf")
+    shown.export(tmp_path / "lab.html", progress=silent)
+    assert [each.name for each in tmp_path.iterdir()] == ["lab.html"]
+    # Without steppers of the user's own there is nothing to check, and so it is the same page.
+    assert (tmp_path / "lab.html").read_text() == shown.page
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"problem": 3}, "problem: 3 given; allowed: a Problem"),
+        ({"problem": "rop"}, "did you mean 'rope'?"),
+        ({"steppers": ["euler"]}, "stepper: 'euler' given, which does not exist"),
+        ({"steppers": []}, "at least one stepper"),
+        ({"steppers": ["rk4", "rk4"]}, "each stepper once"),
+        (
+            {"steppers": [as_stepper(halves, label=f"s{k}") for k in range(6)]},
+            "steppers: '6 steppers' given; allowed: at most 5",
+        ),
+        ({"steps_per_frame": [16, 16]}, "one is repeated"),
+        ({"steps_per_frame": [2**17]}, "at most 32 numbers of at most 65536"),
+        ({"steps_per_frame": range(1, 40)}, "at most 32 numbers"),
+        ({"problem": "van-der-pol", "steppers": ["rattle", "velocity-verlet"]}, "rattle"),
+        ({"problem": "kepler", "steppers": [raises]}, "ValueError: of mine"),
+        ({"height": 20}, "height: 20 given; allowed: a whole number >= 200"),
+    ],
+)
+def test_what_it_cannot_show_is_refused_before_anything_is_computed(given, said):
+    with pytest.raises(RopeodeError) as caught:
+        lab(**given, progress=silent)
+    assert said in str(caught.value)
+
+
+def test_tables_that_it_cannot_show_are_refused(table):
+    final = accuracy_table(table.reference, ["rk4"], STEPS, norm="position-rms")
+    with pytest.raises(InputError, match="a table in the norm 'position-max'"):
+        lab(final)
+    own = accuracy_table(table.reference, [halves], STEPS)
+    with pytest.raises(InputError, match="pass your steppers"):
+        lab(own)
+    assert lab(own, [halves], progress=silent).height == 720

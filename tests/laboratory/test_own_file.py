@@ -1,0 +1,107 @@
+"""The user's file: each version is seen, the last one that works stays, and none is stale."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+
+import pytest
+
+from ropeode.laboratory import watch
+from ropeode.laboratory.own_file import OwnFile
+from ropeode.laboratory.watch import WatchedFile
+from tests.time_limit import HANGS_AFTER_S
+
+STEP = "def {}(rhs, t, y, dt, args):\n    return y + {} * dt * rhs(t, y, args)\n"
+TWO = STEP.format("one", 1) + STEP.format("two", 2)
+
+
+def names(own):
+    return {name: each.facts.version for name, each in own.own.items()}
+
+
+def test_a_file_has_several_steppers_or_the_one_that_is_named():
+    assert OwnFile("steps.py").own["steps.py"].stepper is None
+    every, one = OwnFile("steps.py"), OwnFile("steps.py:two")
+    loaded = every.load("v", TWO, None)
+    one.load("w", TWO, None)
+    assert names(every) == {"steps.py:one": "v", "steps.py:two": "v"}
+    assert [each.name for each in loaded.own] == ["steps.py:one", "steps.py:two"]
+    assert names(one) == {"steps.py:two": "w"}
+    assert one.own["steps.py:two"].stepper.label == "steps.py:two"
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "line"),
+    [
+        (TWO + "def broken(:\n", "SyntaxError: invalid syntax", 5),
+        (TWO + "\n1 / 0\n", "ZeroDivisionError: division by zero", 6),
+        (TWO + "raise SystemExit(3)\n", "SystemExit: 3", 5),
+        ("x = 1\n", "this one has none", None),
+        ("import nothing_like_it\n", "No module named 'nothing_like_it'", 1),
+        ("\0", "null bytes", None),
+    ],
+)
+def test_a_fault_is_told_with_its_line_and_the_old_stepper_stays(text, words, line):
+    own = OwnFile("steps.py")
+    own.load("good", TWO, None)
+    before = own.own["steps.py:two"].stepper
+    loaded = own.load("bad", text, None)
+    assert words in loaded.own[0].fault
+    assert {each.line for each in loaded.own} == {line}
+    assert {each.version for each in loaded.own} == {"good"}
+    assert own.own["steps.py:two"].stepper is before
+    assert own.load("mended", TWO, None).own[0].fault is None
+
+
+def test_what_it_imports_is_run_again_and_watched(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    helper, path = tmp_path / "of_mine.py", tmp_path / "steps.py"
+    path.write_text("import numpy\nfrom of_mine import step as other\n" + STEP.format("step", 3))
+    helper.write_text("step = 1\n")
+    file, own = WatchedFile(path), OwnFile(str(path))
+    first = file.newest
+    loaded = own.load(first.name, first.text, None)
+    assert loaded.files == (str(helper),)
+    file.import_from([helper])
+
+    async def change(text):
+        helper.write_text(text)
+        # In the same second and of the same size, with times that a clumsy tool has set back.
+        os.utime(helper, ns=(0, len(text)))
+        return await asyncio.wait_for(file.changed(), 10)
+
+    second = asyncio.run(change("step = 2\n"))
+    assert second.name != first.name
+    own.load(second.name, second.text, None)
+    assert sys.modules["of_mine"].step == 2
+    third = asyncio.run(change("step = (\n"))
+    loaded = own.load(third.name, third.text, None)
+    assert (loaded.own[0].version, loaded.own[0].line) == (second.name, 2)
+    assert str(helper) in loaded.files
+    monkeypatch.delitem(sys.modules, "of_mine", raising=False)
+
+
+def test_versions_follow_the_text_and_not_the_time(tmp_path, monkeypatch):
+    monkeypatch.setattr(watch, "_LOOKS_AGAIN_S", 0.01)
+    path = tmp_path / "steps.py"
+    path.write_text("1")
+    file = WatchedFile(path)
+    first = file.newest
+
+    async def changes(change, within=HANGS_AFTER_S):
+        change()
+        return await asyncio.wait_for(file.changed(), within)
+
+    with pytest.raises(TimeoutError):
+        asyncio.run(changes(lambda: os.utime(path, ns=(1, 1)), 0.5))
+    assert asyncio.run(changes(lambda: path.write_text("2"))).text == "2"
+    gone = asyncio.run(changes(path.unlink))
+    assert "cannot be read" in (gone.fault or "")
+    assert asyncio.run(changes(lambda: path.write_text("1"))).name == first.name
+    latin = asyncio.run(changes(lambda: path.write_bytes(b"# coding: latin-1\nx = '\xe9'\n")))
+    assert latin.text.endswith("x = 'é'\n")
+    assert "cannot be read" in (asyncio.run(changes(lambda: path.write_bytes(b"\xe9"))).fault or "")
+    assert WatchedFile(path).newest.name != file.newest.name

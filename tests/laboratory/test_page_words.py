@@ -1,0 +1,63 @@
+"""The texts of the page: the same in all languages, and none is missing."""
+
+import json
+import re
+from pathlib import Path
+from typing import get_args
+
+import ropeode.laboratory
+from ropeode.analysis import order
+from ropeode.checking.report import Status
+from ropeode.laboratory.controls import parameters_of
+from ropeode.norms import norm_for
+from ropeode.problems.library import PROBLEMS
+from ropeode.steppers.registry import STEPPERS, options
+
+PAGE = Path(ropeode.laboratory.__file__).parent / "page"
+ENGLISH, CHINESE = (
+    json.loads((PAGE / "words" / f"{code}.json").read_text()) for code in ("en", "zh")
+)
+# Why a fit leaves points out.
+REASONS = [order.UNSTABLE, order.UNRESOLVED, order.ROUND_OFF, order.PRE_ASYMPTOTIC, order.TOO_FEW]
+
+
+def test_both_languages_have_the_same_texts_with_the_same_values():
+    assert list(ENGLISH) == list(CHINESE)
+    for key, text in ENGLISH.items():
+        assert text
+        assert CHINESE[key]
+        places = [sorted(re.findall(r"\{\w+\}", each)) for each in (text, CHINESE[key])]
+        assert places[0] == places[1], key
+
+
+def test_every_text_that_the_page_names_exists():
+    sources = "\n".join(each.read_text() for each in [*PAGE.rglob("*.js"), PAGE / "index.html"])
+    named = {
+        *re.findall(r'\bsay\(\s*"([^"]+)"', sources),
+        *re.findall(r'data-(?:words|label)="([^"]+)"', sources),
+        *(f"problem.{name}" for name in PROBLEMS),
+    }
+    assert len(named) > 60
+    assert sorted(named - set(ENGLISH)) == []
+
+
+def test_fixed_words_of_python_are_translated():
+    problems = [make() for make in PROBLEMS.values()]
+    parameters = [each for problem in problems for each in parameters_of(problem)]
+    said = {
+        *(f"parameter.{each.name}" for each in parameters),
+        *(f"unit.{each.unit}" for each in parameters if each.unit),
+        *(f"norm.{norm_for(problem).words}" for problem in problems),
+        *(f"plots.verdict.{verdict}" for verdict in get_args(order.Verdict)),
+        *(f"plots.why.{why}" for why in REASONS),
+        *(f"found.{status}" for status in get_args(Status) if status != "note"),
+    }
+    assert sorted(said - set(ENGLISH)) == []
+
+
+def test_every_switch_of_verlet_has_its_sentence():
+    choices = options(STEPPERS["stormer-verlet"])
+    assert list(choices) == ["start", "damping"]
+    for start in choices["start"]:
+        for damping in choices["damping"]:
+            assert f"why.verlet.{start}.{damping}" in ENGLISH

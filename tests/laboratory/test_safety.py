@@ -1,0 +1,216 @@
+"""Who is let in, and what a page may send."""
+
+from __future__ import annotations
+
+import json
+import random
+import socket
+
+import httpx
+import pytest
+import websockets
+
+from ropeode.errors import InputError
+from ropeode.laboratory import connection
+from ropeode.laboratory.messages import MOST_WANTED
+from ropeode.laboratory.server import listening
+from ropeode.laboratory.wants import MOST_TEXT
+from tests.laboratory.serving import do, in_lab
+
+
+def test_it_listens_on_this_machine_alone():
+    with listening(0) as listener:
+        host, port = listener.getsockname()
+        assert host == "127.0.0.1"
+        with pytest.raises(InputError, match=f"port: {port} given; allowed: a port that is free"):
+            listening(port)
+        with socket.socket() as other, pytest.raises(ConnectionRefusedError):
+            other.connect(("127.0.0.2", port))
+
+
+def test_the_token_becomes_a_cookie_and_leaves_the_address():
+    async def test(lab):
+        async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
+            done = await client.get(f"/?token={lab.doorkeeper.token}&a=b")
+            assert (done.status_code, done.headers["location"]) == (303, f"http://{lab.host}/?a=b")
+            cookie = done.headers["set-cookie"].lower()
+            assert "httponly" in cookie
+            assert "samesite=strict" in cookie
+            wrong = await client.get("/?token=wrong")
+            assert wrong.status_code == 403
+            assert "set-cookie" not in wrong.headers
+
+    in_lab(test)
+
+
+def test_every_answer_carries_the_headers_of_safety():
+    async def test(lab):
+        async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
+            for path in ("/", "/messages.d.ts", "/none", "/?token=wrong", "/../server.py"):
+                headers = (await client.get(path)).headers
+                policy = headers["content-security-policy"]
+                assert "default-src 'self'" in policy
+                assert "unsafe" not in policy
+                assert "frame-ancestors 'none'" in policy
+                assert headers["x-content-type-options"] == "nosniff"
+                assert headers["referrer-policy"] == "no-referrer"
+            assert (await client.get("/%2e%2e/server.py")).status_code == 404
+            assert (await client.post("/")).status_code == 405
+
+    in_lab(test)
+
+
+def test_another_host_is_refused():
+    async def test(lab):
+        host, _, port = lab.host.rpartition(":")
+        async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
+            for name in (
+                "evil.example",
+                f"evil.example:{port}",
+                host,
+                f"{host}:1",
+                f"[::2]:{port}",
+            ):
+                done = await client.get("/messages.d.ts", headers={"Host": name})
+                assert done.status_code == 403, name
+                assert "nowhere else" in done.text
+                with pytest.raises(websockets.InvalidStatus, match="403"):
+                    await lab.connect(name, origin=f"http://{name}")
+            for name in (f"localhost:{port}", f"[::1]:{port}"):
+                done = await client.get("/messages.d.ts", headers={"Host": name})
+                assert done.status_code == 200
+                async with lab.connect(name, origin=f"http://{name}") as page:
+                    await page.ping()
+
+    in_lab(test)
+
+
+def test_another_page_is_refused():
+    async def test(lab):
+        for origin in (None, "http://evil.example", "null", f"https://{lab.host}"):
+            with pytest.raises(websockets.InvalidStatus, match="403"):
+                await lab.connect(origin=origin)
+
+    in_lab(test)
+
+
+def cookie(lab, token=None):
+    return {"Cookie": f"{lab.doorkeeper.cookie}={token or lab.doorkeeper.token}"}
+
+
+def test_without_the_token_nothing_is_answered():
+    async def test(lab):
+        for headers in ({}, cookie(lab, "wrong"), {"Cookie": f"other={lab.doorkeeper.token}"}):
+            async with lab.connect(additional_headers=headers) as page:
+                with pytest.raises(websockets.ConnectionClosed) as closed:
+                    await page.recv()
+                assert closed.value.rcvd is not None
+                assert closed.value.rcvd.code == 1008
+                assert "`ropeode lab` printed" in closed.value.rcvd.reason
+
+    in_lab(test)
+
+
+FAULTY = {
+    "{": "JSON",
+    "": "JSON",
+    "[1]": '{"want"',
+    "null": '{"want"',
+    '{"want": 3}': '{"want"',
+    '{"want": [], "file": "/etc/passwd"}': "leave it out",
+    '{"want": [NaN]}': "NaN is not a number in JSON",
+    "[" * 100_000: "nested too deeply",
+    '{"want": [' + "9" * 5000 + "]}": "JSON",
+    '{"want": [' + "0," * MOST_WANTED + "0]}": f"at most {MOST_WANTED}",
+    " " * (MOST_TEXT + 1): f"at most {MOST_TEXT}",
+}
+
+
+def test_a_message_that_is_none_is_refused_with_a_sentence():
+    async def test(lab):
+        async with lab.page() as page:
+            for text, words in FAULTY.items():
+                await page.socket.send(text)
+                refused = await page.next()
+                assert (refused["kind"], refused["key"]) == ("refused", "")
+                assert words in refused["message"]
+                assert len(refused["message"]) < 1000
+            await page.socket.send(b"\x00")
+            assert "allowed: text" in (await page.next())["message"]
+
+    in_lab(test)
+
+
+RUN = do("work")
+FAULTY_QUESTIONS = [
+    ({**RUN, "steps_per_frame": [0]}, "steps_per_frame.0: 0 given"),
+    ({**RUN, "steps_per_frame": [2**40]}, "less than or equal to"),
+    ({**RUN, "steps_per_frame": []}, "at least 1 item"),
+    ({**RUN, "stepper": "s" * 1000}, "at most 200 characters"),
+    ({**RUN, "file": "/etc/passwd"}, "file: '/etc/passwd' given; allowed: extra inputs are not"),
+    ({"kind": "exec", "code": "1"}, "exec"),
+    ({}, "kind"),
+    (7, "7 given"),
+]
+
+
+def test_a_faulty_question_is_refused_and_those_beside_it_are_answered():
+    async def test(lab):
+        async with lab.page() as page:
+            for ask, words in FAULTY_QUESTIONS:
+                await page.want(bad=ask, good=RUN)
+                answers = await page.answers("bad", "good")
+                assert words in answers["bad"]["message"]
+                assert answers["good"]["kind"] == "order"
+
+    in_lab(test)
+
+
+def anything(draw, depth=0):
+    """Any JSON, and a little more."""
+    kind = draw.randrange(10 if depth < 5 else 7)
+    if kind == 7:
+        return [anything(draw, depth + 1) for _ in range(draw.randrange(4))]
+    if kind > 7:
+        names = ["want", "key", "ask", "kind", "problem", "stepper", "name", "x", "\ud800"]
+        return {draw.choice(names): anything(draw, depth + 1) for _ in range(draw.randrange(5))}
+    whole = draw.choice([0, -1, 2**63, 10**400])
+    text = draw.choice(["", "truth", "order", "\x00", "\ud800", "../../etc/passwd", "x" * 5000])
+    return [None, True, whole, draw.random() * 1e308, float("inf"), float("nan"), text][kind]
+
+
+def broken(draw, text):
+    """The text with a piece of it gone, doubled, or replaced."""
+    at, end = sorted(draw.randrange(len(text) + 1) for _ in range(2))
+    between = draw.choice(["", text[at:end] * 2, "}", "\x00", "1e999", "[" * 5000])
+    return text[:at] + between + text[end:]
+
+
+def test_no_message_kills_the_server(monkeypatch):
+    # A thousand pauses would be most of the time of this test.
+    monkeypatch.setattr(connection, "_BETWEEN_S", 0.0)
+    draw = random.Random(20)
+
+    def message():
+        ask = {**RUN, draw.choice([*RUN, "version", "x"]): anything(draw)}
+        whole = {"want": [{"key": draw.choice(["k", "", "\ud800", 3]), "ask": ask}]}
+        text = json.dumps(draw.choice([whole, whole, anything(draw)]))
+        kind = draw.randrange(4)
+        if kind == 0:
+            return draw.randbytes(draw.randrange(200))
+        return broken(draw, text) if kind == 1 else text
+
+    async def test(lab):
+        async with lab.page() as page:
+            for _ in range(1000):
+                await page.socket.send(message())
+            await page.want(end=do("work", 7))
+            sentences = []
+            while (said := await page.next())["kind"] == "working" or said["key"] != "end":
+                sentences += [said["message"]] if said["kind"] == "refused" else []
+            assert len(sentences) > 700
+            assert all(sentences)
+            # And none has ended the worker.
+            assert said["words"].split()[3] == f"{lab.worker._process.pid},"
+
+    in_lab(test)

@@ -1,0 +1,76 @@
+"""The scenes of the lab: what they say is what is computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import ropeode
+from ropeode.case_studies.report import rope_report
+from ropeode.laboratory.scenes import lessons, scenes, verdicts
+from ropeode.laboratory.scenes.make_verdicts import verdicts_of
+from ropeode.problems.rope import Rope
+from ropeode.steppers import as_stepper
+from ropeode.study.accuracy_table import accuracy_table
+from ropeode.study.spec import rope_of
+
+DOCS = Path(ropeode.__file__).parent.parent / "docs"
+
+
+def problem_of(choice):
+    return rope_of(choice.name, choice.parameters).problem(choice.frames)
+
+
+def test_there_are_eight_lessons_and_every_figure():
+    names = [scene.name for scene in scenes()]
+    assert len(set(names)) == len(names) == 8 + 41
+
+
+@pytest.mark.parametrize("scene", scenes(), ids=lambda scene: scene.name)
+def test_a_scene_can_be_shown(scene):
+    for words in (scene.title, scene.text):
+        assert set(words) == {"en", "zh"}
+    for language, stop in (("en", "."), ("zh", "。")):
+        sentences = scene.text[language].splitlines()
+        assert len(sentences) == 3
+        assert all(each.endswith(stop) for each in sentences)
+    assert (DOCS / f"{scene.page}.md").exists()
+    problem = problem_of(scene.state.problem)
+    for name in scene.state.steppers:
+        assert as_stepper(name).refusal(problem) is None
+
+
+def test_verdicts_are_those_of_the_figures():
+    assert sorted(verdicts()) == list(range(1, 42))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "lesson", [each for each in lessons() if "shows" in each], ids=lambda lesson: lesson["name"]
+)
+def test_a_lesson_shows_what_it_says(lesson):
+    (scene,) = (each for each in scenes() if each.name == lesson["name"])
+    table = accuracy_table(
+        problem_of(scene.state.problem), scene.state.steppers, lesson["shows"]["ladder"]
+    )
+    found = {each.stepper: each.order for each in table.orders}
+    for stepper, expected in lesson["shows"]["orders"].items():
+        if isinstance(expected, str):
+            assert found[stepper].verdict == expected
+        else:
+            assert found[stepper].verdict == "converges"
+            assert found[stepper].observed == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.slow
+def test_the_round_off_of_the_last_lesson_grows():
+    (lesson,) = (each for each in lessons() if each["name"] == "round-off")
+    table = accuracy_table(Rope().problem(frames=40), ["stormer-verlet"], lesson["shows"]["ladder"])
+    errors = [row.error_max for row in table.rows]
+    assert errors[-1] > 2.0 * min(errors)
+
+
+@pytest.mark.slow
+def test_verdicts_are_those_of_the_report():
+    assert {int(number): each for number, each in verdicts_of(rope_report()).items()} == verdicts()

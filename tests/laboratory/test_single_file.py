@@ -1,0 +1,125 @@
+"""The lab in one file: what is in it, and what a reader's keys can ask of it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from ropeode.cli.main import cli
+from ropeode.laboratory import asks, recording, single_file
+from ropeode.laboratory.messages import AskOrder, AskRun, ProblemChoice
+from ropeode.laboratory.setup import Laboratory
+from ropeode.progress import silent
+from tests.laboratory.conftest import ROPE
+
+SCRIPT = re.compile(r'<script type="application/json" id="([^"]+)">(.*?)</script>', re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def inside(recorded_file):
+    return {name: json.loads(text) for name, text in SCRIPT.findall(recorded_file)}
+
+
+def test_it_loads_nothing(recorded_file, inside):
+    tags = re.sub(SCRIPT, "", recorded_file)
+    assert set(re.findall(r'(?:src|href)="([^"]*)"', tags)) == {"data:,"}
+    assert "url(" not in tags
+    assert "lab-socket" not in tags
+    assert set(inside) == {"words/en.json", "words/zh.json", "recordings/default.json", "modules"}
+    assert "default-src 'none'" in tags
+
+
+def test_each_module_stands_after_those_that_it_imports(inside):
+    seen = set()
+    for name, source in inside["modules"]:
+        imported = re.findall(r'"lab:([^"]+)"', source)
+        assert set(imported) <= seen, name
+        assert not re.search(r'^(?!\s*[/*]).*\bfrom "\.', source, re.MULTILINE), name
+        seen.add(name)
+    assert name == "main.js"
+    assert {"channels/recorded.js", "plots/order.js"} <= seen
+
+
+def test_it_asks_for_every_order_that_the_keys_can_reach():
+    questions = list(asks.asks_of(Laboratory(), ROPE, ("rk4", "rattle"), (16,)))
+    assert len({each.model_dump_json() for each in questions}) == len(questions)
+    # From 16, up to two presses of - and five of =, in any order.
+    reached = {
+        tuple(2**k for k in range(low, high + 1)) for low in (2, 3, 4) for high in range(4, 10)
+    }
+    for stepper in ("rk4", "rattle"):
+        orders = [
+            each for each in questions if isinstance(each, AskOrder) and each.stepper == stepper
+        ]
+        assert {each.steps_per_frame for each in orders} == reached
+        runs = [each for each in questions if isinstance(each, AskRun) and each.stepper == stepper]
+        assert [each.steps_per_frame for each in runs] == [4, 8, 16, 32, 64, 128, 256, 512]
+
+
+@pytest.mark.slow
+def test_all_that_it_asks_for_has_an_answer(laboratory):
+    link = {"problem": ROPE.model_dump(), "steppers": ("rk4",), "steps": 16, "ladder": (16,)}
+    text = single_file.single_file(laboratory, link, silent)
+    recorded = dict(SCRIPT.findall(text))["recordings/default.json"]
+    answers = list(recording.answers_in(recorded))
+    questions = list(asks.asks_of(laboratory, ROPE, ("rk4",), (16,)))
+    assert [ask for ask, _, _ in answers] == questions
+    assert [header["kind"] for _, header, _ in answers] == [each.kind for each in questions]
+
+
+def test_the_keys_go_on_from_the_ladder_of_a_lesson():
+    assert asks.prepared((3, 6)) == ((), (12, 24, 48, 96, 192))
+    assert asks.prepared((32, 64)) == ((16,), (128, 256, 512, 1024, 2048))
+    ladders = list(asks.reachable((6,)))
+    assert ladders[0] == (6,)
+    assert ladders[-1] == (3, 6, 12, 24, 48, 96, 192)
+
+
+def test_its_certificate_can_be_read_without_a_script(recorded_file, inside):
+    answers = recording.answers_in(json.dumps(inside["recordings/default.json"]))
+    (truth,) = (header for ask, header, _ in answers if ask.kind == "truth")
+    assert truth["certificate"]
+    shown = recorded_file.partition('<div id="certificate">')[2].partition("</div>")[0]
+    assert shown.count("<li>") == len(truth["certificate"])
+
+
+def test_a_problem_brings_its_steppers():
+    rigid = ProblemChoice(name="inextensible-rope", frames=3)
+    problem, steppers = asks.shown_first(Laboratory(), {"problem": rigid.model_dump()})
+    assert problem == rigid
+    assert "rattle" in steppers
+    assert asks.shown_first(Laboratory(), {}) == (
+        asks.DEFAULT_PROBLEM,
+        asks.DEFAULT_STEPPERS,
+    )
+
+
+def test_the_command_writes_the_file_whole_or_refuses(tmp_path: Path, monkeypatch, recorded_file):
+    monkeypatch.setattr(single_file, "single_file", lambda *_: recorded_file)
+    # It would switch on 64-bit types for all tests after this one.
+    monkeypatch.setattr("ropeode.cli.lab.set_up_jax", lambda: None)
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke(cli, ["lab", "--out", "lecture.html"])
+    assert run.output == f"wrote lecture.html ({len(recorded_file.encode()) / 1e6:.1f} MB)\n"
+    assert Path("lecture.html").read_text() == recorded_file
+    refused = CliRunner().invoke(cli, ["lab", "-o", "lecture.pdf"])
+    assert "a file name that ends in .html" in str(refused.exception)
+    Path("steps.py").write_text("def step(\n")
+    for arguments, said in (
+        (["--port", "80"], "only without --out"),
+        (["steps.py"], "'(' was never closed"),
+    ):
+        refused = CliRunner().invoke(cli, ["lab", "-o", "other.html", *arguments])
+        assert said in str(refused.exception)
+    assert {each.name for each in tmp_path.iterdir()} == {"lecture.html", "steps.py"}
+
+
+def test_scenes_say_which_plot_they_show(laboratory):
+    from ropeode.laboratory.opening import link_of
+
+    assert link_of(None, "why-euler-explodes")["choices"] == {"steps": "stability"}
+    assert link_of(ROPE, "chaos")["choices"] == {"motion": "error"}
