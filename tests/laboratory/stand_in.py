@@ -41,7 +41,7 @@ class StandIn(Answering):
             while True:
                 pass
         if does == "eat":
-            eaten = [bytearray(b"x" * 2**24) for _ in range(int(argument))]
+            eaten = [b"x" * 2**24 for _ in range(int(argument))]
             time.sleep(20)
             del eaten
         if does == "wait":
