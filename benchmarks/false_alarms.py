@@ -1,7 +1,7 @@
 """How often the checks reject a right stepper, on random ropes.
 
-    python benchmarks/false_alarms.py --ropes 8 --seed 1 --out docs/false_alarms.jsonl
-    python benchmarks/false_alarms.py --out docs/false_alarms.jsonl --show
+    python benchmarks/false_alarms.py --ropes 8 --seed 1 --out docs/data/false_alarms.jsonl
+    python benchmarks/false_alarms.py --out docs/data/false_alarms.jsonl --show
 
 The right steppers of tests/checking/right_steppers.py are checked with all claims that are true of
 them, on random ropes instead of the check ropes: masses, springs, rest lengths, pins, velocities,
@@ -10,7 +10,7 @@ of ropes, because they take a hundred times as long.
 
 The outcome of each set of ropes is written to the file at once, as a line; the same command resumes
 if interrupted. `--show` checks nothing, and prints the outcomes in the file, for
-docs/testing-the-checks.md.
+docs/validation/testing-the-checks.md.
 """
 
 from __future__ import annotations

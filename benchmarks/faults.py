@@ -3,7 +3,7 @@
 `benchmarks/faults.toml` lists the faults. Each is written into a copy of a checkout, in a temporary
 folder, and the test files that ought to notice are run there, up to the first failure.
 
-    python benchmarks/faults.py --out docs/faults.jsonl
+    python benchmarks/faults.py --out docs/data/faults.jsonl
     python benchmarks/faults.py --untouched                  # do these files pass without a fault?
     python benchmarks/faults.py --checkout ../older --python ../older/.venv/bin/python
 

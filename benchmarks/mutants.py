@@ -1,13 +1,13 @@
 """Which wrong steppers are rejected, and by which checks.
 
-    python benchmarks/mutants.py --out docs/mutants.jsonl
-    python benchmarks/mutants.py --out docs/mutants.jsonl --show families
+    python benchmarks/mutants.py --out docs/data/mutants.jsonl
+    python benchmarks/mutants.py --out docs/data/mutants.jsonl --show families
     python benchmarks/mutants.py --out again.jsonl --sample 10 --seed 1
 
 Each mutant of tests/checking/mutants is checked with the claims of the right stepper that it was
 made from. Each outcome is written to the file at once; the same command resumes if interrupted.
 `--show` checks nothing, and prints a table of the outcomes in the file, for
-docs/testing-the-checks.md. `--sample 10` draws a tenth of the mutants at random.
+docs/validation/testing-the-checks.md. `--sample 10` draws a tenth of the mutants at random.
 """
 
 from __future__ import annotations

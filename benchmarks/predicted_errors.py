@@ -1,7 +1,7 @@
 """The error that theory predicts from single steps, held against the error that is measured.
 
-    python benchmarks/predicted_errors.py --out docs/predicted_errors.jsonl
-    python benchmarks/predicted_errors.py --out docs/predicted_errors.jsonl --show
+    python benchmarks/predicted_errors.py --out docs/data/predicted_errors.jsonl
+    python benchmarks/predicted_errors.py --out docs/data/predicted_errors.jsonl --show
 
 Every stepper of ropeode, with all its options, runs on every problem of the library that it is for.
 The signed error of its runs, divided by dt**order, is compared with the predicted one, component by
@@ -9,7 +9,8 @@ component and at each sample time. The finest step size counts at which the erro
 what reference and rounding leave open (`least_clear_error`).
 
 The outcome of each pair is written to the file at once, as a line; the same command resumes if
-interrupted. `--show` runs nothing, and prints the outcomes in the file, for docs/global-error.md.
+interrupted. `--show` runs nothing, and prints the outcomes in the file, for
+docs/explanation/global-error.md.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ def picture(figure, name: str, words: str) -> str:
     small = io.BytesIO()
     image.quantize(_COLOURS).save(small, "PNG", optimize=True)
     write_whole(IMAGES / name, small.getvalue())
-    return f"![{words}](images/{name})"
+    return f"![{words}](../images/{name})"
 
 
 def limits() -> str:
@@ -341,7 +341,7 @@ def growth_by_window() -> str:
 def peers(name: str) -> str:
     """A table of what `benchmarks/peers.py` measured last; nothing is measured here."""
     here = Path(__file__).parent
-    show = [here.parent / "benchmarks/peers.py", "--show", here / "peers.json", name]
+    show = [here.parent / "benchmarks/peers.py", "--show", here / "data/peers.json", name]
     return subprocess.run(
         [sys.executable, *show], check=True, capture_output=True, text=True
     ).stdout.rstrip()
@@ -350,7 +350,7 @@ def peers(name: str) -> str:
 def judged(program: str, *show: str) -> str:
     """What `benchmarks/mutants.py` or `false_alarms.py` found last; nothing is judged here."""
     here = Path(__file__).parent
-    made = [here.parent / f"benchmarks/{program}.py", "--out", here / f"{program}.jsonl"]
+    made = [here.parent / f"benchmarks/{program}.py", "--out", here / f"data/{program}.jsonl"]
     return subprocess.run(
         [sys.executable, *made, "--show", *show], check=True, capture_output=True, text=True
     ).stdout.rstrip()
@@ -377,8 +377,8 @@ def lab_lessons() -> str:
     return "\n\n".join(
         f"## {each.title['en']}\n\n"
         f"`ropeode lab --scene {each.name}`\n\n"
-        f"{each.text['en'].strip()}\nMore: [{each.page}]({each.page}.md).\n\n"
-        f"![The lab with the lesson {each.name}](images/lab-{each.name}.webp)"
+        f"{each.text['en'].strip()}\nMore: [{each.page.partition('/')[2]}](../{each.page}.md).\n\n"
+        f"![The lab with the lesson {each.name}](../images/lab-{each.name}.webp)"
         for each in scenes()
         if not each.name.startswith("figure-")
     )
@@ -391,5 +391,5 @@ def lab_figures() -> str:
     for number, first in enumerate(range(0, len(figures), OF_A_SHEET), start=1):
         names = [each.name for each in figures[first : first + OF_A_SHEET]]
         words = f"The lab with {names[0]} to {names[-1]}"
-        sheets.append(f"![{words}](images/lab-figures-{number}.webp)")
+        sheets.append(f"![{words}](../images/lab-figures-{number}.webp)")
     return "\n\n".join(sheets)

@@ -141,7 +141,8 @@ def traced_value(name: str, allowed: str) -> InputError:
     return InputError(
         f"{name}: {_TRACED} given; allowed: {allowed} outside of JAX's transformations, where "
         "ropeode computes in NumPy. Fix: in jit, grad and vmap use ropeode.jax_stepper(problem, "
-        "stepper), made outside, whose `states` take traced y0 and args; docs/jax.md shows how."
+        "stepper), made outside, whose `states` take traced y0 and args; "
+        "docs/howto/jax.md shows how."
     )
 
 

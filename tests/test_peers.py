@@ -114,7 +114,7 @@ def test_a_loss_needs_its_reason(against, monkeypatch):
 
 
 def test_the_page_shows_the_stored_results(against):
-    page = (ROOT / "docs/peers.md").read_text()
-    stored = json.loads((ROOT / "docs/peers.json").read_text())
+    page = (ROOT / "docs/performance/peers.md").read_text()
+    stored = json.loads((ROOT / "docs/data/peers.json").read_text())
     for name, table in against.tables.TABLES.items():
         assert table(stored) in page, name

@@ -1,4 +1,4 @@
-"""The pictures of docs/lab-scenes.md: every scene of the lab, in Chromium.
+"""The pictures of docs/gallery/lab-scenes.md: every scene of the lab, in Chromium.
 
     python -m tools.scene_pictures [SCENE ...]   (make pictures)
 

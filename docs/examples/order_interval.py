@@ -4,7 +4,7 @@
     python docs/examples/order_interval.py --ropes 150 --seed 1
 
 Random ropes of six nodes are solved by every stepper that declares an order for them. The
-numbers in docs/table.md come from this script.
+numbers in docs/reference/table.md come from this script.
 """
 
 from __future__ import annotations

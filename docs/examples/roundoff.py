@@ -13,8 +13,8 @@ The first two are those of the package's stepper.
 
 Each form runs in extended precision, which gives its true round-off; in other units of
 length; and with noise of half a unit of rounding on the result of each step. The figures in
-docs/roundoff.md come from this script. It needs a platform whose `numpy.longdouble` is wider
-than float64. At 16384 steps per frame it takes some minutes.
+docs/explanation/roundoff.md come from this script. It needs a platform whose
+`numpy.longdouble` is wider than float64. At 16384 steps per frame it takes some minutes.
 """
 
 from __future__ import annotations

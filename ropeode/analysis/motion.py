@@ -25,7 +25,7 @@ _LAST_PART = 0.1
 
 @dataclasses.dataclass(frozen=True)
 class Thresholds:
-    """Where one word ends and the next begins; docs/motion.md says why there.
+    """Where one word ends and the next begins; docs/explanation/motion.md says why there.
 
     All are in units of the rope's own length L (the sum of the rest lengths), of
     ``V = sqrt(|g| L)`` and ``T = sqrt(L/|g|)``.

@@ -110,7 +110,7 @@ def observed_order(
     points scatter, but the rest of the pre-asymptotic part bends them. So it is widened to
     contain the local slope at the fine end, plus or minus twice what that slope lacks of its
     limit at dt = 0. It is never narrower than 0.01 to each side.
-    docs/table.md says how often it contains the order.
+    docs/reference/table.md says how often it contains the order.
 
     An interval with two whole orders in it decides nothing: the order is undetermined. Neither
     does a wide one with none, for errors bend so where they are about as large as they can get;

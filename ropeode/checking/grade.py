@@ -53,7 +53,7 @@ def grade(
     """Compare trajectories of one program, with several step sizes, with a certified reference.
 
     Files are read in blocks, and only the samples at the problem's sample times are kept, so
-    files may be larger than memory. docs/grade.md describes their format.
+    files may be larger than memory. docs/howto/grade.md describes their format.
 
     Arguments:
         files: CSV, NPZ or NetCDF, at least three, one for each step size.

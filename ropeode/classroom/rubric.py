@@ -82,7 +82,7 @@ def read_rubric(path: Path | None) -> tuple[Item, ...]:
     try:
         given = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        fix = "see the default rubric in docs/classroom.md"
+        fix = "see the default rubric in docs/howto/classroom.md"
         raise bad_value("rubric", str(path), f"a TOML file ({error})", fix) from error
     faults = [unknown("field of the rubric", name, ["item"]) for name in given if name != "item"]
     items = given.get("item")

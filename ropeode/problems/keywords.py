@@ -8,7 +8,7 @@ from typing import Any
 from ropeode.errors import InputError
 from ropeode.validation import complaint, unknown
 
-_PIECES = "solve the pieces between the events one after the other, as docs/events.md shows"
+_PIECES = "solve the pieces between the events one after the other, as docs/howto/events.md shows"
 _STEPS = (
     "leave it out: the solvers choose their steps, and the right-hand side is looked at between "
     "them; times at which it jumps are jump_times"

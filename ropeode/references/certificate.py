@@ -20,8 +20,8 @@ from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import Solver
 
-# The bound is this many times the largest difference between the runs. See docs/certificate.md
-# for how often and how tightly it covers the true error.
+# The bound is this many times the largest difference between the runs.
+# docs/explanation/certificate.md says how often and how tightly it covers the true error.
 SAFETY_FACTOR = 3.0
 # Units of rounding below which a difference of two float64 runs means nothing.
 ROUNDING_UNITS = 4.0

@@ -17,7 +17,7 @@ from ropeode.render.formats import FORMATS, format_check
 from tests.checking import steps
 from tests.checking.no_time_limit import SECONDS, check_stepper
 
-PAGE = Path(__file__).parents[2] / "docs/check.md"
+PAGE = Path(__file__).parents[2] / "docs/reference/check.md"
 
 
 @pytest.fixture(scope="module")

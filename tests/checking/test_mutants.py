@@ -20,7 +20,7 @@ RECORD = {
     line["name"]: line
     for line in map(
         json.loads,
-        (Path(__file__).parents[2] / "docs/mutants.jsonl").read_text().splitlines(),
+        (Path(__file__).parents[2] / "docs/data/mutants.jsonl").read_text().splitlines(),
     )
 }
 # Every so many-th mutant is checked again, by the cheapest of the checks that reject it: a few

@@ -10,7 +10,7 @@ from ropeode.checking.checks import CHECKS
 from ropeode.classroom.rubric import DEFAULT, Item, read_rubric
 from ropeode.errors import InputError
 
-PAGE = Path(__file__).parents[2] / "docs/classroom.md"
+PAGE = Path(__file__).parents[2] / "docs/howto/classroom.md"
 
 
 def rubric(tmp_path, text):

@@ -305,7 +305,9 @@ OF_METHODS = {"rtol", "atol", "max_step", "first_step", "jac", "jac_sparsity", "
 
 @pytest.mark.parametrize("keyword", sorted(OF_SCIPY | OF_METHODS | {"event"}))
 def test_keywords_of_scipy_are_met_with_what_to_write(keyword):
-    words = "docs/events.md" if keyword.startswith("event") else rf"{keyword}: 3 given; .* Fix: "
+    words = (
+        "docs/howto/events.md" if keyword.startswith("event") else rf"{keyword}: 3 given; .* Fix: "
+    )
     given = {keyword: 3}
     with pytest.raises(InputError, match=words):
         Problem.from_scipy(pendulum, (0.0, 2.0), START, (STRENGTH,), **given)

@@ -17,7 +17,7 @@ from ropeode.problems.rope import Rope
 from ropeode.render.frames import EXPORTS, dataframe, rows_of, write_export
 from ropeode.simulation import simulate
 
-PAGE = Path(__file__).parents[2] / "docs" / "notebooks.md"
+PAGE = Path(__file__).parents[2] / "docs/howto/notebooks.md"
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""docs/sweep-spec.md says what the schema says."""
+"""docs/reference/sweep-spec.md says what the schema says."""
 
 import re
 import tomllib
@@ -8,7 +8,7 @@ from ropeode.sweep.design.columns import INPUTS, RESULTS, STATUSES, failed_row
 from ropeode.sweep.design.distributions import Distribution
 from ropeode.sweep.design.spec import SweepFields, SweepSpec
 
-PAGE = (Path(__file__).parents[2] / "docs" / "sweep-spec.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs/reference/sweep-spec.md").read_text()
 
 
 def test_every_column_and_status_is_described():

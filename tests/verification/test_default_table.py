@@ -1,4 +1,4 @@
-"""What the default rope must show; docs/default-table.md explains it."""
+"""What the default rope must show; docs/explanation/default-table.md explains it."""
 
 from __future__ import annotations
 

@@ -33,13 +33,13 @@ export class Why extends Controls {
       parts.push(make("details", {}, make("summary", {}, say("why.verlet")),
         ...switches,
         make("p", { id: "why-sentence", "aria-live": "polite" }, options ? say(`why.verlet.${at}`) : say("why.verlet.choose")),
-        make("p", {}, say("why.more", { page: "docs/verlet.md" }))));
+        make("p", {}, say("why.more", { page: "docs/explanation/verlet.md" }))));
     }
     if (problem?.steppers.includes("explicit-euler"))
       parts.push(make("details", {}, make("summary", {}, say("why.euler")),
         make("p", {}, say("why.euler.words")),
         button(say("why.euler.show"), () => this.#explode(), { id: "why-euler" }),
-        make("p", {}, say("why.more", { page: "docs/explicit-euler.md" }))));
+        make("p", {}, say("why.more", { page: "docs/explanation/stability.md" }))));
     this.element.replaceChildren(...(parts.length ? [make("h2", {}, say("why.title"))] : []), ...parts);
     [...this.element.querySelectorAll("details")].forEach((each, i) => (each.open = open[i] ?? false));
     if (focused.startsWith("why-")) document.getElementById(focused)?.focus();

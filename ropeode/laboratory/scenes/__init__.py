@@ -57,7 +57,7 @@ def _figure(figure: Figure) -> SceneFacts:
             f"重新计算，这一说法{_in_chinese(found['verdict'])}。\n"
             f"测得（英文；此处为前 {_FRAMES} 帧）：{found['measured']}。",
         },
-        page="report",
+        page="validation/report",
         state=SceneState(
             problem=ProblemChoice(
                 name=InextensibleRope.kind if rigid else "rope",

@@ -19,7 +19,7 @@ from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import taylor
 
 # A right-hand side of more operations on numbers takes heyoka longer to compile than all other
-# witnesses take; so many of them in all steps, longer to run. See docs/certificate.md.
+# witnesses take; so many of them in all steps, longer to run. See docs/explanation/certificate.md.
 MOST_OPERATIONS = 500
 _MOST_IN_ALL = 3e6
 # Its steps end beside those of the float64 run with short steps, so that the two see other times.

@@ -76,7 +76,7 @@ def content_hash(arrays: Mapping[str, Array], texts: Mapping[str, str]) -> str:
     """The sha256 of the contents, whatever file they are in.
 
     It covers names, dimensions, shapes, types, units and bytes of the variables, and the texts,
-    in the order of their names; docs/files.md says how.
+    in the order of their names; docs/howto/files.md says how.
     """
     digest = hashlib.sha256()
     for name in sorted(arrays):

@@ -52,8 +52,8 @@ def plot_convergence(table: Errors, *, ax: Axes | None = None) -> Figure:
 
     Returns:
         The matplotlib figure. A new one is 6.5 inches wide, with one pair of logarithmic axes:
-        step size in the problem's unit of time, `error_max` in that of the norm. docs/plots.md
-        says what each mark means.
+        step size in the problem's unit of time, `error_max` in that of the norm.
+        docs/howto/plots.md says what each mark means.
 
     Examples:
         >>> from ropeode import Rope, accuracy_table, plot_convergence

@@ -31,7 +31,7 @@ def plot_energies(curves: EnergyCurves) -> Figure:
     Returns:
         A matplotlib figure, 6.5 inches wide, with a panel for each stepper, or a single one
         where there is one number of steps per frame; time and energy (logarithmic) in the
-        problem's units. docs/plots.md says what each mark means.
+        problem's units. docs/howto/plots.md says what each mark means.
 
     Examples:
         >>> from ropeode import Rope, energy_curves, plot_energies

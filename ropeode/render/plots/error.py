@@ -27,7 +27,7 @@ def plot_errors(curves: ErrorCurves) -> Figure:
     Returns:
         A matplotlib figure, 6.5 inches wide, with a panel for each stepper, or a single one
         where there is one number of steps per frame; time in the problem's unit, errors
-        (logarithmic) in that of the norm. docs/plots.md says what each mark means.
+        (logarithmic) in that of the norm. docs/howto/plots.md says what each mark means.
 
     Examples:
         >>> from ropeode import Rope, error_curves, plot_errors

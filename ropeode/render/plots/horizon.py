@@ -43,8 +43,8 @@ def plot_horizon(study: Horizon) -> Figure:
 
     Returns:
         A matplotlib figure, 6.5 inches wide; time in the problem's unit, errors (logarithmic)
-        in that of its first quantity, and on the right the digits that are left. docs/horizon.md
-        says what each line means.
+        in that of its first quantity, and on the right the digits that are left.
+        docs/explanation/horizon.md says what each line means.
 
     Examples:
         >>> from ropeode import Rope, horizon, plot_horizon

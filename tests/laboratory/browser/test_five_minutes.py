@@ -218,7 +218,7 @@ def test_why_euler_explodes_leads_to_the_region_of_stability(page, address):
         "aria-selected", "true"
     )
     assert scene_of(page.url)["steppers"] == ["explicit-euler", "rk4"]
-    assert "docs/explicit-euler.md" in page.inner_text("#why")
+    assert "docs/explanation/stability.md" in page.inner_text("#why")
     region = page.locator(".tab-group:last-child select").first
     expect(region.locator("option:checked")).to_have_text("explicit-euler")
 
@@ -309,7 +309,7 @@ def test_the_switches_take_verlet_from_order_2_to_1_to_none(page, lab):
     expect(verdict).to_have_text(re.compile(r"converges: observed order (0\.9|1\.0)"))
     page.select_option("#why-damping", "per-step")
     expect(verdict).to_have_text(re.compile("does not converge"))
-    assert "docs/verlet.md" in page.inner_text("#why")
+    assert "docs/explanation/verlet.md" in page.inner_text("#why")
 
 
 @pytest.mark.slow

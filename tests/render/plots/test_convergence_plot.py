@@ -28,7 +28,7 @@ def drawn_points(axes):
 
 
 def expected_point(table, row, index, top):
-    """What docs/plots.md promises for a row."""
+    """What docs/howto/plots.md promises for a row."""
     colour, marker = stepper_style(index)
     found = table.orders[index].order
     if row.dt in found.used:
