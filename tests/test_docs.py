@@ -24,6 +24,16 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # Code and the text that it prints, as a block right behind it; and as a comment behind a line.
 EXAMPLE = re.compile(r"^```python\n(.*?)^```\n\n```text\n(.*?)^```", re.MULTILINE | re.DOTALL)
 PRINTED = re.compile(r"^print\(.*\)  # (.*)$", re.MULTILINE)
+# Pages in two languages. What begins a comment, which may be in either, down to the end of the line.
+CHINESE = [
+    (README, ROOT / "README.zh.md"),
+    *(
+        (ROOT / "docs/tutorials" / page.name, page)
+        for page in sorted(ROOT.glob("docs/zh/*.md"))
+        if FENCE.search(page.read_text())
+    ),
+]
+COMMENTS = {"sh": "#", "cpp": "//"}
 # Keys of these are names of the problem's parameters and of packages.
 FREE = {"parameters", "versions"}
 
@@ -82,6 +92,27 @@ def test_code_runs_and_prints_what_it_says(page, tmp_path, monkeypatch):
             assert out.getvalue().splitlines()[: len(promised)] == promised
         if code in shown:
             assert out.getvalue() == shown[code]
+
+
+def meaning(language: str, code: str) -> str:
+    """A block without its comments, and without what the assertions of Python say."""
+    if language == "python":
+        tree = ast.parse(code)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Assert):
+                node.msg = None
+        return ast.dump(tree)
+    mark = COMMENTS.get(language)
+    return re.sub(rf"\s*{mark}.*", "", code) if mark else code
+
+
+@pytest.mark.parametrize(("english", "chinese"), CHINESE, ids=page_id)
+def test_chinese_pages_have_the_code_of_the_english_ones(english, chinese):
+    first, second = (
+        [(language, meaning(language, code)) for language, code in FENCE.findall(page.read_text())]
+        for page in (english, chinese)
+    )
+    assert first == second
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_id)
