@@ -42,9 +42,10 @@ def run_job(folder: Path) -> list[int]:
 def test_a_right_stepper_passes(tmp_path):
     shutil.copy(DOCS / "examples/steps.py", tmp_path)
     assert run_job(tmp_path) == [0, 0, 0]
-    assert 'name="ropeode.velocity_verlet.order-driven.position"' in (
-        tmp_path / "orders.xml"
-    ).read_text()
+    assert (
+        'name="ropeode.velocity_verlet.order-driven.position"'
+        in (tmp_path / "orders.xml").read_text()
+    )
     assert "velocity_verlet" in (tmp_path / "summary.md").read_text()
 
 
