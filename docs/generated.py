@@ -30,6 +30,7 @@ from studies.rest_time import rest_times
 from studies.tension_lag import predicted_by_lag
 from tabulate import tabulate
 
+import ropeode
 from ropeode import (
     InextensibleRope,
     Rope,
@@ -393,3 +394,19 @@ def lab_figures() -> str:
         words = f"The lab with {names[0]} to {names[-1]}"
         sheets.append(f"![{words}](../images/lab-figures-{number}.webp)")
     return "\n\n".join(sheets)
+
+
+def public_names() -> str:
+    """Every public name, by the room that it comes from, for autosummary."""
+    rooms: dict[str, list[str]] = {}
+    stub = (Path(ropeode.__file__).parent / "__init__.pyi").read_text()
+    for source, name in re.findall(r"^from \.(\S+) import (\w+) as \2$", stub, re.MULTILINE):
+        rooms.setdefault(source.partition(".")[0], []).append(name)
+    return "\n\n".join(
+        f"## ropeode.{room}\n\n```{{eval-rst}}\n.. currentmodule:: ropeode\n\n"
+        f".. autosummary::\n   :toctree: names\n   :nosignatures:\n\n"
+        + "\n".join(f"   {name}" for name in names)
+        + "\n```"
+        for room, names in rooms.items()
+        if names
+    )
