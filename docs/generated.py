@@ -36,6 +36,7 @@ from ropeode import (
     accuracy_table,
     format_horizon,
     format_table,
+    growth_per_frame,
     lyapunov_exponent,
     stability_limit,
 )
@@ -60,6 +61,7 @@ _COLOURS = 128
 # Steps per frame whose errors are extrapolated to dt = 0.
 LATE = (256, 512)
 DAMPINGS = (0.0, 0.001, 0.01, 0.1)
+GROWN = (1024, 4096, 16384, 65536)
 # Pictures of the lab, as tools/scene_pictures.py puts them together.
 OF_A_SHEET = 6
 
@@ -82,18 +84,23 @@ def picture(figure, name: str, words: str) -> str:
     return f"![{words}](../images/{name})"
 
 
+def folded(summary: str, body: str) -> str:
+    """Markdown that a reader opens by a click."""
+    return f"<details>\n<summary>{summary}</summary>\n\n{body}\n\n</details>"
+
+
 def limits() -> str:
-    """The fewest steps per frame at which the hanging rope stays at rest, by damping."""
-    stiffness = Rope().stiffness
-    rows = []
+    """How fast disturbances of the hanging rope grow, and from where on they do not, by damping."""
+    stiffness, rows = Rope().stiffness, []
     for damping in DAMPINGS:
         problem = Rope(damping=damping).problem(1)
-        limits_of = [
-            stability_limit(problem, name) for name in ("explicit-euler", "semi-implicit-euler")
-        ]
-        bound = f"{4 * stiffness / damping:.0f}" if damping else "none"
-        rows.append([f"{damping:g}", bound, *("none" if n is None else str(n) for n in limits_of)])
-    return table(["damping", "4k/damping", "explicit Euler", "semi-implicit Euler"], rows)
+        rates = [growth_per_frame(problem, "explicit-euler", steps).rate for steps in GROWN]
+        limits_of = [stability_limit(problem, name) for name in ("explicit-euler", "semi-implicit-euler")]
+        row = [f"{damping:g}", *(f"{rate:.5f}" for rate in rates)]
+        row += ["none" if n is None else str(n) for n in limits_of]
+        rows.append([*row, f"{4 * stiffness / damping:.0f}" if damping else "none"])
+    headers = ["damping", *(f"at {steps}" for steps in GROWN)]
+    return table([*headers, "limit", "limit, semi-implicit Euler", "4k/c"], rows)
 
 
 def growth() -> str:
@@ -110,12 +117,9 @@ def growth() -> str:
         for each in scan
     ]
     words = "growth rate against steps per frame"
-    return "\n\n".join(
-        [
-            picture(plot_growth(scan), "growth.png", words),
-            table(["stepper", "steps/frame", "predicted", "measured", "difference"], rows, words=1),
-        ]
-    )
+    headers = ["stepper", "steps/frame", "predicted", "measured", "difference"]
+    rates = folded("All rates, predicted and measured", table(headers, rows, words=1))
+    return f"{picture(plot_growth(scan), 'growth.png', words)}\n\n{rates}"
 
 
 def rests() -> str:
