@@ -286,7 +286,8 @@ def horizon_words() -> str:
     study = horizon_study(LONG)
     words = "error of every float64 run against the truth, over time"
     shown = picture(plot_horizon(study), "horizon.png", words)
-    return f"```text\n{format_horizon(study)}```\n\n{shown}"
+    printed = folded("What the command prints", f"```text\n{format_horizon(study)}```")
+    return f"{shown}\n\n{printed}"
 
 
 def predicted_needs() -> str:
@@ -358,6 +359,12 @@ def judged(program: str, *show: str) -> str:
     return subprocess.run(
         [sys.executable, *made, "--show", *show], check=True, capture_output=True, text=True
     ).stdout.rstrip()
+
+
+def predicted_errors() -> str:
+    """How many predicted errors the runs confirmed, and each of them."""
+    words, _, rows = judged("predicted_errors").partition("\n\n| ")
+    return f"{words}\n\n{folded('Each quantity, predicted and measured', f'| {rows}')}"
 
 
 def failed_checks(example: str) -> str:
