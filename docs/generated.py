@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import io
+import json
 import math
 import re
 import subprocess
@@ -19,6 +20,8 @@ from PIL import Image
 from studies.growth import growth_scan
 from studies.local_errors import local_errors, propagated
 from studies.plots import (
+    Besides,
+    plot_besides,
     plot_growth,
     plot_local_errors,
     plot_propagated,
@@ -343,13 +346,39 @@ def growth_by_window() -> str:
     )
 
 
-def peers(name: str) -> str:
-    """A table of what `benchmarks/peers.py` measured last; nothing is measured here."""
+@functools.cache
+def measured_peers():
+    """What `benchmarks/peers.py` measured last, and what shows it; nothing is measured here."""
     here = Path(__file__).parent
-    show = [here.parent / "benchmarks/peers.py", "--show", here / "data/peers.json", name]
-    return subprocess.run(
-        [sys.executable, *show], check=True, capture_output=True, text=True
-    ).stdout.rstrip()
+    sys.path.append(str(here.parent / "benchmarks"))
+    from against import tables
+
+    return tables, json.loads((here / "data/peers.json").read_text())
+
+
+def peers(name: str) -> str:
+    """A table of the stored results."""
+    tables, results = measured_peers()
+    return tables.TABLES[name](results)
+
+
+def folded_peers(name: str, summary: str) -> str:
+    """The same, which a reader opens by a click."""
+    return folded(summary, peers(name))
+
+
+def peers_chart() -> str:
+    """The time of every peer in every case over that of ropeode, as one picture."""
+    tables, results = measured_peers()
+    panels: dict[str, Besides] = {}
+    for each in tables.beside(results):
+        # Its nodes, its ropes, or else the problem by name.
+        size = re.search("[0-9]+ (nodes|ropes)", each.case) or re.match("[^,]+", each.case)
+        peer = re.sub("scikit-sundae | Taylor, float64| BDF| Adams| \\(odeint\\)", "", each.peer)
+        of_peer = panels.setdefault(tables.PARTS[each.part], {}).setdefault(peer, {})
+        of_peer.setdefault(size[0] if size else "", []).append(each.ratio)
+    words = "time of each peer over that of ropeode"
+    return picture(plot_besides(panels), "peers.png", words)
 
 
 def judged(program: str, *show: str) -> str:
