@@ -362,11 +362,6 @@ def peers(name: str) -> str:
     return tables.TABLES[name](results)
 
 
-def folded_peers(name: str, summary: str) -> str:
-    """The same, which a reader opens by a click."""
-    return folded(summary, peers(name))
-
-
 def peers_chart() -> str:
     """The time of every peer in every case over that of ropeode, as one picture."""
     tables, results = measured_peers()
@@ -378,7 +373,9 @@ def peers_chart() -> str:
         of_peer = panels.setdefault(tables.PARTS[each.part], {}).setdefault(peer, {})
         of_peer.setdefault(size[0] if size else "", []).append(each.ratio)
     words = "time of each peer over that of ropeode"
-    return picture(plot_besides(panels), "peers.png", words)
+    every = [each.ratio.median for each in tables.beside(results)]
+    won = f"ropeode takes less time in {sum(each > 1 for each in every)} of {len(every)} comparisons."
+    return f"{picture(plot_besides(panels), 'peers.png', words)}\n\n{won}"
 
 
 def judged(program: str, *show: str) -> str:
@@ -394,6 +391,12 @@ def predicted_errors() -> str:
     """How many predicted errors the runs confirmed, and each of them."""
     words, _, rows = judged("predicted_errors").partition("\n\n| ")
     return f"{words}\n\n{folded('Each quantity, predicted and measured', f'| {rows}')}"
+
+
+def false_alarms() -> str:
+    """How many checks reject a right stepper, and each of them."""
+    words, _, rows = judged("false_alarms").partition("\n\n\n| ")
+    return f"{words}\n\n{folded('By check', f'| {rows}')}"
 
 
 def failed_checks(example: str) -> str:
