@@ -98,7 +98,9 @@ def limits() -> str:
     for damping in DAMPINGS:
         problem = Rope(damping=damping).problem(1)
         rates = [growth_per_frame(problem, "explicit-euler", steps).rate for steps in GROWN]
-        limits_of = [stability_limit(problem, name) for name in ("explicit-euler", "semi-implicit-euler")]
+        limits_of = [
+            stability_limit(problem, name) for name in ("explicit-euler", "semi-implicit-euler")
+        ]
         row = [f"{damping:g}", *(f"{rate:.5f}" for rate in rates)]
         row += ["none" if n is None else str(n) for n in limits_of]
         rows.append([*row, f"{4 * stiffness / damping:.0f}" if damping else "none"])
@@ -374,7 +376,9 @@ def peers_chart() -> str:
         of_peer.setdefault(size[0] if size else "", []).append(each.ratio)
     words = "time of each peer over that of ropeode"
     every = [each.ratio.median for each in tables.beside(results)]
-    won = f"ropeode takes less time in {sum(each > 1 for each in every)} of {len(every)} comparisons."
+    won = (
+        f"ropeode takes less time in {sum(each > 1 for each in every)} of {len(every)} comparisons."
+    )
     return f"{picture(plot_besides(panels), 'peers.png', words)}\n\n{won}"
 
 
