@@ -62,7 +62,7 @@ pictures: $(VENV)/.installed-dev
 	$(VENV)/bin/python -m tools.scene_pictures
 
 docs: $(VENV)/.installed-dev
-	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -rl --include='*.md' '\[\[\[cog' . ../README.md ../CONTRIBUTING.md)
+	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -rl --include='*.md' '\[\[\[cog' . ../CONTRIBUTING.md)
 
 references: $(VENV)/.installed-dev
 	$(VENV)/bin/python reference/make.py

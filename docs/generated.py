@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from studies.falling_ropes import FPS, falling_ropes, film_of_ropes
 from studies.growth import growth_scan
 from studies.local_errors import local_errors, propagated
 from studies.plots import (
@@ -31,6 +32,7 @@ from studies.plots import (
 from studies.projection_sweeps import sweep_study
 from studies.rest_time import rest_times
 from studies.tension_lag import predicted_by_lag
+from studies.three_verlets import plot_three_verlets, three_verlets
 from tabulate import tabulate
 
 import ropeode
@@ -54,6 +56,7 @@ from ropeode.files import write_whole
 from ropeode.laboratory.scenes import scenes
 from ropeode.precision import in_float64
 from ropeode.render.markup import markdown
+from ropeode.render.plots.animation import gif
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
 from ropeode.steppers import diffrax_solvers, scipy_solvers
@@ -91,6 +94,21 @@ def picture(figure, name: str, words: str) -> str:
 def folded(summary: str, body: str) -> str:
     """Markdown that a reader opens by a click."""
     return f"<details>\n<summary>{summary}</summary>\n\n{body}\n\n</details>"
+
+
+def verlets() -> str:
+    """The error of three Verlets against step size."""
+    words = (
+        "error against step size of three Verlets: order 1, order 2, and one that does not converge"
+    )
+    return picture(plot_three_verlets(three_verlets()), "three-verlets.png", words)
+
+
+def ropes() -> str:
+    """A film of the reference, explicit Euler, and Verlet with damping per step."""
+    write_whole(IMAGES / "falling-ropes.gif", gif(film_of_ropes(falling_ropes()), FPS))
+    words = "a rope falls; explicit Euler flies apart, Verlet with damping per step hardly falls"
+    return f"![{words}](../images/falling-ropes.gif)"
 
 
 def limits() -> str:

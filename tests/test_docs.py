@@ -21,10 +21,21 @@ README = ROOT / "README.md"
 EVERY = sorted(ROOT.glob("docs/**/*.md"))
 # Not those that only include a page beside docs/.
 DOCS = [page for page in EVERY if not page.read_text().startswith("```{")]
-PAGES = [README, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *DOCS]
+PAGES = [README, ROOT / "README.zh.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *DOCS]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-# The text that a line of code prints, as a comment behind it.
+# Code and the text that it prints, as a block right behind it; and as a comment behind a line.
+EXAMPLE = re.compile(r"^```python\n(.*?)^```\n\n```text\n(.*?)^```", re.MULTILINE | re.DOTALL)
 PRINTED = re.compile(r"^print\(.*\)  # (.*)$", re.MULTILINE)
+# Pages in two languages. What begins a comment, which may be in either, down to the end of the line.
+CHINESE = [
+    (README, ROOT / "README.zh.md"),
+    *(
+        (ROOT / "docs/tutorials" / page.name, page)
+        for page in sorted(ROOT.glob("docs/zh/*.md"))
+        if FENCE.search(page.read_text())
+    ),
+]
+COMMENTS = {"sh": "#", "cpp": "//"}
 # Keys of these are names of the problem's parameters and of packages.
 FREE = {"parameters", "versions"}
 
@@ -74,12 +85,36 @@ def test_code_runs_and_prints_what_it_says(page, tmp_path, monkeypatch):
     # What it writes, a reader finds in the folder that they are in.
     monkeypatch.chdir(tmp_path)
     namespace = {"__name__": "docs"}
+    shown = dict(EXAMPLE.findall(page.read_text()))
     for code in blocks(page, "python"):
         out = io.StringIO()
         with contextlib.redirect_stdout(out):
             exec(compile(code, str(page), "exec"), namespace)
         if promised := PRINTED.findall(code):
             assert out.getvalue().splitlines()[: len(promised)] == promised
+        if code in shown:
+            assert out.getvalue() == shown[code]
+
+
+def meaning(language: str, code: str) -> str:
+    """A block without its comments, and without what the assertions of Python say."""
+    if language == "python":
+        tree = ast.parse(code)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Assert):
+                node.msg = None
+        return ast.dump(tree)
+    mark = COMMENTS.get(language)
+    return re.sub(rf"\s*{mark}.*", "", code) if mark else code
+
+
+@pytest.mark.parametrize(("english", "chinese"), CHINESE, ids=page_id)
+def test_chinese_pages_have_the_code_of_the_english_ones(english, chinese):
+    first, second = (
+        [(language, meaning(language, code)) for language, code in FENCE.findall(page.read_text())]
+        for page in (english, chinese)
+    )
+    assert first == second
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_id)
@@ -134,27 +169,44 @@ def test_nobody_is_sent_to_a_package_index():
         assert not re.search(r"pip install \S*ropeode", path.read_text()), path
 
 
-def test_readme_has_the_commands_and_a_ten_line_example():
-    text = README.read_text()
-    assert "make table" in text.split("```")[1]
-    assert "make test" in text.split("```")[1]
-    example = blocks(README, "python")[1]
+@pytest.mark.parametrize("readme", [README, ROOT / "README.zh.md"], ids=page_id)
+def test_readme_is_short_and_has_two_commands_and_five_lines(readme):
+    text = readme.read_text()
+    assert len(text.splitlines()) <= 95
+    assert re.findall(r"^make \w+", text.split("```")[1], re.MULTILINE) == [
+        "make table",
+        "make test",
+    ]
+    ((example, output),) = EXAMPLE.findall(text)
+    assert len([line for line in example.splitlines() if line]) == 5
+    assert "accuracy_table(" in example
+    assert output
+
+
+def test_the_page_on_installing_begins_as_readme_and_has_ten_lines():
+    page = ROOT / "docs/howto/install.md"
+    assert page.read_text().split("```")[1] == README.read_text().split("```")[1]
+    (example,) = blocks(page, "python")
     assert len([line for line in example.splitlines() if line]) <= 10
     for name in ("Rope", "simulate", "reference", "error_series", "accuracy_table"):
         assert f"{name}(" in example
 
 
-@pytest.mark.parametrize("name", ["pendulum.py", "steps.py"])
-def test_readme_shows_the_files(name):
-    assert (ROOT / "docs/examples" / name).read_text() in blocks(README, "python")
+@pytest.mark.parametrize(
+    ("page", "name"), [("howto/problems", "pendulum.py"), ("reference/check", "steps.py")]
+)
+def test_pages_show_the_files(page, name):
+    shown = blocks(ROOT / f"docs/{page}.md", "python")
+    assert (ROOT / "docs/examples" / name).read_text() in shown
 
 
 @pytest.mark.slow
-def test_readme_shows_the_table():
+def test_the_page_on_the_table_shows_it():
     """Its errors to two digits, where they are not made of amplified rounding."""
     # The default rope at the coarser half of the default step sizes.
     table = accuracy_table(Rope().problem(frames=20), steps_per_frame=(16, 128, 256, 512, 1024))
-    shown = next(block for block in blocks(README, "text") if block.startswith("Accuracy of"))
+    page = blocks(ROOT / "docs/reference/table.md", "text")
+    shown = next(block for block in page if block.startswith("Accuracy of"))
     rows = {(row.stepper, row.steps_per_frame): row for row in table.rows}
     labels = {row.stepper for row in table.rows}
     stepper, checked = "", 0

@@ -16,11 +16,10 @@ from ropeode.cli.main import cli
 from ropeode.errors import InputError
 from ropeode.sweep.design.spec import commented_sweep
 
-README = (Path(__file__).parents[2] / "README.md").read_text()
-# The three lines of README: write a spec, run it, draw a map.
-LINES = [line.partition("#")[0] for line in README.splitlines() if line.startswith("ropeode ")]
-START = next(at for at, line in enumerate(LINES) if line.startswith("ropeode spec sweep"))
-SPEC_LINE, SWEEP_LINE, PLOT_LINE = LINES[START : START + 3]
+PAGE = (Path(__file__).parents[2] / "docs/howto/sweep.md").read_text()
+# The first lines of the page: write a spec, run it, show what is done, draw a map.
+LINES = [line.partition("#")[0] for line in PAGE.splitlines() if line.startswith("ropeode ")]
+SPEC_LINE, SWEEP_LINE, SHOW_LINE, PLOT_LINE = LINES[:4]
 # A smaller design, on shorter times.
 SHORTER = {
     "steps_per_frame = [16, 32, 64]": "steps_per_frame = [16, 32]",
@@ -32,7 +31,7 @@ SHORTER = {
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
-    """A folder in which the lines of README have run, in this process and with a small spec."""
+    """A folder in which the lines of the page have run, in this process and with a small spec."""
     folder = tmp_path_factory.mktemp("swept")
     with pytest.MonkeyPatch.context() as patch:
         # These two change the process.
@@ -58,8 +57,8 @@ def call(*arguments):
 
 
 @pytest.mark.slow
-def test_the_lines_of_readme_as_they_are(tmp_path):
-    for line in (SPEC_LINE, SWEEP_LINE, PLOT_LINE):
+def test_the_lines_of_the_page_as_they_are(tmp_path):
+    for line in (SPEC_LINE, SWEEP_LINE, SHOW_LINE, PLOT_LINE):
         words = [sys.executable, "-m", *line.split()]
         done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
         told = [each for each in done.stderr.splitlines() if " cases" not in each]

@@ -158,7 +158,7 @@ def film_bytes(film: Film, suffix: str, *, progress: Progress = bar) -> bytes:
         suffix: one of `FILMS`, in small or capital letters.
         progress: called with what is being done and the fraction that is done.
     """
-    encode = _gif if suffix.lower() == ".gif" else _mp4
+    encode = gif if suffix.lower() == ".gif" else _mp4
     contents = encode(_pictures(film.paths, progress), film.fps)
     progress("done", 1.0)
     return contents
@@ -210,7 +210,13 @@ def _font(file: str, dots: float) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(file, dots, layout_engine=ImageFont.Layout.BASIC)
 
 
-def _gif(pictures: Iterator[Image.Image], fps: float) -> bytes:
+def gif(pictures: Iterator[Image.Image], fps: float) -> bytes:
+    """Pictures on white, in the colours of `style`, as the contents of a GIF that repeats.
+
+    Arguments:
+        pictures: all of one size.
+        fps: pictures per second.
+    """
     palette = Image.new("P", (1, 1))
     palette.putpalette(_palette())
     images = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in pictures)

@@ -1,0 +1,42 @@
+"""CITATION.cff, by the rules of the Citation File Format 1.2.0 for what it has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+import ropeode
+
+ROOT = Path(__file__).parents[1]
+# Required by https://github.com/citation-file-format/citation-file-format; and of its other keys
+# those that describe this package without a release.
+REQUIRED = {"cff-version", "message", "title", "authors"}
+OPTIONAL = {"type", "abstract", "version", "license", "keywords"}
+
+
+@pytest.fixture(scope="module")
+def citation():
+    return yaml.safe_load((ROOT / "CITATION.cff").read_text())
+
+
+def test_it_is_a_citation_file(citation):
+    assert REQUIRED <= set(citation) <= REQUIRED | OPTIONAL
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["type"] == "software"
+    words = {key: citation[key] for key in ("message", "title", "abstract", "version")}
+    assert all(isinstance(each, str) and each for each in words.values()), words
+    assert len(set(citation["keywords"])) == len(citation["keywords"]) > 0
+
+
+def test_its_authors_are_nobody_in_particular(citation):
+    # An author with the one key `name` is an entity, not a person.
+    assert citation["authors"] == [{"name": "The ropeode developers"}]
+
+
+def test_it_says_what_the_package_says(citation):
+    assert citation["version"] == ropeode.__version__
+    assert citation["license"] == "MIT"
+    assert (ROOT / "LICENSE").read_text().startswith("MIT License")
+    assert "creativecommons.org/licenses/by/4.0" in (ROOT / "docs/LICENSE").read_text()
