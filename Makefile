@@ -5,6 +5,7 @@
 # make references  the stored library again (a quarter of an hour)
 # make recording  what the lab plays while Python starts (a minute)
 # make pictures  the lab's scenes in the documentation (ten minutes; needs Chromium)
+# make site    the documentation as a site, in build/site, and a look at it (three minutes)
 # make docs    the computed parts of the documentation (ten minutes or so)
 # make lowest  the fast tests with the lowest versions that pyproject.toml allows (Python 3.11)
 # make old-releases  wrong and mended releases of other packages (Python 3.11 or 3.12; minutes)
@@ -21,7 +22,7 @@ PYTEST := $(VENV)/bin/python -m pytest -n auto --dist loadfile
 # Tests start many processes, each of which would compile this package again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: table test test-all lowest check check-page docs references recording pictures old-releases clean
+.PHONY: table test test-all site lowest check check-page docs references recording pictures old-releases clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -31,6 +32,17 @@ test: $(VENV)/.installed-dev
 
 test-all: $(VENV)/.installed-notebooks
 	$(PYTEST)
+
+# A page that Sphinx warns of, or a cell of a tutorial that fails, fails the site.
+site: $(VENV)/.installed-docs tools/node_modules/.installed build/scenes/.made
+	$(VENV)/bin/python -m sphinx --builder html --fail-on-warning --keep-going --quiet \
+	  --jobs auto docs build/site
+	$(VENV)/bin/python -m pytest tests/site
+	@echo "The site is at build/site/index.html"
+
+build/scenes/.made: $(VENV)/.installed-docs tools/site_scenes.py $(shell find ropeode -name '*.py' -o -name '*.js' -o -name '*.toml')
+	$(VENV)/bin/python -m tools.site_scenes build/scenes
+	@touch $@
 
 lowest: .venv-lowest/.installed
 	.venv-lowest/bin/python -m pytest -n auto --dist loadfile -m "not slow"
@@ -72,6 +84,11 @@ $(OLD_ENVS)/%/.installed: $(OLD)/requirements/%.txt | $(VENV)/bin/python
 $(VENV)/.installed-notebooks: pyproject.toml $(VENV)/.installed-dev
 	@echo "Installing JupyterLab and marimo into $(VENV), for the slow tests (once) ..."
 	@$(PIP) install -e '.[notebooks]'
+	@touch $@
+
+$(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed-dev
+	@echo "Installing Sphinx into $(VENV) (once) ..."
+	@$(PIP) install -e '.[docs]'
 	@touch $@
 
 # uv, unlike pip, can ask for the lowest versions.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import io
+import json
 import math
 import re
 import subprocess
@@ -20,6 +21,8 @@ from studies.falling_ropes import FPS, falling_ropes, film_of_ropes
 from studies.growth import growth_scan
 from studies.local_errors import local_errors, propagated
 from studies.plots import (
+    Besides,
+    plot_besides,
     plot_growth,
     plot_local_errors,
     plot_propagated,
@@ -32,12 +35,14 @@ from studies.tension_lag import predicted_by_lag
 from studies.three_verlets import plot_three_verlets, three_verlets
 from tabulate import tabulate
 
+import ropeode
 from ropeode import (
     InextensibleRope,
     Rope,
     accuracy_table,
     format_horizon,
     format_table,
+    growth_per_frame,
     lyapunov_exponent,
     stability_limit,
 )
@@ -63,6 +68,7 @@ _COLOURS = 128
 # Steps per frame whose errors are extrapolated to dt = 0.
 LATE = (256, 512)
 DAMPINGS = (0.0, 0.001, 0.01, 0.1)
+GROWN = (1024, 4096, 16384, 65536)
 # Pictures of the lab, as tools/scene_pictures.py puts them together.
 OF_A_SHEET = 6
 
@@ -85,6 +91,11 @@ def picture(figure, name: str, words: str) -> str:
     return f"![{words}](../images/{name})"
 
 
+def folded(summary: str, body: str) -> str:
+    """Markdown that a reader opens by a click."""
+    return f"<details>\n<summary>{summary}</summary>\n\n{body}\n\n</details>"
+
+
 def verlets() -> str:
     """The error of three Verlets against step size."""
     words = "error against step size of three Verlets: order 1, order 2, and no order"
@@ -99,17 +110,19 @@ def ropes() -> str:
 
 
 def limits() -> str:
-    """The fewest steps per frame at which the hanging rope stays at rest, by damping."""
-    stiffness = Rope().stiffness
-    rows = []
+    """How fast disturbances of the hanging rope grow, and from where on they do not, by damping."""
+    stiffness, rows = Rope().stiffness, []
     for damping in DAMPINGS:
         problem = Rope(damping=damping).problem(1)
+        rates = [growth_per_frame(problem, "explicit-euler", steps).rate for steps in GROWN]
         limits_of = [
             stability_limit(problem, name) for name in ("explicit-euler", "semi-implicit-euler")
         ]
-        bound = f"{4 * stiffness / damping:.0f}" if damping else "none"
-        rows.append([f"{damping:g}", bound, *("none" if n is None else str(n) for n in limits_of)])
-    return table(["damping", "4k/damping", "explicit Euler", "semi-implicit Euler"], rows)
+        row = [f"{damping:g}", *(f"{rate:.5f}" for rate in rates)]
+        row += ["none" if n is None else str(n) for n in limits_of]
+        rows.append([*row, f"{4 * stiffness / damping:.0f}" if damping else "none"])
+    headers = ["damping", *(f"at {steps}" for steps in GROWN)]
+    return table([*headers, "limit", "limit, semi-implicit Euler", "4k/c"], rows)
 
 
 def growth() -> str:
@@ -126,12 +139,9 @@ def growth() -> str:
         for each in scan
     ]
     words = "growth rate against steps per frame"
-    return "\n\n".join(
-        [
-            picture(plot_growth(scan), "growth.png", words),
-            table(["stepper", "steps/frame", "predicted", "measured", "difference"], rows, words=1),
-        ]
-    )
+    headers = ["stepper", "steps/frame", "predicted", "measured", "difference"]
+    rates = folded("All rates, predicted and measured", table(headers, rows, words=1))
+    return f"{picture(plot_growth(scan), 'growth.png', words)}\n\n{rates}"
 
 
 def rests() -> str:
@@ -298,7 +308,8 @@ def horizon_words() -> str:
     study = horizon_study(LONG)
     words = "error of every float64 run against the truth, over time"
     shown = picture(plot_horizon(study), "horizon.png", words)
-    return f"```text\n{format_horizon(study)}```\n\n{shown}"
+    printed = folded("What the command prints", f"```text\n{format_horizon(study)}```")
+    return f"{shown}\n\n{printed}"
 
 
 def predicted_needs() -> str:
@@ -354,13 +365,38 @@ def growth_by_window() -> str:
     )
 
 
-def peers(name: str) -> str:
-    """A table of what `benchmarks/peers.py` measured last; nothing is measured here."""
+@functools.cache
+def measured_peers():
+    """What `benchmarks/peers.py` measured last, and what shows it; nothing is measured here."""
     here = Path(__file__).parent
-    show = [here.parent / "benchmarks/peers.py", "--show", here / "data/peers.json", name]
-    return subprocess.run(
-        [sys.executable, *show], check=True, capture_output=True, text=True
-    ).stdout.rstrip()
+    sys.path.append(str(here.parent / "benchmarks"))
+    from against import tables
+
+    return tables, json.loads((here / "data/peers.json").read_text())
+
+
+def peers(name: str) -> str:
+    """A table of the stored results."""
+    tables, results = measured_peers()
+    return tables.TABLES[name](results)
+
+
+def peers_chart() -> str:
+    """The time of every peer in every case over that of ropeode, as one picture."""
+    tables, results = measured_peers()
+    panels: dict[str, Besides] = {}
+    for each in tables.beside(results):
+        # Its nodes, its ropes, or else the problem by name.
+        size = re.search("[0-9]+ (nodes|ropes)", each.case) or re.match("[^,]+", each.case)
+        peer = re.sub("scikit-sundae | Taylor, float64| BDF| Adams| \\(odeint\\)", "", each.peer)
+        of_peer = panels.setdefault(tables.PARTS[each.part], {}).setdefault(peer, {})
+        of_peer.setdefault(size[0] if size else "", []).append(each.ratio)
+    words = "time of each peer over that of ropeode"
+    every = [each.ratio.median for each in tables.beside(results)]
+    won = (
+        f"ropeode takes less time in {sum(each > 1 for each in every)} of {len(every)} comparisons."
+    )
+    return f"{picture(plot_besides(panels), 'peers.png', words)}\n\n{won}"
 
 
 def judged(program: str, *show: str) -> str:
@@ -370,6 +406,18 @@ def judged(program: str, *show: str) -> str:
     return subprocess.run(
         [sys.executable, *made, "--show", *show], check=True, capture_output=True, text=True
     ).stdout.rstrip()
+
+
+def predicted_errors() -> str:
+    """How many predicted errors the runs confirmed, and each of them."""
+    words, _, rows = judged("predicted_errors").partition("\n\n| ")
+    return f"{words}\n\n{folded('Each quantity, predicted and measured', f'| {rows}')}"
+
+
+def false_alarms() -> str:
+    """How many checks reject a right stepper, and each of them."""
+    words, _, rows = judged("false_alarms").partition("\n\n\n| ")
+    return f"{words}\n\n{folded('By check', f'| {rows}')}"
 
 
 def failed_checks(example: str) -> str:
@@ -409,3 +457,19 @@ def lab_figures() -> str:
         words = f"The lab with {names[0]} to {names[-1]}"
         sheets.append(f"![{words}](../images/lab-figures-{number}.webp)")
     return "\n\n".join(sheets)
+
+
+def public_names() -> str:
+    """Every public name, by the room that it comes from, for autosummary."""
+    rooms: dict[str, list[str]] = {}
+    stub = (Path(ropeode.__file__).parent / "__init__.pyi").read_text()
+    for source, name in re.findall(r"^from \.(\S+) import (\w+) as \2$", stub, re.MULTILINE):
+        rooms.setdefault(source.partition(".")[0], []).append(name)
+    return "\n\n".join(
+        f"## ropeode.{room}\n\n```{{eval-rst}}\n.. currentmodule:: ropeode\n\n"
+        f".. autosummary::\n   :toctree: names\n   :nosignatures:\n\n"
+        + "\n".join(f"   {name}" for name in names)
+        + "\n```"
+        for room, names in rooms.items()
+        if names
+    )

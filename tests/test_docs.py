@@ -18,7 +18,9 @@ from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
-DOCS = sorted(ROOT.glob("docs/**/*.md"))
+EVERY = sorted(ROOT.glob("docs/**/*.md"))
+# Not those that only include a page beside docs/.
+DOCS = [page for page in EVERY if not page.read_text().startswith("```{")]
 PAGES = [README, ROOT / "README.zh.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *DOCS]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # Code and the text that it prints, as a block right behind it; and as a comment behind a line.
@@ -137,10 +139,13 @@ def test_fences_are_closed(page):
     assert len(re.findall(r"^```", page.read_text(), re.MULTILINE)) % 2 == 0
 
 
-def test_every_page_is_in_the_index():
-    index = ROOT / "docs/index.md"
-    for page in DOCS:
-        assert page == index or f"({page.relative_to(index.parent)})" in index.read_text(), page
+def test_every_page_is_listed_in_the_index_of_its_folder():
+    for page in EVERY:
+        index = page.parent / "index.md"
+        if page == index:
+            index = index.parents[1] / "index.md"
+        listed = re.findall(r"^- \[[^\]]+\]\(([^)#]+)\)", index.read_text(), re.MULTILINE)
+        assert page == ROOT / "docs/index.md" or str(page.relative_to(index.parent)) in listed, page
 
 
 def test_the_picture_of_the_rooms_is_that_of_the_imports():

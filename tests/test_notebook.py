@@ -17,7 +17,7 @@ from tests.results import kinds
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
 
-NOTEBOOK = Path(__file__).parents[1] / "docs" / "examples" / "notebook.ipynb"
+NOTEBOOK = Path(__file__).parents[1] / "docs/howto/notebook.ipynb"
 MOST_SECONDS = 300
 # A quick machine, and programs that are compiled already, would show none.
 SOON = "import ropeode.bars; ropeode.bars.AFTER_S = 0.05"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+TUTORIAL = ROOT / "docs/tutorials/verlet.md"
 PROGRAM = """\
 from ropeode import Rope, accuracy_table
 table = accuracy_table(Rope(num_nodes=4).problem(frames=3))
@@ -73,6 +75,26 @@ def test_it_finds_its_stored_library(installed):
     file, shown = run(installed, "-c", code).stdout.splitlines()
     assert Path(file).is_relative_to(installed)
     assert shown.startswith("<Reference: Kepler, 90 frames;")
+
+
+def test_a_reader_walks_through_the_tutorial(installed, tmp_path):
+    """They copy its blocks into an empty folder, and see what it says that they see."""
+    code = "\n".join(re.findall(r"^```python\n(.*?)^```", TUTORIAL.read_text(), re.M | re.S))
+    (tmp_path / "verlet.py").write_text(code)
+    paths = {"PYTHONPATH": str(installed), "PYTHONWARNINGS": "error"}
+    walked = subprocess.run(
+        [sys.executable, "verlet.py"],
+        cwd=tmp_path,
+        env={**os.environ, **paths},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert walked.stderr == ""
+    promised = re.findall(r"^print\(.*\)  # (.*)$", code, re.M)
+    assert walked.stdout.splitlines() == promised
+    assert len(promised) >= 6
+    assert [path.name for path in tmp_path.iterdir()] == ["verlet.py"]
 
 
 def test_pyright_finds_its_types(installed):

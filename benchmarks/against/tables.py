@@ -11,6 +11,14 @@ from tabulate import tabulate
 
 from against.reasons import REASONS
 
+PARTS = {
+    "stepping": "one rope, the same steps",
+    "true error": "one rope, the same true error",
+    "many ropes": "many ropes",
+    "references": "references, the same true error",
+    "study": "a convergence study",
+}
+
 Row = dict[str, Any]
 Case = dict[str, Any]
 
@@ -202,26 +210,52 @@ def _slopes(case: Case) -> list[float]:
     ]
 
 
+class Beside(NamedTuple):
+    """What a peer took in a case, beside ropeode."""
+
+    part: str
+    peer: str
+    case: str
+    ratio: Ratio
+
+
+def beside(results: dict[str, Any]) -> list[Beside]:
+    """Each peer in each case; of references each solver, with the faster right-hand side."""
+    return [
+        Beside(
+            case["part"],
+            row["by"] if case["part"] != "references" else f"{row['by']} {row['how']}",
+            case["case"],
+            ratio(row, case["rows"][0]),
+        )
+        for case in results["cases"]
+        for row, _ in shown(case)
+        if row["by"] != "ropeode"
+    ]
+
+
 def losses(results: dict[str, Any]) -> str:
-    """Where a peer takes less time than ropeode: which cases, by how much, and why.
+    """Where a peer takes less time than ropeode: in how many cases, by how much, and why.
 
     Raises:
         SystemExit: nobody has said why.
     """
-    found: dict[tuple[str, str], list[str]] = {}
-    for case in results["cases"]:
-        base = case["rows"][0]
-        for row, _ in shown(case):
-            of = ratio(row, base)
-            if row["by"] != "ropeode" and of.median < 1:
-                name = row["by"] if case["part"] != "references" else f"{row['by']} {row['how']}"
-                told = f"{case['case']} ({short(of.median)}, {spread(of.low, of.high)})"
-                found.setdefault((case["part"], name), []).append(told)
+    found: dict[tuple[str, str], list[float]] = {}
+    for each in beside(results):
+        found.setdefault((each.part, each.peer), []).append(each.ratio.median)
     lines = []
-    for key, cases in found.items():
+    for key, ratios in found.items():
+        lost = [ratio for ratio in ratios if ratio < 1]
+        if not lost:
+            continue
         if key not in REASONS:
             raise SystemExit(f"{key}: faster than ropeode, and against/reasons.py does not say why")
-        lines.append(f"- **{key[1]}**: {'; '.join(cases)}. {REASONS[key]}")
+        part, peer = key
+        low, high = short(min(lost)), short(max(lost))
+        lines.append(
+            f"- **{peer}**, {PARTS[part]}: faster in {len(lost)} of {len(ratios)} cases, "
+            f"{low if low == high else f'{low} to {high}'} of ropeode's time. {REASONS[key]}"
+        )
     return "\n".join(lines) or "Nowhere in this run."
 
 

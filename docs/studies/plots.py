@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
@@ -15,6 +15,9 @@ from .growth import MeasuredGrowth
 from .local_errors import LocalErrors, Propagated
 from .projection_sweeps import SweepStudy
 from .rest_time import RestTime
+
+# By peer, by size of the problem: the median of time over time, its minimum and its maximum.
+Besides = dict[str, dict[str, list[tuple[float, float, float]]]]
 
 _HEIGHT = 3.4
 _MIDDLE = 8
@@ -187,4 +190,45 @@ def plot_propagated(found: Sequence[Propagated]) -> Figure:
         panel.set_title(f"{each.label}, order {each.predicted.order}", fontsize=7)
         panel.set_xlabel("time [frames]")
         panel.legend(fontsize=7)
+    return figure
+
+
+@matplotlib.rc_context(STYLE)
+def plot_besides(panels: Mapping[str, Besides]) -> Figure:
+    """The times of peers over those of ropeode, a line for each peer.
+
+    Arguments:
+        panels: by title, from the top.
+    """
+    lines = [len(peers) for peers in panels.values()]
+    figure = new_figure(
+        "Time of each peer over that of ropeode, in every case",
+        "right of 1 ropeode is faster; bars from the smallest to the largest ratio of a round",
+        0.9 + 0.45 * len(lines) + 0.24 * sum(lines),
+    )
+    grid = figure.subplots(len(panels), 1, sharex=True, height_ratios=[n + 0.6 for n in lines])
+    for axes, (title, peers) in zip(grid, panels.items(), strict=True):
+        sizes = list(dict.fromkeys(size for of_peer in peers.values() for size in of_peer))
+        for line, of_peer in enumerate(peers.values()):
+            every = [(size, each) for size, found in of_peer.items() for each in found]
+            # Cases one below the other, within the height of their peer's line.
+            for at, (size, (middle, low, high)) in zip(
+                np.linspace(-0.3, 0.3, len(every) + 2)[1:-1], every, strict=True
+            ):
+                colour, marker = stepper_style(sizes.index(size))
+                axes.plot([low, high], [line + at] * 2, color=colour, lw=0.7, alpha=0.6)
+                axes.plot(middle, line + at, marker, color=colour, ms=3.2)
+        for index, size in enumerate(sizes):
+            colour, marker = stepper_style(index)
+            axes.plot([], [], marker, color=colour, ms=3.2, label=size)
+        axes.set_title(title, loc="left", fontsize=8)
+        axes.set_yticks(range(len(peers)), list(peers))
+        axes.set_ylim(len(peers) - 0.4, -0.6)
+        axes.grid(axis="y", visible=False)
+        axes.axvline(1.0, color="0.2", lw=0.9)
+        if len(sizes) > 1:
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+    grid[-1].set_xscale("log")
+    grid[-1].xaxis.set_major_formatter("{x:g}")
+    grid[-1].set_xlabel("time of the peer / time of ropeode")
     return figure

@@ -102,9 +102,9 @@ class Stepper(abc.ABC):
     named tuples and arrays. By default it is the state. `t` and `dt` are numbers; for a
     mechanical problem the state is a `Phase`, whose ``y.x`` and ``y.v`` are arrays
     ``(nodes, dim)``; for any other it is an array. ``ropeode check --template two-step`` prints an
-    example.
+    example. All class attributes have defaults.
 
-    Class attributes, all with defaults:
+    Class attributes:
         name: as it is typed on the command line; by default that of the class.
         needs: the kind of problem that it can run on.
         symplectic: whether it is, on problems without damping; None where nothing is claimed.

@@ -233,7 +233,7 @@ def test_the_limit_of_explicit_euler(damping):
 
 
 def test_the_limit_at_another_state():
-    # The straight rope at rest: docs/explanation/rope.md has its frequencies.
+    # The straight rope at rest: docs/explanation/stability.md has its frequencies.
     problem = Rope(**SMALL).problem(2)
     omega = 20 * np.sin(5 * np.pi / 14)
     assert stability_limit(problem, "explicit-euler", problem.y0) == np.ceil(omega**2 / 0.01)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from tests.browser import VIOLATIONS
+
 TABS = ("energy", "phase", "stability", "error", "order")
-VIOLATIONS = """async (part) => {
-  const { violations } = await axe.run(part ?? document, { resultTypes: ["violations"] });
-  return violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(" "))]);
-}"""
 
 
 @pytest.mark.parametrize("language", ["en", "zh"])

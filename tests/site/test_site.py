@@ -1,0 +1,87 @@
+"""The site: nothing is missing, nothing leads nowhere, nothing hinders a reader."""
+
+from __future__ import annotations
+
+import pytest
+
+import ropeode
+from ropeode.cli.main import cli
+from tests.browser import VIOLATIONS
+from tests.test_docstring_examples import public
+
+DOORS = {
+    *("tutorials", "gallery", "teach", "zh"),
+    *("howto", "reference", "explanation", "validation", "performance"),
+}
+# What Sphinx makes beside the pages.
+MADE = {"genindex.html", "py-modindex.html", "search.html"}
+LOOKED_AT = [
+    "index.html",
+    "tutorials/verlet.html",
+    "reference/api/names/ropeode.accuracy_table.html",
+    "reference/table.html",
+    "gallery/index.html",
+    "zh/verlet.html",
+]
+
+
+def test_every_link_leads_somewhere(pages, site):
+    broken = [
+        (name, to, anchor)
+        for name, page in pages.items()
+        for to, anchor in page.links
+        if not (site / to).exists() or (anchor and to in pages and anchor not in pages[to].anchors)
+    ]
+    assert broken == []
+
+
+def test_every_page_is_two_clicks_from_a_door(pages):
+    doors = {f"{each}/index.html" for each in DOORS}
+    assert doors <= pages["index.html"].text_links
+    once = doors.union(*(pages[each].text_links & pages.keys() for each in doors))
+    twice = once.union(*(pages[each].text_links & pages.keys() for each in once))
+    assert pages.keys() - twice - MADE - pages["index.html"].text_links <= {"index.html"}
+
+
+def test_every_public_name_has_a_page_with_an_example(pages):
+    listed = pages["reference/api/index.html"].text_links
+    for name in ropeode.__all__:
+        value = getattr(ropeode, name)
+        if name not in public():
+            continue
+        page = f"reference/api/names/ropeode.{name}.html"
+        if page not in pages:
+            page = page.replace(".html", "-class.html")
+        assert page in listed, name
+        assert ">>> " in pages[page].text, name
+        assert value.__doc__.split()[0] in pages[page].text, name
+
+
+def test_every_command_and_option_is_on_its_page(pages):
+    text = pages["reference/cli.html"].text
+    for name, command in cli.commands.items():
+        assert command.get_short_help_str(1000).split(".")[0].split("`")[0] in text, name
+        for option in command.params:
+            assert all(each in text for each in option.opts if each.startswith("--")), option
+
+
+def test_tutorials_were_run_and_have_their_scene(pages, site):
+    for name, page in pages.items():
+        if name.startswith("tutorials/") and name != "tutorials/index.html":
+            html = (site / name).read_text()
+            assert "cell_output" in html, name
+            assert any(to.startswith("lab/") for to, _ in page.links) == (
+                "ropeode lab --scene" in page.text
+            ), name
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("name", LOOKED_AT)
+def test_nothing_hinders_a_reader(page, address, axe, name, width):
+    page.set_viewport_size({"width": width, "height": 800})
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        page.goto(f"{address}/{name}")
+        page.evaluate(axe)
+        assert page.evaluate(VIOLATIONS) == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
