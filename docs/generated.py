@@ -98,9 +98,7 @@ def folded(summary: str, body: str) -> str:
 
 def verlets() -> str:
     """The error of three Verlets against step size."""
-    words = (
-        "error against step size of three Verlets: order 1, order 2, and one that does not converge"
-    )
+    words = "error against step size of three Verlets: order 1, order 2, and no order"
     return picture(plot_three_verlets(three_verlets()), "three-verlets.png", words)
 
 

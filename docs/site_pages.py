@@ -28,8 +28,14 @@ _SCENE = re.compile(
 # A page, as docstrings name it.
 _PAGE = re.compile(r"\bdocs/([\w/-]+)\.md\b")
 # Files beside docs/, which are pages of the site under other names.
-_OUTSIDE = {"README": "index", "CONTRIBUTING": "contributing", "CHANGELOG": "changelog"}
-_LINK_OUT = re.compile(r"\]\(((?:\.\./)+)(README|CONTRIBUTING|CHANGELOG)\.md(#[\w-]+)?\)")
+_OUTSIDE = {
+    "README": "index",
+    "README.zh": "zh/index",
+    "CONTRIBUTING": "contributing",
+    "CHANGELOG": "changelog",
+}
+_NAMES = "|".join(map(re.escape, _OUTSIDE))
+_LINK_OUT = re.compile(rf"\]\(((?:\.\./)+)({_NAMES})\.md(#[\w-]+)?\)")
 
 
 # A page that an item of a list begins with.
@@ -55,7 +61,8 @@ def _contents(pages: list[tuple[str, str]]) -> str:
 
 def _inside(link: re.Match[str]) -> str:
     up, name, anchor = link[1], link[2], link[3] or ""
-    return f"]({up.removesuffix('../')}{_OUTSIDE[name]}.md{'' if name == 'README' else anchor})"
+    kept = "" if name.startswith("README") else anchor
+    return f"]({up.removesuffix('../')}{_OUTSIDE[name]}.md{kept})"
 
 
 def _played(paragraph: re.Match[str]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import matplotlib
 from matplotlib.figure import Figure
 
+from ropeode.analysis.order import ObservedOrder
 from ropeode.problems.rope import Rope
 from ropeode.render.plots.style import STYLE, new_figure, stepper_style
 from ropeode.render.table_words import interval, problem_words
@@ -36,14 +37,15 @@ def plot_three_verlets(table: AccuracyTable) -> Figure:
     axes = figure.subplots()
     for index, each in enumerate(table.orders):
         colour, marker = stepper_style(index)
-        rows = [row for row in table.rows if row.stepper == each.stepper]
-        dts, errors = [row.dt for row in rows], [row.error_max for row in rows]
-        axes.plot(dts, errors, color=colour, marker=marker)
-        verdict, slope = each.order.verdict, f"{each.order.observed:.2f} {interval(each.order)}"
+        own = [
+            (row.dt, row.error_max)
+            for row in table.rows
+            if row.stepper == each.stepper and row.error_max is not None
+        ]
+        axes.plot(*zip(*own, strict=True), color=colour, marker=marker)
         axes.annotate(
-            f"{VERLETS[each.stepper]}: "
-            + (f"order {slope}" if verdict == "converges" else verdict),
-            (dts[-2], errors[-2]),
+            f"{VERLETS[each.stepper]}: {_order_words(each.order)}",
+            own[-2],
             textcoords="offset points",
             xytext=_BELOW,
             va="top",
@@ -56,6 +58,12 @@ def plot_three_verlets(table: AccuracyTable) -> Figure:
         xlabel="step size dt [frames]",
         ylabel="largest error [length units]",
     )
-    axes.set_xticks(dts, [f"1/{row.steps_per_frame}" for row in rows])
+    axes.set_xticks([1 / n for n in STEPS_PER_FRAME], [f"1/{n}" for n in STEPS_PER_FRAME])
     axes.minorticks_off()
     return figure
+
+
+def _order_words(order: ObservedOrder) -> str:
+    if order.verdict != "converges":
+        return order.verdict
+    return f"order {order.observed:.2f} {interval(order)}"
