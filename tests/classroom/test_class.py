@@ -67,7 +67,8 @@ def test_the_nursery_can_be_forked():
         "warnings.simplefilter('error')\n"
         "import importlib, ropeode.classroom.nursery as nursery\n"
         "nursery.set_up_jax()\n"
-        "for each in nursery._AHEAD: importlib.import_module(each)\n"
+        "for kind in nursery._KINDS.values():\n"
+        "    for each in kind.ahead: importlib.import_module(each)\n"
         "assert threading.active_count() == 1, threading.enumerate()\n"
         # JAX warns here where it has begun.
         "child = os.fork()\n"

@@ -20,7 +20,7 @@ RIGHT = Outcome("anna", "checked", "right", 1.98, findings={"pins": "pass"}, beh
 
 
 def rows_of(*outcomes):
-    submissions = [Submission(each.name, f"{each.name}.py", "", "") for each in outcomes]
+    submissions = [Submission(each.name, (f"{each.name}.py",), "", "") for each in outcomes]
     return grade_book(submissions, outcomes, RUBRIC)
 
 

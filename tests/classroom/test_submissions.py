@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ropeode.classroom.submissions import submissions_in
+from ropeode.classroom.submissions import stepper_submissions
 from ropeode.errors import InputError
 
 
@@ -26,45 +26,45 @@ def folder(tmp_path):
 
 
 def by_name(folder, name=None):
-    return {each.name: each for each in submissions_in(folder, name)}
+    return {each.name: each for each in stepper_submissions(folder, name)}
 
 
 def test_a_file_or_a_subfolder_with_one_file(folder):
     found = by_name(folder)
     assert list(found) == ["anna", "bert", "carla", "dora"]
-    assert found["anna"].where == "anna.py"
-    assert found["bert"].where == "bert/mine.py"
-    assert found["carla"].where is None
+    assert found["anna"].where == ("anna.py",)
+    assert found["bert"].where == ("bert/mine.py",)
+    assert found["carla"].where == ()
     assert "a.py, b.py" in found["carla"].trouble
     assert "no Python file" in found["dora"].trouble
 
 
 def test_a_name_says_which_function_and_which_file(folder):
-    assert by_name(folder, "verlet")["bert"].where == "bert/mine.py:verlet"
+    assert by_name(folder, "verlet")["bert"].where == ("bert/mine.py:verlet",)
     found = by_name(folder, "b.py:verlet")
-    assert found["carla"].where == "carla/b.py:verlet"
-    assert found["anna"].where == "anna.py:verlet"
+    assert found["carla"].where == ("carla/b.py:verlet",)
+    assert found["anna"].where == ("anna.py:verlet",)
     assert "no file b.py" in found["bert"].trouble
     for name in ("b.py", "verlet()", "b.txt:verlet", ""):
         with pytest.raises(InputError, match="name:"):
-            submissions_in(folder, name)
+            stepper_submissions(folder, name)
 
 
 def test_a_folder_without_submissions(tmp_path):
     (tmp_path / "notes.txt").write_text("")
     with pytest.raises(InputError, match="has none"):
-        submissions_in(tmp_path)
+        stepper_submissions(tmp_path)
 
 
 def test_the_grade_book_may_lie_among_them(folder):
-    names = [each.name for each in submissions_in(folder, without=folder / "dora")]
+    names = [each.name for each in stepper_submissions(folder, without=folder / "dora")]
     assert names == ["anna", "bert", "carla"]
 
 
 def test_what_cannot_be_read_has_a_row(folder):
     (folder / "emil.py").symlink_to("nowhere.py")
     found = by_name(folder)["emil"]
-    assert found.where is None
+    assert found.where == ()
     assert "emil.py cannot be read (No such file" in found.trouble
 
 
@@ -94,4 +94,4 @@ def test_a_file_and_a_folder_of_one_name_have_two(folder):
     (folder / "anna").mkdir()
     (folder / "anna/step.py").write_text("")
     found = by_name(folder)
-    assert (found["anna"].where, found["anna.py"].where) == ("anna/step.py", "anna.py")
+    assert (found["anna"].where, found["anna.py"].where) == (("anna/step.py",), ("anna.py",))
