@@ -31,10 +31,15 @@ thead button::after { content: " \\2195"; color: #767676 }
 .wrong { color: #c00000; font-weight: bold }
 .undetermined, .none { color: #a35200; font-weight: bold }
 td svg { width: 110px; max-width: none; display: block }
-td svg text { display: none }
+td svg text, td svg g { display: none }
+.cut { display: -webkit-box; -webkit-box-orient: vertical; -webkit-line-clamp: 3;
+  overflow: hidden }
 pre { background: #f5f5f5; padding: .7rem }
 .mark { display: inline-block; background: #fff3d6; padding: 0 .4rem }
-@media print { button::after { content: none !important } }
+@media (max-width: 40rem) { .book { font-size: .875rem }
+  .book td, .book th { padding: .2rem .3rem } .book td:first-child { max-width: 6rem }
+  th:not([aria-sort]) button::after { content: none } }
+@media print { button::after { content: none !important } .cut { -webkit-line-clamp: none } }
 """
 _SORT = """
 for (const [column, button] of document.querySelectorAll("thead button").entries()) {
@@ -111,6 +116,9 @@ def _row_cells(row: Row) -> str:
             words = f'<span class="{cell}">{words}</span>'
         elif head == "status" and cell != "checked":
             words = f'<span class="none">{words}</span>'
+        elif head == "message":
+            # The feedback has all of it.
+            words = f'<span class="cut">{words}</span>'
         elif head == "marks" and cell:
             words = " ".join(f'<span class="mark">{html.escape(m)}</span>' for m in row.marks)
         cells.append(f"<td{_kind(head)}>{words}</td>")

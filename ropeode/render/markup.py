@@ -24,7 +24,7 @@ table { border-collapse: collapse; display: block; font-variant-numeric: tabular
 th, td { padding: .2rem .7rem; border-bottom: 1px solid #ccc; vertical-align: top }
 td:not(.long) { white-space: nowrap }
 td.long { min-width: 10rem }
-thead th { border-bottom: 2px solid #444 }
+thead th, thead td { border-bottom: 2px solid #444 }
 svg { max-width: 100%; height: auto }
 pre { overflow-x: auto }
 """
@@ -190,15 +190,19 @@ def _html_grid(grid: Grid) -> str:
         return f'{words} style="{"; ".join(styles)}"'
 
     def row(tag: str, cells: Sequence[str]) -> str:
+        # A heading without words is none.
+        tags = [tag if cell else "td" for cell in cells]
         inside = "".join(
             f"<{tag}{style(column, cell)}>{html.escape(cell)}</{tag}>"
-            for column, cell in enumerate(cells)
+            for column, (tag, cell) in enumerate(zip(tags, cells, strict=True))
         )
         return f"<tr>{inside}</tr>"
 
     head = row("th", grid.headers)
     body = "\n".join(row("td", cells) for cells in grid.rows)
-    return f"<table>\n<thead>\n{head}\n</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+    # With the keyboard, too, a table can be scrolled that is wider than the page.
+    table = '<table tabindex="0">'
+    return f"{table}\n<thead>\n{head}\n</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
 
 
 def _tabulated(grid: Grid, style: str, cell: Callable[[str], str]) -> str:

@@ -46,6 +46,13 @@ _BORROWS = """
 from ropeode import as_stepper
 step = as_stepper("semi-implicit-euler")
 """
+_HOARDS = """
+import numpy as np
+hoard = []
+def step(acceleration, t, x, v, dt, args):
+    hoard.append(np.ones(2**26))
+    return x + dt * v, v
+"""
 CLASS = {
     "borrows": _BORROWS,
     "copied": _COPIED,
@@ -53,6 +60,7 @@ CLASS = {
     "empty": "",
     "exits": _EXITS,
     "hangs": _HANGS,
+    "hoards": _HOARDS,
     "no-function": "def other(x):\n    return x\n",
     "prints": _PRINTS,
     "right": _RIGHT,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ropeode.classroom.submissions import stepper_submissions
+from ropeode.classroom.submissions import stepper_submissions, trajectory_submissions
 from ropeode.errors import InputError
 
 
@@ -95,3 +95,44 @@ def test_a_file_and_a_folder_of_one_name_have_two(folder):
     (folder / "anna/step.py").write_text("")
     found = by_name(folder)
     assert (found["anna"].where, found["anna.py"].where) == (("anna/step.py",), ("anna.py",))
+
+
+@pytest.fixture
+def trajectories(tmp_path):
+    for name in (
+        "anna/32.csv",
+        "anna/64.CSV",
+        "anna/data/16.npz",
+        "anna/__MACOSX/32.csv",
+        "anna/.cache/8.nc",
+        "anna/rope.cpp",
+        "bert/notes.txt",
+        "_solution/32.csv",
+        "loose.csv",
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    return tmp_path
+
+
+def test_a_subfolder_of_trajectories(trajectories):
+    anna, bert = trajectory_submissions(trajectories)
+    assert (anna.name, anna.where) == ("anna", ("anna/32.csv", "anna/64.CSV", "anna/data/16.npz"))
+    assert (bert.name, bert.where) == ("bert", ())
+    assert "no file in the folder bert that ends in .csv, .npz, .nc" in bert.trouble
+    assert [each.name for each in trajectory_submissions(trajectories, trajectories / "anna")] == [
+        "bert"
+    ]
+
+
+def test_the_digest_is_that_of_the_trajectories(trajectories):
+    (before, _) = trajectory_submissions(trajectories)
+    (trajectories / "anna/rope.cpp").write_text("mended")
+    assert trajectory_submissions(trajectories)[0].digest == before.digest
+    (trajectories / "anna/data/16.npz").write_text("computed again")
+    assert trajectory_submissions(trajectories)[0].digest != before.digest
+
+
+def test_files_of_one_program_are_no_class(trajectories):
+    with pytest.raises(InputError, match=r"as in `ropeode grade mine/\*.csv`"):
+        trajectory_submissions(trajectories / "bert")
