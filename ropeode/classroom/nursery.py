@@ -125,7 +125,7 @@ class _Nursery:
         """In the process of a submission."""
 
         def say(kind: str, value: Any) -> None:
-            os.write(line, json.dumps([kind, value]).encode() + b"\n")
+            os.write(line, _line([kind, value]))
 
         said = ""
 
@@ -139,7 +139,7 @@ class _Nursery:
         # A working directory of its own.
         os.chdir(tempfile.mkdtemp(dir=self._scratch))
         outcome = examined(name, where, self._folder, self._asked, self._scratch, doing)
-        contents = memoryview(json.dumps(["outcome", vars(outcome)]).encode() + b"\n")
+        contents = memoryview(_line(["outcome", vars(outcome)]))
         while contents:
             contents = contents[os.write(line, contents) :]
 
@@ -232,6 +232,11 @@ def _kill(job: _Job) -> None:
     """End a submission and what it started."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(job.keeper, signal.SIGKILL)
+
+
+def _line(words: list[Any]) -> bytes:
+    """A line of its own, whatever the submission's code has written before."""
+    return b"\n" + json.dumps(words).encode() + b"\n"
 
 
 def _lines(said: bytes) -> Iterator[tuple[str, Any]]:

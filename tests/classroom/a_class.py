@@ -46,13 +46,10 @@ _BORROWS = """
 from ropeode import as_stepper
 step = as_stepper("semi-implicit-euler")
 """
-_HOARDS = """
+_HOARDS = f"""
 import numpy as np
-hoard = []
-def step(acceleration, t, x, v, dt, args):
-    hoard.append(np.ones(2**26))
-    return x + dt * v, v
-"""
+table = np.ones(2**29)
+{_RIGHT}"""
 CLASS = {
     "borrows": _BORROWS,
     "copied": _COPIED,
