@@ -144,7 +144,7 @@ def outcomes(folder, shared, **changes):
     }
 
 
-def test_files_are_judged_as_by_the_command(tmp_path, shared, small_rope):
+def test_files_are_judged_as_by_the_command(tmp_path, shared, small_rope, monkeypatch):
     write(tmp_path / "anna", small_rope)
     write(tmp_path / "bert", small_rope, "semi-implicit-euler")
     found = outcomes(tmp_path, shared)
@@ -155,6 +155,8 @@ def test_files_are_judged_as_by_the_command(tmp_path, shared, small_rope):
     assert tuple(found["anna"].findings) == CHECKS
     report = grade(sorted((tmp_path / "anna").iterdir()), small_rope, expected_order=2)
     assert found["anna"].findings == {each.check: each.status for each in report.findings}
+    # No submission solves the problem again.
+    monkeypatch.setattr("ropeode.references.compute._reference", None)
     assert outcomes(tmp_path, shared, expected_order=1)["bert"].verdict == "right"
 
 
