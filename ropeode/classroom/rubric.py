@@ -136,9 +136,9 @@ def _item(where: str, given: Any, checks: Collection[str], faults: list[str]) ->
         name = where
     points = given.get("points")
     try:
-        if isinstance(points, (bool, str)) or finite_number(points) < 0.0:
-            raise ValueError("negative, or no number")
-        points = float(points)  # type: ignore[arg-type]
+        points = finite_number(points)
+        if points < 0.0:
+            raise ValueError("negative")
     except (TypeError, ValueError):
         fix = "for example points = 4"
         faults.append(_fault(f"{where}.points", points, "a number, 0 or more", fix))
