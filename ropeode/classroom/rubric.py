@@ -134,20 +134,19 @@ def _item(where: str, given: Any, checks: Collection[str], faults: list[str]) ->
     if not isinstance(name, str) or not name.strip():
         faults.append(_fault(f"{where}.name", name, "a text", 'for example name = "order"'))
         name = where
-    points = given.get("points")
+    points, number = given.get("points"), 0.0
     try:
-        points = finite_number(points)
-        if points < 0.0:
+        number = finite_number(points)
+        if number < 0.0:
             raise ValueError("negative")
-    except (TypeError, ValueError):
+    except ValueError:
         fix = "for example points = 4"
         faults.append(_fault(f"{where}.points", points, "a number, 0 or more", fix))
-        points = 0.0
     partial = given.get("partial", False)
     if not isinstance(partial, bool):
         faults.append(_fault(f"{where}.partial", partial, "true or false", "partial = true"))
     chosen = _checks(where, given.get("checks"), checks, faults)
-    return Item(name, points, chosen, partial is True)
+    return Item(name, number, chosen, partial is True)
 
 
 def _checks(where: str, given: Any, checks: Collection[str], faults: list[str]) -> tuple[str, ...]:
