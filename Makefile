@@ -82,7 +82,7 @@ $(OLD_ENVS)/%/.installed: $(OLD)/requirements/%.txt | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.installed-notebooks: pyproject.toml $(VENV)/.installed-dev
-	@echo "Installing JupyterLab and marimo into $(VENV), for the slow tests (once) ..."
+	@echo "Installing JupyterLab, marimo and otter-grader into $(VENV), for the slow tests (once) ..."
 	@$(PIP) install -e '.[notebooks]'
 	@touch $@
 

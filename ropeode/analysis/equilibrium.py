@@ -194,10 +194,10 @@ class _Still:
     def derivative(self, free: np.ndarray) -> np.ndarray:
         """Of `residual`, one row for each of its entries."""
         x = self.positions(free)
-        acceleration, constraints = self._derivative(self._problem.ts[0], x, self._problem.args)
-        return np.concatenate(
-            [np.asarray(acceleration)[self.free][:, self.free], constraints[..., self.free]]
-        )
+        derivatives = self._derivative(self._problem.ts[0], x, self._problem.args)
+        # JAX compiles each indexing of an array of its own.
+        acceleration, constraints = map(np.asarray, derivatives)
+        return np.concatenate([acceleration[self.free][:, self.free], constraints[..., self.free]])
 
     def acceleration(self, free: np.ndarray) -> np.ndarray:
         return self.residual(free)[: free.size]

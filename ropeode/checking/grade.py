@@ -32,6 +32,8 @@ from ropeode.references.reference import Reference, problem_of
 from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class
 
+# In the order of the report.
+CHECKS = ("initial-state", "order", "pins", "energy")
 # An observed order that is not 1.
 _MORE_THAN_FIRST = 1.5
 

@@ -1,40 +1,62 @@
-"""`ropeode check FOLDER`: checks the submissions of a folder and writes their grade book."""
+"""`ropeode check FOLDER` and `ropeode grade FOLDER`: a class, and its grade book."""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
-from ropeode.classroom.gradebook import as_csv, as_text, exit_code, grade_book, summary
+from ropeode.checking.check import chosen_checks
+from ropeode.checking.check_context import reference_of
+from ropeode.checking.check_ropes import convergence_problems
+from ropeode.checking.claims import checked_claims
+from ropeode.checking.report import Claims
+from ropeode.classroom.gradebook import as_csv, as_json, as_text, exit_code, grade_book, summary
 from ropeode.classroom.pages import write_pages
-from ropeode.classroom.rubric import read_rubric
-from ropeode.classroom.running import Asked as Asked
+from ropeode.classroom.rubric import OF_FILES, OF_STEPPERS, Item, read_rubric
 from ropeode.classroom.running import Class
-from ropeode.classroom.submissions import submissions_in
+from ropeode.classroom.steppers import Steppers
+from ropeode.classroom.submissions import stepper_submissions, trajectory_submissions
+from ropeode.classroom.trajectories import Trajectories
+from ropeode.files import refuse_code
+from ropeode.progress import Progress
+from ropeode.references.compute import reference_for
+from ropeode.references.options import TIME_LIMIT, ReferenceOptions
+from ropeode.steppers import as_stepper
+from ropeode.study.spec import TableJob
 from ropeode.terminal.output import put_out
 from ropeode.terminal.running import NOTHING, end_on_ctrl_c, not_interrupted, with_progress
 from ropeode.validation import bad_value
 
 _KEPT = "finished submissions are kept; run the same command to resume"
+_FORMS = {
+    "text": as_text,
+    "csv": lambda rows, _: as_csv(rows),
+    "json": as_json,
+}
 
 
 def check_class(
     folder: Path,
-    asked: Asked,
+    arguments: Mapping[str, Any],
+    memory_mib: float,
     name: str | None,
     rubric: Path | None,
     form: str,
     out: Path | None,
 ) -> int:
-    """Check the submissions of a folder, and print or write the grade book.
+    """Check the steppers of a folder, and print or write the grade book.
 
     Arguments:
         folder: of the submissions.
-        asked: of each of them.
-        name: of the function, and the file in subfolders; see `submissions_in`.
+        arguments: of `check_stepper`, for each of them.
+        memory_mib: memory that each may hold, in MiB.
+        name: of the function, and the file in subfolders; see `stepper_submissions`.
         rubric: a file; None for the default one.
-        form: `text` or `csv`, of what is printed.
+        form: `text`, `csv` or `json`, of what is printed.
         out: folder for the grade book and the feedback, which keeps what is done; None to print
             the grade book.
 
@@ -44,18 +66,96 @@ def check_class(
     Raises:
         InputError: an argument cannot be used.
     """
-    if form not in ("text", "csv"):
-        raise bad_value("format", form, "text or csv, of a FOLDER", "use -o DIR for pages")
-    items = read_rubric(rubric)
+    _check_output(folder, form, out)
+    items = read_rubric(rubric, OF_STEPPERS)
+    refuse_code("step", folder)
+    chosen_checks(arguments["only"], arguments["skip"], arguments["quick"])
+    submissions = stepper_submissions(folder, name, without=out)
+
+    def compute(progress: Progress) -> None:
+        # Before the time of any submission; each finds them in the cache folder.
+        for rope in convergence_problems().values():
+            progress("references", None)
+            reference_of(rope)
+
+    with_progress(compute)
+    asked = Steppers(memory_mib, arguments)
+    return _put_book(Class(folder, submissions, asked, _results(out)), items, form, out)
+
+
+def grade_class(
+    folder: Path,
+    values: Mapping[str, Any],
+    spec_folder: Path | None,
+    dts: Sequence[str] | None,
+    claims: Claims,
+    memory_mib: float,
+    rubric: Path | None,
+    form: str,
+    out: Path | None,
+) -> int:
+    """Grade the trajectories of a folder, and print or write the grade book.
+
+    Arguments:
+        folder: of the submissions.
+        values: of the spec of the problem, as `TableJob` takes them.
+        spec_folder: likewise.
+        dts: step sizes of the files of each submission, in the order of their names; None where
+            the files contain them.
+        claims: of each.
+        memory_mib: as for `check_class`, like what follows.
+        rubric: likewise.
+        form: likewise.
+        out: likewise.
+
+    Returns:
+        the exit code.
+
+    Raises:
+        InputError: an argument cannot be used.
+        ReferenceRefused: no reference of the problem can be certified.
+    """
+    _check_output(folder, form, out)
+    items = read_rubric(rubric, OF_FILES)
+    submissions = trajectory_submissions(folder, without=out)
+    job, claims = TableJob(values, spec_folder), checked_claims(claims)
+    if claims.method is not None:
+        as_stepper(claims.method).require(job.problem)
+    options = ReferenceOptions(**job.spec.asked)
+    truth = with_progress(lambda progress: reference_for(job.given, options, progress))
+    asked = Trajectories(
+        memory_mib,
+        values=values,
+        folder=str((spec_folder or Path()).resolve()),
+        arguments={"dts": dts, "expected_order": claims.order, "method": claims.method},
+        truth=hashlib.sha256(truth.states.tobytes()).hexdigest(),
+        time_limit=job.spec.time_limit or TIME_LIMIT,
+    )
+    # A reference from a file is there for all already.
+    shared = None if "reference" in values else truth
+    own = Class(folder, submissions, asked, _results(out), shared)
+    return _put_book(own, items, form, out)
+
+
+def _check_output(folder: Path, form: str, out: Path | None) -> None:
+    if form not in _FORMS:
+        allowed = f"{', '.join(_FORMS)}, of a FOLDER"
+        raise bad_value("format", form, allowed, "use -o DIR for pages")
     if out is not None and out.resolve() == folder.resolve():
         raise bad_value("out", str(out), "another folder than that of the submissions", "-o graded")
-    submissions = submissions_in(folder, name, without=out)
-    results = None if out is None else out / "results"
-    own = Class(folder, submissions, asked, results)
+
+
+def _results(out: Path | None) -> Path | None:
+    return None if out is None else out / "results"
+
+
+def _put_book(own: Class, items: Sequence[Item], form: str, out: Path | None) -> int:
+    """Examine what is left, and print or write the grade book."""
     end_on_ctrl_c(NOTHING if out is None else _KEPT, before=own.end)
-    rows = grade_book(submissions, with_progress(own.outcomes, time_left=True), items)
+    outcomes = with_progress(own.outcomes, time_left=True)
+    rows = grade_book(own.submissions, outcomes, items)
     if out is None:
-        put_out(as_csv(rows) if form == "csv" else as_text(rows, items), None)
+        put_out(_FORMS[form](rows, items), None)
     else:
         with not_interrupted():
             write_pages(rows, items, out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from ropeode.classroom.submissions import Submission
 from ropeode.render.text_layout import WIDTH, columns, counted
 
 HEADERS = ("submission", "status", "verdict", "order", "points", "message", "marks")
+SCHEMA = "ropeode.gradebook/1"
 _EXIT = {"right": 0, "wrong": 1}
 _LONGEST_NAME = 24
 
@@ -88,6 +90,28 @@ def as_csv(rows: Sequence[Row]) -> str:
         numbers = (status, verdict, order, points)
         writer.writerow([_no_formula(name), *numbers, *map(_no_formula, texts)])
     return text.getvalue()
+
+
+def as_json(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
+    """The grade book for programs, with the points for each item of the rubric."""
+    book = {
+        "schema": SCHEMA,
+        "items": [{"name": item.name, "points": item.points} for item in rubric],
+        "submissions": [
+            {
+                "submission": row.outcome.name,
+                "status": row.outcome.status,
+                "verdict": row.outcome.verdict or None,
+                "order": row.outcome.order,
+                "points": row.points,
+                "earned": [round(each, 2) for each in row.earned],
+                "message": row.outcome.message,
+                "marks": list(row.marks),
+            }
+            for row in rows
+        ],
+    }
+    return json.dumps(book, indent=2, ensure_ascii=False) + "\n"
 
 
 def _no_formula(cell: str) -> str:

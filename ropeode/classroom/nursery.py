@@ -15,33 +15,26 @@ import json
 import os
 import resource
 import selectors
+import shutil
 import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ropeode.checking.check_context import reference_of
-from ropeode.checking.check_ropes import convergence_problems
+from ropeode.classroom.asked import Asked
 from ropeode.classroom.examination import examined
+from ropeode.classroom.steppers import Steppers
+from ropeode.classroom.trajectories import Trajectories
 from ropeode.references.jax_setup import set_up_jax
 from ropeode.terminal.supervision import how_it_ended
 from ropeode.threads import use_cores
 
 _LOOKS_AGAIN_S, _ENDS_IN_S = 0.1, 2.0
 _MEBIBYTE = 2**20
-# What is imported when it is first needed.
-_AHEAD = (
-    "ropeode.bars",
-    "ropeode.checking.diagnosis.stepper",
-    "ropeode.references.consensus",
-    "ropeode.simulation.driver",
-    "ropeode.simulation.kernel_fusion",
-    "ropeode.simulation.transposes",
-    "ropeode.steppers.scipy_solvers",
-)
+_KINDS: dict[str, type[Asked]] = {each.__name__: each for each in (Steppers, Trajectories)}
 
 
 @dataclasses.dataclass
@@ -66,42 +59,35 @@ class _Job:
 
 
 def main() -> None:
-    """Check the submissions that standard input names, and write a line of JSON about each."""
-    asked = json.loads(sys.stdin.readline())
+    """Examine the submissions that standard input names, and write a line of JSON about each."""
+    told = json.loads(sys.stdin.readline())
+    asked = _KINDS[told["kind"]](**told["asked"])
     set_up_jax()
-    for module in _AHEAD:
+    for module in asked.ahead:
         importlib.import_module(module)
     use_cores(1)
     gc.collect()
     # What is imported stays: to look for garbage in it takes long, in each process.
     gc.freeze()
-    _compute_references()
-    with tempfile.TemporaryDirectory() as scratch:
-        _Nursery(asked, scratch).work()
-
-
-def _compute_references() -> None:
-    """Let those of the check ropes lie in the cache folder, before the time of any submission."""
-    child = os.fork()
-    if child == 0:
-        with contextlib.suppress(Exception):
-            for rope in convergence_problems().values():
-                reference_of(rope)
-        os._exit(0)
-    os.waitpid(child, 0)
+    try:
+        _Nursery(told, asked).work()
+    finally:
+        shutil.rmtree(told["scratch"], ignore_errors=True)
 
 
 class _Nursery:
     """Keeps so many submissions under way.
 
     Arguments:
-        asked: as `ropeode.classroom.running` sends it.
-        scratch: a folder in which each gets a working directory.
+        told: as `ropeode.classroom.running` sends it.
+        asked: of each submission.
     """
 
-    def __init__(self, asked: Mapping[str, Any], scratch: str) -> None:
-        self._asked, self._scratch = asked, scratch
-        self._waiting = list(reversed(asked["submissions"]))
+    def __init__(self, told: Mapping[str, Any], asked: Asked) -> None:
+        self._asked, self._limits = asked, asked.limits
+        self._folder, self._scratch = Path(told["folder"]), Path(told["scratch"])
+        self._workers = told["workers"]
+        self._waiting = list(reversed(told["submissions"]))
         self._jobs: dict[int, _Job] = {}
         self._selector = selectors.DefaultSelector()
         # It ends when the process ends that wants the results.
@@ -110,7 +96,7 @@ class _Nursery:
     def work(self) -> None:
         """Until all are done, or nobody wants them any more."""
         while self._waiting or self._jobs:
-            while self._waiting and len(self._jobs) < self._asked["workers"]:
+            while self._waiting and len(self._jobs) < self._workers:
                 self._begin(*self._waiting.pop())
             for key, _ in self._selector.select(_LOOKS_AGAIN_S):
                 if key.fd == sys.stdin.fileno():
@@ -121,25 +107,25 @@ class _Nursery:
             for job in self._jobs.values():
                 self._look_at(job)
 
-    def _begin(self, name: str, where: str) -> None:
+    def _begin(self, name: str, where: Sequence[str]) -> None:
         ours, theirs = os.pipe()
         keeper = os.fork()
         if keeper == 0:
             work = functools.partial(self._run, name, where, theirs)
-            _keep(work, [ours, *self._jobs], self._asked["processor_s"])
+            _keep(work, [ours, *self._jobs], self._limits.processor_s)
         with contextlib.suppress(PermissionError, ProcessLookupError):
             # Here too: it may have to be killed before it has done so itself.
             os.setpgid(keeper, keeper)
         os.close(theirs)
         os.set_blocking(ours, False)
-        self._jobs[ours] = _Job(name, keeper, time.monotonic() + self._asked["wall_s"])
+        self._jobs[ours] = _Job(name, keeper, time.monotonic() + self._limits.wall_s)
         self._selector.register(ours, selectors.EVENT_READ)
 
-    def _run(self, name: str, where: str, line: int) -> None:
+    def _run(self, name: str, where: Sequence[str], line: int) -> None:
         """In the process of a submission."""
 
         def say(kind: str, value: Any) -> None:
-            os.write(line, json.dumps([kind, value]).encode() + b"\n")
+            os.write(line, _line([kind, value]))
 
         said = ""
 
@@ -150,10 +136,10 @@ class _Nursery:
                 say("does", text)
 
         say("worker", os.getpid())
+        # A working directory of its own.
         os.chdir(tempfile.mkdtemp(dir=self._scratch))
-        folder = Path(self._asked["folder"])
-        outcome = examined(name, where, folder, self._asked["check"], doing)
-        contents = memoryview(json.dumps(["outcome", vars(outcome)]).encode() + b"\n")
+        outcome = examined(name, where, self._folder, self._asked, self._scratch, doing)
+        contents = memoryview(_line(["outcome", vars(outcome)]))
         while contents:
             contents = contents[os.write(line, contents) :]
 
@@ -205,7 +191,7 @@ class _Nursery:
         if time.monotonic() > job.ends_at:
             job.limit = "wall"
             _kill(job)
-        elif job.worker and _memory(job.worker) > self._asked["memory_mib"] * _MEBIBYTE:
+        elif job.worker and _memory(job.worker) > self._limits.memory_mib * _MEBIBYTE:
             job.limit = "memory"
             _kill(job)
 
@@ -246,6 +232,11 @@ def _kill(job: _Job) -> None:
     """End a submission and what it started."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(job.keeper, signal.SIGKILL)
+
+
+def _line(words: list[Any]) -> bytes:
+    """A line of its own, whatever the submission's code has written before."""
+    return b"\n" + json.dumps(words).encode() + b"\n"
 
 
 def _lines(said: bytes) -> Iterator[tuple[str, Any]]:

@@ -1,4 +1,9 @@
-"""A small order plot of a submission, drawn as SVG: errors over step sizes, on log scales."""
+"""A small order plot of a submission, drawn as SVG: errors over step sizes, on log scales.
+
+Not by matplotlib, which draws the other plots: it takes 0.2 s of processor time for each, which is
+a ninth of what the check of a right stepper takes, and writes 27 kB where this writes 2; a grade
+book holds a hundred. And it is an extra, which the grade book then does not need.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,8 @@ from typing import Any
 _WIDTH, _HEIGHT, _LEFT, _TOP, _RIGHT, _BOTTOM = 420, 270, 62, 14, 12, 42
 # Of Okabe and Ito, and with a mark of its own each.
 _STYLES = (("#0072b2", "circle"), ("#d55e00", "square"))
+# However small the picture is drawn.
+_THICK = 'stroke-width="1.5" vector-effect="non-scaling-stroke"'
 
 
 def order_plot(name: str, convergence: Mapping[str, Any]) -> str:
@@ -30,7 +37,9 @@ def order_plot(name: str, convergence: Mapping[str, Any]) -> str:
     points = [point for each in series.values() for point in each]
     if len(points) < 2:
         return ""
-    dts, errors = [dt for dt, _ in points], [error for _, error in points]
+    expected = _expected(convergence["expected"], series)
+    dts = [dt for dt, _ in points]
+    errors = [error for _, error in (*points, *expected)]
     x = _Axis(min(dts), max(dts), _LEFT, _WIDTH - _RIGHT)
     y = _Axis(min(errors), max(errors), _HEIGHT - _BOTTOM, _TOP)
     parts = [
@@ -38,17 +47,26 @@ def order_plot(name: str, convergence: Mapping[str, Any]) -> str:
         *(_tick(None, f"{y.at(tick):.1f}", _power(tick)) for tick in y.ticks()),
         _text((_LEFT + _WIDTH - _RIGHT) / 2, _HEIGHT - 6, "step size dt"),
     ]
-    if convergence["expected"] is not None:
-        parts.append(_expected(convergence["expected"], series, x, y))
+    legend: list[tuple[str, str]] = []
+    if expected:
+        (x1, y1), (x2, y2) = ((x.at(dt), y.at(error)) for dt, error in expected)
+        parts.append(
+            f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" stroke="#555" '
+            f'stroke-dasharray="5 4" {_THICK}/>'
+        )
+        legend.append(("", f"dashed: order {convergence['expected']}"))
     for (colour, mark), (quantity, each) in zip(_STYLES, series.items(), strict=False):
         at = [(x.at(dt), y.at(error)) for dt, error in each]
         path = " ".join(f"{left:.1f},{top:.1f}" for left, top in at)
-        parts.append(f'<polyline points="{path}" fill="none" stroke="{colour}"/>')
+        parts.append(f'<polyline points="{path}" fill="none" stroke="{colour}" {_THICK}/>')
         parts += [_mark(mark, colour, *each) for each in at]
         observed = convergence["quantities"][quantity]["observed"]
         words = quantity if observed is None else f"{quantity}: order {observed:.2f}"
-        height = _TOP + 16 * (1 + _STYLES.index((colour, mark)))
-        parts += [_mark(mark, colour, _LEFT + 12, height - 4), _text(_LEFT + 20, height, words, "")]
+        legend.append((_mark(mark, colour, -8, -4), words))
+    # Where errors fall with the step size, nothing else is in this corner.
+    for line, (own, words) in enumerate(legend):
+        left, top = _WIDTH - _RIGHT - 130, _HEIGHT - _BOTTOM - 8 - 16 * line
+        parts.append(f'<g transform="translate({left} {top})">{own}{_text(0, 0, words, "")}</g>')
     label = html.escape(f"Errors over step sizes, {name}")
     return (
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" role="img" aria-label="{label}" '
@@ -106,17 +124,10 @@ def _mark(kind: str, colour: str, left: float, top: float) -> str:
     return f'<rect x="{left - 3:.1f}" y="{top - 3:.1f}" width="6" height="6" fill="{colour}"/>'
 
 
-def _expected(order: int, series: Mapping[str, list], x: _Axis, y: _Axis) -> str:
-    """A dashed line of the expected order through the coarsest error."""
+def _expected(order: int | None, series: Mapping[str, list]) -> list[tuple[float, float]]:
+    """Two points of the expected order, from the coarsest error on; none without such an order."""
+    if order is None:
+        return []
     first = next(each for each in series.values() if each)
     (coarse, error), (fine, _) = max(first), min(first)
-    # Not out of the picture.
-    lowest = min(error for each in series.values() for _, error in each)
-    fine = max(fine, coarse * (lowest / error) ** (1.0 / order))
-    ends = (coarse, error), (fine, error * (fine / coarse) ** order)
-    (x1, y1), (x2, y2) = ((x.at(dt), y.at(value)) for dt, value in ends)
-    line = (
-        f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" stroke="#555" '
-        'stroke-dasharray="5 4"/>'
-    )
-    return line + _text(_WIDTH - _RIGHT - 6, _HEIGHT - _BOTTOM - 8, f"dashed: order {order}", "end")
+    return [(coarse, error), (fine, error * (fine / coarse) ** order)]

@@ -3,32 +3,25 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
-from ropeode.classroom.gradebook import HEADERS, Row, as_csv, summary
+from ropeode.classroom.gradebook import HEADERS, Row, as_csv, as_json, summary
 from ropeode.classroom.order_plot import order_plot
+from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.files import make_folder, write_whole
+from ropeode.render.markup import page
 
-_STYLE = """
-:root { color-scheme: light }
-body { font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; padding: 0 1rem;
-  max-width: 72rem; color: #1a1a1a; background: #fff }
-h1 { font-size: 1.6rem; line-height: 1.2 }
-h2 { font-size: 1.2rem; overflow-wrap: anywhere }
-.wide { overflow-x: auto }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: 1rem 0 }
-th, td { padding: .3rem .7rem; border-bottom: 1px solid #ccc; vertical-align: top;
-  text-align: left }
-td.number, th.number { text-align: right }
-td:not(.long) { white-space: nowrap }
-td.long { min-width: 10rem; overflow-wrap: anywhere }
+_STYLE = """\
+.book { overflow-x: auto }
+.book table { display: table; max-width: none; overflow: visible }
 .book td:first-child, .book th:first-child { position: sticky; left: 0; background: #fff;
   max-width: 10rem; overflow-wrap: anywhere; white-space: normal }
-thead th { border-bottom: 2px solid #444 }
+th { text-align: left }
+td.number, th.number { text-align: right }
+td.long { overflow-wrap: anywhere }
 thead button { font: inherit; font-weight: bold; background: none; border: 0; padding: 0;
   color: inherit; cursor: pointer; white-space: nowrap }
 thead button::after { content: " \\2195"; color: #767676 }
@@ -36,13 +29,18 @@ thead button::after { content: " \\2195"; color: #767676 }
 [aria-sort=descending] button::after { content: " \\2193"; color: inherit }
 .right { color: #00703c; font-weight: bold }
 .wrong { color: #c00000; font-weight: bold }
-.undetermined, .none { color: #b25d00; font-weight: bold }
-svg { max-width: 100%; height: auto }
+.undetermined, .none { color: #a35200; font-weight: bold }
 td svg { width: 110px; max-width: none; display: block }
-td svg text { display: none }
-pre { overflow-x: auto; background: #f5f5f5; padding: .7rem }
+td svg text, td svg g { display: none }
+.cut { display: -webkit-box; -webkit-box-orient: vertical; -webkit-line-clamp: 3;
+  overflow: hidden }
+pre { background: #f5f5f5; padding: .7rem }
 .mark { display: inline-block; background: #fff3d6; padding: 0 .4rem }
-@media print { button::after { content: none !important } }
+@media (max-width: 40rem) { .book { font-size: .875rem }
+  .book td, .book th { padding: .2rem } .book td:first-child { max-width: 6rem }
+  .book td:not(.number) { white-space: normal }
+  th:not([aria-sort]) button::after { content: none } }
+@media print { button::after { content: none !important } .cut { -webkit-line-clamp: none } }
 """
 _SORT = """
 for (const [column, button] of document.querySelectorAll("thead button").entries()) {
@@ -72,8 +70,8 @@ def write_pages(rows: Sequence[Row], rubric: Sequence[Item], folder: Path) -> No
     Arguments:
         rows: of the grade book.
         rubric: by which points were given.
-        folder: that gets `gradebook.csv`, `gradebook.html`, and a folder `feedback` with a page
-            for each submission, in HTML and Markdown.
+        folder: that gets the grade book as `gradebook.csv`, `gradebook.json` and `gradebook.html`,
+            and a folder `feedback` with a page for each submission, in HTML and Markdown.
     """
     feedback = folder / "feedback"
     make_folder(feedback)
@@ -82,16 +80,8 @@ def write_pages(rows: Sequence[Row], rubric: Sequence[Item], folder: Path) -> No
         write_whole(feedback / f"{name}.html", _feedback_page(row, rubric))
         write_whole(feedback / f"{name}.md", _feedback_text(row, rubric))
     write_whole(folder / "gradebook.csv", as_csv(rows))
+    write_whole(folder / "gradebook.json", as_json(rows, rubric))
     write_whole(folder / "gradebook.html", _grade_book(rows, rubric))
-
-
-def _page(title: str, body: str) -> str:
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<main>\n"
-        f"<h1>{html.escape(title)}</h1>\n{body}\n</main>\n</body>\n</html>\n"
-    )
 
 
 def _grade_book(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
@@ -103,10 +93,14 @@ def _grade_book(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
     return _page(
         "Grade book",
         f"<p>{html.escape(summary(rows, rubric))}</p>\n"
-        f'<div class="wide book" tabindex="0" role="region" aria-label="Grade book"><table>\n'
+        f'<div class="book" tabindex="0" role="region" aria-label="Grade book"><table>\n'
         f'<thead><tr>{heads}<th scope="col">errors</th></tr>'
         f"</thead>\n<tbody>\n{lines}\n</tbody>\n</table></div>\n<script>{_SORT}</script>",
     )
+
+
+def _page(title: str, body: str) -> str:
+    return page(title, f"<h1>{html.escape(title)}</h1>\n{body}", _STYLE)
 
 
 def _kind(head: str) -> str:
@@ -123,16 +117,19 @@ def _row_cells(row: Row) -> str:
             words = f'<span class="{cell}">{words}</span>'
         elif head == "status" and cell != "checked":
             words = f'<span class="none">{words}</span>'
+        elif head == "message":
+            # The feedback has all of it.
+            words = f'<span class="cut">{words}</span>'
         elif head == "marks" and cell:
             words = " ".join(f'<span class="mark">{html.escape(m)}</span>' for m in row.marks)
         cells.append(f"<td{_kind(head)}>{words}</td>")
-    return "".join([*cells, f"<td>{_plot(row.outcome.orders, row.outcome.findings)}</td>"])
+    return "".join([*cells, f"<td>{_plot(row.outcome)[1]}</td>"])
 
 
-def _plot(orders: Mapping[str, Any], findings: Mapping[str, str]) -> str:
-    """The order plot of the first check that failed, or else of the first that there is."""
-    names = sorted(orders, key=lambda name: findings.get(name) != "fail")
-    return order_plot(names[0], orders[names[0]]) if names else ""
+def _plot(outcome: Outcome) -> tuple[str, str]:
+    """The first check of order that failed, or else the first that there is, and its plot."""
+    names = sorted(outcome.orders, key=lambda name: outcome.findings.get(name) != "fail")
+    return (names[0], order_plot(names[0], outcome.orders[names[0]])) if names else ("", "")
 
 
 def _feedback_page(row: Row, rubric: Sequence[Item]) -> str:
@@ -142,16 +139,13 @@ def _feedback_page(row: Row, rubric: Sequence[Item]) -> str:
         f"<td class=number>{item.points:g}</td></tr>"
         for item, earned in zip(rubric, row.earned, strict=True)
     )
-    names = sorted(outcome.orders, key=lambda name: outcome.findings.get(name) != "fail")[:1]
-    plots = "".join(
-        f"<h2>Errors: {html.escape(name)}</h2>\n{_plot(outcome.orders, outcome.findings)}\n"
-        for name in names
-    )
+    check, plot = _plot(outcome)
+    errors = f"<h2>Errors: {html.escape(check)}</h2>\n{plot}" if plot else ""
     return _page(
         outcome.name,
         f"<p>{html.escape(_points_words(row, rubric))}</p>\n<table>\n<thead><tr><th>part</th>"
         f"<th class=number>points</th><th class=number>of</th></tr></thead>\n"
-        f"<tbody>{points}</tbody>\n</table>\n<div class=wide>{outcome.page}</div>\n{plots}",
+        f"<tbody>{points}</tbody>\n</table>\n{outcome.page}\n{errors}",
     )
 
 

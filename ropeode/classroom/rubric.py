@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import fnmatch
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ropeode.checking.checks import CHECKS
+from ropeode.checking.grade import CHECKS as OF_FILES
 from ropeode.errors import InputError
 from ropeode.files import read_text
 from ropeode.validation import bad_value, finite_number, shown, unknown
 
-DEFAULT = """\
+OF_STEPPERS = tuple(CHECKS)
+# The default for each collection of checks.
+DEFAULTS = {
+    OF_STEPPERS: """\
 [[item]]
 name = "runs"                # it could be checked to the end
 points = 2
@@ -33,7 +37,23 @@ checks = ["pins", "momentum", "free-flight", "translation", "rotation", "mirror"
 name = "all checks"
 points = 2
 checks = ["*"]
-"""
+""",
+    OF_FILES: """\
+[[item]]
+name = "files"               # they could be graded: read, and begin as the problem does
+points = 2
+
+[[item]]
+name = "order"
+points = 6
+checks = ["order"]
+
+[[item]]
+name = "all checks"
+points = 2
+checks = ["*"]
+""",
+}
 
 _FIELDS = ("name", "points", "checks", "partial")
 
@@ -72,13 +92,17 @@ class Item(NamedTuple):
         return self.points if counted and passed == len(counted) else 0.0
 
 
-def read_rubric(path: Path | None) -> tuple[Item, ...]:
-    """The items of a rubric in a file; those of `DEFAULT` without one.
+def read_rubric(path: Path | None, checks: tuple[str, ...]) -> tuple[Item, ...]:
+    """The items of a rubric in a file; those of the default one without a file.
+
+    Arguments:
+        path: of the file.
+        checks: names of those that are made, `OF_STEPPERS` or `OF_FILES`.
 
     Raises:
         InputError: the file cannot be used; one line for each fault, with the field's name.
     """
-    text = DEFAULT if path is None else read_text("rubric", path)
+    text = DEFAULTS[checks] if path is None else read_text("rubric", path)
     try:
         given = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -90,7 +114,7 @@ def read_rubric(path: Path | None) -> tuple[Item, ...]:
         fix = 'begin with [[item]], name = "order", points = 4, checks = ["order-*"]'
         faults.append(_fault("item", items, "at least one table [[item]]", fix))
         raise InputError(faults)
-    read = [_item(f"item[{number}]", each, faults) for number, each in enumerate(items, 1)]
+    read = [_item(f"item[{number}]", each, checks, faults) for number, each in enumerate(items, 1)]
     names = [each.name for each in read]
     for number, name in enumerate(names, 1):
         if name in names[: number - 1]:
@@ -100,7 +124,7 @@ def read_rubric(path: Path | None) -> tuple[Item, ...]:
     return tuple(read)
 
 
-def _item(where: str, given: Any, faults: list[str]) -> Item:
+def _item(where: str, given: Any, checks: Collection[str], faults: list[str]) -> Item:
     """One item; its faults are added to the others."""
     if not isinstance(given, dict):
         faults.append(_fault(where, given, "a table with name and points", "write [[item]]"))
@@ -110,33 +134,33 @@ def _item(where: str, given: Any, faults: list[str]) -> Item:
     if not isinstance(name, str) or not name.strip():
         faults.append(_fault(f"{where}.name", name, "a text", 'for example name = "order"'))
         name = where
-    points = given.get("points")
+    points, number = given.get("points"), 0.0
     try:
-        if isinstance(points, (bool, str)) or finite_number(points) < 0.0:
-            raise ValueError("negative, or no number")
-        points = float(points)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+        number = finite_number(points)
+        if number < 0.0:
+            raise ValueError("negative")
+    except ValueError:
         fix = "for example points = 4"
         faults.append(_fault(f"{where}.points", points, "a number, 0 or more", fix))
-        points = 0.0
     partial = given.get("partial", False)
     if not isinstance(partial, bool):
         faults.append(_fault(f"{where}.partial", partial, "true or false", "partial = true"))
-    return Item(name, points, _checks(where, given.get("checks"), faults), partial is True)
+    chosen = _checks(where, given.get("checks"), checks, faults)
+    return Item(name, number, chosen, partial is True)
 
 
-def _checks(where: str, given: Any, faults: list[str]) -> tuple[str, ...]:
+def _checks(where: str, given: Any, checks: Collection[str], faults: list[str]) -> tuple[str, ...]:
     """The names that patterns stand for."""
     if given is None:
         return ()
     if not isinstance(given, list) or not given or not all(isinstance(each, str) for each in given):
-        fix = 'for example checks = ["order-*", "pins"]; leave it out where none is needed'
+        fix = 'for example checks = ["order*", "pins"]; leave it out where none is needed'
         faults.append(_fault(f"{where}.checks", given, "a list of names of checks", fix))
         return ()
     for each in given:
-        if not fnmatch.filter(CHECKS, each):
-            faults.append(unknown(f"check in {where}.checks", each, CHECKS))
-    return tuple(name for name in CHECKS if any(fnmatch.fnmatchcase(name, each) for each in given))
+        if not fnmatch.filter(checks, each):
+            faults.append(unknown(f"check in {where}.checks", each, checks))
+    return tuple(name for name in checks if any(fnmatch.fnmatchcase(name, each) for each in given))
 
 
 def _fault(name: str, given: Any, allowed: str, fix: str) -> str:

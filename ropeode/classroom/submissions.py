@@ -1,13 +1,14 @@
-"""What a submission is: a Python file of a folder, or a subfolder with one."""
+"""What a submission is: a Python file or a subfolder with one, or a subfolder of trajectories."""
 
 from __future__ import annotations
 
 import ast
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from ropeode.checking.trajectories.run_files import FORMATS
 from ropeode.validation import bad_value
 
 # What a stepper of one's own needs of ropeode, at most.
@@ -20,24 +21,24 @@ class Submission(NamedTuple):
 
     Fields:
         name: of the file without its suffix, or of the subfolder.
-        where: its stepper, as ``FILE.py`` or ``FILE.py:NAME`` from the folder on; None where
-            nobody can tell.
+        where: its files from the folder on, of a stepper ``FILE.py`` or ``FILE.py:NAME``; none
+            where nobody can tell.
         trouble: why there is none; empty where there is one.
-        digest: of the texts of all its Python files.
+        digest: of the contents of all its files that count.
         marks: what a reader of the grade book should know of the text.
     """
 
     name: str
-    where: str | None
+    where: tuple[str, ...]
     trouble: str
     digest: str
     marks: tuple[str, ...] = ()
 
 
-def submissions_in(
+def stepper_submissions(
     folder: Path, name: str | None = None, without: Path | None = None
 ) -> list[Submission]:
-    """The submissions of a folder, by name.
+    """The steppers of a folder, by the names of their submissions.
 
     Arguments:
         folder: holds Python files and subfolders; hidden ones, and those that begin with ``_``,
@@ -51,33 +52,88 @@ def submissions_in(
     """
     file, function = _parts(name)
     found = []
-    for path in sorted(folder.iterdir()):
-        if path.name.startswith((".", "_")) or not (path.is_dir() or path.suffix == ".py"):
+    for path in _entries(folder, without):
+        if not (path.is_dir() or path.suffix == ".py"):
             continue
-        if without is not None and path.resolve() == without.resolve():
-            continue
-        files = sorted(_python_files(path)) if path.is_dir() else [path]
-        where, trouble = _stepper_of(path, files, file)
-        digest = hashlib.sha256()
-        try:
+        files = _files(path, (".py",))
+        stepper, trouble = _stepper_of(path, files, file)
+        submission = _submission(path, files, [stepper] if stepper else [], trouble)
+        if function:
+            where = tuple(f"{each}:{function}" for each in submission.where)
+            submission = submission._replace(where=where)
+        if submission.digest:
             texts = [each.read_bytes() for each in files]
-        except OSError as error:
-            where, trouble, texts = None, f"{path.name} cannot be read ({error.strerror})", []
-        for each, text in zip(files, texts, strict=False):
-            digest.update(f"{each.relative_to(folder)}\0".encode() + text + b"\0")
-        found.append(
-            Submission(
-                path.name.removesuffix(".py"),
-                where and ":".join(filter(None, (str(Path(where).relative_to(folder)), function))),
-                trouble,
-                digest.hexdigest(),
-                tuple(_marks(texts)),
-            )
-        )
+            submission = submission._replace(marks=tuple(_marks(texts)))
+        found.append(submission)
     if not found:
         fix = "put a file FILE.py, or a subfolder with one, into it for each submission"
         raise bad_value("step", str(folder), "a folder with submissions; this one has none", fix)
     return _with_names_of_their_own(found)
+
+
+def trajectory_submissions(folder: Path, without: Path | None = None) -> list[Submission]:
+    """The trajectories of a folder, by the names of their submissions.
+
+    Arguments:
+        folder: holds a subfolder for each; hidden ones, and those that begin with ``_``, do not
+            count.
+        without: as for `stepper_submissions`.
+
+    Raises:
+        InputError: there is no submission.
+    """
+    found = []
+    for path in _entries(folder, without):
+        if path.is_dir():
+            files = _files(path, FORMATS)
+            trouble = f"there is no file in the folder {path.name} that ends in "
+            trouble = "" if files else f"{trouble}{', '.join(FORMATS)}"
+            found.append(_submission(path, files, files, trouble))
+    if not found:
+        allowed = "a folder with a subfolder for each submission; this one has none"
+        fix = "make them, or name the files of one program, as in `ropeode grade mine/*.csv`"
+        raise bad_value("files", str(folder), allowed, fix)
+    return found
+
+
+def _entries(folder: Path, without: Path | None) -> Iterator[Path]:
+    for path in sorted(folder.iterdir()):
+        own = without is not None and path.resolve() == without.resolve()
+        if not (own or path.name.startswith((".", "_"))):
+            yield path
+
+
+def _files(path: Path, suffixes: Collection[str]) -> list[Path]:
+    """The files of a submission that count."""
+    if not path.is_dir():
+        return [path]
+    return sorted(
+        each
+        for each in path.rglob("*")
+        if each.suffix.lower() in suffixes
+        and each.is_file()
+        and not any(part.startswith((".", "_")) for part in each.relative_to(path).parts)
+    )
+
+
+def _submission(
+    path: Path, files: Sequence[Path], taken: Sequence[Path], trouble: str
+) -> Submission:
+    """A submission with these files, of which some are taken.
+
+    The digest is empty where they cannot be read.
+    """
+    folder, digest = path.parent, hashlib.sha256()
+    name = path.name if path.is_dir() else path.stem
+    try:
+        for each in files:
+            with each.open("rb") as file:
+                own = hashlib.file_digest(file, "sha256").hexdigest()
+            digest.update(f"{each.relative_to(folder)}\0{own}\0".encode())
+    except OSError as error:
+        return Submission(name, (), f"{each.name} cannot be read ({error.strerror})", "")
+    where = tuple(str(each.relative_to(folder)) for each in taken)
+    return Submission(name, where, trouble, digest.hexdigest())
 
 
 def _parts(name: str | None) -> tuple[str | None, str | None]:
@@ -89,23 +145,16 @@ def _parts(name: str | None) -> tuple[str | None, str | None]:
     return file or None, function or None
 
 
-def _python_files(folder: Path) -> Iterator[Path]:
-    for path in folder.rglob("*.py"):
-        inside = path.relative_to(folder).parts
-        if path.is_file() and not any(part.startswith((".", "_")) for part in inside):
-            yield path
-
-
-def _stepper_of(path: Path, files: list[Path], file: str | None) -> tuple[str | None, str]:
+def _stepper_of(path: Path, files: Sequence[Path], file: str | None) -> tuple[Path | None, str]:
     """The file of a submission, or why there is none."""
     if not path.is_dir():
-        return str(path), ""
+        return path, ""
     if file is not None:
         if (path / file).is_file():
-            return str(path / file), ""
+            return path / file, ""
         return None, f"there is no file {file} in the folder {path.name}"
     if len(files) == 1:
-        return str(files[0]), ""
+        return files[0], ""
     if not files:
         return None, f"there is no Python file in the folder {path.name}"
     listed = ", ".join(str(each.relative_to(path)) for each in files[:5])
@@ -116,7 +165,7 @@ def _stepper_of(path: Path, files: list[Path], file: str | None) -> tuple[str | 
     )
 
 
-def _marks(texts: list[bytes]) -> Iterator[str]:
+def _marks(texts: Sequence[bytes]) -> Iterator[str]:
     """What a submission takes from ropeode: a reader may want to look at it."""
     taken: set[str] = set()
     for text in texts:
@@ -138,7 +187,7 @@ def _with_names_of_their_own(found: list[Submission]) -> list[Submission]:
     names = [each.name.casefold() for each in found]
     return [
         each._replace(name=f"{each.name}.py")
-        if names.count(each.name.casefold()) > 1 and each.where and "/" not in each.where
+        if names.count(each.name.casefold()) > 1 and each.where and "/" not in each.where[0]
         else each
         for each in found
     ]

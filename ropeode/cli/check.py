@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ropeode.cli.options import no_code_option
-from ropeode.files import check_writable
-from ropeode.terminal.lists import CommaSeparated
-from ropeode.terminal.output import (
-    check_folder,
-    format_for,
-    format_option,
-    out_option_with,
-    put_out,
+from ropeode.cli.options import (
+    OUT_OF_CLASSES,
+    class_folder,
+    class_options,
+    class_output,
+    memory_limit,
+    no_code_option,
 )
+from ropeode.terminal.lists import CommaSeparated
+from ropeode.terminal.output import format_for, format_option, out_option_with, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
 from ropeode.terminal.supervision import Ended, end_if_nothing_runs, say
-from ropeode.validation import bad_value, check_positive
+from ropeode.validation import check_positive
 
 if TYPE_CHECKING:
     from ropeode.checking.report import CheckReport
@@ -48,22 +48,12 @@ CLASS_TIME_LIMIT = 20.0
     help="Seconds that the step may compute in each check. [60; of a FOLDER 20]",
 )
 @click.option(
-    "--memory",
-    metavar="MIB",
-    help="Of a FOLDER: memory that a submission may hold, in MiB. [2048]",
-)
-@click.option(
     "--name",
     "stepper_name",
     metavar="NAME",
     help="Of a FOLDER: the function, or FILE.py:NAME in subfolders. [the only one]",
 )
-@click.option(
-    "--rubric",
-    metavar="FILE.toml",
-    type=click.Path(path_type=Path),
-    help="Of a FOLDER: how many points for which checks.",
-)
+@class_options
 @click.option(
     "--template",
     type=click.Choice(TEMPLATES),
@@ -71,7 +61,7 @@ CLASS_TIME_LIMIT = 20.0
 )
 @no_code_option
 @format_option
-@out_option_with("Write the report to FILE; of a FOLDER the grade book to DIR, which resumes.")
+@out_option_with(OUT_OF_CLASSES)
 @click.pass_obj
 def check(
     ended: Ended | None,
@@ -104,10 +94,8 @@ def check(
     checked in a process of its own. The exit code is then 0 if all are right, 1 if some are
     wrong, and 2 if some have no verdict.
     """
-    a_class = step is not None and Path(step).is_dir()
-    path = None
-    if out is not None:
-        path = check_folder("out", out) if a_class else check_writable("out", out)
+    folder = class_folder(step, memory=memory, name=stepper_name, rubric=rubric)
+    path = class_output(out, folder)
     if template is not None:
         from ropeode.steppers.templates import template as text_of
 
@@ -115,11 +103,7 @@ def check(
         return 0
     if step is None:
         raise click.MissingParameter(param_hint="STEP", param_type="argument")
-    for option, given in (("memory", memory), ("name", stepper_name), ("rubric", rubric)):
-        if given is not None and not a_class:
-            fix = "leave it out, or name a folder"
-            raise bad_value(option, str(given), "none but with a FOLDER of submissions", fix)
-    form = format_for(form, None if a_class else path)
+    form = format_for(form, None if folder else path)
     set_up_jax()
     from ropeode.checking.check import (
         TIME_LIMIT,
@@ -131,7 +115,7 @@ def check(
     from ropeode.checking.report import Claims
     from ropeode.render.formats import format_check
 
-    limit = CLASS_TIME_LIMIT if a_class else TIME_LIMIT
+    limit = CLASS_TIME_LIMIT if folder else TIME_LIMIT
     if time_limit is not None:
         limit = check_positive("time_limit", time_limit, example="60")
     claims = checked_claims(
@@ -144,12 +128,22 @@ def check(
         )
     )
 
-    if step is not None and a_class:
-        from ropeode.classroom.command import Asked, check_class
+    arguments = {
+        "expected_order": claims.order,
+        "method": claims.method,
+        "symplectic": claims.symplectic,
+        "reversible": claims.reversible,
+        "conserves_energy": claims.conserves_energy,
+        "only": only,
+        "skip": skip or (),
+        "quick": quick,
+        "time_limit": limit,
+    }
+    if folder is not None:
+        from ropeode.classroom.command import check_class
 
-        mebibytes = check_positive("memory", memory or "2048", example="2048")
-        asked = Asked(claims, only, skip or (), quick, limit, mebibytes)
-        return check_class(Path(step), asked, stepper_name, rubric, form, path)
+        mebibytes = memory_limit(memory)
+        return check_class(folder, arguments, mebibytes, stepper_name, rubric, form, path)
 
     def checked(progress: Progress) -> CheckReport:
         def seen(text: str, fraction: float | None) -> None:
@@ -157,19 +151,7 @@ def check(
             progress(text, fraction)
 
         end_if_nothing_runs(limit)
-        return check_stepper(
-            step,
-            claims.order,
-            method=claims.method,
-            symplectic=claims.symplectic,
-            reversible=claims.reversible,
-            conserves_energy=claims.conserves_energy,
-            only=only,
-            skip=skip or (),
-            quick=quick,
-            time_limit=limit,
-            progress=seen,
-        )
+        return check_stepper(step, **arguments, progress=seen)
 
     if ended is None:
         report = with_progress(checked)

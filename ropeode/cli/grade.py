@@ -7,9 +7,18 @@ from pathlib import Path
 
 import click
 
-from ropeode.cli.job import job_from
-from ropeode.cli.options import OF_RUNS, dt_option, table_options
-from ropeode.terminal.output import format_for, format_option, out_option, put_out
+from ropeode.cli.job import job_from, values_from
+from ropeode.cli.options import (
+    OF_RUNS,
+    OUT_OF_CLASSES,
+    class_folder,
+    class_options,
+    class_output,
+    dt_option,
+    memory_limit,
+    table_options,
+)
+from ropeode.terminal.output import format_for, format_option, out_option_with, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
 from ropeode.validation import bad_value
 
@@ -23,16 +32,19 @@ from ropeode.validation import bad_value
 @click.option(
     "--init", metavar="DIR", type=click.Path(), help="Write a spec and a program to start from."
 )
+@class_options
 @format_option
-@out_option("report")
+@out_option_with(OUT_OF_CLASSES)
 def grade(
     files: tuple[Path, ...],
     dt: list[str] | None,
     order: str | None,
     method: str | None,
     init: str | None,
+    memory: str | None,
+    rubric: Path | None,
     form: str | None,
-    out: Path | None,
+    out: str | None,
     **options: str | None,
 ) -> int:
     """Grade trajectories from any program: does it solve the problem?
@@ -42,9 +54,13 @@ def grade(
     writes a spec, the initial state, a program in C++ and a page that explains them. The exit
     code is 0 if the program is right, 1 if it is wrong, and 2 if the files do not decide that,
     or cannot be graded.
+
+    A FOLDER in place of FILES has a subfolder of such files for each submission. Each is graded
+    in a process of its own, against one reference. The exit code is then 0 if all are right, 1
+    if some are wrong, and 2 if some have no verdict.
     """
     if init is not None:
-        others = files or dt or order or method or out or form
+        others = files or dt or order or method or memory or rubric or out or form
         return _init(init, options, bool(others))
     if not files:
         allowed = "trajectories, one file for each step size"
@@ -52,8 +68,19 @@ def grade(
     if options["problem"] is None and options["reference"] is None:
         fix = "give --problem SPEC; `ropeode grade --init DIR` writes one"
         raise bad_value("problem", "none", "the problem that they solve", fix)
-    chosen = format_for(form, out)
+    folder = class_folder(files[0] if len(files) == 1 else None, memory=memory, rubric=rubric)
+    path = class_output(out, folder)
+    chosen = format_for(form, None if folder else path)
     set_up_jax()
+    if folder is not None:
+        from ropeode.checking.report import Claims
+        from ropeode.classroom.command import grade_class
+
+        spec = values_from(None, options)
+        claims = Claims(order, method)  # type: ignore[arg-type]
+        mebibytes = memory_limit(memory)
+        return grade_class(folder, *spec, dt, claims, mebibytes, rubric, chosen, path)
+
     from ropeode.checking.grade import grade as graded
     from ropeode.render.formats import format_check
 
@@ -69,7 +96,7 @@ def grade(
             **job.spec.asked,
         )
     )
-    put_out(format_check(report, chosen), out)
+    put_out(format_check(report, chosen), path)
     return report.exit_code
 
 

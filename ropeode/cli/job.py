@@ -16,6 +16,18 @@ if TYPE_CHECKING:
 def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
     """The job that a spec file and options describe; options override the file.
 
+    Arguments and errors are those of `values_from`.
+    """
+    from ropeode.study.spec import TableJob
+
+    return TableJob(*values_from(spec, options))
+
+
+def values_from(
+    spec: Path | None, options: Mapping[str, Any]
+) -> tuple[dict[str, Any], Path | None]:
+    """The values of a spec file and of options, and the folder that names of files start from.
+
     Arguments:
         spec: the file, or None; the problem may name one then.
         options: what was typed, by the names that click has for the options of `table_options`.
@@ -23,7 +35,7 @@ def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
     Raises:
         InputError: one line for each value that cannot be used.
     """
-    from ropeode.study.spec import TableJob, read_spec
+    from ropeode.study.spec import read_spec
 
     given, rope = given_values(options)
     if not spec and given.get("problem", "").endswith(".toml"):
@@ -35,4 +47,4 @@ def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
     values |= given
     if rope:
         values["rope"] = {**values.get("rope", {}), **rope}
-    return TableJob(values, folder=None if "problem" in given or not spec else spec.parent)
+    return values, None if "problem" in given or not spec else spec.parent

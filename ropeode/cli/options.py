@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
 
-from ropeode.files import NO_CODE
+from ropeode.files import NO_CODE, check_writable
 from ropeode.terminal.lists import CommaSeparated, split_at_commas
+from ropeode.terminal.output import check_folder
+from ropeode.validation import bad_value, check_positive
 
 
 def _one_or_list(value: str) -> Any:
@@ -125,6 +128,69 @@ no_code_option = click.option(
 
 # What only runs of steppers depend on, not a problem or its reference.
 OF_RUNS = ("steppers", "steps_per_frame", "norm")
+
+
+OUT_OF_CLASSES = "Write the report to FILE; of a FOLDER the grade book to DIR, which resumes."
+# Of commands that take a FOLDER of submissions.
+_OF_CLASSES = (
+    click.option(
+        "--memory",
+        metavar="MIB",
+        help="Of a FOLDER: memory that a submission may hold, in MiB. [2048]",
+    ),
+    click.option(
+        "--rubric",
+        metavar="FILE.toml",
+        type=click.Path(path_type=Path),
+        help="Of a FOLDER: how many points for which checks.",
+    ),
+)
+
+
+def class_options(function: Callable) -> Callable:
+    """Add the options that a FOLDER of submissions has."""
+    for option in reversed(_OF_CLASSES):
+        function = option(function)
+    return function
+
+
+def class_folder(named: str | Path | None, **of_classes: Any) -> Path | None:
+    """The FOLDER of submissions that was named; None if it is something else.
+
+    Arguments:
+        named: what the command is about.
+        of_classes: options that only a FOLDER has, None where they were not given.
+
+    Raises:
+        InputError: one was given without a FOLDER.
+    """
+    if named is not None and os.path.isdir(named):
+        return Path(named)
+    for option, given in of_classes.items():
+        if given is not None:
+            fix = "leave it out, or name a folder"
+            raise bad_value(option, str(given), "none but with a FOLDER of submissions", fix)
+    return None
+
+
+def class_output(out: str | None, folder: Path | None) -> Path | None:
+    """The path of --out: a folder for a FOLDER of submissions, else a file.
+
+    Raises:
+        InputError: it cannot be written to.
+    """
+    if out is None:
+        return None
+    return check_writable("out", out) if folder is None else check_folder("out", out)
+
+
+def memory_limit(given: str | None) -> float:
+    """The memory that a submission may hold, in MiB.
+
+    Raises:
+        InputError: it is no positive number.
+    """
+    return check_positive("memory", given or "2048", example="2048")
 
 
 def table_options(without: Collection[str] = ()) -> Callable[[Callable], Callable]:

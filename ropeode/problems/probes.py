@@ -31,5 +31,5 @@ def free_coordinates(problem: Problem) -> np.ndarray:
     """
     problem.require_mechanics("problem")
     rates = compiled(problem.rhs)
-    slopes = [rates(t, y, problem.args)[1] for t, y in random_states(problem)]
+    slopes = [np.asarray(rates(t, y, problem.args))[1] for t, y in random_states(problem)]
     return np.any(np.asarray(slopes) != 0.0, axis=0)

@@ -12,27 +12,34 @@ from tabulate import tabulate
 from ropeode.render import latex
 from ropeode.render.text_layout import columns, wrapped
 
+_STYLE = """
+:root { color-scheme: light }
+body { font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; padding: 0 1rem;
+  max-width: 72rem; color: #1a1a1a; background: #fff }
+h1 { font-size: 1.6rem; line-height: 1.2 }
+h2 { font-size: 1.2rem }
+h1, h2 { overflow-wrap: anywhere }
+table { border-collapse: collapse; display: block; font-variant-numeric: tabular-nums;
+  margin: 1rem 0; max-width: 100%; overflow-x: auto; width: fit-content }
+th, td { padding: .2rem .7rem; border-bottom: 1px solid #ccc; vertical-align: top }
+td:not(.long) { white-space: nowrap }
+td.long { min-width: 10rem }
+thead th, thead td { border-bottom: 2px solid #444 }
+svg { max-width: 100%; height: auto }
+pre { overflow-x: auto }
+"""
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
-<style>
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; padding: 0 1rem;
-  max-width: 72rem }}
-h1 {{ font-size: 1.6rem; line-height: 1.2 }}
-table {{ border-collapse: collapse; display: block; font-variant-numeric: tabular-nums;
-  margin: 1rem 0; max-width: 100%; overflow-x: auto; width: fit-content }}
-th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ccc; vertical-align: top }}
-svg {{ max-width: 100%; height: auto }}
-td:not(.long) {{ white-space: nowrap }}
-td.long {{ min-width: 10rem }}
-thead th {{ border-bottom: 2px solid #444 }}
-</style>
+<style>{style}</style>
 </head>
 <body>
+<main>
 {body}
+</main>
 </body>
 </html>
 """
@@ -147,7 +154,18 @@ def latex_part(blocks: Sequence[Block]) -> str:
 def html_page(blocks: Sequence[Block]) -> str:
     """A page that needs nothing beside it."""
     title = next(block.text for block in blocks if isinstance(block, Heading))
-    return _PAGE.format(title=html.escape(title), body=html_part(blocks, 1))
+    return page(title, html_part(blocks, 1))
+
+
+def page(title: str, body: str, style: str = "") -> str:
+    """The frame of all pages.
+
+    Arguments:
+        title: as text.
+        body: in HTML, with the heading.
+        style: CSS beside that of all pages.
+    """
+    return _PAGE.format(title=html.escape(title), style=_STYLE + style, body=body.rstrip())
 
 
 def html_part(blocks: Sequence[Block], level: int) -> str:
@@ -172,15 +190,19 @@ def _html_grid(grid: Grid) -> str:
         return f'{words} style="{"; ".join(styles)}"'
 
     def row(tag: str, cells: Sequence[str]) -> str:
+        # A heading without words is none.
+        tags = [tag if cell else "td" for cell in cells]
         inside = "".join(
             f"<{tag}{style(column, cell)}>{html.escape(cell)}</{tag}>"
-            for column, cell in enumerate(cells)
+            for column, (tag, cell) in enumerate(zip(tags, cells, strict=True))
         )
         return f"<tr>{inside}</tr>"
 
     head = row("th", grid.headers)
     body = "\n".join(row("td", cells) for cells in grid.rows)
-    return f"<table>\n<thead>\n{head}\n</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+    # With the keyboard, too, a table can be scrolled that is wider than the page.
+    table = '<table tabindex="0">'
+    return f"{table}\n<thead>\n{head}\n</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
 
 
 def _tabulated(grid: Grid, style: str, cell: Callable[[str], str]) -> str:

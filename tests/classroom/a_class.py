@@ -46,6 +46,10 @@ _BORROWS = """
 from ropeode import as_stepper
 step = as_stepper("semi-implicit-euler")
 """
+_HOARDS = f"""
+import numpy as np
+table = np.ones(2**29)
+{_RIGHT}"""
 CLASS = {
     "borrows": _BORROWS,
     "copied": _COPIED,
@@ -53,6 +57,7 @@ CLASS = {
     "empty": "",
     "exits": _EXITS,
     "hangs": _HANGS,
+    "hoards": _HOARDS,
     "no-function": "def other(x):\n    return x\n",
     "prints": _PRINTS,
     "right": _RIGHT,

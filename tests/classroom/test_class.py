@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import json
 import os
 import signal
@@ -25,6 +26,7 @@ EXPECTED = {
     "empty": ("no stepper", "", "0", "stepper: 'empty.py:step' given"),
     "exits": ("crashed", "wrong", "0", "purity: the step ended its process (exit code 0)"),
     "hangs": ("out of time", "", "0", "step: a trial of a few steps did not finish within 3 s"),
+    "hoards": ("out of memory", "", "0", "it did not finish with 1500 MiB of memory"),
     "no-function": ("no stepper", "", "0", "name in no-function.py: 'step' given"),
     "prints": ("checked", "right", "10", ""),
     "right": ("checked", "right", "10", ""),
@@ -34,26 +36,9 @@ EXPECTED = {
 
 
 @pytest.fixture
-def check(cache, tmp_path):
+def check(ropeode):
     """Run `ropeode check` as a process in an empty folder."""
-
-    def call(*words):
-        return subprocess.run(
-            [sys.executable, "-m", "ropeode", "check", *words],
-            capture_output=True,
-            text=True,
-            timeout=HANGS_AFTER_S,
-            cwd=tmp_path,
-            env={**os.environ, "XDG_CACHE_HOME": cache},
-            check=False,
-        )
-
-    return call
-
-
-def rows_in(folder):
-    with open(folder / "gradebook.csv") as file:
-        return {row["submission"]: row for row in csv.DictReader(file)}
+    return functools.partial(ropeode, "check")
 
 
 def rows_printed(done):
@@ -67,7 +52,8 @@ def test_the_nursery_can_be_forked():
         "warnings.simplefilter('error')\n"
         "import importlib, ropeode.classroom.nursery as nursery\n"
         "nursery.set_up_jax()\n"
-        "for each in nursery._AHEAD: importlib.import_module(each)\n"
+        "for kind in nursery._KINDS.values():\n"
+        "    for each in kind.ahead: importlib.import_module(each)\n"
         "assert threading.active_count() == 1, threading.enumerate()\n"
         # JAX warns here where it has begun.
         "child = os.fork()\n"
@@ -84,7 +70,7 @@ def test_the_nursery_can_be_forked():
         (["right.py", "--name", "step"], "name: 'step' given; allowed: none but with a FOLDER"),
         (["right.py", "--memory", "100"], "memory: '100' given"),
         (["none", "--rubric", "x.toml"], "rubric: 'x.toml' given"),
-        ([".", "--format", "latex"], "format: 'latex' given; allowed: text or csv"),
+        ([".", "--format", "latex"], "format: 'latex' given; allowed: text, csv, json"),
         ([".", "--rubric", "bad.toml"], "rubric: item[1].points: 'many' given"),
         ([".", "--memory", "-1"], "memory: '-1' given"),
         ([".", "-o", "right.py"], "out: 'right.py' given"),
@@ -104,9 +90,10 @@ def test_options_that_cannot_be_used(run, tmp_path, monkeypatch, words, says):
 
 
 @pytest.mark.slow
-def test_each_submission_has_its_row_and_are_not_checked_again(check, tmp_path):
+def test_each_submission_has_its_row_and_is_not_checked_again(check, rows_in, tmp_path):
     folder = a_class.write(tmp_path / "class")
-    words = ("class", "--name", "step", "--order", "1", "--time-limit", "3", "-o", "out")
+    limits = ("--time-limit", "3", "--memory", "1500")
+    words = ("class", "--name", "step", "--order", "1", *limits, "-o", "out")
     done = check(*words)
     rows = rows_in(tmp_path / "out")
     assert done.returncode == 2

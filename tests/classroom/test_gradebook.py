@@ -5,22 +5,26 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
+import json
+import re
+from pathlib import Path
 
 import pytest
 
-from ropeode.classroom.gradebook import as_csv, as_text, exit_code, grade_book
+from ropeode.classroom.gradebook import as_csv, as_json, as_text, exit_code, grade_book
 from ropeode.classroom.order_plot import order_plot
 from ropeode.classroom.outcome import Outcome, keep, kept
 from ropeode.classroom.pages import write_pages
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission
 
+PAGE = (Path(__file__).parents[2] / "docs/howto/classroom.md").read_text()
 RUBRIC = (Item("runs", 2.0), Item("pins", 3.0, ("pins",)))
 RIGHT = Outcome("anna", "checked", "right", 1.98, findings={"pins": "pass"}, behaviour="one")
 
 
 def rows_of(*outcomes):
-    submissions = [Submission(each.name, f"{each.name}.py", "", "") for each in outcomes]
+    submissions = [Submission(each.name, (f"{each.name}.py",), "", "") for each in outcomes]
     return grade_book(submissions, outcomes, RUBRIC)
 
 
@@ -61,6 +65,20 @@ def test_the_csv_is_for_spreadsheets():
     assert second[5] == 'a "b", c'
 
 
+def test_the_json_is_for_programs():
+    wrong = other("bert", verdict="wrong", order=None, findings={"pins": "fail"}, message="ä")
+    book = json.loads(as_json(rows_of(RIGHT, wrong, other("c", status="x", verdict="")), RUBRIC))
+    assert book["items"] == [{"name": "runs", "points": 2.0}, {"name": "pins", "points": 3.0}]
+    first, second, third = book["submissions"]
+    assert (first["points"], first["earned"], first["order"]) == (5.0, [2.0, 3.0], 1.98)
+    assert (second["earned"], second["order"], second["message"]) == ([2.0, 0.0], None, "ä")
+    assert (third["verdict"], third["earned"], third["status"]) == (None, [0.0, 0.0], "x")
+    # Every key is documented.
+    for each in (book, first):
+        assert all(f"`{key}`" in PAGE for key in each)
+    assert f"`{book['schema']}`" in PAGE
+
+
 def test_the_text_fits_a_terminal():
     text = as_text(rows_of(other("a" * 60, message="b" * 200, status="out of memory")), RUBRIC)
     assert max(map(len, text.splitlines())) == 80
@@ -94,15 +112,39 @@ def quantities(errors, observed):
     return {"position": {"errors": errors, "observed": observed}}
 
 
+CONVERGENCE = {
+    "dt": [0.1, 0.05, 0.025, 0.0125],
+    "expected": 2,
+    "quantities": quantities([None, 4e-2, 1e-2, 0.0], 2.0),
+}
+
+
 def test_the_order_plot_has_a_mark_for_each_error():
-    convergence = {
-        "dt": [0.1, 0.05, 0.025, 0.0125],
-        "expected": 2,
-        "quantities": quantities([None, 4e-2, 1e-2, 0.0], 2.0),
-    }
-    drawn = order_plot("order-free", convergence)
+    drawn = order_plot("order-free", CONVERGENCE)
     # One more stands beside its name.
     assert drawn.count("<circle") == 2 + 1
     assert "dashed: order 2" in drawn
     assert "position: order 2.00" in drawn
-    assert order_plot("x", {**convergence, "quantities": quantities([None] * 4, None)}) == ""
+    none = {**CONVERGENCE, "quantities": quantities([None] * 4, None)}
+    assert order_plot("x", none) == ""
+    assert "dashed" not in order_plot("x", {**CONVERGENCE, "expected": None})
+
+
+def test_the_dashed_line_is_that_of_the_expected_order():
+    """Errors of order 2 lie on it, and all of it is in the picture."""
+    (line,) = re.findall(r"<line [^>]*stroke-dasharray[^>]*>", order_plot("x", CONVERGENCE))
+    (points,) = re.findall(r'points="([^"]*)"', order_plot("x", CONVERGENCE))
+    x1, y1, x2, y2 = re.findall(r'[xy][12]="([^"]*)"', line)
+    assert {f"{x1},{y1}", f"{x2},{y2}"} == {*points.split()}
+    flat = {**CONVERGENCE, "quantities": quantities([1.0] * 4, 0.0)}
+    (line,) = re.findall(r"<line [^>]*stroke-dasharray[^>]*>", order_plot("x", flat))
+    (low,) = re.findall(r'y2="([^"]*)"', line)
+    assert 0.0 < float(low) < 270.0 - 42.0
+
+
+def test_the_picture_is_that_of_the_check_that_failed(tmp_path):
+    orders = {"order-damped": CONVERGENCE, "order-free": CONVERGENCE}
+    findings = {"order-damped": "pass", "order-free": "fail"}
+    write_pages(rows_of(other("anna", orders=orders, findings=findings)), RUBRIC, tmp_path)
+    assert "Errors over step sizes, order-free" in (tmp_path / "gradebook.html").read_text()
+    assert "<h2>Errors: order-free</h2>" in (tmp_path / "feedback/anna.html").read_text()

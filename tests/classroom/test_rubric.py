@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ropeode.checking.checks import CHECKS
-from ropeode.classroom.rubric import DEFAULT, Item, read_rubric
+from ropeode.classroom.rubric import DEFAULTS, OF_FILES, OF_STEPPERS, Item, read_rubric
 from ropeode.errors import InputError
 
 PAGE = Path(__file__).parents[2] / "docs/howto/classroom.md"
@@ -16,16 +15,27 @@ PAGE = Path(__file__).parents[2] / "docs/howto/classroom.md"
 def rubric(tmp_path, text):
     path = tmp_path / "rubric.toml"
     path.write_text(text)
-    return read_rubric(path)
+    return read_rubric(path, OF_STEPPERS)
 
 
-def test_the_default_gives_ten_points_and_is_documented():
-    items = read_rubric(None)
+@pytest.mark.parametrize(
+    ("checks", "points"), [(OF_STEPPERS, [2.0, 4.0, 2.0, 2.0]), (OF_FILES, [2.0, 6.0, 2.0])]
+)
+def test_the_default_gives_ten_points_and_is_documented(checks, points):
+    items = read_rubric(None, checks)
     assert sum(item.points for item in items) == 10.0
-    assert items[-1].checks == tuple(CHECKS)
-    assert f"```toml\n{DEFAULT}```" in PAGE.read_text()
-    all_right = dict.fromkeys(CHECKS, "pass")
-    assert [item.earned(all_right) for item in items] == [2.0, 4.0, 2.0, 2.0]
+    assert items[-1].checks == checks
+    assert f"```toml\n{DEFAULTS[checks]}```" in PAGE.read_text()
+    all_right = dict.fromkeys(checks, "pass")
+    assert [item.earned(all_right) for item in items] == points
+
+
+def test_checks_are_those_of_the_command(tmp_path):
+    path = tmp_path / "rubric.toml"
+    path.write_text(ITEM + 'checks = ["initial-state"]\n')
+    assert read_rubric(path, OF_FILES)[0].checks == ("initial-state",)
+    with pytest.raises(InputError, match="initial-state' given"):
+        read_rubric(path, OF_STEPPERS)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ropeode.classroom.submissions import submissions_in
+from ropeode.classroom.submissions import stepper_submissions, trajectory_submissions
 from ropeode.errors import InputError
 
 
@@ -26,45 +26,45 @@ def folder(tmp_path):
 
 
 def by_name(folder, name=None):
-    return {each.name: each for each in submissions_in(folder, name)}
+    return {each.name: each for each in stepper_submissions(folder, name)}
 
 
 def test_a_file_or_a_subfolder_with_one_file(folder):
     found = by_name(folder)
     assert list(found) == ["anna", "bert", "carla", "dora"]
-    assert found["anna"].where == "anna.py"
-    assert found["bert"].where == "bert/mine.py"
-    assert found["carla"].where is None
+    assert found["anna"].where == ("anna.py",)
+    assert found["bert"].where == ("bert/mine.py",)
+    assert found["carla"].where == ()
     assert "a.py, b.py" in found["carla"].trouble
     assert "no Python file" in found["dora"].trouble
 
 
 def test_a_name_says_which_function_and_which_file(folder):
-    assert by_name(folder, "verlet")["bert"].where == "bert/mine.py:verlet"
+    assert by_name(folder, "verlet")["bert"].where == ("bert/mine.py:verlet",)
     found = by_name(folder, "b.py:verlet")
-    assert found["carla"].where == "carla/b.py:verlet"
-    assert found["anna"].where == "anna.py:verlet"
+    assert found["carla"].where == ("carla/b.py:verlet",)
+    assert found["anna"].where == ("anna.py:verlet",)
     assert "no file b.py" in found["bert"].trouble
     for name in ("b.py", "verlet()", "b.txt:verlet", ""):
         with pytest.raises(InputError, match="name:"):
-            submissions_in(folder, name)
+            stepper_submissions(folder, name)
 
 
 def test_a_folder_without_submissions(tmp_path):
     (tmp_path / "notes.txt").write_text("")
     with pytest.raises(InputError, match="has none"):
-        submissions_in(tmp_path)
+        stepper_submissions(tmp_path)
 
 
 def test_the_grade_book_may_lie_among_them(folder):
-    names = [each.name for each in submissions_in(folder, without=folder / "dora")]
+    names = [each.name for each in stepper_submissions(folder, without=folder / "dora")]
     assert names == ["anna", "bert", "carla"]
 
 
 def test_what_cannot_be_read_has_a_row(folder):
     (folder / "emil.py").symlink_to("nowhere.py")
     found = by_name(folder)["emil"]
-    assert found.where is None
+    assert found.where == ()
     assert "emil.py cannot be read (No such file" in found.trouble
 
 
@@ -94,4 +94,45 @@ def test_a_file_and_a_folder_of_one_name_have_two(folder):
     (folder / "anna").mkdir()
     (folder / "anna/step.py").write_text("")
     found = by_name(folder)
-    assert (found["anna"].where, found["anna.py"].where) == ("anna/step.py", "anna.py")
+    assert (found["anna"].where, found["anna.py"].where) == (("anna/step.py",), ("anna.py",))
+
+
+@pytest.fixture
+def trajectories(tmp_path):
+    for name in (
+        "anna/32.csv",
+        "anna/64.CSV",
+        "anna/data/16.npz",
+        "anna/__MACOSX/32.csv",
+        "anna/.cache/8.nc",
+        "anna/rope.cpp",
+        "bert/notes.txt",
+        "_solution/32.csv",
+        "loose.csv",
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    return tmp_path
+
+
+def test_a_subfolder_of_trajectories(trajectories):
+    anna, bert = trajectory_submissions(trajectories)
+    assert (anna.name, anna.where) == ("anna", ("anna/32.csv", "anna/64.CSV", "anna/data/16.npz"))
+    assert (bert.name, bert.where) == ("bert", ())
+    assert "no file in the folder bert that ends in .csv, .npz, .nc" in bert.trouble
+    assert [each.name for each in trajectory_submissions(trajectories, trajectories / "anna")] == [
+        "bert"
+    ]
+
+
+def test_the_digest_is_that_of_the_trajectories(trajectories):
+    (before, _) = trajectory_submissions(trajectories)
+    (trajectories / "anna/rope.cpp").write_text("mended")
+    assert trajectory_submissions(trajectories)[0].digest == before.digest
+    (trajectories / "anna/data/16.npz").write_text("computed again")
+    assert trajectory_submissions(trajectories)[0].digest != before.digest
+
+
+def test_files_of_one_program_are_no_class(trajectories):
+    with pytest.raises(InputError, match=r"as in `ropeode grade mine/\*.csv`"):
+        trajectory_submissions(trajectories / "bert")

@@ -1,0 +1,74 @@
+"""The grade book in Chromium: sorted by a click, without a fault that axe-core finds."""
+
+from __future__ import annotations
+
+import pytest
+
+from ropeode.classroom.gradebook import grade_book
+from ropeode.classroom.outcome import Outcome
+from ropeode.classroom.pages import write_pages
+from ropeode.classroom.rubric import Item
+from ropeode.classroom.submissions import Submission
+
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+from tests.laboratory.browser.conftest import axe, chromium, needs_chromium, page  # noqa: F401
+from tests.laboratory.browser.test_accessibility import VIOLATIONS
+
+ORDERS = {
+    "order": {
+        "dt": [0.1, 0.05, 0.025],
+        "expected": 2,
+        "quantities": {"position": {"errors": [4e-2, 2e-2, 1e-2], "observed": 1.0}},
+    }
+}
+REPORT = '<table tabindex="0"><tr><td class="long">words</td></tr></table>'
+
+
+@pytest.fixture
+def book(tmp_path):
+    outcomes = [
+        Outcome("anna", "checked", "right", 2.0, findings={"order": "pass"}, orders=ORDERS),
+        Outcome("bert", "out of time", message="it did not finish " * 20),
+        Outcome("carla", "checked", "wrong", 10.0, findings={"order": "fail"}, page=REPORT),
+        Outcome("dora", "checked", "undetermined", -0.5, findings={"order": "undetermined"}),
+    ]
+    submissions = [Submission(each.name, (), "", "") for each in outcomes]
+    rubric = (Item("runs", 2.0), Item("order", 8.0, ("order",)))
+    write_pages(grade_book(submissions, outcomes, rubric), rubric, tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+def test_nothing_hinders_a_reader(page, book, axe, width):  # noqa: F811
+    page.set_viewport_size({"width": width, "height": 900})
+    for name in ("gradebook", "feedback/anna", "feedback/bert", "feedback/carla"):
+        page.goto(f"file://{book / name}.html")
+        page.evaluate(axe)
+        assert page.evaluate(VIOLATIONS) == [], name
+        # Wide tables scroll by themselves.
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+    page.goto(f"file://{book / 'gradebook.html'}")
+    # On a phone, too, the points are seen at once.
+    box = page.get_by_role("button", name="points").bounding_box()
+    assert box["x"] + box["width"] <= width
+
+
+def test_a_click_sorts(page, book):  # noqa: F811
+    page.goto(f"file://{book / 'gradebook.html'}")
+
+    def names():
+        return page.locator("tbody tr td:first-child").all_text_contents()
+
+    order = page.get_by_role("button", name="order")
+    order.click()
+    # As numbers; what has none comes last.
+    assert names() == ["dora", "anna", "carla", "bert"]
+    assert order.locator("..").get_attribute("aria-sort") == "ascending"
+    order.click()
+    assert names() == ["carla", "anna", "dora", "bert"]
+    page.get_by_role("button", name="submission").click()
+    assert names() == ["anna", "bert", "carla", "dora"]
+    assert order.locator("..").get_attribute("aria-sort") is None
+    page.get_by_role("link", name="anna").click()
+    assert page.get_by_role("heading", level=1).text_content() == "anna"
+    assert page.get_by_role("img").get_attribute("aria-label") == "Errors over step sizes, order"

@@ -1,0 +1,123 @@
+"""What a submission does to its process reaches no other, and what is done is not done again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from ropeode.classroom.outcome import Outcome
+from ropeode.classroom.running import Class
+from ropeode.classroom.steppers import Steppers
+from ropeode.classroom.submissions import Submission
+
+# Without checks, which take longer than what is tested here.
+NURSERY = """
+import os, signal, time
+from ropeode.classroom import nursery
+from ropeode.classroom.asked import Asked, Limits
+from ropeode.errors import RopeodeError
+
+class Harm(Asked):
+    refused, ahead = "refused", ()
+    limits = Limits(1, 8.0, 1500.0)
+
+    def report(self, where, folder, scratch, say):
+        say("harm")
+        exec(where[0])
+        raise RopeodeError(f"it lives, in {len(os.listdir())} files")
+
+nursery._KINDS["Harm"] = Harm
+nursery.main()
+"""
+FORGED = json.dumps(["outcome", {"name": "forges", "status": "checked", "verdict": "right"}])
+# By the harm: the limit that it breaks, or how its process ended; or that it has its outcome.
+HARM = {
+    "pass": "raised",
+    "open('left', 'w')": "raised",
+    "for n in range(3, 99):\n try: os.write(n, b'[1]\\n{')\n except OSError: pass": "raised",
+    "while True: pass": "processor",
+    "time.sleep(1000)": "wall",
+    "hoard = bytearray(2**31)": "memory",
+    "os._exit(7)": "ended its process (exit code 7)",
+    "os.kill(os.getpid(), signal.SIGSEGV)": "ended its process (SIGSEGV)",
+    # A signal takes its time.
+    "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": "killed its parent process (SIGKILL)",
+    "os.kill(0, signal.SIGKILL)": "killed its parent process (SIGKILL)",
+    # Whatever it says of itself.
+    f"for n in range(3, 99):\n try: os.write(n, b'{FORGED}\\n')\n except OSError: pass\n"
+    "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": "killed its parent process (SIGKILL)",
+}
+
+
+def test_harm_reaches_no_other(tmp_path):
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    told = {
+        "kind": "Harm",
+        "asked": {"memory_mib": 1500.0},
+        # The last one begins when the others have done what they do.
+        "submissions": [*((harm, [harm]) for harm in HARM), ("last", ["pass"])],
+        "folder": str(tmp_path),
+        "scratch": str(scratch),
+        "workers": 4,
+    }
+    command = [sys.executable, "-c", NURSERY]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(json.dumps(told) + "\n")
+        process.stdin.flush()
+        events = {each["name"]: each for each in map(json.loads, process.stdout)}
+    found = {
+        name: (event["outcome"] or {}).get("status") or event["limit"] or event["how"]
+        for name, event in events.items()
+    }
+    assert found == {**HARM, "last": "raised"}
+    # What another one has written is in a folder of its own.
+    assert events["last"]["outcome"]["message"] == "it lives, in 0 files"
+    assert all(event["during"] == "harm" for event in events.values())
+    assert not scratch.exists()
+
+
+@pytest.fixture
+def examined(monkeypatch):
+    """The names of submissions that were examined; nothing is done with them."""
+    names = []
+
+    def instead(self, submissions):
+        for each in submissions:
+            names.append(each.name)
+            yield Outcome(each.name, "checked", "right")
+
+    monkeypatch.setattr(Class, "_examined", instead)
+    return names
+
+
+def test_what_is_done_is_kept_for_the_same_question(tmp_path, examined):
+    submissions = [Submission(name, (f"{name}.py",), "", "one") for name in ("anna", "bert")]
+    submissions.append(Submission("carla", (), "there is no Python file", "one"))
+
+    def outcomes(submissions=submissions, memory=1.0, **check):
+        examined.clear()
+        own = Class(tmp_path, submissions, Steppers(memory, check), tmp_path / "results")
+        return {each.name: each.status for each in own.outcomes(lambda text, done: None)}
+
+    assert outcomes() == {"anna": "checked", "bert": "checked", "carla": "no stepper"}
+    assert examined == ["anna", "bert"]
+    assert outcomes()["anna"] == "checked"
+    assert examined == []
+    outcomes([submissions[0], submissions[1]._replace(digest="two")])
+    assert examined == ["bert"]
+    outcomes([submissions[0]._replace(where=("anna.py:verlet",))])
+    assert examined == ["anna"]
+    for changed in ({"memory": 2.0}, {"quick": True}):
+        outcomes(**changed)
+        assert examined == ["anna", "bert"]
+    shutil.rmtree(tmp_path / "results")
+    outcomes()
+    assert examined == ["anna", "bert"]
