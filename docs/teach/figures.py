@@ -78,6 +78,9 @@ def slide(figure: Figure, title: str) -> Figure:
         legend.remove()
         shown = [(h, narrow(text)) for h, text in zip(handles, texts, strict=True) if text]
         figure.legend(*zip(*shown, strict=True), loc="outside right center", handlelength=1.6)
+    for legend in filter(None, (axes.get_legend() for axes in figure.axes)):
+        for text in legend.get_texts():
+            text.set_fontsize(STYLE["legend.fontsize"])
     return figure
 
 
