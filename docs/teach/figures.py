@@ -214,7 +214,8 @@ def local_and_global() -> Figure:
             rows = [row for table in tables for row in table.rows if row.stepper == name]
             points = [(row.dt, row.error_max) for row in rows if row.error_max is not None]
             colour, marker = stepper_style(index)
-            slope = np.polyfit(*np.log(points[1:]).T, 1)[0]
+            log_dt, log_error = np.log(points[1:]).T
+            slope = np.polyfit(log_dt, log_error, 1)[0]
             look = {"color": colour, "marker": marker, "markersize": 4}
             axes.plot(*zip(*points, strict=True), label=f"{name}, slope {slope:.1f}", **look)
         axes.set(xlabel="dt [frames]", title=words, ylim=(1e-16, 10.0), yscale="log")
