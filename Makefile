@@ -6,6 +6,7 @@
 # make recording  what the lab plays while Python starts (a minute)
 # make pictures  the lab's scenes in the documentation (ten minutes; needs Chromium)
 # make site    the documentation as a site, in build/site, and a look at it (three minutes)
+# make figures  the figures of the slides, as SVG (a minute or two)
 # make docs    the computed parts of the documentation (ten minutes or so)
 # make lowest  the fast tests with the lowest versions that pyproject.toml allows (Python 3.11)
 # make old-releases  wrong and mended releases of other packages (Python 3.11 or 3.12; minutes)
@@ -22,7 +23,7 @@ PYTEST := $(VENV)/bin/python -m pytest -n auto --dist loadfile
 # Tests start many processes, each of which would compile this package again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: table test test-all site lowest check check-page docs references recording pictures old-releases clean
+.PHONY: table test test-all site lowest check check-page docs references recording pictures figures old-releases clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -60,6 +61,9 @@ recording: $(VENV)/.installed-dev
 
 pictures: $(VENV)/.installed-dev
 	$(VENV)/bin/python -m tools.scene_pictures
+
+figures: $(VENV)/.installed-dev
+	$(VENV)/bin/python -m docs.teach.figures figures
 
 docs: $(VENV)/.installed-dev
 	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -rl --include='*.md' '\[\[\[cog' . ../CONTRIBUTING.md)

@@ -1,0 +1,38 @@
+"""Assignment 3: springs as constraints, stable at any step size.
+
+Check it with: ropeode check solution.py --method diffrax:ImplicitEuler --skip node-order
+"""
+
+import numpy as np
+
+SWEEPS = 4
+
+
+def step(acceleration, t, x, v, dt, args):
+    """Positions and velocities dt later."""
+    inverse_mass = args.free / args.mass
+    # Predict: gravity and damping move the nodes as if there were no springs.
+    v = v + dt * args.free[:, None] * args.gravity.ravel()
+    v = v / (1 + dt * inverse_mass * args.damping)[:, None]
+    x_new = x + dt * v
+    # Correct: each spring in turn moves its two ends.
+    impulse = np.zeros(len(x) - 1)
+    for _ in range(SWEEPS):
+        for s in range(len(x) - 1):
+            correct(x_new, impulse, s, dt, inverse_mass, args)
+    return x_new, (x_new - x) / dt
+
+
+def correct(x_new, impulse, s, dt, inverse_mass, args):
+    """Move the ends of spring s in x_new, and add to impulse[s] how much it has pulled."""
+    d = x_new[s + 1] - x_new[s]
+    length = np.sqrt(d @ d)
+    first, second = inverse_mass[s], inverse_mass[s + 1]
+    if length == 0 or first + second == 0:
+        return
+    excess = length - args.rest_length[s]
+    softness = 1 / (args.stiffness[s] * dt**2)
+    change = (excess - softness * impulse[s]) / (first + second + softness)
+    impulse[s] += change
+    x_new[s] += first * change * d / length
+    x_new[s + 1] -= second * change * d / length

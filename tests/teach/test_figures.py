@@ -1,0 +1,90 @@
+"""The figures of the slides: letters that are legible from the back row, and nothing cut off."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import matplotlib
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from docs.teach.figures import FIGURES, SLIDE, narrow, write
+from ropeode.errors import InputError
+from ropeode.precision import in_float64
+from ropeode.progress import silent
+from ropeode.render.plots.style import STYLE
+
+# In points; those of a slide that is 13.33 inches wide are 2.5 times as large.
+SMALLEST = 8.0
+# Pure numbers and counts.
+WITHOUT_UNIT = {"Im z", "Re z,  z = dt λ", "dt ω", "factor per step", "steps per frame"}
+CHEAP = "amplification"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name == CHEAP else pytest.param(name, marks=pytest.mark.slow) for name in FIGURES],
+)
+def test_a_slide_is_legible_and_whole(name):
+    with matplotlib.rc_context(STYLE):
+        figure = in_float64(FIGURES[name])()
+        assert tuple(figure.get_size_inches()) == SLIDE
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        drawn = figure.get_tightbbox(canvas.get_renderer())
+    assert drawn.x0 >= -0.01
+    assert drawn.y0 >= -0.01
+    assert drawn.x1 <= SLIDE[0] + 0.01
+    assert drawn.y1 <= SLIDE[1] + 0.01
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes)]
+    texts = [text for legend in legends if legend for text in legend.get_texts()]
+    labels = []
+    for axes in figure.axes:
+        labels += [axes.xaxis.label, axes.yaxis.label]
+        texts += [*axes.get_xticklabels(), *axes.get_yticklabels(), axes.title]
+    for label in labels:
+        words = label.get_text()
+        assert not words or words in WITHOUT_UNIT or "[" in words or "frame" in words, words
+    assert all(text.get_fontsize() >= SMALLEST for text in [*texts, *labels])
+
+
+def test_figures_are_written_whole_and_the_same_again(tmp_path):
+    write(tmp_path / "a", [CHEAP], silent)
+    write(tmp_path / "b", [CHEAP], silent)
+    (made,) = (tmp_path / "a").iterdir()
+    assert made.name == f"{CHEAP}.svg"
+    assert made.read_bytes() == (tmp_path / "b" / made.name).read_bytes()
+    root = ElementTree.parse(made).getroot()
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    # Letters are paths: no font has to be there.
+    assert not list(root.iter("{http://www.w3.org/2000/svg}text"))
+
+
+def test_a_figure_that_there_is_not_is_refused_with_those_that_there_are(tmp_path):
+    with pytest.raises(InputError, match=f"figure: 'energie' given; allowed: .*{CHEAP}"):
+        write(tmp_path / "a", ["energie"], silent)
+    assert not (tmp_path / "a").exists()
+
+
+def test_the_page_names_each_figure():
+    page = (Path(__file__).parents[2] / "docs/teach/index.md").read_text()
+    assert all(f"`{name}`" in page for name in FIGURES)
+
+
+@pytest.mark.parametrize(
+    ("label", "lines"),
+    [
+        ("rk4: order 3.982 [3.954, 4.036]", ["rk4:", "order 3.982 [3.954, 4.036]"]),
+        (
+            "stormer-verlet:start=rest,damping=per-step: does not converge",
+            ["stormer-verlet:start=rest,", "damping=per-step:", "does not converge"],
+        ),
+        (
+            "below 1.1e-10,\n10 × the reference's bound",
+            ["below 1.1e-10, 10 × the", "reference's bound"],
+        ),
+    ],
+)
+def test_labels_have_short_lines(label, lines):
+    assert narrow(label).splitlines() == lines
