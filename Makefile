@@ -50,6 +50,7 @@ pictures: $(VENV)/.installed-dev
 	$(VENV)/bin/python -m tools.scene_pictures
 
 docs: $(VENV)/.installed-dev
+	$(VENV)/bin/python -m tools.json_schemas
 	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -rl --include='*.md' '\[\[\[cog' . ../README.md ../CONTRIBUTING.md)
 
 references: $(VENV)/.installed-dev

@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from lookup import table
 from PIL import Image
 from studies.growth import growth_scan
 from studies.local_errors import local_errors, propagated
@@ -28,7 +29,6 @@ from studies.plots import (
 from studies.projection_sweeps import sweep_study
 from studies.rest_time import rest_times
 from studies.tension_lag import predicted_by_lag
-from tabulate import tabulate
 
 from ropeode import (
     InextensibleRope,
@@ -62,14 +62,6 @@ LATE = (256, 512)
 DAMPINGS = (0.0, 0.001, 0.01, 0.1)
 # Pictures of the lab, as tools/scene_pictures.py puts them together.
 OF_A_SHEET = 6
-
-
-def table(headers: list[str], rows: list[list[str]], words: int | set[int] = 0) -> str:
-    """A Markdown table; columns of words (the first ones, or those named) to the left."""
-    left = set(range(words)) if isinstance(words, int) else words
-    align = ["left" if column in left else "right" for column in range(len(headers))]
-    cells = [[cell.replace("|", r"\|") for cell in row] for row in rows]
-    return tabulate(cells, headers, tablefmt="pipe", disable_numparse=True, colalign=align)
 
 
 def picture(figure, name: str, words: str) -> str:

@@ -22,6 +22,7 @@ from ropeode.classroom.outcome import Outcome
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
 from ropeode.precision import in_float64
 from ropeode.render import check as of_check
+from ropeode.render.data import plain
 from ropeode.render.markup import Block, Code, Heading, Paragraph, html_part, markdown
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
@@ -86,7 +87,7 @@ def outcome_of(name: str, report: CheckReport, status: str = "checked", **more: 
         page=html_part(blocks, _LEVEL),
         text=markdown(blocks, _LEVEL),
         orders={
-            each["check"]: each["convergence"]
+            each["check"]: plain(each["convergence"])
             for each in of_check.as_dict(report)["findings"]
             if each["convergence"] is not None
         },
