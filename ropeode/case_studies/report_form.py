@@ -19,7 +19,8 @@ class ReadingForm(TypedDict):
         verdict: on the claim.
         verdict_of_mirror_image: on the claim, for the rope drawn to the right.
         mirror_image_identical: whether that rope did the same to the last bit, mirrored.
-        motion: what the rope did, in one word.
+        motion: what the rope did, in one word: `diverges`, `settles`, `settles_without_swinging` or
+            `never_settles`.
         diverged_at: the first frame that is not finite or has a spring too long.
         settled_at: the frame from which on it was at rest.
         unsettled_at: the frame at which it left that rest.
@@ -63,7 +64,7 @@ class FigureForm(TypedDict):
         steps_per_frame: as the report has it.
         damping: as the report has it.
         num_nodes: as the report has it.
-        claim: what the report sees in it, as one word.
+        claim: what the report sees in it, as one word: those of `motion`, `swings` or `drawn`.
         words: what the report sees in it.
         measured: what was seen, in words.
         verdict: `holds`, `does not hold`, `holds until frame N` or, with too few `--frames`,
