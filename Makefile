@@ -66,6 +66,7 @@ figures: $(VENV)/.installed-dev
 	$(VENV)/bin/python -m docs.teach.figures figures
 
 docs: $(VENV)/.installed-dev
+	$(VENV)/bin/python -m tools.json_schemas
 	cd docs && ../$(VENV)/bin/cog -P -r -I . $$(grep -rl --include='*.md' '\[\[\[cog' . ../CONTRIBUTING.md)
 
 references: $(VENV)/.installed-dev

@@ -16,6 +16,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from lookup import table
 from PIL import Image
 from studies.falling_ropes import FPS, falling_ropes, film_of_ropes
 from studies.growth import growth_scan
@@ -33,7 +34,6 @@ from studies.projection_sweeps import sweep_study
 from studies.rest_time import rest_times
 from studies.tension_lag import predicted_by_lag
 from studies.three_verlets import plot_three_verlets, three_verlets
-from tabulate import tabulate
 
 import ropeode
 from ropeode import (
@@ -71,14 +71,6 @@ DAMPINGS = (0.0, 0.001, 0.01, 0.1)
 GROWN = (1024, 4096, 16384, 65536)
 # Pictures of the lab, as tools/scene_pictures.py puts them together.
 OF_A_SHEET = 6
-
-
-def table(headers: list[str], rows: list[list[str]], words: int | set[int] = 0) -> str:
-    """A Markdown table; columns of words (the first ones, or those named) to the left."""
-    left = set(range(words)) if isinstance(words, int) else words
-    align = ["left" if column in left else "right" for column in range(len(headers))]
-    cells = [[cell.replace("|", r"\|") for cell in row] for row in rows]
-    return tabulate(cells, headers, tablefmt="pipe", disable_numparse=True, colalign=align)
 
 
 def picture(figure, name: str, words: str) -> str:

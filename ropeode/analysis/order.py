@@ -51,7 +51,13 @@ _FINER, _COARSER = 0.5, 2.0
 
 @dataclasses.dataclass(frozen=True)
 class LeftOut:
-    """A step size that was not used, and why."""
+    """A step size that was not used.
+
+    Arguments:
+        dt: the step size.
+        reason: `unstable`, `below the reference's bound`, `round-off`, `pre-asymptotic` or `too
+            few to fit`.
+    """
 
     dt: float
     reason: str

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any
+from typing import Any, Literal
 
 from ropeode.case_studies.claims import FAILS, HOLDS, TOO_SHORT, predicted
 from ropeode.case_studies.comparisons import Compared
 from ropeode.case_studies.report import FigureResult, Reading, Report
+from ropeode.case_studies.report_form import FigureForm, ReadingForm, ReportForm
 from ropeode.render.formats import formats_of, formatted
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.text_layout import wrapped
 from ropeode.validation import check_kind
 
-SCHEMA = "ropeode.report/1"
+SCHEMA: Literal["ropeode.report/1"] = "ropeode.report/1"
 TITLE = "The published rope report, run again"
 
 _HEADERS = ("figure", "stepper", "steps/frame", "damping", "claim", "verdict")
@@ -174,8 +174,8 @@ def _numbers(compared: Compared) -> str:
     return ", ".join(str(number) for number in compared.comparison.figures)
 
 
-def as_dict(report: Report) -> dict[str, Any]:
-    """The report as nested plain values, schema `ropeode.report/1`."""
+def as_dict(report: Report) -> ReportForm:
+    """The report in its JSON form."""
     return {
         "schema": SCHEMA,
         "figures": [_figure(each) for each in report.figures],
@@ -188,17 +188,13 @@ def as_dict(report: Report) -> dict[str, Any]:
             }
             for each in report.comparisons
         ],
-        "thresholds": dataclasses.asdict(report.thresholds),
-        "sensitive_to_thresholds": [
-            dataclasses.asdict(each) for each in report.sensitive_to_thresholds
-        ],
-        "sensitive_to_rounding": [
-            dataclasses.asdict(each) for each in report.sensitive_to_rounding
-        ],
+        "thresholds": report.thresholds,
+        "sensitive_to_thresholds": list(report.sensitive_to_thresholds),
+        "sensitive_to_rounding": list(report.sensitive_to_rounding),
     }
 
 
-def _figure(each: FigureResult) -> dict[str, Any]:
+def _figure(each: FigureResult) -> FigureForm:
     figure = each.figure
     first = _reading(each.readings[0]) if each.readings else {}
     return {
@@ -219,7 +215,7 @@ def _figure(each: FigureResult) -> dict[str, Any]:
     }
 
 
-def _reading(reading: Reading) -> dict[str, Any]:
+def _reading(reading: Reading) -> ReadingForm:
     motion, growth = reading.motion, reading.growth
     return {
         "meaning": reading.meaning,
@@ -248,8 +244,9 @@ def as_lines(report: Report) -> list[dict[str, Any]]:
     more = ("swings", "unsettled_at", "largest_stretch", "jitter", "predicted_rate")
     lines = []
     for each in report.figures:
-        line = _figure(each)
-        first = next(iter(line.pop("meanings")), {})
+        line = dict(_figure(each))
+        del line["meanings"]
+        first = _reading(each.readings[0]) if each.readings else {}
         lines.append({**line, **{name: first.get(name) for name in more}})
     return lines
 

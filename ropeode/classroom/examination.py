@@ -15,6 +15,7 @@ from ropeode.classroom.asked import Asked
 from ropeode.classroom.outcome import Outcome
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
 from ropeode.render import check as of_check
+from ropeode.render.data import plain
 from ropeode.render.markup import Block, Code, Heading, Paragraph, html_part, markdown
 
 # A feedback page has headings of its own above the report.
@@ -72,7 +73,7 @@ def outcome_of(name: str, report: CheckReport, status: str = "checked", **more: 
         page=html_part(blocks, _LEVEL),
         text=markdown(blocks, _LEVEL),
         orders={
-            each["check"]: each["convergence"]
+            each["check"]: plain(each["convergence"])
             for each in of_check.as_dict(report)["findings"]
             if each["convergence"] is not None
         },

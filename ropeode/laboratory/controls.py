@@ -48,7 +48,7 @@ def parameters_of(problem: Problem) -> tuple[ParameterFacts, ...]:
 
 def _facts(problem: Problem) -> Iterator[ParameterFacts]:
     kind = problem.parameters["kind"]
-    words, allowed = _words(ROPES.get(kind, PROBLEMS[kind])), _allowed(kind)
+    words, allowed = argument_words(ROPES.get(kind, PROBLEMS[kind])), _allowed(kind)
     for name, value in problem.parameters.items():
         if name in ("kind", "frames"):
             continue
@@ -92,11 +92,11 @@ def _allowed(kind: str) -> dict[str, str]:
     return {n: each.__metadata__[-1] for n, each in hints.items() if hasattr(each, "__metadata__")}
 
 
-def _words(documented: Any) -> dict[str, str]:
-    """What the docstring says of each argument, in one line."""
+def argument_words(documented: Any) -> dict[str, str]:
+    """What the docstring says of each argument, or field, in one line."""
     text = inspect.getdoc(documented) or ""
-    _, _, after = text.partition("Arguments:\n")
-    section = after.partition("\n\n")[0]
+    _, *after = re.split(r"^(?:Arguments|Fields):\n", text, maxsplit=1, flags=re.MULTILINE)
+    section = "".join(after).partition("\n\n")[0]
     entries = re.split(r"^    (\w+): ", section, flags=re.MULTILINE)[1:]
     return {
         name: " ".join(words.split()).rstrip(".")

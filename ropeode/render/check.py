@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from ropeode.checking.report import CheckReport, Claims, Convergence
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
+from ropeode.render.schemas.check import CheckForm, ConvergenceForm
 from ropeode.render.text_layout import columns, hanging, wrapped
 
-SCHEMA = "ropeode.check/1"
+SCHEMA: Literal["ropeode.check/1"] = "ropeode.check/1"
 _MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip": "skip"}
 _COLOURS = {"ok": "#00703c", "WRONG": "#c00000", "?": "#b25d00"}
 _REMEDY = "To mend it: "
@@ -49,12 +50,12 @@ def as_lines(report: CheckReport) -> list[dict[str, Any]]:
     ]
 
 
-def as_dict(report: CheckReport) -> dict[str, Any]:
-    """The report as nested plain values, schema `ropeode.check/1`."""
+def as_dict(report: CheckReport) -> CheckForm:
+    """The report in its JSON form."""
     return {
         "schema": SCHEMA,
         "label": report.label,
-        "claims": vars(report.claims),
+        "claims": report.claims,
         "passed": report.passed,
         "verdict": report.verdict,
         "findings": [
@@ -81,7 +82,7 @@ def as_dict(report: CheckReport) -> dict[str, Any]:
     }
 
 
-def _convergence_dict(convergence: Convergence | None) -> dict[str, Any] | None:
+def _convergence_dict(convergence: Convergence | None) -> ConvergenceForm | None:
     if convergence is None:
         return None
     return {
@@ -99,7 +100,7 @@ def _convergence_dict(convergence: Convergence | None) -> dict[str, Any] | None:
                 "verdict": order.verdict,
                 "why": order.why,
                 "used": list(order.used),
-                "left_out": [vars(point) for point in order.left_out],
+                "left_out": list(order.left_out),
                 "add": list(order.add),
             }
             for quantity, order in convergence.orders.items()

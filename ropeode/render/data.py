@@ -7,21 +7,22 @@ import dataclasses
 import io
 import json
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 
 from ropeode.problems.problem import Problem
+from ropeode.render.schemas.accuracy_table import AccuracyTableForm, ConstantForm, ProblemForm
 from ropeode.study.accuracy_table import AccuracyTable
 from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
 
-SCHEMA = "ropeode.accuracy-table/1"
+SCHEMA: Literal["ropeode.accuracy-table/1"] = "ropeode.accuracy-table/1"
 
 
-def json_text(values: dict[str, Any]) -> str:
-    """Nested plain values as JSON; numbers that do not exist are null."""
-    values = without_infinities(values)
-    return json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+def json_text(form: Any) -> str:
+    """A JSON form as text; numbers that do not exist are null."""
+    return json.dumps(plain(form), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def csv_text(lines: list[dict[str, Any]]) -> str:
@@ -30,7 +31,7 @@ def csv_text(lines: list[dict[str, Any]]) -> str:
     names = list(dict.fromkeys(name for line in lines for name in line))
     writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(without_infinities(lines))
+    writer.writerows(plain(lines))
     return text.getvalue()
 
 
@@ -40,32 +41,32 @@ def as_lines(table: AccuracyTable) -> list[dict[str, Any]]:
     orders = {each["stepper"]: each for each in whole["orders"]}
     lines = []
     for row in whole["rows"]:
-        order = orders[row["stepper"]]
+        order = orders[row.stepper]
         low, high = order["ci95"] or (None, None)
         lines.append(
             {
-                **row,
+                **vars(row),
                 "expected_order": order["expected"],
                 "observed_order": order["observed"],
                 "order_low": low,
                 "order_high": high,
                 "verdict": order["verdict"],
-                "used_for_order": row["dt"] in order["used"],
-                "error_predicted": _error_predicted(row["dt"], order["error_constant"]),
+                "used_for_order": row.dt in order["used"],
+                "error_predicted": _error_predicted(row.dt, order["error_constant"]),
                 "reference_bound": whole["reference"]["bound_max"],
             }
         )
     return lines
 
 
-def _error_predicted(dt: float, constant: dict[str, Any] | None) -> float | None:
+def _error_predicted(dt: float, constant: ConstantForm | None) -> float | None:
     """The leading term of the error of a run."""
-    if constant is None or constant["predicted"] is None:
+    if constant is None or constant["predicted"] is None or constant["order"] is None:
         return None
     return constant["predicted"] * dt ** constant["order"]
 
 
-def constant_dict(constant: ErrorConstant) -> dict[str, Any]:
+def constant_dict(constant: ErrorConstant) -> ConstantForm:
     """What JSON says of an error constant."""
     return {
         "order": constant.order,
@@ -79,7 +80,7 @@ def constant_dict(constant: ErrorConstant) -> dict[str, Any]:
     }
 
 
-def problem_dict(problem: Problem) -> dict[str, Any]:
+def problem_dict(problem: Problem) -> ProblemForm:
     """What JSON says of a problem."""
     return {
         "name": problem.name,
@@ -90,8 +91,8 @@ def problem_dict(problem: Problem) -> dict[str, Any]:
     }
 
 
-def as_dict(table: AccuracyTable) -> dict[str, Any]:
-    """The table as nested plain values, schema `ropeode.accuracy-table/1`."""
+def as_dict(table: AccuracyTable) -> AccuracyTableForm:
+    """The table in its JSON form."""
     problem, reference = table.problem, table.reference
     certificate = reference.certificate
     return {
@@ -115,7 +116,7 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
                 }
                 for w in certificate.witnesses
             ],
-            "sampling": certificate.sampling and dataclasses.asdict(certificate.sampling),
+            "sampling": certificate.sampling,
             "drift_max": {
                 quantity: float(np.max(drift[: reference.trusted]))
                 for quantity, drift in certificate.drift.items()
@@ -126,7 +127,7 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
             "horizon_reason": certificate.horizon_reason,
             "versions": dict(sorted(certificate.versions.items())),
         },
-        "rows": [dataclasses.asdict(row) for row in table.rows],
+        "rows": list(table.rows),
         "orders": [
             {
                 "stepper": each.stepper,
@@ -137,7 +138,7 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
                 "verdict": each.order.verdict,
                 "why": each.order.why,
                 "used": list(each.order.used),
-                "left_out": [dataclasses.asdict(point) for point in each.order.left_out],
+                "left_out": list(each.order.left_out),
                 "error_constant": each.constant and constant_dict(each.constant),
             }
             for each in table.orders
@@ -145,10 +146,12 @@ def as_dict(table: AccuracyTable) -> dict[str, Any]:
     }
 
 
-def without_infinities(value: Any) -> Any:
-    """Nested plain values, with None for numbers that JSON does not have."""
-    if isinstance(value, dict):
-        return {key: without_infinities(entry) for key, entry in value.items()}
+def plain(value: Any) -> Any:
+    """A JSON form as nested dicts, lists, texts and numbers; None for numbers that JSON has not."""
+    if dataclasses.is_dataclass(value):
+        return {each.name: plain(getattr(value, each.name)) for each in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [without_infinities(entry) for entry in value]
+        return [plain(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Literal
 
 from ropeode.render import data, markup, table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
+from ropeode.render.schemas.explanation import (
+    DefectForm,
+    DifferenceForm,
+    EnergyForm,
+    ExplanationForm,
+    StabilityForm,
+)
 from ropeode.steppers.base import ProblemClass
 from ropeode.study.accuracy_table import AccuracyTable
 from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
@@ -24,7 +30,7 @@ from ropeode.theory.structure import Property
 from ropeode.theory.tableau_of_step import StepTableau
 from ropeode.validation import listed
 
-SCHEMA = "ropeode.explain/1"
+SCHEMA: Literal["ropeode.explain/1"] = "ropeode.explain/1"
 # Of the swing of the energy, what may be left where its leading correction explains it.
 _KEPT = 0.1
 _STABILITY = ("disturbances", "predicted", "dt", "measured")
@@ -477,8 +483,8 @@ def as_lines(explanation: Explanation) -> list[dict[str, Any]]:
     return lines
 
 
-def as_dict(explanation: Explanation) -> dict[str, Any]:
-    """The explanation as nested plain values, schema `ropeode.explain/1`."""
+def as_dict(explanation: Explanation) -> ExplanationForm:
+    """The explanation in its JSON form."""
     local = explanation.local
     order = explanation.tables[0].orders[0]
     constants = [data.constant_dict(each) for _, each in _constants(explanation)]
@@ -486,18 +492,13 @@ def as_dict(explanation: Explanation) -> dict[str, Any]:
         "schema": SCHEMA,
         "stepper": explanation.stepper,
         "problem": data.problem_dict(explanation.problem),
-        "identity_defect": {
-            **{each.quantity: dataclasses.asdict(each.identity) for each in local.quantities},
-            **_wrong_dict(local, -1),
-        },
-        "rhs_defect": {
-            **{each.quantity: dataclasses.asdict(each.rate) for each in local.quantities},
-            **_wrong_dict(local, 0),
-        },
-        "local_error": {
-            each.quantity: each.local_error and dataclasses.asdict(each.local_error)
-            for each in local.quantities
-        },
+        "identity_defect": _defect_dict(
+            {each.quantity: each.identity for each in local.quantities}, local, -1
+        ),
+        "rhs_defect": _defect_dict(
+            {each.quantity: each.rate for each in local.quantities}, local, 0
+        ),
+        "local_error": {each.quantity: each.local_error for each in local.quantities},
         "one_step": local.one_step,
         "order": {
             "local": explanation.orders[0].local,
@@ -507,7 +508,9 @@ def as_dict(explanation: Explanation) -> dict[str, Any]:
             "by_quantity": {each.quantity: each.order for each in local.quantities},
             "classes": [
                 {
-                    **each.of_class._asdict(),
+                    "damped": each.of_class.damped,
+                    "at_rest": each.of_class.at_rest,
+                    "rigid": each.of_class.rigid,
                     "own": each.own,
                     "local": each.local,
                     "at_least": each.at_least,
@@ -524,11 +527,7 @@ def as_dict(explanation: Explanation) -> dict[str, Any]:
             },
         },
         "stability": _stability_dict(explanation.stability),
-        "structure": {
-            name: dataclasses.asdict(each) for name, each in explanation.structure.items()
-        }
-        if not isinstance(explanation.structure, str)
-        else explanation.structure,
+        "structure": explanation.structure,
         "modified_energy": _energy_dict(explanation.modified),
         "method": tableau_words(explanation.tableau),
         "equal_to": [_difference_dict(each) for each in explanation.equal],
@@ -537,7 +536,7 @@ def as_dict(explanation: Explanation) -> dict[str, Any]:
     }
 
 
-def _energy_dict(found: ModifiedEnergy | str | None) -> dict[str, Any] | str | None:
+def _energy_dict(found: ModifiedEnergy | str | None) -> EnergyForm | str | None:
     if not isinstance(found, ModifiedEnergy):
         return found
     predicted, measured, left = found.swings
@@ -552,13 +551,17 @@ def _energy_dict(found: ModifiedEnergy | str | None) -> dict[str, Any] | str | N
     }
 
 
-def _wrong_dict(local: LocalStep, order: int) -> dict[str, Any]:
-    """What is wrong at dt = 0, if that is of an order, in words and numbers."""
+def _defect_dict(parts: dict[str, Any], local: LocalStep, order: int) -> DefectForm:
+    """What is wrong at dt = 0 by quantity; in words and numbers, if it is of this order."""
     wrong = local.wrong if local.order == order else None
-    return {"sentence": wrong and wrong.line, "coefficients": wrong and dict(wrong.evidence)}
+    return DefectForm(
+        **parts,
+        sentence=wrong and wrong.line,
+        coefficients=wrong and dict(wrong.evidence),
+    )
 
 
-def _stability_dict(found: LinearStability) -> dict[str, Any]:
+def _stability_dict(found: LinearStability) -> StabilityForm:
     """Steps per frame, along the solution and about its equilibrium; and the limits on the axes."""
     along, at_rest, measured = found.predicted, found.predicted_at_rest, found.measured_at_rest
     return {
@@ -573,5 +576,5 @@ def _stability_dict(found: LinearStability) -> dict[str, Any]:
     }
 
 
-def _difference_dict(each: StepDifference) -> dict[str, Any]:
-    return {**each._asdict(), "same": each.same}
+def _difference_dict(each: StepDifference) -> DifferenceForm:
+    return {"name": each.name, "largest": each.largest, "power": each.power, "same": each.same}

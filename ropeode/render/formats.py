@@ -28,7 +28,7 @@ def formats_of(
     text: Callable[[Any], str],
     blocks: Callable[[Any], Sequence[Block]],
     lines: Callable[[Any], list[dict[str, Any]]],
-    values: Callable[[Any], dict[str, Any]],
+    values: Callable[[Any], Any],
     drawings: Callable[[Any], Sequence[Block]] = lambda _: (),
 ) -> dict[str, Callable[[Any], str]]:
     """All formats of a kind of result.
@@ -37,7 +37,7 @@ def formats_of(
         text: writes it for a terminal.
         blocks: its headings, paragraphs and tables, for documents.
         lines: its lines for CSV, the columns by name.
-        values: all of it as nested plain values, for JSON.
+        values: its JSON form.
         drawings: pictures at the end of its HTML page.
     """
     return {

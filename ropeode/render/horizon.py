@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from ropeode.problems.ropes import ROPES
 from ropeode.render import markup, table_words
 from ropeode.render.data import problem_dict
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.schemas.horizon import HorizonForm
 from ropeode.study.horizon import Growth, Horizon, Run
 
-SCHEMA = "ropeode.horizon/1"
+SCHEMA: Literal["ropeode.horizon/1"] = "ropeode.horizon/1"
 # Digits that are left where errors are a few units of rounding.
 _KEPT = 14
 _RUNS = ("run", "tolerance", "role", "steps", "largest error", "digits left")
@@ -172,14 +173,14 @@ def _time(time: float | None) -> str:
     return "-" if time is None else f"{time:g}"
 
 
-def as_dict(study: Horizon) -> dict[str, Any]:
-    """The study as nested plain values, schema `ropeode.horizon/1`."""
+def as_dict(study: Horizon) -> HorizonForm:
+    """The study in its JSON form."""
     problem, reference, exponent = study.problem, study.reference, study.exponent
     return {
         "schema": SCHEMA,
         "problem": problem_dict(problem),
         "truth": {
-            "bits": [study.truth.coarse.precision, study.truth.fine.precision],
+            "bits": (study.truth.coarse.precision, study.truth.fine.precision),
             "digits": study.digits,
             "t_end": float(study.times[-1]),
             "failure": study.truth.failure,
@@ -202,11 +203,8 @@ def as_dict(study: Horizon) -> dict[str, Any]:
             for run in study.runs
         ],
         "digits_lost_in_extended_precision": study.lost.tolist(),
-        "digits_left": [vars(each) for each in study.digits_left],
-        "growth": {
-            "float64": vars(study.float64_growth) if study.float64_growth else None,
-            "extended": vars(study.extended_growth) if study.extended_growth else None,
-        },
+        "digits_left": list(study.digits_left),
+        "growth": {"float64": study.float64_growth, "extended": study.extended_growth},
         "lyapunov_exponent": {
             "value": exponent.value,
             "ci95": list(exponent.interval),
@@ -215,5 +213,5 @@ def as_dict(study: Horizon) -> dict[str, Any]:
             "t_end": float(exponent.times[-1]),
             "failure": exponent.failure,
         },
-        "needs": [vars(each) for each in study.needs],
+        "needs": list(study.needs),
     }

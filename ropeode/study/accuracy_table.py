@@ -57,7 +57,7 @@ class Row:
         stepper: its name with options.
         steps_per_frame: steps between two samples.
         dt: step size (the largest, where frames differ in length).
-        status: of the run.
+        status: of the run: `ok` or `diverged`.
         diverged_at: frame of the first state that is not finite.
         error_final: at the last sample inside the trust horizon; None if there is none, or
             if it is below `resolution`.

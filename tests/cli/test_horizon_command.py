@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from tests.cli.interrupted import interrupt
+from tests.schemas import assert_conforms
 
 # Of the lengths that tests/study/test_horizon.py has, whose programs are then there.
 QUICK = ["--problem", "oscillator", "--frames", "4", "--spans", "4,100"]
@@ -19,7 +20,9 @@ def test_json_and_picture(run, tmp_path):
     pytest.importorskip("heyoka", reason="heyoka is an extra")
     done = run("horizon", *QUICK, "--plots", "new", "--format", "json", "--out", "a.json")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "wrote 1 picture to new\n")
-    found = json.loads((tmp_path / "a.json").read_text())
+    text = (tmp_path / "a.json").read_text()
+    assert_conforms(text)
+    found = json.loads(text)
     assert found["schema"] == "ropeode.horizon/1"
     assert [need["measured"] for need in found["needs"]] == [True, False]
     with Image.open(tmp_path / "new" / "horizon.png") as image:

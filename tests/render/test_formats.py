@@ -29,6 +29,7 @@ from ropeode.steppers import STEPPERS
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.terminal.output import FORMATS as LISTED
 from tests.quartic import HOSTILE
+from tests.schemas import assert_conforms
 
 
 def cubic(t, y, args):
@@ -104,29 +105,17 @@ def test_text_words(tables):
 
 def test_json_schema(tables):
     for table in tables.values():
-        whole = json.loads(FORMATS["json"](table), parse_constant=pytest.fail)
+        text = FORMATS["json"](table)
+        assert_conforms(text)
+        whole = json.loads(text, parse_constant=pytest.fail)
         assert whole["schema"] == SCHEMA == "ropeode.accuracy-table/1"
-        assert set(whole) == {"schema", "problem", "norm", "reference", "rows", "orders"}
-        assert {
-            "level", "solver", "rtol", "witnesses", "bound_max", "accuracy", "horizon",
-        } <= set(whole["reference"])  # fmt: skip
-        for witness in whole["reference"]["witnesses"]:
-            assert {"solver", "tolerance", "difference"} <= set(witness)
         for row in whole["rows"]:
-            assert {
-                "stepper", "steps_per_frame", "dt", "status", "diverged_at", "error_final",
-                "error_max", "error_rms", "resolved", "rhs_evaluations", "seconds",
-            } <= set(row)  # fmt: skip
             if row["status"] == "diverged":
                 assert row["diverged_at"] is not None
                 assert row["error_max"] is None
             if not row["resolved"]:
                 assert row["error_max"] is None
         for order in whole["orders"]:
-            assert {
-                "stepper", "expected", "observed", "ci95", "verdict", "used", "left_out",
-            } <= set(order)  # fmt: skip
-            assert all(set(point) == {"dt", "reason"} for point in order["left_out"])
             assert (order["observed"] is None) == (order["ci95"] is None)
     assert json.loads(FORMATS["json"](tables["cut"]))["reference"]["horizon"] is not None
     assert json.loads(FORMATS["json"](tables["rope"]))["reference"]["horizon"] is None

@@ -23,6 +23,7 @@ from ropeode.study.horizon import horizon
 from ropeode.terminal.output import FORMATS as NAMES
 from tests.quartic import HOSTILE
 from tests.render.plots.legible import assert_legible
+from tests.schemas import assert_conforms
 
 pytestmark = pytest.mark.slow
 
@@ -49,6 +50,7 @@ def test_every_format_has_the_needs(study, form):
         # The time, the bound, each run and the digits lost.
         assert len(rows[0]) == 3 + len(study.runs)
     elif form == "json":
+        assert_conforms(text)
         found = json.loads(text)
         assert found["needs"][1]["bits"] == study.needs[1].bits
         assert found["runs"][0]["errors"] == study.runs[0].errors.tolist()

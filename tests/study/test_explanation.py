@@ -21,6 +21,7 @@ from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study.explanation import explain_stepper
 from ropeode.terminal.output import FORMATS as NAMES
 from tests.results import check_result
+from tests.schemas import assert_conforms
 
 STEPS = (64, 128, 256)
 
@@ -144,6 +145,7 @@ def test_every_stepper_can_be_explained(stepper, problem):
     assert (found.local.wrong is None) >= (found.local.order is None or found.local.order > 0)
     for form in NAMES:
         assert format_explanation(found, form)
+    assert_conforms(format_explanation(found, "json"))
 
 
 @pytest.mark.slow
@@ -154,6 +156,7 @@ def test_a_first_order_problem():
     # Of y' = -y the error of a step is dt^5/120, and that of the solution t/120 exp(-t) dt^4.
     assert found.tables[0].orders[0].constant.predicted == pytest.approx(1 / 120 / np.e, rel=1e-3)
     assert "first-order (this one)" in format_explanation(found)
+    assert_conforms(format_explanation(found, "json"))
 
 
 @pytest.mark.parametrize("which", ["right", "wrong"])
@@ -166,6 +169,7 @@ def test_every_format(which, form, request):
         rows = list(csv.DictReader(io.StringIO(text)))
         assert [row["norm"] for row in rows] == ["position-max"] * 3 + ["velocity-max"] * 3
     elif form == "json":
+        assert_conforms(text)
         values = json.loads(text)
         assert values["schema"] == "ropeode.explain/1"
         assert values["order"]["local"] == found.local.order
@@ -175,9 +179,6 @@ def test_every_format(which, form, request):
         assert (sentence is not None) == (which == "wrong")
         assert sentence is None or "multiplies velocities by 0.99995" in sentence
         assert values["rhs_defect"]["coefficients"] is None
-        assert {"stepper", "problem", "rhs_defect", "equal_to", "structure"} <= values.keys()
-        assert {"predicted", "measured"} <= values["stability"].keys()
-        assert {"local", "observed", "declared"} <= values["order"].keys()
     else:
         assert "steps/frame" in text
     if form == "text":

@@ -1,0 +1,101 @@
+"""The published JSON Schemas: made from the types in the package, and kept by every command."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from jsonschema import ValidationError
+
+from ropeode.problems.rope import Rope
+from ropeode.render.formats import format_table
+from ropeode.simulation import simulate
+from ropeode.study.accuracy_table import accuracy_table
+from tests.checking.trajectory_writing import node_values, write_csv
+from tests.schemas import FOLDER, assert_conforms
+from tools import json_schemas
+
+ROPE = "--num-nodes 4 --frames 3"
+PROBLEMS = """
+from ropeode import Problem, Rope
+
+rope = Rope(num_nodes=4).problem(frames=3)
+
+
+def cubic():
+    return Problem(lambda t, y, args: -100 * y**3, [1.0], range(13))
+"""
+# The order claimed is not that of the step, so that there is a diagnosis.
+STEP = """
+def step(rhs, t, y, dt, args):
+    return y + dt * rhs(t, 1.01 * y, args)
+"""
+
+
+def test_the_files_are_what_the_types_say():
+    written = {file.name: file.read_text() for file in FOLDER.iterdir()}
+    assert written == json_schemas.schemas(), "run: python -m tools.json_schemas"
+
+
+def test_what_a_schema_does_not_say_is_refused(small_rope):
+    """Another key, a missing one, and another type, wherever it stands."""
+    table = accuracy_table(small_rope, ["rk4"], (8, 16, 32))
+    text = format_table(table, "json")
+    assert_conforms(text)
+    places = [
+        (),
+        ("problem",),
+        ("reference",),
+        ("reference", "sampling"),
+        ("reference", "witnesses", 0),
+        ("rows", 0),
+        ("orders", 0),
+    ]
+    for place in places:
+        for change in (
+            lambda part: part.update(further=1),
+            lambda part: part.pop(next(reversed(part))),
+            lambda part: part.update({next(reversed(part)): [[]]}),
+        ):
+            form = json.loads(text)
+            part = form
+            for name in place:
+                part = part[name]
+            change(part)
+            with pytest.raises(ValidationError):
+                assert_conforms(json.dumps(form))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    [
+        # Runs that diverge, errors below the resolution, and orders that cannot be determined.
+        f"table {ROPE} --damping 0 --steps 4,8,16,1000,30000",
+        f"table {ROPE} --steppers rk4,diffrax:Heun --steps 16",
+        "table --problem problems.py:cubic --steppers explicit-euler,rk4 --steps 2,9",
+        f"table --kind inextensible-rope {ROPE} --steps 8,16,32",
+        "table --reference pleiades --steppers rk4 --steps 64,128",
+        "check step.py:step --order 1",
+        "check velocity-verlet --order 2 --quick",
+        "grade 16.csv 32.csv 64.csv --problem problems.py:rope --order 2",
+        f"explain velocity-verlet {ROPE} --steps 16,32,64",
+        f"explain step.py:step {ROPE} --steps 16,32,64",
+        f"explain constraint-verlet --kind inextensible-rope {ROPE} --steps 16,32,64",
+        "explain rk4 --problem lorenz --frames 3 --steps 64,128",
+        f"horizon {ROPE} --spans 3,100",
+        "report --figures 1,8,28 --frames 40",
+    ],
+)
+def test_every_command_keeps_its_schema(command, run, tmp_path):
+    (tmp_path / "problems.py").write_text(PROBLEMS)
+    (tmp_path / "step.py").write_text(STEP)
+    if command.startswith("grade"):
+        problem = Rope(num_nodes=4).problem(frames=3)
+        for steps in (16, 32, 64):
+            trajectory = simulate(problem, "velocity-verlet", steps)
+            values = node_values(problem, trajectory.states)
+            write_csv(tmp_path / f"{steps}.csv", trajectory.times, values, 1 / steps)
+    done = run(*command.split(), "--format", "json")
+    assert done.stdout, done.stderr
+    assert_conforms(done.stdout)
