@@ -251,7 +251,8 @@ def report() -> Report:
 def figures() -> str:
     """All figures of the report."""
     _, summary, figures, *_ = blocks(report())
-    return markdown([summary, figures]).rstrip()
+    rows = folded("Each figure: claim, verdict and measurement", markdown([figures]).rstrip())
+    return f"{markdown([summary]).rstrip()}\n\n{rows}"
 
 
 @in_float64

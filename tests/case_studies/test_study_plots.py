@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from docs.studies.growth import MeasuredGrowth
-from docs.studies.plots import plot_growth, plot_rest_times, plot_sweeps
+from docs.studies.plots import plot_besides, plot_growth, plot_rest_times, plot_sweeps
 from docs.studies.rest_time import RestTime
 
 pytestmark = pytest.mark.slow
@@ -52,3 +52,24 @@ def test_growth():
     assert has_line(figure.axes[0], [8, 16], [0.3, -0.2])
     assert has_line(figure.axes[0], [8, 16], [0.31, -0.21])
     assert labelled(figure)
+
+
+def test_besides():
+    """Every case of a peer has a line and a point of its own, at the height of the peer."""
+    panels = {
+        "one rope": {"C++": {"16 nodes": [(0.9, 0.8, 1.1)], "256 nodes": [(1.5, 1.4, 1.6)]}},
+        "many": {"NumPy": {"64 ropes": [(20.0, 18.0, 24.0), (30.0, 28.0, 32.0)]}},
+    }
+    figure = plot_besides(panels)
+    for axes, ratios in zip(figure.axes, ([0.9, 1.5], [20.0, 30.0]), strict=True):
+        points = [
+            line for line in axes.lines if line.get_marker() in "os" and len(line.get_xdata())
+        ]
+        assert [line.get_xdata()[0] for line in points] == ratios
+        heights = [line.get_ydata()[0] for line in points]
+        assert -0.4 < heights[0] < heights[1] < 0.4
+    assert has_line(figure.axes[0], [0.8, 1.1], [-0.1, -0.1])
+    assert figure.axes[0].get_yticklabels()[0].get_text() == "C++"
+    assert figure.axes[0].get_legend() is not None
+    assert figure.axes[1].get_legend() is None
+    assert figure.axes[1].get_xlabel()
