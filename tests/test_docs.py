@@ -10,6 +10,7 @@ import runpy
 from pathlib import Path
 
 import pytest
+from matplotlib import pyplot
 
 from ropeode.analysis import order
 from ropeode.problems.rope import Rope
@@ -72,6 +73,19 @@ def test_code_imports_what_exists(page):
         exec(compile(ast.Module(imports, []), str(page), "exec"), {})
 
 
+@pytest.fixture
+def no_windows(monkeypatch):
+    """What `plt.show()` would show is drawn instead, and closed: no page leaves figures open."""
+
+    def draw():
+        for number in pyplot.get_fignums():
+            pyplot.figure(number).canvas.draw()
+        pyplot.close("all")
+
+    pyplot.switch_backend("Agg")
+    monkeypatch.setattr(pyplot, "show", draw)
+
+
 @pytest.mark.parametrize(
     "page",
     [
@@ -80,7 +94,7 @@ def test_code_imports_what_exists(page):
     ],
     ids=page_id,
 )
-@pytest.mark.usefixtures("same_jax_settings")
+@pytest.mark.usefixtures("same_jax_settings", "no_windows")
 def test_code_runs_and_prints_what_it_says(page, tmp_path, monkeypatch):
     # What it writes, a reader finds in the folder that they are in.
     monkeypatch.chdir(tmp_path)
