@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,7 +27,7 @@ _WIDEST = 1.0
 
 
 def before_blow_up(
-    reference: Reference, runs: Sequence[Run], rounding: Callable[[Run], np.ndarray]
+    reference: Reference, runs: Sequence[Run]
 ) -> dict[str, tuple[int, ObservedOrder]]:
     """For each quantity the most frames over which runs converge, and the order there.
 
@@ -37,7 +37,6 @@ def before_blow_up(
     Arguments:
         reference: of the problem.
         runs: of which some blow up later.
-        rounding: of each column of a run, ``(columns,)``.
 
     Returns:
         By quantity; without those that show no order over any beginning.
@@ -47,7 +46,7 @@ def before_blow_up(
         norm = NORMS[f"{quantity}-max"]
         errors = [_largest(run.states, reference, norm) for run in runs]
         roundings = [
-            _largest(states_of(problem, run.values + rounding(run)), reference, norm, run.states)
+            _largest(states_of(problem, run.values + run.rounding), reference, norm, run.states)
             for run in runs
         ]
         finest, moved = resolution(reference, norm), motion(problem, reference.states, norm)
