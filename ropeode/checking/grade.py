@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from ropeode.checking.trajectories.explanations import (
     explain_times,
 )
 from ropeode.checking.trajectories.more_runs import more_runs
+from ropeode.checking.trajectories.other_ropes import other_rope
 from ropeode.checking.trajectories.run_files import FEWEST, Run, names_of
 from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
 from ropeode.problems.problem import Problem
@@ -106,7 +107,12 @@ def grade(
         files, own, dts, certified, lambda text, share: progress(text, 0.9 * (share or 0.0))
     )
     reference = certified()
-    order, notes = _order(reference, runs, claims, expected)
+
+    @functools.cache
+    def other() -> Diagnosis | None:
+        return other_rope(reference, runs, lambda problem: reference_for(problem, options))
+
+    order, notes = _order(reference, runs, claims, expected, other)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
@@ -119,7 +125,7 @@ def grade(
         progress("diagnosis", 0.95)
         late = late_samples(reference, runs)
         if wrong:
-            diagnosis = _diagnosed(reference, runs, files, dts, order, late)
+            diagnosis = _diagnosed(reference, runs, files, dts, order, late, other)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
             notes = (*notes, "; ".join(filter(None, (late.words, late.fix))))
@@ -135,7 +141,11 @@ def grade(
 
 
 def _order(
-    reference: Reference, runs: Sequence[Run], claims: Claims, expected: int | None
+    reference: Reference,
+    runs: Sequence[Run],
+    claims: Claims,
+    expected: int | None,
+    other: Callable[[], Diagnosis | None],
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence; no order is needed if a mistake in the files explains all."""
     finding, notes = order_finding(reference, runs, expected)
@@ -147,6 +157,8 @@ def _order(
         columns = explain_columns(reference, runs, coarse=False)
         if columns is not None and not columns.like_another_problem:
             return Finding("order", "fail", f"no order; {columns.words}"), ()
+        if other() is not None:
+            return Finding("order", "fail", "no order; the files fit another rope"), ()
         # Not above: it runs steppers, which takes longer than all the rest.
         advice = functools.partial(more_runs, reference, runs, claims, expected)
         return order_finding(reference, runs, expected, advice)
@@ -169,6 +181,7 @@ def _diagnosed(
     dts: ArrayLike | None,
     order: Finding,
     late: LateSamples | None,
+    other: Callable[[], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
     if late is not None:
@@ -179,6 +192,8 @@ def _diagnosed(
     )
     if written is not None and not written.like_another_problem:
         return (_of_files(written),)
+    if (rope := other()) is not None:
+        return (rope,)
     solved = _solved(reference, runs)
     if written is None:
         return tuple(_with_what_is_right(each, order) for each in solved)

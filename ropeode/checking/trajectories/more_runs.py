@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from ropeode.analysis.errors import distances
-from ropeode.analysis.order import ObservedOrder
 from ropeode.analysis.roundoff import largest_distance
 from ropeode.checking.report import Claims, Convergence
 from ropeode.checking.trajectories.convergence import (
@@ -40,8 +39,6 @@ _VARIANTS = ("stormer-verlet:start=rest", "constraint-verlet:start=rest")
 _MOST_RUNS, _MOST_WORK, _SMALL_STATE = 4, 2**25, 64
 # The ratio of runs between those that there are.
 _CLOSE = 1.25
-# The widest interval of an order.
-_WIDEST = 0.4
 # How far from a whole number the steps in a frame may be, by rounding of dt.
 _WHOLE = 1e-3
 
@@ -180,7 +177,10 @@ def _stand_ins(runs: Sequence[Run], claims: Claims) -> list[_Actor]:
 
 
 def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
-    """Steps per frame of runs that may be added: the fewest runs first, then the fewest steps."""
+    """Steps per frame of runs that may be added: the fewest runs first, then the fewest steps.
+
+    Those between the runs that there are come last: their numbers are not round.
+    """
     problem, counts = runs[0].problem, _counts(runs)
     coarsest, finest = min(counts), max(counts)
     most = _MOST_WORK // (problem.frames * max(problem.y0.size, _SMALL_STATE))
@@ -188,15 +188,17 @@ def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
     coarser = [n for k in range(coarsest.bit_length()) if 0 < (n := coarsest >> k) < coarsest]
     levels = round(math.log(finest / coarsest, _CLOSE))
     between = {round(coarsest * _CLOSE**k) for k in range(1, levels)} - {*counts}
-    return sorted(
-        (
+
+    def windows(*ladders: Sequence[int]) -> list[tuple[int, ...]]:
+        found = (
             tuple(ladder[first : first + count])
-            for ladder in (finer, sorted(coarser), sorted(between))
+            for ladder in ladders
             for count in range(1, _MOST_RUNS + 1)
             for first in range(len(ladder) - count + 1)
-        ),
-        key=lambda steps: (len(steps), sum(steps)),
-    )
+        )
+        return sorted(found, key=lambda steps: (len(steps), sum(steps)))
+
+    return windows(finer, sorted(coarser)) + windows(sorted(between))
 
 
 def _orders(
@@ -224,13 +226,11 @@ def _orders(
             return None
         own = runs or [run for n in counts if (run := actor.run(n)) is not None]
         all_runs = sorted([*own, *further], key=lambda run: -run.dt)
-        convergence = order_finding(reference, all_runs, expected)[0].convergence
-        if convergence is None or not all(map(_is_clear, convergence.orders.values())):
+        finding, _ = order_finding(reference, all_runs, expected)
+        convergence = finding.convergence
+        if convergence is None or finding.status == "undetermined":
+            return None
+        if not all(map(shown, convergence.orders.values())):
             return None
         found.append(convergence.orders[reference.problem.quantities[0]].observed)
     return found
-
-
-def _is_clear(order: ObservedOrder) -> bool:
-    """Whether there is an order, and a program that differs a little would show it, too."""
-    return shown(order) and order.ci95 is not None and order.ci95[1] - order.ci95[0] <= _WIDEST
