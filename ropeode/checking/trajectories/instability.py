@@ -19,6 +19,7 @@ from ropeode.simulation import step_size
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study.accuracy_table import problem_class
 from ropeode.theory.growth import stability_limit
+from ropeode.validation import listed
 
 # So many further runs, each with twice the steps of the one before.
 _RUNS = 3
@@ -97,7 +98,7 @@ def advice(problem: Problem, claims: Claims, finest: float) -> str:
     one = step_size(problem, 1)
     first = max(min(known, default=1), round(2 * one / finest))
     counts = [first * 2**k for k in range(_RUNS)]
-    add = f"add runs with {', '.join(map(str, counts))} steps per frame (dt <= {one / first:.3g})"
+    add = f"add runs with {listed(counts)} steps per frame (dt <= {one / first:.3g}) to begin with"
     return f"{words}; {add}" if words else add
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ropeode.analysis.errors import distances
+from ropeode.analysis.order import ObservedOrder
 from ropeode.analysis.roundoff import largest_distance
 from ropeode.checking.report import Claims, Convergence
 from ropeode.checking.trajectories.convergence import (
@@ -29,16 +30,20 @@ from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study.accuracy_table import problem_class
 from ropeode.validation import listed
 
-# A program is a stepper if its positions are, to this part of their errors; rounding may be a
-# larger part, where it is still the errors that are compared.
-_SAME, _TELLING = 0.01, 0.1
-# Other starts than the default that programs are likely to have.
-_VARIANTS = ("stormer-verlet:start=rest", "constraint-verlet:start=rest")
+# Positions are those of a stepper if they differ by this part of their errors, or by rounding.
+_SAME = 0.01
+# What programs are likely to be: the second only if it is none of the first.
+_LIKELY = (
+    (*STEPPERS, "stormer-verlet:start=rest", "constraint-verlet:start=rest"),
+    ("diffrax:Heun", "diffrax:Midpoint", "diffrax:Ralston", "diffrax:Bosh3"),
+)
 # The most runs that are advised; and the most work in one of them, as steps times numbers in a
 # state: less than a second. States with fewer numbers take as long as this many.
 _MOST_RUNS, _MOST_WORK, _SMALL_STATE = 4, 2**25, 64
 # The ratio of runs between those that there are.
 _CLOSE = 1.25
+# The widest interval of an order that is clear, as a part of the order.
+_NARROW = 0.3
 # How far from a whole number the steps in a frame may be, by rounding of dt.
 _WHOLE = 1e-3
 
@@ -52,10 +57,9 @@ def more_runs(
 ) -> str:
     """What would show an order, as the end of a sentence.
 
-    If the runs are those of a stepper of ropeode, further runs of that stepper show which ones
-    suffice. Otherwise the stepper that the program is claimed to be stands in for it, or all that
-    have its order. If none shows an order, the reasons for which step sizes could not be used
-    say what is needed.
+    Steppers that have the same positions, as far as rounding lets this be seen, stand in for the
+    program: the fewest further runs with which each of them shows its order. If there is none,
+    the reasons for which step sizes could not be used say what to try.
 
     Arguments:
         reference: of the problem.
@@ -65,24 +69,26 @@ def more_runs(
         convergence: of the runs.
     """
     same = _same_steppers(reference, runs)
-    words = f"the positions are those of {listed(actor.name for actor in same)}; " if same else ""
-    actors = same[:1] or _stand_ins(runs, claims)
+    names = [actor.name for actor in same]
+    words = f"the positions agree with those of {listed(names)}; " if same else ""
     # Runs with few digits have to be made again.
     exact = all(np.all(run.rounding == 0.0) for run in runs)
-    kept = runs if same and exact else None
-    for steps in _windows(runs) if actors else ():
-        if orders := _orders(reference, kept, actors, steps, expected, _counts(runs)):
-            each = " and ".join(
-                f"{actor.name} shows order {order:.2f}"
-                for actor, order in zip(actors, orders, strict=True)
-            )
-            if same:
-                each = f"{'they show' if len(same) > 1 else 'it shows'} order {orders[0]:.2f}"
-            write = "" if exact else "write 17 digits, and "
-            return f"{words}{write}add {_in_words(steps)}, with which {each}"
+    found = _fewest(reference, runs if exact else (), same, _counts(runs), _windows(runs), expected)
+    if found is not None:
+        steps, orders = found
+        write = "" if exact else "write 17 digits, and "
+        shows = _orders_in_words(names, orders)
+        return f"{words}{write}add {_in_words(steps)}, with which {shows}"
     if unstable_steps(convergence):
         return words + advice(reference.problem, claims, runs[-1].dt)
     return words + _from_reasons(convergence, runs)
+
+
+def _orders_in_words(names: Sequence[str], orders: Sequence[float]) -> str:
+    each = [f"{order:.2f}" for order in orders]
+    if len(set(each)) == 1:
+        return f"{'they show' if len(names) > 1 else 'it shows'} order {each[0]}"
+    return f"they show the orders {listed(each)}"
 
 
 def _in_words(steps: Sequence[int]) -> str:
@@ -91,11 +97,11 @@ def _in_words(steps: Sequence[int]) -> str:
 
 def _from_reasons(convergence: Convergence, runs: Sequence[Run]) -> str:
     """The runs that may decide, as the reasons say for which others could not be used."""
-    add = sorted({dt for order in convergence.orders.values() for dt in order.add}, reverse=True)
-    if not add:
-        return "add runs over a wider range of step sizes"
     one = step_size(runs[0].problem, 1)
-    return f"add {_in_words([math.ceil(one / dt - _WHOLE) for dt in add])}"
+    add = {dt for order in convergence.orders.values() for dt in order.add}
+    steps = sorted({math.ceil(one / dt - _WHOLE) for dt in add})
+    finest = _counts(runs)[-1]
+    return f"add {_in_words(steps or [2 * finest, 4 * finest])} to begin with"
 
 
 class _Actor:
@@ -122,17 +128,6 @@ class _Actor:
         return self._runs[steps]
 
 
-def _actors(names: Iterable[str], runs: Sequence[Run]) -> list[_Actor]:
-    """The steppers of these names that solve the problem of some runs."""
-    problem = runs[0].problem
-    kind, columns = problem_class(problem), runs[0].values.shape[2]
-    return [
-        _Actor(name, problem, columns)
-        for name in names
-        if (stepper := as_stepper(name)).solves(kind) and stepper.refusal(problem) is None
-    ]
-
-
 def _counts(runs: Sequence[Run]) -> list[int]:
     """The steps per frame of runs, rounded up."""
     one = step_size(runs[0].problem, 1)
@@ -140,40 +135,39 @@ def _counts(runs: Sequence[Run]) -> list[int]:
 
 
 def _same_steppers(reference: Reference, runs: Sequence[Run]) -> list[_Actor]:
-    """Steppers whose positions are those of all runs, until these blow up."""
-    counts, one = _counts(runs), step_size(runs[0].problem, 1)
+    """Steppers whose positions are those of all runs."""
+    problem, counts, one = runs[0].problem, _counts(runs), step_size(runs[0].problem, 1)
     if any(abs(one / run.dt - n) > _WHOLE for run, n in zip(runs, counts, strict=True)):
         return []
-    return [
-        actor
-        for actor in _actors((*STEPPERS, *_VARIANTS), runs)
-        if all(
-            (made := actor.run(n)) is not None and _agree(reference, run, made)
-            for run, n in zip(runs, counts, strict=True)
+    kind, columns = problem_class(problem), runs[0].values.shape[2]
+    for names in _LIKELY:
+        able = (
+            name
+            for name in names
+            if (stepper := as_stepper(name)).solves(kind) and stepper.refusal(problem) is None
         )
-    ]
+        found = [
+            actor
+            for actor in (_Actor(name, problem, columns) for name in able)
+            if all(
+                (made := actor.run(n)) is not None and _agree(reference, run, made)
+                for run, n in zip(runs, counts, strict=True)
+            )
+        ]
+        if found:
+            return found
+    return []
 
 
 def _agree(reference: Reference, run: Run, made: Run) -> bool:
-    """Whether two runs have the same positions, but for a small part of their errors."""
+    """Whether two runs have the same positions in the first frame, and until they blow up."""
     problem, norm = reference.problem, NORMS[f"{reference.problem.quantities[0]}-max"]
     errors = distances(run.states, reference, norm)
     blown_up = errors > motion(problem, reference.states, norm)[reference.trusted - 1]
-    end = int(np.argmax(blown_up)) if blown_up.any() else len(errors)
+    end = max(int(np.argmax(blown_up)), 2) if blown_up.any() else len(errors)
     apart = largest_distance(problem, norm, run.states[:end], made.states[:end])
     rounding = float(np.linalg.norm(worst_rounding(run, reference)[: run.layout.dim]))
-    largest = float(np.max(errors[:end]))
-    return rounding < _TELLING * largest and apart <= max(_SAME * largest, rounding)
-
-
-def _stand_ins(runs: Sequence[Run], claims: Claims) -> list[_Actor]:
-    """The stepper that a program is claimed to be, or those that have its order."""
-    if claims.method is not None:
-        return _actors([claims.method], runs)
-    kind = problem_class(runs[0].problem)
-    return _actors(
-        [name for name in STEPPERS if as_stepper(name).order(kind) == claims.order], runs
-    )
+    return apart <= max(_SAME * float(np.max(errors[:end])), rounding)
 
 
 def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
@@ -201,36 +195,67 @@ def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
     return windows(finer, sorted(coarser)) + windows(sorted(between))
 
 
-def _orders(
+def _fewest(
     reference: Reference,
-    runs: Sequence[Run] | None,
+    runs: Sequence[Run],
     actors: Sequence[_Actor],
-    steps: Sequence[int],
-    expected: int | None,
     counts: Sequence[int],
-) -> list[float] | None:
-    """The order in positions that each actor shows with further runs; None if one shows none.
+    windows: Sequence[tuple[int, ...]],
+    expected: int | None,
+) -> tuple[tuple[int, ...], list[float]] | None:
+    """The first further runs with which each actor shows an order, and these orders in positions.
+
+    Orders with a narrow interval are preferred: a program may differ a little from the actor.
 
     Arguments:
         reference: of the problem.
-        runs: of the program; None where the actors make these, too.
+        runs: of the program; none where the actors make these, too.
         actors: in its place.
-        steps: of the further runs.
-        expected: the order that is claimed.
         counts: the steps per frame that there are already.
+        windows: those of the further runs, in the order in which they are tried.
+        expected: the order that is claimed.
     """
-    found = []
-    for actor in actors:
-        further = [run for n in steps if (run := actor.run(n)) is not None]
-        if len(further) < len(steps):
-            return None
-        own = runs or [run for n in counts if (run := actor.run(n)) is not None]
-        all_runs = sorted([*own, *further], key=lambda run: -run.dt)
-        finding, _ = order_finding(reference, all_runs, expected)
-        convergence = finding.convergence
-        if convergence is None or finding.status == "undetermined":
-            return None
-        if not all(map(shown, convergence.orders.values())):
-            return None
-        found.append(convergence.orders[reference.problem.quantities[0]].observed)
-    return found
+    wide = None
+    for steps in windows if actors else ():
+        orders = []
+        for actor in actors:
+            order = _order(reference, runs, actor, counts, steps, expected)
+            if order is None:
+                break
+            orders.append(order)
+        else:
+            found = steps, [order.observed for order in orders]
+            if all(order.ci95[1] - order.ci95[0] <= _NARROW * order.observed for order in orders):
+                return found
+            wide = wide or found
+    return wide
+
+
+def _order(
+    reference: Reference,
+    runs: Sequence[Run],
+    actor: _Actor,
+    counts: Sequence[int],
+    steps: Sequence[int],
+    expected: int | None,
+) -> ObservedOrder | None:
+    """The order in positions that an actor shows with further runs, if all quantities have one."""
+    further = [run for n in steps if (run := actor.run(n)) is not None]
+    if len(further) < len(steps):
+        return None
+    own = runs or [run for n in counts if (run := actor.run(n)) is not None]
+    finding, _ = order_finding(
+        reference, sorted([*own, *further], key=lambda run: -run.dt), expected
+    )
+    if finding.status == "undetermined" or finding.convergence is None:
+        return None
+    if not _shows_an_order(finding.convergence):
+        return None
+    return finding.convergence.orders[reference.problem.quantities[0]]
+
+
+def _shows_an_order(convergence: Convergence) -> bool:
+    """Whether all quantities converge, to the right solution."""
+    return all(
+        shown(order) and order.verdict == "converges" for order in convergence.orders.values()
+    ) and all(off <= allowed for off, allowed in convergence.limits.values())
