@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from ropeode.checking.trajectories.explanations import (
     explain_columns,
     explain_times,
 )
+from ropeode.checking.trajectories.more_runs import more_runs
+from ropeode.checking.trajectories.other_ropes import other_rope
 from ropeode.checking.trajectories.run_files import FEWEST, Run, names_of
 from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
 from ropeode.problems.problem import Problem
@@ -29,6 +31,7 @@ from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.compute import reference_for
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
+from ropeode.simulation import step_size
 from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class
 
@@ -60,7 +63,8 @@ def grade(
     Arguments:
         files: CSV, NPZ or NetCDF, at least three, one for each step size.
         problem: the problem that the program should solve, or a reference of it.
-        dts: step size of each file; None if the files contain it.
+        dts: step size of each file; None if the files contain it, or their names the steps per
+            frame.
         expected_order: the order that the program should have; None to measure it.
         method: the stepper of ropeode that the program is meant to be, in place of an order.
         accuracy: as for `ropeode.reference`.
@@ -105,7 +109,12 @@ def grade(
         files, own, dts, certified, lambda text, share: progress(text, 0.9 * (share or 0.0))
     )
     reference = certified()
-    order, notes = _order(reference, runs, claims, expected)
+
+    @functools.cache
+    def other() -> Diagnosis | None:
+        return other_rope(reference, runs, lambda problem: reference_for(problem, options))
+
+    order, notes = _order(reference, runs, claims, expected, other)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
@@ -118,7 +127,7 @@ def grade(
         progress("diagnosis", 0.95)
         late = late_samples(reference, runs)
         if wrong:
-            diagnosis = _diagnosed(reference, runs, files, dts, order, late)
+            diagnosis = _diagnosed(reference, runs, files, dts, order, late, other)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
             notes = (*notes, "; ".join(filter(None, (late.words, late.fix))))
@@ -134,10 +143,14 @@ def grade(
 
 
 def _order(
-    reference: Reference, runs: Sequence[Run], claims: Claims, expected: int | None
+    reference: Reference,
+    runs: Sequence[Run],
+    claims: Claims,
+    expected: int | None,
+    other: Callable[[], Diagnosis | None],
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence; no order is needed if a mistake in the files explains all."""
-    finding, notes = order_finding(reference, runs, claims, expected)
+    finding, notes = order_finding(reference, runs, expected)
     if finding.status == "undetermined":
         late = late_samples(reference, runs)
         # Half a step may be the error of a method of order 1.
@@ -146,6 +159,11 @@ def _order(
         columns = explain_columns(reference, runs, coarse=False)
         if columns is not None and not columns.like_another_problem:
             return Finding("order", "fail", f"no order; {columns.words}"), ()
+        if other() is not None:
+            return Finding("order", "fail", "no order; the files fit another rope"), ()
+        # Not above: it runs steppers, which takes longer than all the rest.
+        advice = functools.partial(more_runs, reference, runs, claims, expected)
+        return order_finding(reference, runs, expected, advice)
     return finding, notes
 
 
@@ -165,6 +183,7 @@ def _diagnosed(
     dts: ArrayLike | None,
     order: Finding,
     late: LateSamples | None,
+    other: Callable[[], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
     if late is not None:
@@ -175,6 +194,8 @@ def _diagnosed(
     )
     if written is not None and not written.like_another_problem:
         return (_of_files(written),)
+    if (rope := other()) is not None:
+        return (rope,)
     solved = _solved(reference, runs)
     if written is None:
         return tuple(_with_what_is_right(each, order) for each in solved)
@@ -236,6 +257,10 @@ def _notes(runs: Sequence[Run], reference: Reference) -> list[str]:
         notes.append(
             f"only samples before t = {reference.horizon:g} count, where the reference is trusted"
         )
+    if runs[0].named:
+        one = step_size(reference.problem, 1)
+        steps = ", ".join(f"{one / run.dt:g} in {run.path.name}" for run in runs)
+        notes.append(f"steps per frame are those of the file names: {steps}")
     if runs[0].quantities != reference.problem.quantities:
         notes.append("the files have no velocities: only positions are graded")
     return notes

@@ -22,6 +22,9 @@ from ropeode.terminal.output import format_for, format_option, out_option_with, 
 from ropeode.terminal.running import set_up_jax, with_progress
 from ropeode.validation import bad_value
 
+# As `ropeode.checking.starter_files.assignments` has them, which imports JAX.
+ASSIGNMENTS = ("games101",)
+
 
 @click.command()
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path))
@@ -32,6 +35,11 @@ from ropeode.validation import bad_value
 @click.option(
     "--init", metavar="DIR", type=click.Path(), help="Write a spec and a program to start from."
 )
+@click.option(
+    "--assignment",
+    type=click.Choice(ASSIGNMENTS),
+    help="With --init: write the files for this assignment, with a program for all its methods.",
+)
 @class_options
 @format_option
 @out_option_with(OUT_OF_CLASSES)
@@ -41,6 +49,7 @@ def grade(
     order: str | None,
     method: str | None,
     init: str | None,
+    assignment: str | None,
     memory: str | None,
     rubric: Path | None,
     form: str | None,
@@ -51,9 +60,10 @@ def grade(
 
     FILES are CSV (t,node,x,y and optionally vx,vy), NPZ or NetCDF, one for each of at least
     three step sizes; --problem or --reference names what they solve. `ropeode grade --init DIR`
-    writes a spec, the initial state, a program in C++ and a page that explains them. The exit
-    code is 0 if the program is right, 1 if it is wrong, and 2 if the files do not decide that,
-    or cannot be graded.
+    writes a spec, the initial state, a program in C++ and a page that explains them, and with
+    `--assignment games101` those of the rope in Assignment 8 of GAMES101. The exit code is 0 if
+    the program is right, 1 if it is wrong, and 2 if the files do not decide that, or cannot be
+    graded.
 
     A FOLDER in place of FILES has a subfolder of such files for each submission. Each is graded
     in a process of its own, against one reference. The exit code is then 0 if all are right, 1
@@ -61,7 +71,9 @@ def grade(
     """
     if init is not None:
         others = files or dt or order or method or memory or rubric or out or form
-        return _init(init, options, bool(others))
+        return _init(init, assignment, options, bool(others))
+    if assignment is not None:
+        raise bad_value("assignment", assignment, "one with --init", "add --init DIR")
     if not files:
         allowed = "trajectories, one file for each step size"
         raise bad_value("files", "none", allowed, "see `ropeode grade --init DIR`")
@@ -100,15 +112,24 @@ def grade(
     return report.exit_code
 
 
-def _init(folder: str, options: Mapping[str, str | None], other_options: bool) -> int:
+def _init(
+    folder: str, assignment: str | None, options: Mapping[str, str | None], other_options: bool
+) -> int:
     """Write the starter files."""
     if other_options:
         allowed, fix = "no other option but those of the problem", "leave out the others"
         raise bad_value("init", folder, allowed, fix)
+    if assignment is not None and any(options.values()):
+        allowed, fix = "no problem beside it, for it has its own", "leave out one of them"
+        raise bad_value("assignment", assignment, allowed, fix)
     set_up_jax()
     from ropeode.checking.starter_files import write_start
+    from ropeode.checking.starter_files.assignments import write_assignment
 
-    job = job_from(None, options) if any(options.values()) else None
-    for name in write_start(folder, job):
+    if assignment is not None:
+        written = write_assignment(folder, assignment)
+    else:
+        written = write_start(folder, job_from(None, options) if any(options.values()) else None)
+    for name in written:
         click.echo(f"wrote {name}", err=True)
     return 0

@@ -107,7 +107,7 @@ dt_option = click.option(
     "--dt",
     metavar="A[,B...]",
     type=CommaSeparated(),
-    help="Step size of each file. [as the files say]",
+    help="Step size of each file. [as the files say, or the steps per frame in their names]",
 )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tempfile
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -37,11 +38,26 @@ def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
     Raises:
         InputError: the folder exists, or cannot be created.
     """
+    return write_folder(folder, _texts(job or TableJob({})))
+
+
+def write_folder(folder: str | Path, texts: Mapping[str, str]) -> list[str]:
+    """Write a folder of texts, whole or not at all.
+
+    Arguments:
+        folder: it must not exist yet.
+        texts: by name of the file.
+
+    Returns:
+        The paths of the files.
+
+    Raises:
+        InputError: the folder exists, or cannot be created.
+    """
     path = Path(folder)
     if path.exists():
         raise bad_value("init", str(path), "a new folder", "choose another name")
     check_writable("init", path)
-    texts = _texts(job or TableJob({}))
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as part:
             new = Path(part) / path.name
@@ -58,21 +74,22 @@ def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
 def _texts(job: TableJob) -> dict[str, str]:
     problem = job.problem
     texts = {
-        "spec.toml": _spec(job),
-        "initial.csv": "\n".join([Layout.of(problem).headers[-1], *_initial_rows(problem), ""]),
+        "spec.toml": spec_text(job),
+        "initial.csv": initial_state(problem),
         "README.md": _page(problem),
     }
     if problem.parameters.get("kind") == "rope":
         numbers = "\n".join(_numbers(problem))
-        texts["rope.cpp"] = _template("rope.cpp").replace("@NUMBERS@", numbers)
+        texts["rope.cpp"] = template("rope.cpp").replace("@NUMBERS@", numbers)
     return texts
 
 
-def _template(name: str) -> str:
+def template(name: str) -> str:
+    """The text of a file of this folder, which may have places to fill in."""
     return resources.files(__name__).joinpath(name).read_text(encoding="utf-8")
 
 
-def _spec(job: TableJob) -> str:
+def spec_text(job: TableJob) -> str:
     """A spec that does not depend on its folder."""
     lines = ["# The problem that the program should solve. `ropeode spec` lists all settings.", ""]
 
@@ -123,6 +140,11 @@ def _named(job: TableJob) -> str:
     return f"{path.resolve()}:{name}"
 
 
+def initial_state(problem: Problem) -> str:
+    """The initial state as a CSV file."""
+    return "\n".join([Layout.of(problem).headers[-1], *_initial_rows(problem), ""])
+
+
 def _initial_rows(problem: Problem) -> list[str]:
     """The initial state as the lines of a CSV file."""
     nodes = samples_of(problem, problem.y0[None])[0].tolist()
@@ -143,7 +165,7 @@ def _page(problem: Problem) -> str:
     both = "- Velocities are optional; without them only positions are graded.\n"
     # The program's page comes first: it has places to fill in itself.
     values = {
-        "PROGRAM": _template("program.md") if own_program else "",
+        "PROGRAM": template("program.md") if own_program else "",
         "GRADE": f"ropeode grade {files} --problem spec.toml --order 2",
         "RUNS": "\n".join(f"./rope {n} > rope-{n}.csv" for n in steps),
         "PROBLEM": f"The {problem.name} of `spec.toml`: {layout.nodes} nodes with {layout.dim} "
@@ -154,7 +176,7 @@ def _page(problem: Problem) -> str:
         "VELOCITIES": both if layout.mechanical else "",
         "ARRAYS": " and `velocities`" if layout.mechanical else "",
     }
-    text = _template("page.md")
+    text = template("page.md")
     for key, value in values.items():
         text = text.replace(f"@{key}@", value)
     return text.rstrip("\n") + "\n"

@@ -9,7 +9,6 @@ import numpy as np
 from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import Finding, exactly
 from ropeode.checking.trajectories.run_files import Run
-from ropeode.checking.written_precision import epsilon
 from ropeode.references.reference import Reference
 
 # A pinned node may move by so many units of rounding of the problem's size.
@@ -33,7 +32,7 @@ def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
         places = run.values[:, pinned, :dim]
         moved = np.max(np.abs(places - places[0]), axis=2)
         largest = float(np.max(moved))
-        if largest > max(worst, _PIN_ROUNDINGS * epsilon(run.values) * problem.scale):
+        if largest > max(worst, _PIN_ROUNDINGS * run.epsilon * problem.scale):
             sample, node = np.unravel_index(np.argmax(moved), moved.shape)
             line = (
                 f"pinned node {pinned[node]} is {largest:.1e} away from its place at t = "

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 
 import numpy as np
 
 from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, ObservedOrder
 from ropeode.checking.convergence import convergence_finding, converging, finest_is_unstable
-from ropeode.checking.report import Claims, Convergence, Finding
-from ropeode.checking.trajectories.initial_states import rounding_of
-from ropeode.checking.trajectories.instability import advice, before_blow_up
+from ropeode.checking.report import Convergence, Finding
+from ropeode.checking.trajectories.instability import before_blow_up
 from ropeode.checking.trajectories.layout import states_of
 from ropeode.checking.trajectories.run_files import Run
-from ropeode.checking.written_precision import digits_of, epsilon, single_precision
-from ropeode.problems.problem import Problem
+from ropeode.checking.written_precision import digits_of, single_precision
 from ropeode.references.reference import Reference
-from ropeode.simulation import step_size
 
 # Errors below 30 times the round-off are left out; for the largest possible round-off, three times
 # are enough.
@@ -31,7 +29,10 @@ _CERTAINLY = 10.0
 
 
 def order_finding(
-    reference: Reference, runs: Sequence[Run], claims: Claims, expected: int | None
+    reference: Reference,
+    runs: Sequence[Run],
+    expected: int | None,
+    more_runs: Callable[[Convergence], str] | None = None,
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence, and notes on its evidence.
 
@@ -44,8 +45,9 @@ def order_finding(
     Arguments:
         reference: of the problem.
         runs: of the program.
-        claims: of its author.
-        expected: the order that follows from them; None to measure it.
+        expected: the order that is claimed; None to measure it.
+        more_runs: says which runs to add where those that there are show no order; without it,
+            that is left open.
     """
 
     def with_rounding(rounding: Callable[[Run], np.ndarray]) -> Convergence:
@@ -59,7 +61,7 @@ def order_finding(
             quantities=runs[0].quantities,
         )
 
-    as_written = with_rounding(rounding_of)
+    as_written = with_rounding(attrgetter("rounding"))
     finding = convergence_finding("order", as_written)
     if finding.status == "pass" and all(map(shown, as_written.orders.values())):
         return finding, ()
@@ -70,10 +72,14 @@ def order_finding(
         return finding, (note,)
     if _is_refuted(careful):
         return finding, ()
-    if unstable := _unstable_steps(careful):
-        line = _unstable(reference, runs, claims, unstable)
+    if unstable := unstable_steps(careful):
+        line, fix = _unstable(reference, runs, unstable), ""
     else:
-        line = _undecided(finding.line, careful, as_written, runs)
+        why, fix = _undecided(careful, as_written, runs)
+        line = f"{finding.line}: {why}"
+    if not fix and more_runs is not None:
+        fix = more_runs(careful)
+    line = f"{line}; {fix}" if fix else line
     return dataclasses.replace(finding, status="undetermined", line=line), ()
 
 
@@ -83,7 +89,7 @@ def worst_rounding(run: Run, reference: Reference) -> np.ndarray:
     That of the written digits, and a part of the round-off of the run: errors many times larger
     than the rounding are left out of an order.
     """
-    return rounding_of(run) + _SHARE * _round_off(run, reference)
+    return run.rounding + _SHARE * _round_off(run, reference)
 
 
 def _round_off(run: Run, reference: Reference) -> np.ndarray:
@@ -94,7 +100,7 @@ def _round_off(run: Run, reference: Reference) -> np.ndarray:
     """
     problem = reference.problem
     positions = problem.quantity(problem.quantities[0], reference.states)
-    unit = 0.5 * epsilon(run.values) * float(np.max(np.abs(positions), initial=problem.scale))
+    unit = 0.5 * run.epsilon * float(np.max(np.abs(positions), initial=problem.scale))
     span = float(problem.ts[-1] - problem.ts[0])
     of_rate = unit * np.sqrt(span / run.dt) / run.dt
     columns = np.full(run.values.shape[2], of_rate)
@@ -119,7 +125,7 @@ def shown(order: ObservedOrder) -> bool:
     return order.verdict != "undetermined" and order.used[0] >= _SPAN * order.used[-1]
 
 
-def _unstable_steps(convergence: Convergence) -> list[float]:
+def unstable_steps(convergence: Convergence) -> list[float]:
     """The step sizes at which runs blew up, where that leaves too few for an order."""
     each = {
         point.dt
@@ -131,52 +137,34 @@ def _unstable_steps(convergence: Convergence) -> list[float]:
     return sorted(each, reverse=True)
 
 
-def _unstable(
-    reference: Reference, runs: Sequence[Run], claims: Claims, unstable: Sequence[float]
-) -> str:
-    """What runs show that blow up, and what is needed for a verdict."""
-    finest = min(run.dt for run in runs)
+def _unstable(reference: Reference, runs: Sequence[Run], unstable: Sequence[float]) -> str:
+    """What runs show that blow up."""
     *most, last = (f"{dt:.4g}" for dt in unstable)
     line = f"unstable at dt = {', '.join(most)} and {last}" if most else f"unstable at dt = {last}"
     before = [
         f"{order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}] in {name} over the first "
         + ("frame" if frames == 1 else f"{frames} frames")
-        for name, (frames, order) in before_blow_up(reference, runs, rounding_of).items()
+        for name, (frames, order) in before_blow_up(reference, runs).items()
         if order.ci95 is not None
     ]
-    if before:
-        line += f"; before that of order {' and '.join(before)}"
-    return f"{line}; {advice(reference.problem, claims, finest)}"
+    return f"{line}; before that of order {' and '.join(before)}" if before else line
 
 
 def _undecided(
-    line: str, careful: Convergence, as_written: Convergence, runs: Sequence[Run]
-) -> str:
-    """Why the files show neither that the program is right nor that it is wrong; what to add."""
+    careful: Convergence, as_written: Convergence, runs: Sequence[Run]
+) -> tuple[str, str]:
+    """Why files show neither that a program is right nor that it is wrong; how to write better."""
     finest = runs[-1].values
     if _lost(as_written, ROUND_OFF):
         why = f"the numbers have {digits_of(finest)[0]} digits"
-        fix = "write 17 digits, with std::setprecision(17) or %.17g"
-    elif _lost(careful, ROUND_OFF) and single_precision(finest):
-        why, fix = "the numbers are in single precision", "compute in double precision"
-        fix += ", or use larger steps"
-    elif _lost(careful, ROUND_OFF) or _lost(careful, UNRESOLVED):
+        return why, "write 17 digits, with std::setprecision(17) or %.17g"
+    if _lost(careful, ROUND_OFF) and single_precision(finest):
+        fix = "compute in double precision, or use larger steps"
+        return "the numbers are in single precision", fix
+    if _lost(careful, ROUND_OFF) or _lost(careful, UNRESOLVED):
         why = "errors are so small that round-off or the reference's bound may hide them"
-        fix = _runs_to_add(careful, runs[0].problem) or "add runs with larger steps"
-    else:
-        why = "the step sizes show no order"
-        fix = _runs_to_add(careful, runs[0].problem) or "add runs over a wider range of step sizes"
-    return f"{line}: {why}; {fix}"
-
-
-def _runs_to_add(convergence: Convergence, problem: Problem) -> str:
-    """The runs that may decide, as step sizes and as steps per frame."""
-    add = sorted({dt for order in convergence.orders.values() for dt in order.add}, reverse=True)
-    if not add:
-        return ""
-    one = step_size(problem, 1)
-    each = ", ".join(f"{dt:.3g} ({one / dt:.4g} steps per frame)" for dt in add)
-    return f"add runs with dt = {each}"
+        return why, ""
+    return "the step sizes show no order", ""
 
 
 def _lost(convergence: Convergence, reason: str) -> bool:

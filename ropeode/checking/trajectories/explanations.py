@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.analysis.errors import distances, resolution
-from ropeode.checking.report import Claims
 from ropeode.checking.trajectories.arrangement import Arrangement, arrangements
 from ropeode.checking.trajectories.arrangement_words import Mistake, mistakes_in
 from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of
@@ -184,7 +183,7 @@ def _extents(
 ) -> list[Extent]:
     """The times of files; none if one of them cannot be read."""
     try:
-        opened, steps = opened_files(files, problem, dts, fewest)
+        opened, steps, _ = opened_files(files, problem, dts, fewest)
         return [extent_of(file.blocks(), dt) for file, dt in zip(opened, steps, strict=True)]
     except (InputError, OSError):
         return []
@@ -241,7 +240,7 @@ def _agreement(reference: Reference, runs: Sequence[Run], *, coarse: bool = True
         check_initial_states(runs)
     except InputError:
         return None
-    finding, _ = order_finding(reference, runs, Claims(), None)
+    finding, _ = order_finding(reference, runs, None)
     if finding.status == "undetermined":
         return _closeness(reference, runs) if coarse else None
     return finding.line if finding.status == "pass" else None

@@ -9,7 +9,6 @@ import numpy as np
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.trajectories.same_faults import each_once
-from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
 from ropeode.validation import complaint
 
@@ -55,13 +54,6 @@ def first_errors(run: Run) -> np.ndarray:
     return np.abs(run.values[0] - _wanted(run))
 
 
-def rounding_of(run: Run) -> np.ndarray:
-    """The largest rounding error of the written numbers of each column, ``(columns,)``."""
-    dim = run.layout.dim
-    parts = np.split(run.values, range(dim, run.values.shape[2], dim), axis=2)
-    return np.repeat([last_digit(part) for part in parts], dim)
-
-
 def _wanted(run: Run) -> np.ndarray:
     """The initial state as the first sample of a file, ``(nodes, columns)``."""
     problem = run.problem
@@ -71,11 +63,11 @@ def _wanted(run: Run) -> np.ndarray:
 def allowed_first_errors(run: Run) -> np.ndarray:
     """How far the numbers of each column of the first sample may be off, ``(columns,)``."""
     size = np.max(np.abs(run.values[0]), initial=run.problem.scale)
-    rounding = _ROUNDINGS * epsilon(run.values) * size
+    rounding = _ROUNDINGS * run.epsilon * size
     # Velocities may be differences of positions.
     columns = np.full(run.values.shape[2], rounding)
     columns[run.layout.dim :] = rounding / run.dt
-    return columns + 2.0 * rounding_of(run)
+    return columns + 2.0 * run.rounding
 
 
 def _complaint(run: Run, off: np.ndarray, why: str, fix: str) -> str:

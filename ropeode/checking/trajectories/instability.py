@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ropeode.simulation import step_size
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study.accuracy_table import problem_class
 from ropeode.theory.growth import stability_limit
+from ropeode.validation import listed
 
 # So many further runs, each with twice the steps of the one before.
 _RUNS = 3
@@ -27,7 +28,7 @@ _WIDEST = 1.0
 
 
 def before_blow_up(
-    reference: Reference, runs: Sequence[Run], rounding: Callable[[Run], np.ndarray]
+    reference: Reference, runs: Sequence[Run]
 ) -> dict[str, tuple[int, ObservedOrder]]:
     """For each quantity the most frames over which runs converge, and the order there.
 
@@ -37,7 +38,6 @@ def before_blow_up(
     Arguments:
         reference: of the problem.
         runs: of which some blow up later.
-        rounding: of each column of a run, ``(columns,)``.
 
     Returns:
         By quantity; without those that show no order over any beginning.
@@ -47,7 +47,7 @@ def before_blow_up(
         norm = NORMS[f"{quantity}-max"]
         errors = [_largest(run.states, reference, norm) for run in runs]
         roundings = [
-            _largest(states_of(problem, run.values + rounding(run)), reference, norm, run.states)
+            _largest(states_of(problem, run.values + run.rounding), reference, norm, run.states)
             for run in runs
         ]
         finest, moved = resolution(reference, norm), motion(problem, reference.states, norm)
@@ -98,7 +98,7 @@ def advice(problem: Problem, claims: Claims, finest: float) -> str:
     one = step_size(problem, 1)
     first = max(min(known, default=1), round(2 * one / finest))
     counts = [first * 2**k for k in range(_RUNS)]
-    add = f"add runs with {', '.join(map(str, counts))} steps per frame (dt <= {one / first:.3g})"
+    add = f"add runs with {listed(counts)} steps per frame (dt <= {one / first:.3g}) to begin with"
     return f"{words}; {add}" if words else add
 
 

@@ -17,9 +17,12 @@ from ropeode.checking.trajectories.netcdf_files import NetcdfFile
 from ropeode.checking.trajectories.npz_files import NpzFile
 from ropeode.checking.trajectories.same_faults import each_once
 from ropeode.checking.trajectories.sampling import Sampling
+from ropeode.checking.trajectories.steps_in_names import by_names, steps_in_names
+from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
+from ropeode.simulation import step_size
 from ropeode.validation import bad_value, complaint, positive_number
 
 File = CsvFile | NpzFile | NetcdfFile
@@ -42,6 +45,7 @@ class Run:
         dt: step size.
         values: ``(times, nodes, columns)``: positions and, if the file has them, velocities.
         interval: between the samples in the file.
+        named: whether the step size is that of the file's name.
     """
 
     problem: Problem
@@ -49,6 +53,7 @@ class Run:
     dt: float
     values: np.ndarray
     interval: float
+    named: bool = False
 
     @functools.cached_property
     def layout(self) -> Layout:
@@ -64,6 +69,18 @@ class Run:
     def quantities(self) -> tuple[str, ...]:
         """The quantities of the problem that the file has: velocities may be missing."""
         return self.problem.quantities[: self.values.shape[2] // self.layout.dim]
+
+    @functools.cached_property
+    def rounding(self) -> np.ndarray:
+        """The largest rounding error of the written numbers of each column, ``(columns,)``."""
+        dim = self.layout.dim
+        parts = np.split(self.values, range(dim, self.values.shape[2], dim), axis=2)
+        return np.repeat([last_digit(part) for part in parts], dim)
+
+    @functools.cached_property
+    def epsilon(self) -> float:
+        """The relative rounding of the precision in which the numbers were computed."""
+        return epsilon(self.values)
 
     @property
     def label(self) -> str:
@@ -97,7 +114,7 @@ def read_runs(
     Arguments:
         files: one for each step size.
         problem: the problem that they should solve.
-        dts: step size of each; None if the files contain them.
+        dts: step size of each; None if the files contain them, or their names the steps per frame.
         progress: called with the current task and the fraction that is done.
         fewest: the smallest number of files; fewer than three show no order.
         reading: another meaning of the samples of each file than that of their times.
@@ -109,7 +126,7 @@ def read_runs(
         InputError: the first fault of each file that cannot be used; one that several files
             have is one line.
     """
-    opened, steps = opened_files(files, problem, dts, fewest)
+    opened, steps, named = opened_files(files, problem, dts, fewest)
     total, before, faults, runs = sum(file.size for file in opened), 0, [], []
     for index, (file, dt) in enumerate(zip(opened, steps, strict=True)):
 
@@ -120,7 +137,8 @@ def read_runs(
             blocks = file.blocks()
             if reading is not None:
                 dt, blocks = reading(index, blocks)
-            runs.append(_read(file, dt, blocks, problem, report))
+            run = _read(file, dt, blocks, problem, report)
+            runs.append(dataclasses.replace(run, named=named))
         except InputError as error:
             faults += [(file.path, line) for line in error.problems]
         except OSError as error:
@@ -140,14 +158,23 @@ def read_runs(
 
 def opened_files(
     files: Sequence[str | Path], problem: Problem, dts: Sequence[Any] | None, fewest: int = FEWEST
-) -> tuple[list[File], list[float]]:
+) -> tuple[list[File], list[float], bool]:
     """Open the files, read their headers, and tell the step size of each.
+
+    Returns:
+        The files, their step sizes, and whether these are those of the names.
 
     Raises:
         InputError: one line for each fault, or there are too few files.
     """
     opened = _open(files, Layout.of(problem), fewest)
-    return opened, _step_sizes(opened, dts)
+    if dts is not None and len(dts) != len(opened):
+        allowed = f"one for each of the {len(opened)} files, in the same order"
+        raise bad_value("dt", len(dts), allowed, "give one for each file")
+    if any(file.dt is not None for file in opened):
+        return opened, _step_sizes(opened, dts), False
+    named, why = _step_sizes_in_names([file.path for file in opened], dts, problem)
+    return opened, _step_sizes(opened, named or dts, why), named is not None
 
 
 def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File]:
@@ -174,22 +201,54 @@ def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File
     return opened
 
 
-def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None) -> list[float]:
+def _step_sizes_in_names(
+    paths: Sequence[Path], dts: Sequence[Any] | None, problem: Problem
+) -> tuple[list[float] | None, str]:
+    """The step size of each file, if its name decides that; and why the names do not.
+
+    Raises:
+        InputError: the step sizes are those of the names, but for their order and the unit.
+    """
+    try:
+        if not problem.equal_frames:
+            raise ValueError("the frames of the problem differ in length")
+        steps, frame = steps_in_names(paths), step_size(problem, 1)
+        given = None if dts is None else [positive_number(dt) for dt in dts]
+    except ValueError as error:
+        return None, str(error)
+    if given is None:
+        return [frame / n for n in steps], ""
+    try:
+        named = by_names(steps, given, frame)
+    except ValueError as error:
+        names = ", ".join(path.name for path in paths)
+        allowed = f"step sizes in the order of the files {names} ({error})"
+        raise bad_value("dt", given, allowed, "sort them as the files") from None
+    return (None if named == given else named), ""
+
+
+def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None, why: str = "") -> list[float]:
     """The step size of each file, from the file or from the caller.
+
+    Arguments:
+        files: opened.
+        dts: from the caller, or from the names.
+        why: why the names do not say it.
 
     Raises:
         InputError: one is missing, not a positive number, repeated, or contradictory.
     """
-    if dts is not None and len(dts) != len(files):
-        allowed = f"one for each of the {len(files)} files, in the same order"
-        raise bad_value("dt", len(dts), allowed, "give one for each file")
     faults, steps = [], []
     for i, file in enumerate(files):
         values = [_positive(file, file.dt, faults)] if file.dt is not None else []
         if dts is not None:
             values.append(_positive(file, dts[i], faults))
         if not values:
-            allowed = "the step size, in the file or as --dt with one for each file"
+            allowed = "the step size, in the file or as --dt with one for each file" + (
+                f"; names say it where they differ in the steps per frame alone ({why})"
+                if why
+                else ""
+            )
             in_csv = isinstance(file, CsvFile)
             fix = "write '# dt = 0.01' above the header" if in_csv else "store a number dt as well"
             faults.append((file.path, complaint(f"{file.path}, dt", "none", allowed, fix)))

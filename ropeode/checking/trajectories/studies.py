@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +15,6 @@ from ropeode.analysis.errors import differences, distances, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import shown, worst_rounding
-from ropeode.checking.trajectories.initial_states import rounding_of
 from ropeode.checking.trajectories.layout import samples_of, states_of
 from ropeode.checking.trajectories.run_files import Run, names_of
 from ropeode.display import Tabular
@@ -302,7 +302,7 @@ def _order(
             motion=float(motion(reference.problem, reference.states, norm)[reference.trusted - 1]),
         )
 
-    as_written = with_rounding(rounding_of)
+    as_written = with_rounding(attrgetter("rounding"))
     if as_written.verdict == "converges" and shown(as_written):
         return as_written
     return with_rounding(lambda run: worst_rounding(run, reference))

@@ -1,0 +1,261 @@
+"""The fewest runs that would show an order: tried out with steppers before they are advised."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ropeode.analysis.errors import distances
+from ropeode.analysis.order import ObservedOrder
+from ropeode.analysis.roundoff import largest_distance
+from ropeode.checking.report import Claims, Convergence
+from ropeode.checking.trajectories.convergence import (
+    order_finding,
+    shown,
+    unstable_steps,
+    worst_rounding,
+)
+from ropeode.checking.trajectories.instability import advice
+from ropeode.checking.trajectories.layout import samples_of
+from ropeode.checking.trajectories.run_files import Run
+from ropeode.norms import NORMS, motion
+from ropeode.problems.problem import Problem
+from ropeode.progress import silent
+from ropeode.references.reference import Reference
+from ropeode.simulation import simulate, step_size
+from ropeode.steppers import STEPPERS, as_stepper
+from ropeode.study.accuracy_table import problem_class
+from ropeode.validation import listed
+
+# Positions are those of a stepper if they differ by this part of their errors, or by rounding.
+_SAME = 0.01
+# What programs are likely to be: the second only if it is none of the first.
+_LIKELY = (
+    (*STEPPERS, "stormer-verlet:start=rest", "constraint-verlet:start=rest"),
+    ("diffrax:Heun", "diffrax:Midpoint", "diffrax:Ralston", "diffrax:Bosh3"),
+)
+# The most runs that are advised; and the most work in one of them, as steps times numbers in a
+# state: less than a second. States with fewer numbers take as long as this many.
+_MOST_RUNS, _MOST_WORK, _SMALL_STATE = 4, 2**25, 64
+# The ratio of runs between those that there are.
+_CLOSE = 1.25
+# The widest interval of an order that is clear, as a part of the order.
+_NARROW = 0.3
+# How far from a whole number the steps in a frame may be, by rounding of dt.
+_WHOLE = 1e-3
+
+
+def more_runs(
+    reference: Reference,
+    runs: Sequence[Run],
+    claims: Claims,
+    expected: int | None,
+    convergence: Convergence,
+) -> str:
+    """What would show an order, as the end of a sentence.
+
+    Steppers that have the same positions, as far as rounding lets this be seen, stand in for the
+    program: the fewest further runs with which each of them shows its order. If there is none,
+    the reasons for which step sizes could not be used say what to try.
+
+    Arguments:
+        reference: of the problem.
+        runs: of the program, from coarse to fine.
+        claims: of its author.
+        expected: the order that follows from them.
+        convergence: of the runs.
+    """
+    same = _same_steppers(reference, runs)
+    names = [actor.name for actor in same]
+    words = f"the positions agree with those of {listed(names)}; " if same else ""
+    # Runs with few digits have to be made again.
+    exact = all(np.all(run.rounding == 0.0) for run in runs)
+    found = _fewest(reference, runs if exact else (), same, _counts(runs), _windows(runs), expected)
+    if found is not None:
+        steps, orders = found
+        write = "" if exact else "write 17 digits, and "
+        shows = _orders_in_words(names, orders)
+        return f"{words}{write}add {_in_words(steps)}, with which {shows}"
+    if unstable_steps(convergence):
+        return words + advice(reference.problem, claims, runs[-1].dt)
+    return words + _from_reasons(convergence, runs)
+
+
+def _orders_in_words(names: Sequence[str], orders: Sequence[float]) -> str:
+    each = [f"{order:.2f}" for order in orders]
+    if len(set(each)) == 1:
+        return f"{'they show' if len(names) > 1 else 'it shows'} order {each[0]}"
+    return f"they show the orders {listed(each)}"
+
+
+def _in_words(steps: Sequence[int]) -> str:
+    return f"{'runs' if len(steps) > 1 else 'a run'} with {listed(steps)} steps per frame"
+
+
+def _from_reasons(convergence: Convergence, runs: Sequence[Run]) -> str:
+    """The runs that may decide, as the reasons say for which others could not be used."""
+    one = step_size(runs[0].problem, 1)
+    add = {dt for order in convergence.orders.values() for dt in order.add}
+    steps = sorted({math.ceil(one / dt - _WHOLE) for dt in add})
+    finest = _counts(runs)[-1]
+    return f"add {_in_words(steps or [2 * finest, 4 * finest])} to begin with"
+
+
+class _Actor:
+    """A stepper in the place of the program.
+
+    Arguments:
+        name: of the stepper.
+        problem: that it solves.
+        columns: of its runs, which have velocities or not.
+    """
+
+    def __init__(self, name: str, problem: Problem, columns: int):
+        self.name, self.problem, self.columns = name, problem, columns
+        self._runs: dict[int, Run | None] = {}
+
+    def run(self, steps: int) -> Run | None:
+        """Its run with so many steps per frame; None if that diverges."""
+        if steps not in self._runs:
+            made = simulate(self.problem, self.name, steps, progress=silent)
+            values = samples_of(self.problem, made.states)[:, :, : self.columns]
+            path, frame = Path(f"{steps}.csv"), step_size(self.problem, 1)
+            run = Run(self.problem, path, made.dt, values, frame) if made.status == "ok" else None
+            self._runs[steps] = run
+        return self._runs[steps]
+
+
+def _counts(runs: Sequence[Run]) -> list[int]:
+    """The steps per frame of runs, rounded up."""
+    one = step_size(runs[0].problem, 1)
+    return [math.ceil(one / run.dt - _WHOLE) for run in runs]
+
+
+def _same_steppers(reference: Reference, runs: Sequence[Run]) -> list[_Actor]:
+    """Steppers whose positions are those of all runs."""
+    problem, counts, one = runs[0].problem, _counts(runs), step_size(runs[0].problem, 1)
+    if any(abs(one / run.dt - n) > _WHOLE for run, n in zip(runs, counts, strict=True)):
+        return []
+    kind, columns = problem_class(problem), runs[0].values.shape[2]
+    for names in _LIKELY:
+        able = (
+            name
+            for name in names
+            if (stepper := as_stepper(name)).solves(kind) and stepper.refusal(problem) is None
+        )
+        found = [
+            actor
+            for actor in (_Actor(name, problem, columns) for name in able)
+            if all(
+                (made := actor.run(n)) is not None and _agree(reference, run, made)
+                for run, n in zip(runs, counts, strict=True)
+            )
+        ]
+        if found:
+            return found
+    return []
+
+
+def _agree(reference: Reference, run: Run, made: Run) -> bool:
+    """Whether two runs have the same positions in the first frame, and until they blow up."""
+    problem, norm = reference.problem, NORMS[f"{reference.problem.quantities[0]}-max"]
+    errors = distances(run.states, reference, norm)
+    blown_up = errors > motion(problem, reference.states, norm)[reference.trusted - 1]
+    end = max(int(np.argmax(blown_up)), 2) if blown_up.any() else len(errors)
+    apart = largest_distance(problem, norm, run.states[:end], made.states[:end])
+    rounding = float(np.linalg.norm(worst_rounding(run, reference)[: run.layout.dim]))
+    return apart <= max(_SAME * float(np.max(errors[:end])), rounding)
+
+
+def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
+    """Steps per frame of runs that may be added: the fewest runs first, then the fewest steps.
+
+    Those between the runs that there are come last: their numbers are not round.
+    """
+    problem, counts = runs[0].problem, _counts(runs)
+    coarsest, finest = min(counts), max(counts)
+    most = _MOST_WORK // (problem.frames * max(problem.y0.size, _SMALL_STATE))
+    finer = [finest * 2**k for k in range(1, max(most // finest, 1).bit_length())]
+    coarser = [n for k in range(coarsest.bit_length()) if 0 < (n := coarsest >> k) < coarsest]
+    levels = round(math.log(finest / coarsest, _CLOSE))
+    between = {round(coarsest * _CLOSE**k) for k in range(1, levels)} - {*counts}
+
+    def windows(*ladders: Sequence[int]) -> list[tuple[int, ...]]:
+        found = (
+            tuple(ladder[first : first + count])
+            for ladder in ladders
+            for count in range(1, _MOST_RUNS + 1)
+            for first in range(len(ladder) - count + 1)
+        )
+        return sorted(found, key=lambda steps: (len(steps), sum(steps)))
+
+    return windows(finer, sorted(coarser)) + windows(sorted(between))
+
+
+def _fewest(
+    reference: Reference,
+    runs: Sequence[Run],
+    actors: Sequence[_Actor],
+    counts: Sequence[int],
+    windows: Sequence[tuple[int, ...]],
+    expected: int | None,
+) -> tuple[tuple[int, ...], list[float]] | None:
+    """The first further runs with which each actor shows an order, and these orders in positions.
+
+    Orders with a narrow interval are preferred: a program may differ a little from the actor.
+
+    Arguments:
+        reference: of the problem.
+        runs: of the program; none where the actors make these, too.
+        actors: in its place.
+        counts: the steps per frame that there are already.
+        windows: those of the further runs, in the order in which they are tried.
+        expected: the order that is claimed.
+    """
+    wide = None
+    for steps in windows if actors else ():
+        orders = []
+        for actor in actors:
+            order = _order(reference, runs, actor, counts, steps, expected)
+            if order is None:
+                break
+            orders.append(order)
+        else:
+            found = steps, [order.observed for order in orders]
+            if all(order.ci95[1] - order.ci95[0] <= _NARROW * order.observed for order in orders):
+                return found
+            wide = wide or found
+    return wide
+
+
+def _order(
+    reference: Reference,
+    runs: Sequence[Run],
+    actor: _Actor,
+    counts: Sequence[int],
+    steps: Sequence[int],
+    expected: int | None,
+) -> ObservedOrder | None:
+    """The order in positions that an actor shows with further runs, if all quantities have one."""
+    further = [run for n in steps if (run := actor.run(n)) is not None]
+    if len(further) < len(steps):
+        return None
+    own = runs or [run for n in counts if (run := actor.run(n)) is not None]
+    finding, _ = order_finding(
+        reference, sorted([*own, *further], key=lambda run: -run.dt), expected
+    )
+    if finding.status == "undetermined" or finding.convergence is None:
+        return None
+    if not _shows_an_order(finding.convergence):
+        return None
+    return finding.convergence.orders[reference.problem.quantities[0]]
+
+
+def _shows_an_order(convergence: Convergence) -> bool:
+    """Whether all quantities converge, to the right solution."""
+    return all(
+        shown(order) and order.verdict == "converges" for order in convergence.orders.values()
+    ) and all(off <= allowed for off, allowed in convergence.limits.values())

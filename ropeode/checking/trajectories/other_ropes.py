@@ -1,0 +1,105 @@
+"""Whether files are those of the other kind of rope: springs for rigid links, or the reverse."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ropeode.analysis.errors import distances
+from ropeode.checking.report import Diagnosis, Finding
+from ropeode.checking.trajectories.convergence import order_finding, shown
+from ropeode.checking.trajectories.run_files import Run
+from ropeode.errors import InputError, ReferenceRefused
+from ropeode.norms import NORMS
+from ropeode.problems.problem import Problem
+from ropeode.problems.ropes import ROPES
+from ropeode.references.reference import Reference
+
+# By kind: the links of the rope, and methods that solve it.
+_LINKS = {
+    "rope": ("springs", "methods that add up forces"),
+    "inextensible-rope": ("rigid links", "a Verlet that restores lengths"),
+}
+
+# How many times as far the runs must be from the given rope as from the other.
+_FURTHER = 10.0
+
+
+def other_rope(
+    reference: Reference, runs: Sequence[Run], certified: Callable[[Problem], Reference]
+) -> Diagnosis | None:
+    """The rope of another kind, with the same parameters, to which runs converge with an order.
+
+    Arguments:
+        reference: of the problem that they should solve.
+        runs: from coarse to fine.
+        certified: makes the reference of a problem.
+    """
+    norm = NORMS[f"{reference.problem.quantities[0]}-max"]
+    own = float(np.max(distances(runs[-1].states, reference, norm)))
+    for problem, added in _others(reference.problem):
+        try:
+            other = certified(problem)
+        except ReferenceRefused:
+            continue
+        error = float(np.max(distances(runs[-1].states, other, norm)))
+        theirs = [dataclasses.replace(run, problem=problem) for run in runs]
+        finding, _ = order_finding(other, theirs, None)
+        if own >= _FURTHER * error and _converge(finding):
+            return _diagnosis(
+                (reference.problem, own), (problem, error), runs[-1].dt, finding.line, added
+            )
+    return None
+
+
+def _others(problem: Problem) -> list[tuple[Problem, dict[str, Any]]]:
+    """The ropes of other kinds with the parameters of a rope, and those that it does not have."""
+    own = ROPES.get(problem.parameters.get("kind", ""))
+    if own is None:
+        return []
+    given = {name: problem.parameters[name] for name in own.model_fields}
+    # Its numbers may have been changed since it was built.
+    if own(**given).problem(problem.frames) != problem:
+        return []
+    found = []
+    for kind in ROPES.values():
+        if kind is own:
+            continue
+        shared = {name: value for name, value in given.items() if name in kind.model_fields}
+        try:
+            made = kind(**shared).problem(problem.frames)
+        except InputError:
+            # Rigid links allow fewer pins and velocities.
+            continue
+        added = {name: made.parameters[name] for name in kind.model_fields if name not in given}
+        found.append((made, added))
+    return found
+
+
+def _converge(finding: Finding) -> bool:
+    orders = {} if finding.convergence is None else finding.convergence.orders
+    return finding.status == "pass" and bool(orders) and all(map(shown, orders.values()))
+
+
+def _diagnosis(
+    given: tuple[Problem, float],
+    other: tuple[Problem, float],
+    dt: float,
+    agreement: str,
+    added: Mapping[str, Any],
+) -> Diagnosis:
+    """The words; each problem comes with the error of the finest run against it."""
+    kind, (problem, error) = other[0].parameters["kind"], given
+    (own, _), (links, methods) = _LINKS[problem.parameters["kind"]], _LINKS[kind]
+    links = " ".join([links, *(f"of {name} {value:g}" for name, value in added.items())])
+    line = (
+        f"the files fit the same rope with {links}: at dt = {dt:.4g} the error is {other[1]:.1e} "
+        f"against that rope, and {error:.1e} against the given one, with {own}; against that "
+        f"rope, {agreement}"
+    )
+    remedy = f'if that rope is meant, as for {methods}, grade them with kind = "{kind}" in the spec'
+    evidence = {"error": error, "error_of_other": other[1], "other": dict(other[0].parameters)}
+    return Diagnosis("other-rope", line, evidence, remedy)
