@@ -21,10 +21,8 @@ kernelspec:
 """
 _NOTEBOOKS = re.compile(r"(tutorials|zh)/")
 _CODE = re.compile(r"^```python\n", re.MULTILINE)
-# A paragraph that names a scene.
-_SCENE = re.compile(
-    r"(?:^|\n\n)[^`\n][^\n]*(?:\n[^\n]+)*?`ropeode lab --scene ([\w-]+)`[^\n]*(?:\n[^\n]+)*"
-)
+# A scene of the lab, as a page names it.
+_SCENE = re.compile(r"`ropeode lab --scene ([\w-]+)`")
 # A page, as docstrings name it.
 _PAGE = re.compile(r"\bdocs/([\w/-]+)\.md\b")
 # Files beside docs/, which are pages of the site under other names.
@@ -46,8 +44,7 @@ def as_page(docname: str, text: str) -> str:
     """The source of a page of the site, from that of a page of the repository."""
     text = _LINK_OUT.sub(_inside, text)
     if _NOTEBOOKS.match(docname) and _CODE.search(text):
-        text = _NOTEBOOK + _CODE.sub("```{code-cell} python\n", text)
-        text = _SCENE.sub(_played, text)
+        text = _NOTEBOOK + _with_scenes(_CODE.sub("```{code-cell} python\n", text))
     if posixpath.basename(docname) == "index":
         text += _contents(_LISTED.findall(text))
     return text
@@ -65,17 +62,27 @@ def _inside(link: re.Match[str]) -> str:
     return f"]({up.removesuffix('../')}{_OUTSIDE[name]}.md{kept})"
 
 
-def _played(paragraph: re.Match[str]) -> str:
-    name = paragraph[1]
-    return (
-        f"{paragraph[0]}\n\n"
-        f'```{{raw}} html\n<iframe class="lab" loading="lazy" title="The lab: {name}" '
-        f'src="../lab/{name}.html"></iframe>\n```'
-    )
+def _with_scenes(text: str) -> str:
+    """Behind each paragraph that names scenes of the lab, these scenes."""
+    paragraphs = text.split("\n\n")
+    for index, paragraph in enumerate(paragraphs):
+        for name in _SCENE.findall(paragraph):
+            paragraphs[index] += (
+                f'\n\n```{{raw}} html\n<iframe class="lab" loading="lazy" title="The lab: {name}" '
+                f'src="../lab/{name}.html"></iframe>\n```'
+            )
+    return "\n\n".join(paragraphs)
 
 
 def _read(app: Sphinx, docname: str, source: list[str]) -> None:
     source[0] = as_page(docname, source[0])
+
+
+def _in_its_language(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], document: Any
+) -> None:
+    if page.startswith("zh/"):
+        context["language"] = "zh"
 
 
 def _escape(app: Sphinx, context: Any, lines: list[str]) -> None:
@@ -95,6 +102,7 @@ def _link(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: li
 def setup(app: Sphinx) -> dict[str, Any]:
     """Have Sphinx call what is here."""
     app.connect("source-read", _read)
+    app.connect("html-page-context", _in_its_language)
     app.connect("autodoc-process-docstring", _link)
     for part in ("description", "options", "arguments", "epilog"):
         app.connect(f"sphinx-click-process-{part}", _escape)
