@@ -18,6 +18,8 @@ HEADERS = ("submission", "status", "verdict", "order", "points", "message", "mar
 SCHEMA = "ropeode.gradebook/1"
 _EXIT = {"right": 0, "wrong": 1}
 _LONGEST_NAME = 24
+# Of those that behave alike.
+_MOST_NAMES = 5
 
 
 class Row(NamedTuple):
@@ -70,9 +72,14 @@ def grade_book(
         whole = outcome.status == "checked"
         earned = tuple(item.earned(outcome.findings) if whole else 0.0 for item in rubric)
         others = [each for each in alike[outcome.behaviour] if each != outcome.name]
-        same = (f"same as {', '.join(others)}",) if outcome.behaviour and others else ()
+        same = (f"same as {_named(others)}",) if outcome.behaviour and others else ()
         rows.append(Row(outcome, earned, (*same, *submission.marks)))
     return rows
+
+
+def _named(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:_MOST_NAMES])
+    return f"{shown} and {more} more" if (more := len(names) - _MOST_NAMES) > 0 else shown
 
 
 def exit_code(rows: Sequence[Row]) -> int:

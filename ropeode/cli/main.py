@@ -33,6 +33,7 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 # the others where their words name a file that has, or names, such code; but the lab has a process
 # of its own for it.
 _JUDGES, _USERS_CODE, _WATCHES = "check", (".py", ".toml"), "lab"
+_OF_CLASSES = (_JUDGES, "grade")
 
 
 @click.group(
@@ -141,7 +142,7 @@ def run_process() -> NoReturn:
     command = next((word for word in words if not word.startswith("-")), "")
     users = any(suffix in word for word in words for suffix in _USERS_CODE) and command != _WATCHES
     # The submissions of a folder have processes of their own.
-    a_class = command == _JUDGES and any(os.path.isdir(word) for word in words)
+    a_class = command in _OF_CLASSES and any(os.path.isdir(word) for word in words)
     code = _run_watched(command) if (command == _JUDGES or users) and not a_class else main()
     sys.stdout.flush()
     sys.stderr.flush()

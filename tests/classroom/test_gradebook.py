@@ -41,6 +41,12 @@ def test_points_and_marks():
     assert [row.marks for row in rows] == [("same as carla",), (), ("same as anna",), (), ()]
 
 
+def test_of_many_that_behave_alike_some_are_named():
+    rows = rows_of(*(other(name) for name in "abcdefgh"))
+    assert rows[0].marks == ("same as b, c, d, e, f and 2 more",)
+    assert rows_of(*(other(name) for name in "abcdef"))[5].marks == ("same as a, b, c, d, e",)
+
+
 @pytest.mark.parametrize(
     ("verdicts", "code"),
     [
