@@ -480,6 +480,18 @@ def test_another_initial_state(tmp_path, small_rope, known, words):
         grade(made, known)
 
 
+def test_an_initial_state_in_single_precision(tmp_path, small_rope, known):
+    """All else is computed in double precision."""
+
+    def values(n):
+        samples = right(small_rope)(n)
+        samples[0] = samples[0].astype(np.float32)
+        return samples
+
+    with pytest.raises(InputError, match="it is right in single precision. Fix: compute it in d"):
+        grade(files(tmp_path, small_rope, values), known)
+
+
 def test_the_state_after_the_first_step(tmp_path, small_rope, known):
     def late(n):
         values = frames_of(small_rope, 1 / n, n)

@@ -14,7 +14,10 @@ from ropeode.checking.trajectories.explanations import (
     explain_times,
     times_complaint,
 )
-from ropeode.checking.trajectories.initial_states import check_initial_states
+from ropeode.checking.trajectories.initial_states import (
+    begins_in_single_precision,
+    check_initial_states,
+)
 from ropeode.checking.trajectories.run_files import FEWEST, Run, read_runs
 from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.errors import InputError, ReferenceRefused
@@ -80,6 +83,8 @@ def _why(
     if all(np.all(run.values == run.values[0]) for run in runs):
         fix = "write a copy of the state, not the array that the next step overwrites"
         return "all rows of a file are the same", fix
+    if begins_in_single_precision(runs):
+        return "it is right in single precision", "compute it in double precision"
     try:
         reference = certified()
     except ReferenceRefused:

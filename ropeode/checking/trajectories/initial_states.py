@@ -14,6 +14,7 @@ from ropeode.validation import complaint
 
 # Units of rounding by which a first sample may be off: programs often compute positions.
 _ROUNDINGS = 4.0
+_FLOAT32 = float(np.finfo(np.float32).eps)
 _USUAL_FIX = "start from the initial state of the spec; `ropeode grade --init` writes it"
 
 
@@ -47,6 +48,12 @@ def begins_right(runs: Sequence[Run], columns: slice) -> bool:
     return all(
         np.all(first_errors(run)[:, columns] <= allowed_first_errors(run)[columns]) for run in runs
     )
+
+
+def begins_in_single_precision(runs: Sequence[Run]) -> bool:
+    """Whether the first samples are those of the initial state, but for rounding to float32."""
+    allowed = _ROUNDINGS * _FLOAT32
+    return all(np.all(first_errors(run) <= allowed * run.problem.scale) for run in runs)
 
 
 def first_errors(run: Run) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The fewest runs that would show an order: tried out with steppers before they are advised."""
+"""The cheapest runs that would show an order: tried out with steppers before they are advised."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from ropeode.analysis.errors import distances
-from ropeode.analysis.order import ObservedOrder
 from ropeode.analysis.roundoff import largest_distance
 from ropeode.checking.report import Claims, Convergence
 from ropeode.checking.trajectories.convergence import (
@@ -42,8 +41,8 @@ _LIKELY = (
 _MOST_RUNS, _MOST_WORK, _SMALL_STATE = 4, 2**25, 64
 # The ratio of runs between those that there are.
 _CLOSE = 1.25
-# The widest interval of an order that is clear, as a part of the order.
-_NARROW = 0.3
+# The widest interval of an order that is clear, as a part of its upper end.
+_NARROW = 0.5
 # How far from a whole number the steps in a frame may be, by rounding of dt.
 _WHOLE = 1e-3
 
@@ -58,7 +57,7 @@ def more_runs(
     """What would show an order, as the end of a sentence.
 
     Steppers that have the same positions, as far as rounding lets this be seen, stand in for the
-    program: the fewest further runs with which each of them shows its order. If there is none,
+    program: the cheapest further runs with which each of them shows its order. If there is none,
     the reasons for which step sizes could not be used say what to try.
 
     Arguments:
@@ -171,7 +170,7 @@ def _agree(reference: Reference, run: Run, made: Run) -> bool:
 
 
 def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
-    """Steps per frame of runs that may be added: the fewest runs first, then the fewest steps.
+    """Steps per frame of runs that may be added: those with the fewest steps in all first.
 
     Those between the runs that there are come last: their numbers are not round.
     """
@@ -190,7 +189,7 @@ def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
             for count in range(1, _MOST_RUNS + 1)
             for first in range(len(ladder) - count + 1)
         )
-        return sorted(found, key=lambda steps: (len(steps), sum(steps)))
+        return sorted(found, key=lambda steps: (sum(steps), len(steps)))
 
     return windows(finer, sorted(coarser)) + windows(sorted(between))
 
@@ -205,7 +204,7 @@ def _fewest(
 ) -> tuple[tuple[int, ...], list[float]] | None:
     """The first further runs with which each actor shows an order, and these orders in positions.
 
-    Orders with a narrow interval are preferred: a program may differ a little from the actor.
+    Clear orders are preferred: a program may differ a little from the actor.
 
     Arguments:
         reference: of the problem.
@@ -215,20 +214,21 @@ def _fewest(
         windows: those of the further runs, in the order in which they are tried.
         expected: the order that is claimed.
     """
-    wide = None
+    unclear = None
     for steps in windows if actors else ():
-        orders = []
+        orders: list[tuple[float, tuple[float, float]]] = []
         for actor in actors:
             order = _order(reference, runs, actor, counts, steps, expected)
             if order is None:
                 break
             orders.append(order)
         else:
-            found = steps, [order.observed for order in orders]
-            if all(order.ci95[1] - order.ci95[0] <= _NARROW * order.observed for order in orders):
+            found = steps, [observed for observed, _ in orders]
+            intervals = [interval for _, interval in orders]
+            if all(high - low <= _NARROW * high for low, high in intervals):
                 return found
-            wide = wide or found
-    return wide
+            unclear = unclear or found
+    return unclear
 
 
 def _order(
@@ -238,8 +238,11 @@ def _order(
     counts: Sequence[int],
     steps: Sequence[int],
     expected: int | None,
-) -> ObservedOrder | None:
-    """The order in positions that an actor shows with further runs, if all quantities have one."""
+) -> tuple[float, tuple[float, float]] | None:
+    """The order in positions that an actor shows with further runs, and its interval.
+
+    None if some quantity shows no order.
+    """
     further = [run for n in steps if (run := actor.run(n)) is not None]
     if len(further) < len(steps):
         return None
@@ -251,7 +254,10 @@ def _order(
         return None
     if not _shows_an_order(finding.convergence):
         return None
-    return finding.convergence.orders[reference.problem.quantities[0]]
+    order = finding.convergence.orders[reference.problem.quantities[0]]
+    assert order.observed is not None
+    assert order.ci95 is not None
+    return order.observed, order.ci95
 
 
 def _shows_an_order(convergence: Convergence) -> bool:

@@ -48,6 +48,13 @@ _WELL_KNOWN: dict[tuple[tuple[str, ...], float | None], tuple[str, str]] = {
         "begin with x(-dt) = x(0) - dt v(0) + dt^2/2 a(0)",
     ),
 }
+# The same of files that have positions alone.
+_WELL_KNOWN_ALONE: dict[float | None, tuple[str, str]] = {
+    0.5: (
+        "as semi-implicit Euler gives them, and from rest Verlet's method with x(-dt) = x(0)",
+        "begin with a velocity of half a step, or with x(-dt) = x(0) - dt v(0) + dt^2/2 a(0)",
+    ),
+}
 
 
 class Delay(NamedTuple):
@@ -246,7 +253,10 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | Non
             left, dt = found
             these = _PLURAL[names[0]] if len(names) == 1 else "samples"
             words = delay.words.format(these=these)
-            reason, fix = _WELL_KNOWN.get((names, delay.constant), ("", delay.fix))
+            known = _WELL_KNOWN.get((names, delay.constant), ("", delay.fix))
+            if quantities == ("position",):
+                known = _WELL_KNOWN_ALONE.get(delay.constant, known)
+            reason, fix = known
             words += f", {reason}" if reason else ""
             whose = "the" if names == tuple(quantities) else "their"
             words += (
