@@ -64,7 +64,7 @@ Rope::Rope(Vector2D start, Vector2D end, int num_nodes, double node_mass, double
 {
     for (int i = 0; i < num_nodes; ++i) {
         auto node = std::make_unique<Mass>();
-        // In double: in float, the nodes would be off by 0.00001, which is more than many errors.
+        // In double: in float, nodes would be off by up to 0.00001, which is no longer the start.
         node->position = start + (end - start) * (double(i) / (num_nodes - 1));
         node->last_position = node->position;  // at rest
         node->mass = node_mass;
