@@ -89,7 +89,7 @@ def test_right_hand_sides_with_what_stands_beside_them(tmp_path):
         (
             "pendulum",
             "y0, ts, events = [1.0, 0.0], [0, 1], 3",
-            r"events: 3 given; .* docs/events\.md",
+            r"events: 3 given; .* docs/howto/events\.md",
         ),
         ("odeint_order", "y0, t_span = [1.0, 0.0], (0, 5)", "the order of odeint"),
         ("of_others", "", r"a function of \(mass, length\)' given; .* t and y, with y0 and t_span"),

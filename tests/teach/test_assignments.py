@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from ropeode.classroom.rubric import read_rubric
+from ropeode.classroom.rubric import OF_STEPPERS, read_rubric
 from tests.teach.hand_ins import TEACH, WRONG, text_of
 
 ROW = re.compile(r"^\| *(\w+) *\| *(.+?) *\| *([\d.]+) *\| *(.+?) *\|$", re.MULTILINE)
@@ -30,7 +30,7 @@ def command(assignment):
 
 @pytest.mark.parametrize("assignment", WRONG)
 def test_a_rubric_gives_ten_points_and_the_page_has_each_hand_in(assignment):
-    assert sum(item.points for item in read_rubric(TEACH / assignment / "rubric.toml")) == 10.0
+    assert sum(item.points for item in read_rubric(TEACH / assignment / "rubric.toml", OF_STEPPERS)) == 10.0
     assert set(expected(assignment)) == {"stub", "solution", *WRONG[assignment]}
     words = command(assignment)
     assert words[:2] == ["check", "FOLDER"]
