@@ -319,7 +319,8 @@ def test_keywords_of_scipy_are_met_with_what_to_write(keyword):
 
 def test_a_reference_is_asked_for_an_event(in_python):
     given: Any = {"event": lambda t, y: y[0]}
-    with pytest.raises(InputError, match=r"event: .* given; allowed: accuracy.* docs/howto/events\.md"):
+    says = r"event: .* given; allowed: accuracy.* docs/howto/events\.md"
+    with pytest.raises(InputError, match=says):
         reference(in_python, **given)
     with pytest.raises(InputError, match="keyword: 'tolerance' given, which does not exist"):
         reference(in_python, tolerance=1e-9)

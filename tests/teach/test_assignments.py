@@ -30,7 +30,8 @@ def command(assignment):
 
 @pytest.mark.parametrize("assignment", WRONG)
 def test_a_rubric_gives_ten_points_and_the_page_has_each_hand_in(assignment):
-    assert sum(item.points for item in read_rubric(TEACH / assignment / "rubric.toml", OF_STEPPERS)) == 10.0
+    rubric = read_rubric(TEACH / assignment / "rubric.toml", OF_STEPPERS)
+    assert sum(item.points for item in rubric) == 10.0
     assert set(expected(assignment)) == {"stub", "solution", *WRONG[assignment]}
     words = command(assignment)
     assert words[:2] == ["check", "FOLDER"]
