@@ -213,7 +213,12 @@ def test_jumps():
 
 def test_noise_in_the_right_hand_side_ends_the_trust():
     problem = scalar("24 bits", 1.0, np.linspace(0, 0.5, 6), 1.1)
-    assert reference(problem, accuracy=1.5e-8).horizon <= 0.4
+    # How large the bound becomes depends on the machine: from 1.3e-8 to 1.5e-8 was seen at the end.
+    try:
+        trusted_until = reference(problem, accuracy=6e-9).horizon
+    except ReferenceRefused:
+        trusted_until = 0.0
+    assert trusted_until <= 0.4
     # The noise is 6e-8 at most; where the accuracy allows more, the bound must cover it.
     known = reference(problem, rtol=1e-6, accuracy=1e-4)
     assert known.horizon is None
