@@ -23,7 +23,7 @@ PYTEST := $(VENV)/bin/python -m pytest -n auto --dist loadfile
 # Tests start many processes, each of which would compile this package again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: table test test-all site lowest check check-page docs references recording pictures figures old-releases clean
+.PHONY: table test test-all site site-pages lowest check check-page docs references recording pictures figures old-releases clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -34,14 +34,19 @@ test: $(VENV)/.installed-dev
 test-all: $(VENV)/.installed-notebooks
 	$(PYTEST)
 
-# A page that Sphinx warns of, or a cell of a tutorial that fails, fails the site.
-site: $(VENV)/.installed-docs tools/node_modules/.installed build/scenes/.made
-	$(VENV)/bin/python -m sphinx --builder html --fail-on-warning --keep-going --quiet \
-	  --jobs auto docs build/site
-	$(VENV)/bin/python -m pytest tests/site
+site: $(VENV)/.installed-docs tools/node_modules/.installed
+	@$(MAKE) --no-print-directory --jobs 2 site-pages build/scenes/.made
+	cp -r build/scenes/lab build/site
+	$(VENV)/bin/python -m pytest -n auto tests/site
 	@echo "The site is at build/site/index.html"
 
-build/scenes/.made: $(VENV)/.installed-docs tools/site_scenes.py $(shell find ropeode -name '*.py' -o -name '*.js' -o -name '*.toml')
+# A page that Sphinx warns of, or a cell of a tutorial that fails, fails the site.
+site-pages:
+	$(VENV)/bin/python -m sphinx --builder html --fail-on-warning --keep-going --quiet \
+	  --jobs auto docs build/site
+
+LAB_FILES := $(shell find ropeode -name '*.py' -o -name '*.js' -o -name '*.toml')
+build/scenes/.made: tools/site_scenes.py $(LAB_FILES) $(wildcard docs/tutorials/*.md)
 	$(VENV)/bin/python -m tools.site_scenes build/scenes
 	@touch $@
 

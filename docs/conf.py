@@ -68,7 +68,6 @@ html_title = "ropeode"
 # Nothing is loaded from elsewhere. MathJax comes with what checks the lab's page.
 html_static_path = ["_static", "../tools/node_modules/mathjax/es5/tex-svg.js"]
 mathjax_path = "tex-svg.js"
-html_extra_path = ["../build/scenes"]
 html_css_files = ["site.css"]
 html_js_files = [("site.js", {"defer": "defer"})]
 html_favicon = html_logo = "_static/logo.svg"
