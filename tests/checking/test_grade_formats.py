@@ -133,10 +133,15 @@ def test_numbers_that_are_declared_and_not_there(folder, small_rope):
 
 
 def test_files_that_are_none(folder, small_rope):
+    (folder / "a.mat").touch()
     assert "ends in .csv, .npz, .nc" in complaint_of(folder / "a.mat", small_rope)
     (folder / "folder.csv").mkdir()
     assert "a file that can be read" in complaint_of(folder / "folder.csv", small_rope)
     with pytest.raises(InputError, match="files: 2 given; allowed: at least 3"):
-        grade(["a.csv", "b.csv"], small_rope)
+        grade([folder / "a.mat", folder / "folder.csv"], small_rope)
+    # A mistake in the name of a folder, or of one of few files.
+    for none in (["class"], ["a.csv", folder / "a.mat"]):
+        with pytest.raises(InputError, match=f"file: '{none[0]}' given; .*No such file"):
+            grade(none, small_rope)
     with pytest.raises(InputError, match="put it into a list"):
         grade("a.csv", small_rope)

@@ -182,18 +182,20 @@ def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File
         raise bad_value("files", str(files), "a list of files", "put it into a list")
     paths = [Path(file) for file in files]
     faults, opened = [], []
-    if len(paths) < fewest:
+    # One that does not exist may be a folder of many, with a mistake in its name.
+    if len(paths) < fewest and all(path.exists() for path in paths):
         allowed = f"at least {fewest}, with different step sizes" + (
             ", because fewer show no order" if fewest > 1 else ""
         )
         raise bad_value("files", len(paths), allowed, "run with more step sizes")
     for path in paths:
         try:
-            if path.suffix.lower() not in FORMATS:
+            if path.suffix.lower() not in FORMATS and path.exists():
                 allowed = f"a file whose name ends in {', '.join(FORMATS)}"
                 fix = "rename it according to its format"
                 raise bad_value("file", str(path), allowed, fix)
-            opened.append(FORMATS[path.suffix.lower()](path, layout))
+            # What does not exist is of no format, and each of them says why it cannot be read.
+            opened.append(FORMATS.get(path.suffix.lower(), CsvFile)(path, layout))
         except InputError as error:
             faults += [(path, line) for line in error.problems]
     if faults:
