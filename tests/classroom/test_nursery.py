@@ -23,7 +23,7 @@ from ropeode.errors import RopeodeError
 
 class Harm(Asked):
     refused, ahead = "refused", ()
-    limits = Limits(1, 8.0, 600.0)
+    limits = Limits(1, 8.0, 300.0)
 
     def report(self, where, folder, scratch, say):
         say("harm")
@@ -41,8 +41,8 @@ HARM = {
     "for n in range(3, 99):\n try: os.write(n, b'[1]\\n{')\n except OSError: pass": "raised",
     "while True: pass": "processor",
     "time.sleep(1000)": "wall",
-    # In small pieces: on some machines taking memory costs much of the second that it has.
-    "hoard = []\nwhile True: hoard.append(bytearray(2**24)); time.sleep(0.01)": "memory",
+    # No more than needed: taking memory costs processor time, of which it has a second.
+    "hoard = bytearray(5 * 2**26)\ntime.sleep(1000)": "memory",
     "os._exit(7)": "ended its process (exit code 7)",
     "os.kill(os.getpid(), signal.SIGSEGV)": "ended its process (SIGSEGV)",
     # A signal takes its time.
@@ -59,7 +59,7 @@ def test_harm_reaches_no_other(tmp_path):
     scratch.mkdir()
     told = {
         "kind": "Harm",
-        "asked": {"memory_mib": 600.0},
+        "asked": {"memory_mib": 300.0},
         # The last one begins when the others have done what they do.
         "submissions": [*((harm, [harm]) for harm in HARM), ("last", ["pass"])],
         "folder": str(tmp_path),
