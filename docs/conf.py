@@ -9,7 +9,7 @@ from pathlib import Path
 import ropeode
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE))
+sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 project = "ropeode"
 author = "The ropeode developers"
@@ -35,7 +35,7 @@ myst_dmath_double_inline = True
 # Tutorials are run, and a cell that fails fails the site.
 nb_execution_mode = "cache"
 nb_execution_cache_path = str(HERE.parent / "build/site-cells")
-# Its cells take a minute, and tests/test_notebook.py runs them.
+# The notebook there takes a minute, and tests/test_notebook.py runs it.
 nb_execution_excludepatterns = ["howto/*"]
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True

@@ -13,6 +13,8 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
+from tools.site_scenes import NAMED
+
 _NOTEBOOK = """---
 file_format: mystnb
 kernelspec:
@@ -21,8 +23,6 @@ kernelspec:
 """
 _NOTEBOOKS = re.compile(r"(tutorials|zh)/")
 _CODE = re.compile(r"^```python\n", re.MULTILINE)
-# A scene of the lab, as a page names it.
-_SCENE = re.compile(r"`ropeode lab --scene ([\w-]+)`")
 # A page, as docstrings name it.
 _PAGE = re.compile(r"\bdocs/([\w/-]+)\.md\b")
 # Files beside docs/, which are pages of the site under other names.
@@ -34,8 +34,6 @@ _OUTSIDE = {
 }
 _NAMES = "|".join(map(re.escape, _OUTSIDE))
 _LINK_OUT = re.compile(rf"\]\(((?:\.\./)+)({_NAMES})\.md(#[\w-]+)?\)")
-
-
 # A page that an item of a list begins with.
 _LISTED = re.compile(r"^- \[([^\]]+)\]\(([\w./-]+)\.(?:md|ipynb)\)", re.MULTILINE)
 
@@ -66,7 +64,7 @@ def _with_scenes(text: str) -> str:
     """Behind each paragraph that names scenes of the lab, these scenes."""
     paragraphs = text.split("\n\n")
     for index, paragraph in enumerate(paragraphs):
-        for name in _SCENE.findall(paragraph):
+        for name in NAMED.findall(paragraph):
             paragraphs[index] += (
                 f'\n\n```{{raw}} html\n<iframe class="lab" loading="lazy" title="The lab: {name}" '
                 f'src="../lab/{name}.html"></iframe>\n```'
