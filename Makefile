@@ -10,6 +10,7 @@
 # make docs    the computed parts of the documentation (ten minutes or so)
 # make lowest  the fast tests with the lowest versions that pyproject.toml allows (Python 3.11)
 # make old-releases  wrong and mended releases of other packages (Python 3.11 or 3.12; minutes)
+# make audit   what released physics engines really do (Python 3.11; gigabytes, an hour)
 # PYTHON=python3.13 uses another interpreter, in an environment of its own.
 
 PYTHON ?= python3
@@ -23,7 +24,7 @@ PYTEST := $(VENV)/bin/python -m pytest -n auto --dist loadfile
 # Tests start many processes, each of which would compile this package again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: table test test-all site site-pages lowest check check-page docs references recording pictures figures old-releases clean
+.PHONY: table test test-all site site-pages lowest check check-page docs references recording pictures figures old-releases audit clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
@@ -88,6 +89,20 @@ $(OLD_ENVS)/%/.installed: $(OLD)/requirements/%.txt | $(VENV)/bin/python
 	@echo "Installing $* into $(OLD_ENVS)/$* (once) ..."
 	@$(VENV)/bin/python -m venv $(OLD_ENVS)/$*
 	@$(OLD_ENVS)/$*/bin/python -m pip --disable-pip-version-check --quiet install \
+	  --only-binary :all: -r $<
+	@touch $@
+
+AUDIT := benchmarks/audit
+AUDIT_ENVS := .venv-audit
+AUDIT_REQUIREMENTS := $(wildcard $(AUDIT)/requirements/*.txt)
+
+audit: $(VENV)/.installed-dev $(AUDIT_REQUIREMENTS:$(AUDIT)/requirements/%.txt=$(AUDIT_ENVS)/%/.installed)
+	$(VENV)/bin/python $(AUDIT)/judge.py $(AUDIT_ENVS) --out docs/data/audit.jsonl
+
+$(AUDIT_ENVS)/%/.installed: $(AUDIT)/requirements/%.txt | $(VENV)/bin/python
+	@echo "Installing $* into $(AUDIT_ENVS)/$* (once) ..."
+	@$(VENV)/bin/python -m venv $(AUDIT_ENVS)/$*
+	@$(AUDIT_ENVS)/$*/bin/python -m pip --disable-pip-version-check --quiet install \
 	  --only-binary :all: -r $<
 	@touch $@
 

@@ -1,6 +1,6 @@
-"""Nanoseconds per step of a rope: every stepper, a student's C++ loop, and plain NumPy.
+"""Nanoseconds per step of a rope: a student's C++ loop, plain NumPy, and every stepper.
 
-    python benchmarks/stepping.py [--repeats R] [--nodes 16,64,256,4096] [--markdown]
+    python benchmarks/stepping.py [--repeats R] [--nodes 16,64,256,4096] [--markdown] [--only PART]
 
 The C++ is `rope_loop.cpp`, compiled with `g++ -O3 -march=native`. Before anything is timed, all
 three have to arrive at the same positions. Medians of interleaved runs; compiling is not
@@ -12,6 +12,9 @@ evaluation of the forces, many at a time (`throughput.cpp`); for constraint-verl
 finish one link before it begins the next, it is what a link waits for, without what is faster in
 another order. Ensembles are 512 ropes side by side, on all cores; their nanoseconds are those of
 one rope's step on one core.
+
+Only what C++ or NumPy has is in that table, `against`. What a step of any stepper costs is in two
+others, `evaluations` and `nodes` (see `step_costs.py`).
 """
 
 from __future__ import annotations
@@ -28,10 +31,10 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from step_costs import by_evaluations, by_nodes
 from tabulate import tabulate
 
 from ropeode import Problem, Rope, simulate, threads
-from ropeode.steppers import STEPPERS
 
 SOURCE = Path(__file__).with_name("rope_loop.cpp")
 THROUGHPUT = Path(__file__).with_name("throughput.cpp")
@@ -165,7 +168,7 @@ class Limits:
 
     def of(self, stepper: str, nodes: int) -> str:
         """Of a step, as text; nothing where it is not known."""
-        if not self._times or stepper == "rattle":
+        if not self._times:
             return ""
         if stepper == "constraint-verlet":
             return f"{(nodes - 1) * self._times['chain']:.0f}"
@@ -198,9 +201,7 @@ def measured(nodes: int, repeats: int, program: str | None) -> dict[tuple[str, s
     runs: dict[tuple[str, str], Callable] = {}
     for method in CPP_METHODS if program else ():
         runs["C++", method] = lambda method=method: by_cpp(program, nodes, method, steps, dt)
-    for name in STEPPERS:
-        if name == "rattle":
-            continue  # not on a rope with springs
+    for name in (*NUMPY_STEPS, "constraint-verlet"):
         simulate(problem, name, 1)  # compiles
         runs["ropeode", name] = lambda name=name: by_ropeode(problem, name, steps)
         runs["ensemble", name] = by_ensemble(nodes, name, threads.cores())
@@ -244,29 +245,44 @@ def rows(nodes: int, times: dict[tuple[str, str], list[float]], limits: Limits) 
     return lines
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--nodes", default="16,64,256,4096")
-    parser.add_argument("--markdown", action="store_true")
-    given = parser.parse_args()
-
+def against(sizes: list[int], repeats: int) -> tuple[tuple[str, ...], list[tuple]]:
+    """Headers and lines of the table beside C++ and NumPy."""
     lines = []
     with tempfile.TemporaryDirectory() as folder:
         program, limits = compiled(folder, SOURCE), Limits(folder)
         if program is None:
             print("No C++: there is no compiler (g++) on the search path.")
-        for nodes in map(int, given.nodes.split(",")):
+        for nodes in sizes:
             check(nodes, program)
-            lines += rows(nodes, measured(nodes, given.repeats, program), limits)
-    cores = threads.cores()
-    print(f"JAX {jax.__version__}, Python {platform.python_version()}, {cores} cores\n")
-    headers = ("nodes", "stepper", "by", "ns/step", "min-max", "/ C++", "limit")
-    align = ("right", "left", "left", "right", "right", "right", "right")
+            lines += rows(nodes, measured(nodes, repeats, program), limits)
+    return ("nodes", "stepper", "by", "ns/step", "min-max", "/ C++", "limit"), lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--nodes", default="16,64,256,4096")
+    parser.add_argument("--markdown", action="store_true")
+    parser.add_argument("--only", choices=("against", "evaluations", "nodes"))
+    given = parser.parse_args()
+
+    sizes = list(map(int, given.nodes.split(",")))
+    parts: dict[str, Callable] = {
+        "against": lambda: against(sizes, given.repeats),
+        "evaluations": lambda: by_evaluations((16, 256), given.repeats),
+        "nodes": lambda: by_nodes(sizes, given.repeats),
+    }
     style = "github" if given.markdown else "simple"
-    print(tabulate(lines, headers, tablefmt=style, colalign=align, disable_numparse=True))
-    if program:
-        print("\n\\* not in the assignment; this is the C++ semi-implicit Euler step")
+    cores = threads.cores()
+    print(f"JAX {jax.__version__}, Python {platform.python_version()}, {cores} cores")
+    for part, table in parts.items():
+        if given.only in (None, part):
+            headers, lines = table()
+            print(
+                "\n" + tabulate(lines, headers, tablefmt=style, disable_numparse=True), flush=True
+            )
+            if part == "against":
+                print("\n\\* not in the assignment; this is the C++ semi-implicit Euler step")
 
 
 if __name__ == "__main__":

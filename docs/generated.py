@@ -13,6 +13,7 @@ import math
 import re
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +31,25 @@ from studies.plots import (
     plot_rest_times,
     plot_sweeps,
 )
+from studies.position_based import (
+    NEAR,
+    SHOWN,
+    growth_by_jacobi,
+    limits_of_graphics,
+    near_implicit_euler,
+)
 from studies.projection_sweeps import sweep_study
 from studies.rest_time import rest_times
+from studies.small_step_plots import plot_cheapest, plot_damping, plot_splits
+from studies.small_steps import (
+    NODES,
+    Spent,
+    Splits,
+    damping_rates,
+    every_rope,
+    rope_of,
+    time_of_steps,
+)
 from studies.tension_lag import predicted_by_lag
 from studies.three_verlets import plot_three_verlets, three_verlets
 
@@ -217,6 +235,60 @@ def sweeps() -> str:
     return "\n\n".join([picture(plot_sweeps(study), "sweeps.png", words), table(headers, rows)])
 
 
+def graphics_limits() -> str:
+    """The rope that each graphics stepper goes to, with the order of the difference."""
+    rows = []
+    for each in limits_of_graphics():
+        order, (low, high) = each.order, each.order.ci95 or (float("nan"),) * 2
+        found = order.verdict
+        if order.verdict == "converges":
+            found = f"{order.observed:.2f} [{low:.2f}, {high:.2f}]"
+        # What is as large as the rope is no error of a run that follows it.
+        unstable = not order.used
+        rows.append(
+            [
+                f"`{each.stepper}`",
+                each.rope,
+                "nothing: unstable" if unstable else each.goes_to,
+                "-" if unstable else found,
+                "-" if unstable else f"{each.error:.2e}",
+                f"{each.own:.2e}",
+            ]
+        )
+    headers = ["stepper", "run on", "goes to", "order", f"error at {SHOWN}", "to its own rope"]
+    return table(headers, rows, words=3)
+
+
+def graphics_and_euler() -> str:
+    """How far graphics steppers are from implicit Euler."""
+    found = near_implicit_euler(
+        (
+            "xpbd",
+            "xpbd:iterations=5",
+            "xpbd:iterations=100",
+            "xpbd:sweep=jacobi",
+            "projective-dynamics",
+            "projective-dynamics:iterations=2",
+        )
+    )
+    rows = [
+        [f"`{stepper}`", *(f"{each:.2e}" for each in apart), f"{power:.2f}"]
+        for stepper, apart, power in found
+    ]
+    return table(["stepper", *(f"at {steps}" for steps in NEAR), "power"], rows, words=1)
+
+
+def jacobi_growth() -> str:
+    """What a step of Jacobi projections multiplies the errors of lengths by."""
+    rows = []
+    for nodes in (3, 4, 6):
+        for iterations in (1, 2, 3, 5):
+            predicted, measured = growth_by_jacobi(nodes, iterations)
+            found = "none" if math.isnan(measured) else f"{measured:.3f}"
+            rows.append([str(nodes), str(iterations), f"{predicted:.3f}", found])
+    return table(["nodes", "iterations", "predicted", "growth measured"], rows)
+
+
 def single_steps() -> str:
     """The error of single steps, right and wrong ones."""
     words = "error of one step against its size"
@@ -356,6 +428,140 @@ def growth_by_window() -> str:
         + f"\n\nOver the frames 1000 to 2000 the exponent is {exponent.value:.3f} [{low:.3f}, "
         f"{high:.3f}] per frame."
     )
+
+
+@functools.cache
+def small_steps():
+    """Small steps against iterations on all ropes; several minutes, most for the references."""
+    return every_rope()
+
+
+def pair_of(splits: Splits, budget: int) -> tuple[Spent, Spent]:
+    """All sweeps as steps, and all of them as iterations."""
+    return splits.run(budget, 1), splits.run(1, budget)
+
+
+def split_budgets() -> str:
+    """The same sweeps as steps or as iterations: how often the steps win, and the picture."""
+    found = small_steps()
+    truths = [each.truth for each in found.splits.values()]
+    budgets = {run.sweeps for each in found.splits.values() for run in each.runs} - {1}
+    pairs = [pair_of(each, budget) for each in found.splits.values() for budget in sorted(budgets)]
+    both = [(steps, iterated) for steps, iterated in pairs if steps.max and iterated.max]
+    ratios = [iterated.max / steps.max for steps, iterated in both]
+    stretched = sum(iterated.stretch > steps.stretch for steps, iterated in both)
+    trusted = sum(each.horizon is None for each in truths)
+    words = [
+        f"Of {len(truths) + len(found.refused)} ropes {len(truths)} have a reference, {trusted} of "
+        f"them trusted to the end; the largest bound is {max(t.bound()[-1] for t in truths):.0e} "
+        f"length units. Of {len(pairs)} pairs with the same sweeps {len(both)} are resolved. With "
+        f"all sweeps as steps the tip's error is smaller in {sum(r > 1 for r in ratios)}, by a "
+        f"factor of {min(ratios):.2f} to {max(ratios):.0f}, {np.median(ratios):.1f} in the median. "
+        f"The stretch is smaller in {stretched}. In time, 64 steps with one sweep cost "
+        + ", ".join(f"{time_of_steps(rope_of(n, 1e4)):.2f} ({n} nodes)" for n in NODES)
+        + " times one step with 64.",
+        *(f"{n} nodes, stiffness {k:g}: {why}" for (n, k), why in found.refused.items()),
+    ]
+    shown = picture(
+        plot_splits(found.splits),
+        "small-steps.png",
+        "error of the tip and stretch against sweeps per frame",
+    )
+    return "\n\n".join([shown, *(textwrap.fill(each, 110) for each in words)])
+
+
+def split_pairs(budget: int) -> str:
+    """Sweeps as steps beside the same sweeps as iterations, a line for each rope."""
+    rows = []
+    for (nodes, stiffness), splits in small_steps().splits.items():
+        both = [split_row(nodes, stiffness, splits.stretch, run) for run in pair_of(splits, budget)]
+        # The largest error of the tip, the energy and the stretch.
+        cells = [row[column] for column in (4, 7, 8) for row in both]
+        rows.append([*both[0][:2], *cells, both[0][-1]])
+    of = [
+        f"{what}, {budget} {how}"
+        for what in ("tip", "energy lost", "stretch")
+        for how in ("steps", "iterations")
+    ]
+    return table(["nodes", "stiffness", *of, "true stretch"], rows)
+
+
+def split_rows(budget: int) -> str:
+    """What each way to spend one number of sweeps per frame makes of each rope."""
+    rows = [
+        split_row(nodes, stiffness, splits.stretch, run)
+        for (nodes, stiffness), splits in small_steps().splits.items()
+        for run in splits.runs
+        if run.sweeps == budget
+    ]
+    headers = ["nodes", "stiffness", "steps x iterations", "tip, final", "tip, max", "tip, rms"]
+    headers += ["worst node", "energy lost", "stretch", "true stretch"]
+    return table(headers, rows)
+
+
+def split_row(nodes: int, stiffness: float, true_stretch: float, run: Spent) -> list[str]:
+    """A line of that table; errors in percent of the rope's length."""
+
+    def percent(part: float | None) -> str:
+        return "unresolved" if part is None else f"{100 * part:.3g}%"
+
+    head = [str(nodes), f"{stiffness:g}", f"{run.steps} x {run.iterations}"]
+    if run.status != "ok":
+        return [*head, run.status, *[""] * 6]
+    errors = map(percent, (run.final, run.max, run.rms, run.worst))
+    return [*head, *errors, f"{run.energy:+.1e}", f"{run.stretch:.1e}", f"{true_stretch:.1e}"]
+
+
+def small_step_costs() -> str:
+    """What each method needs for 1%: the picture, and tables of the work and of the time."""
+    found = small_steps().costs
+    words = "time of a frame against stiffness, for each method"
+    parts = [picture(plot_cheapest(found), "small-steps-cost.png", words)]
+    methods = [row.method for row in next(iter(found.values()))]
+    work, times = [], []
+    for (nodes, stiffness), rows in found.items():
+        head = [str(nodes), f"{stiffness:g}"]
+        work.append(head + [work_cell(row) for row in rows])
+        best = min(row.seconds[0] for row in rows if row.seconds)
+        times.append(head + [time_cell(row.seconds, best) for row in rows])
+    headers, units = ["nodes", "stiffness"], [row.unit for row in next(iter(found.values()))]
+    worked = [f"{method}<br>({unit})" for method, unit in zip(methods, units, strict=True)]
+    parts += ["Fewest steps per frame, and in parentheses what they repeat:"]
+    parts += [table([*headers, *worked], work)]
+    parts += ["Time of a frame in microseconds, the median and the range of seven rounds:"]
+    return "\n\n".join([*parts, table([*headers, *methods], times)])
+
+
+def work_cell(row) -> str:
+    """Steps, and what is done in them."""
+    return "none" if row.steps is None else f"{row.steps} ({row.units:.0f})"
+
+
+def time_cell(seconds, best: float) -> str:
+    """Microseconds; the smallest median of a rope is bold."""
+    if seconds is None:
+        return "none"
+    middle, low, high = (1e6 * each for each in seconds)
+    shown = f"**{middle:.3g}**" if seconds[0] == best else f"{middle:.3g}"
+    return f"{shown} [{low:.3g}, {high:.3g}]"
+
+
+def small_step_damping() -> str:
+    """The damping that methods add: the picture, and a table."""
+    found = damping_rates()
+    words = "damping of the slowest swing and its frequency against steps per frame"
+    return f"{picture(plot_damping(found), 'small-steps-damping.png', words)}\n\n" + table(
+        ["method", "steps/frame", "measured", "of the step", "implicit Euler", "frequency"],
+        [damping_row(each) for each in found],
+        words=1,
+    )
+
+
+def damping_row(each) -> list[str]:
+    """A line of that table. Rates of a method that keeps the amplitude are rounding."""
+    rates = (each.measured, each.of_step, each.implicit_euler)
+    shown = ["0" if abs(rate) < 1e-9 else f"{rate:.3e}" for rate in rates]
+    return [each.method, str(each.steps), *shown, f"{each.speed:.4f}"]
 
 
 @functools.cache

@@ -5,18 +5,17 @@ Light, so that a test can see that the pages say the same: `make docs` writes th
 
 from __future__ import annotations
 
-import inspect
 import json
-import re
 from pathlib import Path
 from typing import Any
 
 from tabulate import tabulate
 
-from ropeode.laboratory.controls import argument_words, parameters_of
+from ropeode.laboratory.controls import parameters_of
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.references.files import library
+from ropeode.render.docstrings import argument_words, description, source
 from ropeode.render.stepper_list import variants
 from ropeode.steppers.base import BuiltIn, ProblemClass
 from ropeode.steppers.registry import STEPPERS, options
@@ -142,7 +141,7 @@ def _stepper(cls: type[BuiltIn]) -> str:
         ]
         headers = ["option", "values, the default first", "meaning"]
         parts.append(table(headers, rows, words=3))
-    return "\n\n".join([*parts, f"Source: {_source(cls)}"])
+    return "\n\n".join([*parts, f"Source: {_code(source(cls))}"])
 
 
 # ---- problems
@@ -182,8 +181,8 @@ def _problem_section(name: str) -> str:
         facts.append("Its exact solution is known.")
     if stored := _stored(name):
         facts.append(f"Stored references: {', '.join(f'`{each}`' for each in stored)}.")
-    source = _ROPES.get(name) or _source(documented)
-    return "\n\n".join([*parts, " ".join(filter(None, facts)), f"Source: {source}"])
+    origin = _ROPES.get(name) or _code(source(documented))
+    return "\n\n".join([*parts, " ".join(filter(None, facts)), f"Source: {origin}"])
 
 
 def _problem(name: str) -> Problem:
@@ -204,16 +203,8 @@ def _stored(name: str) -> list[str]:
 
 
 def _description(documented: Any) -> str:
-    """What a docstring says before it lists arguments and sources, a paragraph each."""
-    text = inspect.getdoc(documented) or ""
-    text = re.split(r"^(?:Arguments:|Raises:|Source:|Examples:)", text, flags=re.MULTILINE)[0]
-    return "\n\n".join(" ".join(each.split()) for each in _code(text).strip().split("\n\n"))
-
-
-def _source(documented: Any) -> str:
-    """What a docstring gives as its source."""
-    text = (inspect.getdoc(documented) or "").partition("Source: ")[2]
-    return " ".join(text.partition("\n\n")[0].split())
+    """What a docstring says before it lists arguments and sources."""
+    return _code("\n\n".join(description(documented)))
 
 
 def _code(text: str) -> str:

@@ -11,6 +11,7 @@ from . import simulation as simulation
 from . import steppers as steppers
 from . import study as study
 from . import sweep as sweep
+from . import tableaus as tableaus
 from . import theory as theory
 from .analysis.equilibrium import hanging_equilibrium as hanging_equilibrium
 from .analysis.errors import ErrorSeries as ErrorSeries
@@ -57,6 +58,7 @@ from .render.formats import format_check as format_check
 from .render.formats import format_explanation as format_explanation
 from .render.formats import format_horizon as format_horizon
 from .render.formats import format_table as format_table
+from .render.formats import format_work_precision as format_work_precision
 from .render.plots.animation import Film as Film
 from .render.plots.animation import animate as animate
 from .render.plots.convergence import plot_convergence as plot_convergence
@@ -65,6 +67,7 @@ from .render.plots.error import plot_errors as plot_errors
 from .render.plots.horizon import plot_horizon as plot_horizon
 from .render.plots.stability import plot_stability as plot_stability
 from .render.plots.sweep_map import plot_sweep as plot_sweep
+from .render.plots.work_precision import plot_work_precision as plot_work_precision
 from .simulation import JaxStepper as JaxStepper
 from .simulation import Trajectories as Trajectories
 from .simulation import Trajectory as Trajectory
@@ -85,6 +88,8 @@ from .study.explanation import explain_stepper as explain_stepper
 from .study.horizon import Horizon as Horizon
 from .study.horizon import horizon as horizon
 from .study.node_paths import node_paths as node_paths
+from .study.work_precision import WorkPrecision as WorkPrecision
+from .study.work_precision import work_precision as work_precision
 from .sweep.design.spec import SweepSpec as SweepSpec
 from .sweep.design.spec import read_sweep as read_sweep
 from .sweep.run import run_sweep as run_sweep

@@ -72,6 +72,10 @@ class InputError(RopeodeError, ValueError):
         super().__init__("\n".join(self.problems))
 
 
+class InputWarning(UserWarning):
+    """Input that can be used, and is hardly meant: one line, with the value and what follows."""
+
+
 class UserCodeError(InputError):
     """The user's code raised an exception, which is the ``__cause__``.
 

@@ -15,6 +15,7 @@ import sys
 import time
 import types
 from collections.abc import Iterable, Mapping
+from fractions import Fraction
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ _PACKAGES = (
 _VARIABLES = ("JAX_", "XLA_", "LIBTPU_", "EQX_")
 # The lines of Linux's list of processors that say for which instructions to compile.
 _PROCESSOR = ("model name", "flags", "Features", "CPU implementer", "CPU part")
-_PLAIN = (type(None), bool, int, float, str)
+_PLAIN = (type(None), bool, int, float, str, Fraction)
 
 
 def described(value: Any) -> str:

@@ -29,6 +29,8 @@ T = TypeVar("T")
 _TRACED = "a value that JAX traces"
 _LONGEST_VALUE_SHOWN = 60
 _LONGEST_TEXT_SHOWN = 200
+# Of names that are allowed, all are shown up to so many; of more than that the likest ones.
+_MOST_NAMES, _LIKEST = 24, 8
 
 
 def field(default: Any, *, allowed: str, example: str) -> Any:
@@ -211,13 +213,30 @@ def shortly(error: BaseException) -> str:
     return text if len(text) <= _LONGEST_TEXT_SHOWN else text[: _LONGEST_TEXT_SHOWN - 3] + "..."
 
 
-def unknown(kind: str, name: str, allowed: Iterable[str]) -> str:
-    """The complaint about a name that does not exist, with the nearest that does."""
+def unknown(kind: str, name: str, allowed: Iterable[str], also: Iterable[str] = ()) -> str:
+    """The complaint about a name that does not exist, with the nearest that does.
+
+    Of many names that exist, only those are shown that are most like it.
+
+    Arguments:
+        kind: what it should name.
+        name: that does not exist.
+        allowed: all names.
+        also: forms of further names, all of which are shown.
+    """
     names = list(allowed)
-    in_lower_case = {each.lower(): each for each in names}
+    # A word of a name, as "euler" is of "explicit-euler", may be all that was meant to be typed.
+    words = {word: each for each in reversed(names) for word in each.lower().split("-")}
+    in_lower_case = words | {each.lower(): each for each in names}
     near = difflib.get_close_matches(name.lower(), in_lower_case, n=1, cutoff=0.4)
     fix = f"did you mean {in_lower_case[near[0]]!r}?" if near else "use one of these."
-    return f"{kind}: {name!r} given, which does not exist; allowed: {', '.join(names)}. Fix: {fix}"
+    shown = names
+    if len(names) > _MOST_NAMES:
+        like = difflib.get_close_matches(name.lower(), in_lower_case, n=_MOST_NAMES, cutoff=0.3)
+        likest = list(dict.fromkeys([*(in_lower_case[each] for each in like), *names]))[:_LIKEST]
+        shown = [*likest, f"{len(names) - len(likest)} others"]
+    all_of_it = ", ".join([*shown, *also])
+    return f"{kind}: {name!r} given, which does not exist; allowed: {all_of_it}. Fix: {fix}"
 
 
 def _refuse_traced(value: Any) -> None:

@@ -201,10 +201,15 @@ def test_the_page_on_installing_begins_as_readme_and_has_ten_lines():
 
 
 @pytest.mark.parametrize(
-    ("page", "name"), [("howto/problems", "pendulum.py"), ("reference/check", "steps.py")]
+    ("page", "name"),
+    [
+        ("howto/problems", "pendulum.py"),
+        ("howto/steppers", "heun3.toml"),
+        ("reference/check", "steps.py"),
+    ],
 )
 def test_pages_show_the_files(page, name):
-    shown = blocks(ROOT / f"docs/{page}.md", "python")
+    shown = blocks(ROOT / f"docs/{page}.md", "toml" if name.endswith("toml") else "python")
     assert (ROOT / "docs/examples" / name).read_text() in shown
 
 

@@ -32,6 +32,8 @@ SLOW = {
     *["CheckArgs", "CheckReport", "check_stepper", "format_check"],
     *["Explanation", "explain_stepper", "format_explanation", "plot_stability"],
     *["Horizon", "horizon", "format_horizon", "plot_horizon"],
+    *["WorkPrecision", "WorkPrecision.front", "WorkPrecision.costs_to_reach", "work_precision"],
+    *["format_work_precision", "plot_work_precision"],
     *["LyapunovExponent", "lyapunov_exponent"],
     *["Report", "rope_report", "format_report"],
     *["SweepSummary", "run_sweep", "load_sweep", "plot_sweep"],

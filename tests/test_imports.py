@@ -37,9 +37,10 @@ GROUND = {
 }
 ALLOWED: dict[str, set[str]] = {}
 ALLOWED["problems"] = set()
+ALLOWED["tableaus"] = set()
 ALLOWED["norms"] = {"problems"}
-ALLOWED["steppers"] = {"problems"}
-ALLOWED["simulation"] = {"problems", "steppers"}
+ALLOWED["steppers"] = {"problems", "tableaus"}
+ALLOWED["simulation"] = {"steppers", *ALLOWED["steppers"]}
 ALLOWED["references"] = {"problems", "norms"}
 ALLOWED["analysis"] = {"norms", "references", "simulation", *ALLOWED["simulation"]}
 ALLOWED["theory"] = {"analysis", *ALLOWED["analysis"]}

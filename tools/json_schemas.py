@@ -15,14 +15,22 @@ from typing import Any, Literal, NotRequired, Union, get_args, get_origin, get_t
 
 from ropeode.case_studies.report_form import ReportForm
 from ropeode.files import write_whole
-from ropeode.laboratory.controls import argument_words
+from ropeode.render.docstrings import argument_words
 from ropeode.render.schemas.accuracy_table import AccuracyTableForm, ConstantForm
 from ropeode.render.schemas.check import CheckForm
 from ropeode.render.schemas.explanation import ConstantsForm, ExplanationForm
 from ropeode.render.schemas.horizon import HorizonForm
+from ropeode.render.schemas.work_precision import WorkPrecisionForm
 
 FOLDER = Path(__file__).parents[1] / "docs/schemas"
-FORMS: tuple[type, ...] = (AccuracyTableForm, CheckForm, ExplanationForm, HorizonForm, ReportForm)
+FORMS: tuple[type, ...] = (
+    AccuracyTableForm,
+    CheckForm,
+    ExplanationForm,
+    HorizonForm,
+    ReportForm,
+    WorkPrecisionForm,
+)
 # Python 3.11 forgets it.
 _EXTENDS: dict[type, type] = {ConstantsForm: ConstantForm}
 _PLAIN = {str: "string", int: "integer", float: "number", bool: "boolean", NoneType: "null"}

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from ropeode.norms import NORMS, distance
 from ropeode.precision import in_float64
-from ropeode.problems.inextensible_rope import links
 from ropeode.problems.problem import Problem
+from ropeode.problems.rope import rigid_links
 
 _RTOL = 1e-10
 
@@ -61,7 +61,7 @@ def late_acceleration(x: Any, v: Any, late: Any, args: Any) -> Any:
         late: by how much time, in the problem's unit.
         args: the rope's numbers.
     """
-    own = links(args)
+    own = rigid_links(args)
     free = own.acceleration - own.damping.rate * v
     d, w, turned = (jnp.diff(each, axis=1) for each in (x, v, x + late * v))
 

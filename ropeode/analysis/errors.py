@@ -86,7 +86,7 @@ def error_series(
     """Hold a trajectory against a reference.
 
     Arguments:
-        trajectory: a run that did not diverge; states ``(times, *state)`` from anywhere, or what
+        trajectory: a run of status `ok`; states ``(times, *state)`` from anywhere, or what
             SciPy's `solve_ivp` returns.
         reference: of the same problem.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
@@ -94,8 +94,8 @@ def error_series(
             or those that SciPy returns. At others than these the reference needs dense output.
 
     Raises:
-        InputError: the two are of different problems, the run diverged, the norm does not fit, or
-            states have another shape than the problem's, or are not finite.
+        InputError: the two are of different problems, the run ended early, the norm does not fit,
+            or states have another shape than the problem's, or are not finite.
 
     Examples:
         >>> from ropeode import Rope, error_series, reference, simulate
@@ -117,7 +117,7 @@ def error_series(
         )
     if trajectory.status != "ok":
         raise InputError(
-            f"trajectory: it diverged at frame {trajectory.diverged_at}; allowed: a run with "
+            f"trajectory: it {trajectory.lost}; allowed: a run with "
             "status 'ok'. Fix: look at its status first, and take more steps per frame."
         )
     measure = norm_for(reference.problem, norm)

@@ -15,6 +15,7 @@ from ropeode.validation import bad_value, not_traced
 Verdict = Literal["converges", "does not converge", "undetermined"]
 
 UNSTABLE = "unstable"
+UNSOLVED = "unsolved"
 UNRESOLVED = "below the reference's bound"
 ROUND_OFF = "round-off"
 PRE_ASYMPTOTIC = "pre-asymptotic"
@@ -22,7 +23,7 @@ TOO_FEW = "too few to fit"
 
 FEWEST_POINTS = 3
 # Where an error is larger than this many times the motion itself, the run has blown up.
-_UNSTABLE_FROM = 2.0
+UNSTABLE_FROM = 2.0
 # Round-off adds to the error; from this factor on it changes no digit that matters.
 _ROUND_OFF_FACTOR = 30.0
 # Points belong to one power law if none is further from it than this, in log(error).
@@ -55,8 +56,8 @@ class LeftOut:
 
     Arguments:
         dt: the step size.
-        reason: `unstable`, `below the reference's bound`, `round-off`, `pre-asymptotic` or `too
-            few to fit`.
+        reason: `unstable`, `unsolved`, `below the reference's bound`, `round-off`, `pre-asymptotic`
+            or `too few to fit`.
     """
 
     dt: float
@@ -103,6 +104,7 @@ def observed_order(
     rounding: ArrayLike = 0.0,
     motion: float = np.inf,
     claimed: int | None = None,
+    solved: ArrayLike = True,
 ) -> ObservedOrder:
     """Find the observed order from errors at step sizes of any ratio.
 
@@ -130,6 +132,8 @@ def observed_order(
         rounding: the round-off of the runs; one number, or one per step size.
         motion: the size of the motion.
         claimed: the order that the runs are claimed to have; None to measure it.
+        solved: whether the equations of implicit steps were solved; one truth, or one per step
+            size. Those that were not are left out as unsolved.
 
     Raises:
         InputError: step sizes are not positive and different, or there are more or fewer
@@ -144,7 +148,7 @@ def observed_order(
     """
     dt = real_array("dts", dts, "[0.1, 0.05, 0.025]")
     rest = {"errors": errors, "resolution": resolution, "rounding": rounding}
-    for name, value in {**rest, "motion": motion, "claimed": claimed}.items():
+    for name, value in {**rest, "motion": motion, "claimed": claimed, "solved": solved}.items():
         not_traced(name, value)
     if not np.iterable(errors):
         raise bad_value("errors", errors, "a number or None for each step size", "give a list")
@@ -162,7 +166,8 @@ def observed_order(
     with np.errstate(invalid="ignore", over="ignore"):
         reasons[error < _ROUND_OFF_FACTOR * np.asarray(rounding)] = ROUND_OFF
         reasons[(error < np.asarray(resolution)) | (error == 0)] = UNRESOLVED
-        reasons[~(error <= _UNSTABLE_FROM * motion) | ~np.isfinite(error)] = UNSTABLE
+        reasons[~(error <= UNSTABLE_FROM * motion) | ~np.isfinite(error)] = UNSTABLE
+        reasons[~np.broadcast_to(np.asarray(solved, bool), dt.shape)] = UNSOLVED
 
     usable = [i for i in np.argsort(dt) if not reasons[i]]
     used = _asymptotic_range(np.log(dt[usable]), np.log(error[usable]))
@@ -220,7 +225,7 @@ def _runs_to_add(dt: np.ndarray, reasons: np.ndarray, missing: int) -> tuple[flo
     count, (coarsest, finest) = max(missing, 2), (int(np.argmax(dt)), int(np.argmin(dt)))
     if reasons[finest] not in (UNRESOLVED, ROUND_OFF):
         return tuple(float(dt[finest] * _FINER**k) for k in range(1, count + 1))
-    if reasons[coarsest] not in (UNSTABLE, PRE_ASYMPTOTIC):
+    if reasons[coarsest] not in (UNSTABLE, UNSOLVED, PRE_ASYMPTOTIC):
         return tuple(float(dt[coarsest] * _COARSER**k) for k in range(count, 0, -1))
     # What is finer is lost in rounding and what is coarser is unstable: between the two.
     ends = [dt[i] for i in range(len(dt)) if reasons[i] not in (UNRESOLVED, ROUND_OFF)]

@@ -220,6 +220,7 @@ def _read(path: Path, run: Run) -> Images | None:
                 status="ok" if len(own) == len(problem.ts) else "diverged",
                 diverged_at=None if len(own) == len(problem.ts) else len(own),
                 rhs_evaluations=0,
+                jacobian_evaluations=0,
                 seconds=0.0,
                 compile_seconds=0.0,
             )

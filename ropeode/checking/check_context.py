@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -168,9 +168,18 @@ class Examination:
             return step_size(problem, steps), self.run(problem, steps), double
 
         expected = self.expected(problem)
-        return ladder(
-            lambda steps: converging(certified, [run(each) for each in steps], expected=expected)
-        )
+
+        @functools.cache
+        def unsolved(steps: int) -> bool:
+            lost = bool(np.isnan(run(steps)[1]).any())
+            return lost and simulate(problem, self.method, steps).status == "unsolved"
+
+        def observe(steps: Sequence[int]) -> Convergence:
+            runs = [run(each) for each in steps]
+            lost = {run(each)[0] for each in steps if unsolved(each)}
+            return converging(certified, runs, expected=expected, unsolved=lost)
+
+        return ladder(observe)
 
 
 def own_claims(stepper: Stepper) -> Claims:

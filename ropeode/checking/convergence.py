@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ropeode.analysis.order import (
     ROUND_OFF,
     TOLERANCE,
     UNRESOLVED,
+    UNSOLVED,
     UNSTABLE,
     LeftOut,
     ObservedOrder,
@@ -89,7 +90,9 @@ def _finer_steps_would_help(order: ObservedOrder) -> bool:
         return False
     if order.ci95 is not None:
         return order.ci95[1] - order.ci95[0] > _WIDE
-    too_coarse = sum(point.reason in (UNSTABLE, PRE_ASYMPTOTIC) for point in order.left_out)
+    too_coarse = sum(
+        point.reason in (UNSTABLE, UNSOLVED, PRE_ASYMPTOTIC) for point in order.left_out
+    )
     return 2 * too_coarse >= len(order.left_out)
 
 
@@ -99,6 +102,7 @@ def converging(
     *,
     expected: int | None,
     quantities: Sequence[str] | None = None,
+    unsolved: Collection[float] = (),
 ) -> Convergence:
     """Measure the errors of runs with several step sizes, their orders and their limit.
 
@@ -107,6 +111,7 @@ def converging(
         runs: from coarse to fine.
         expected: the order that is claimed.
         quantities: of the problem, that the runs have; by default all.
+        unsolved: the step sizes of runs that ended since their equations were not solved.
     """
     problem, dts = reference.problem, tuple(dt for dt, _, _ in runs)
     errors: dict[str, tuple[float | None, ...]] = {}
@@ -127,6 +132,7 @@ def converging(
             rounding=own,
             motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
             claimed=expected,
+            solved=[dt not in unsolved for dt in dts],
         )
         # The round-off of the finer half: coarse runs may have grown huge.
         limit = _distance_of_limit(reference, runs, norm, max(own[len(own) // 2 :]))
@@ -237,6 +243,6 @@ def falls_too_slowly(convergence: Convergence) -> bool:
 
 
 def finest_is_unstable(convergence: Convergence) -> bool:
-    """Whether the run with the smallest step size blew up."""
-    finest = LeftOut(convergence.dts[-1], UNSTABLE)
-    return any(finest in order.left_out for order in convergence.orders.values())
+    """Whether the run with the smallest step size blew up, or was not solved."""
+    finest = [LeftOut(convergence.dts[-1], reason) for reason in (UNSTABLE, UNSOLVED)]
+    return any(each in order.left_out for order in convergence.orders.values() for each in finest)

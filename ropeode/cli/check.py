@@ -86,9 +86,9 @@ def check(
 
     STEP is FILE.py:NAME, or FILE.py with one stepper in it: a function step(rhs, t, y, dt, args)
     that returns the new y, or step(acceleration, t, x, v, dt, args) that returns the new x and
-    v, in NumPy or JAX, or a Stepper class. It may also be diffrax:NAME, scipy:NAME, or the name
-    of a stepper of ropeode. The exit code is 0 if every check that
-    applies passes, 1 if the stepper is wrong, and 2 if it cannot be checked.
+    v, in NumPy or JAX, or a Stepper class. It may also be runge-kutta:FILE.toml,
+    diffrax:NAME, scipy:NAME, or the name of a stepper of ropeode. The exit code is 0 if every
+    check that applies passes, 1 if the stepper is wrong, and 2 if it cannot be checked.
 
     STEP may be a FOLDER of submissions: each Python file, and each subfolder with one, is
     checked in a process of its own. The exit code is then 0 if all are right, 1 if some are

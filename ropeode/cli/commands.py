@@ -76,8 +76,13 @@ def spec(command: str, out: Path | None) -> None:
 
 
 @click.command()
-def steppers() -> None:
-    """List the steppers, their options, orders and sources."""
-    from ropeode.render.stepper_list import as_text
+@click.argument("name", required=False)
+def steppers(name: str | None) -> None:
+    """List the steppers by family, or show all of one.
 
-    click.echo(as_text(), nl=False)
+    NAME may be that of any stepper: of ropeode, FILE.py:NAME, diffrax:NAME or scipy:NAME.
+    """
+    from ropeode.render.stepper_list import as_text, one_as_text
+    from ropeode.steppers import as_stepper
+
+    click.echo(as_text() if name is None else one_as_text(as_stepper(name)), nl=False)

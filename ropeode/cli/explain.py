@@ -37,11 +37,11 @@ def explain(
 ) -> None:
     """Explain a stepper: what one step does, and what follows.
 
-    STEP is whatever `ropeode check` takes: FILE.py:NAME, diffrax:NAME, scipy:NAME or the name of
-    a stepper of ropeode. Single steps tell what it is at dt = 0, which equation it solves, its
-    order and its local error. From these the error of runs is predicted, and set beside the
-    errors of runs on the default rope, or on another problem, as in `ropeode table`. Pictures
-    need matplotlib: pip install '.[plots]'.
+    STEP is whatever `ropeode check` takes: FILE.py:NAME, runge-kutta:FILE.toml, diffrax:NAME,
+    scipy:NAME or the name of a stepper of ropeode. Single steps tell what it is at dt = 0, which
+    equation it solves, its order and its local error. From these the error of runs is predicted,
+    and set beside the errors of runs on the default rope, or on another problem, as in `ropeode
+    table`. Pictures need matplotlib: pip install '.[plots]'.
     """
     form = format_for(form, out)
     if plots:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import sys
 import traceback
-from collections.abc import Sequence
-from typing import NoReturn
+import warnings
+from collections.abc import Iterator, Sequence
+from typing import Any, NoReturn
 
 import click
 
@@ -22,7 +24,8 @@ from ropeode.cli.lab import lab
 from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
 from ropeode.cli.sweep import sweep
-from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
+from ropeode.cli.work_precision import work_precision
+from ropeode.errors import InputError, InputWarning, RopeodeError, UserCodeError, users_traceback
 from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c
 from ropeode.terminal.supervision import Ended, say, watch
 
@@ -56,6 +59,7 @@ for command in (
     grade,
     reference,
     horizon,
+    work_precision,
     sweep,
     plot,
     animate,
@@ -80,6 +84,30 @@ def main(arguments: list[str] | None = None, ended: Ended | None = None) -> int:
     """
     words = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in words[:1]
+    with _warnings_in_a_line():
+        return _ended_well_or_not(words, debug, ended)
+
+
+@contextlib.contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Shows warnings about input as errors are shown, without a line of ropeode's code."""
+    show = warnings.showwarning
+
+    def in_a_line(message: Warning | str, category: type[Warning], *where: Any) -> None:
+        if issubclass(category, InputWarning):
+            click.echo(f"ropeode: warning: {message}", err=True)
+        else:
+            show(message, category, *where)
+
+    warnings.showwarning = in_a_line
+    try:
+        yield
+    finally:
+        warnings.showwarning = show
+
+
+def _ended_well_or_not(words: list[str], debug: bool, ended: Ended | None) -> int:
+    """The exit code of the command with these words."""
     try:
         if ended is None:
             say("the imports")

@@ -24,7 +24,7 @@ def _rows(value: str) -> Any:
     return rows if len(rows) > 1 else rows[0]
 
 
-def _steppers(value: str) -> list[str]:
+def split_methods(value: str) -> list[str]:
     """Split at commas, except at those between the options of one stepper."""
     found: list[str] = []
     for part in split_at_commas(value):
@@ -85,9 +85,10 @@ TABLE = {
     ),
     "frames": Option(str, "N", "Number of frames to solve. [20]"),
     "steppers": Option(
-        _steppers,
+        split_methods,
         "S[,S...]",
-        "Names (`ropeode steppers` lists them), FILE.py:NAME, diffrax:NAME, scipy:NAME.",
+        "Names (`ropeode steppers` lists them), FILE.py:NAME, runge-kutta:FILE.toml, "
+        "diffrax:NAME, scipy:NAME.",
     ),
     "steps_per_frame": Option(split_at_commas, "N[,N...]", "Steps per frame. [16,32,...,16384]"),
     "norm": Option(str, "NAME", "Measure of errors: position-max, position-rms, ..."),

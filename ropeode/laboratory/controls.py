@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,6 +10,7 @@ from ropeode.laboratory.limits import MOST_NODES
 from ropeode.laboratory.messages import ParameterFacts
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
+from ropeode.render.docstrings import argument_words
 
 # How far a slider goes to both sides of a default above zero, and of zero.
 _FACTOR, _AROUND_ZERO = 100.0, 1.0
@@ -90,15 +90,3 @@ def _allowed(kind: str) -> dict[str, str]:
         return {n: str(e["allowed"]) for n, e in extra.items() if isinstance(e, dict)}
     hints = inspect.get_annotations(inspect.unwrap(PROBLEMS[kind]), eval_str=True)
     return {n: each.__metadata__[-1] for n, each in hints.items() if hasattr(each, "__metadata__")}
-
-
-def argument_words(documented: Any) -> dict[str, str]:
-    """What the docstring says of each argument, or field, in one line."""
-    text = inspect.getdoc(documented) or ""
-    _, *after = re.split(r"^(?:Arguments|Fields):\n", text, maxsplit=1, flags=re.MULTILINE)
-    section = "".join(after).partition("\n\n")[0]
-    entries = re.split(r"^    (\w+): ", section, flags=re.MULTILINE)[1:]
-    return {
-        name: " ".join(words.split()).rstrip(".")
-        for name, words in zip(entries[::2], entries[1::2], strict=True)
-    }

@@ -319,7 +319,7 @@ class Run(Message):
     steps_per_frame: int | None
     dt: float
     every: int
-    status: Literal["ok", "diverged"]
+    status: Literal["ok", "diverged", "unsolved"]
     diverged_at: int | None
     error_final: float | None
     error_max: float | None

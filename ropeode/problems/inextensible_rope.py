@@ -10,7 +10,7 @@ import numpy as np
 from ropeode.errors import InputError
 from ropeode.problems import rope_input
 from ropeode.problems.links import along, constrained_acceleration, dot
-from ropeode.problems.rope import energy_of_nodes, linear_damping, links
+from ropeode.problems.rope import energy_of_nodes, linear_damping, rigid_links
 from ropeode.problems.rope_input import Indices, Numbers, OneOrMany, RopeInput, Velocity
 from ropeode.validation import complaint
 
@@ -109,7 +109,7 @@ class InextensibleRope(RopeInput):
             "acceleration": acceleration,
             # The tensions depend on the velocities too, and a single node has none.
             "damping": linear_damping if self.num_nodes == 1 else None,
-            "links": links,
+            "links": rigid_links,
             "energy": energy_of_nodes,
             "constraints": constraints,
         }
@@ -139,7 +139,7 @@ def acceleration(t: Any, x: Any, v: Any, args: InextensibleRopeArgs) -> Any:
         args: the rope's numbers.
     """
     del t
-    return constrained_acceleration(x, v, links(args))
+    return constrained_acceleration(x, v, rigid_links(args))
 
 
 def constraints(t: Any, y: Any, args: InextensibleRopeArgs) -> dict[str, Any]:
@@ -151,7 +151,7 @@ def constraints(t: Any, y: Any, args: InextensibleRopeArgs) -> dict[str, Any]:
         args: the rope's numbers.
     """
     del t
-    apart = links(args).apart
+    apart = rigid_links(args).apart
     d, w = along(y[0], apart), along(y[1], apart)
     length = jnp.sqrt(dot(d, d))
     return {"position": length - args.rest_length, "velocity": dot(d, w) / length}

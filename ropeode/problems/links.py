@@ -1,4 +1,4 @@
-"""Nodes in a row whose neighbours keep their distance."""
+"""Nodes in a row, joined to their neighbours by rigid links or by springs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LinearDamping(NamedTuple):
 
 
 class Links(NamedTuple):
-    """Rigid massless links between neighbours, and what else moves the nodes.
+    """Massless links between neighbours, rigid or springs, and what else moves the nodes.
 
     Positions are ``(dim, nodes)``; link i joins the nodes i and i + 1. Several ropes side by
     side are one array too, ``(dim, nodes * ropes)``: the first nodes of all ropes, then the
@@ -50,19 +50,25 @@ class Links(NamedTuple):
         acceleration: of the nodes by everything but links and damping; zero where pinned;
             broadcasts against the positions.
         damping: the damping of the nodes.
+        compliance: how much longer a unit of force makes each link, ``(links,)``: 1/stiffness of
+            a spring, and 0 where a link is rigid. Steppers that keep lengths do not ask for it.
 
     Examples:
-        >>> from ropeode import InextensibleRope
+        >>> from ropeode import InextensibleRope, Rope
         >>> problem = InextensibleRope(num_nodes=4).problem(frames=3)
         >>> links = problem.mechanics.links(problem.args)
         >>> links.length.round(1), links.inverse_mass
         (array([133.3, 133.3, 133.3]), array([0., 1., 1., 1.]))
+        >>> springs = Rope(num_nodes=4, stiffness=50).problem(frames=3)
+        >>> springs.mechanics.links(springs.args).compliance
+        array([0.02, 0.02, 0.02])
     """
 
     length: Any
     inverse_mass: Any
     acceleration: Any
     damping: LinearDamping
+    compliance: Any = 0.0
 
     @property
     def apart(self) -> int:
@@ -160,10 +166,11 @@ def solve_tridiagonal(lower: Any, diagonal: Any, upper: Any, right: Any) -> Any:
     program for LAPACK, one system after the other, which takes far longer than the arithmetic.
 
     Arguments:
-        lower: below the diagonal, ``(rows, systems)``; the first is not used.
-        diagonal: ``(rows, systems)``.
-        upper: above the diagonal, ``(rows, systems)``; the last is not used.
-        right: right-hand sides, ``(rows, systems)``.
+        lower: below the diagonal, ``(rows, *systems)``; the first is not used.
+        diagonal: ``(rows, *systems)``.
+        upper: above the diagonal, ``(rows, *systems)``; the last is not used.
+        right: right-hand sides, ``(rows, *systems)``; several for one matrix where an axis of
+            the three others has length 1.
 
     Source: Golub, Van Loan, Matrix Computations, section 4.3.6.
     """
@@ -181,5 +188,6 @@ def solve_tridiagonal(lower: Any, diagonal: Any, upper: Any, right: Any) -> Any:
         return solved, solved
 
     nothing = jnp.zeros_like(right[0])
-    _, rows = jax.lax.scan(down, (nothing, nothing), (lower, diagonal, upper, right))
+    start = jnp.zeros_like(diagonal[0]), nothing
+    _, rows = jax.lax.scan(down, start, (lower, diagonal, upper, right))
     return jax.lax.scan(up, nothing, rows, reverse=True)[1]

@@ -47,10 +47,13 @@ class Mechanics:
             None where the acceleration depends on the velocity in another way.
         node_axis: the axis of the positions that counts nodes; the other counts the
             components.
-        links: ``links(args)`` gives the `Links` between neighbours, for steppers that keep
-            lengths; None where nodes do not stand in a row.
+        links: ``links(args)`` gives the `Links` between neighbours, for steppers that move nodes
+            link by link; None where nodes do not stand in a row.
         in_turn: whether all of these also take several ropes whose nodes stand in turn, as
             `Links` explains; ensembles are faster that way.
+        neighbours: whether the acceleration of each node depends on its own position and velocity
+            and on those of its two neighbours in the row alone; implicit steppers then do O(nodes)
+            work.
     """
 
     acceleration: Acceleration
@@ -58,6 +61,7 @@ class Mechanics:
     node_axis: int = 0
     links: Callable[[Any], Links] | None = None
     in_turn: bool = False
+    neighbours: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -305,6 +309,7 @@ class Problem(Displayed):
         links: Callable[[Any], Links] | None = None,
         node_axis: int = 0,
         in_turn: bool = False,
+        neighbours: bool = False,
         **more: Any,
     ) -> Problem:
         """A mechanical problem ``x'' = acceleration(t, x, v, args)``.
@@ -325,6 +330,8 @@ class Problem(Displayed):
                 positions are stored ``(dim, nodes)``.
             node_axis: 1 where positions are stored ``(dim, nodes)``.
             in_turn: whether these functions take ropes whose nodes stand in turn (`Links`).
+            neighbours: whether the acceleration of each node depends on itself and its neighbours
+                in the row of `links` alone, which makes implicit steppers faster.
             more: `name`, `energy`, `exact`, `jump_times`, `constraints` and `parameters` of
                 `Problem`.
 
@@ -341,7 +348,7 @@ class Problem(Displayed):
             array([[ 0.],
                    [-4.]])
         """
-        refuse_others(more, (*_MORE, "damping", "links", "node_axis", "in_turn"))
+        refuse_others(more, (*_MORE, "damping", "links", "node_axis", "in_turn", "neighbours"))
         if is_tree(x0):
             fix = "write them as one, or use Problem(rhs, {'x': x0, 'v': v0}, ts)"
             raise bad_value("x0", x0, "one array of positions", fix)
@@ -378,7 +385,7 @@ class Problem(Displayed):
             y0=np.stack([x0, v0]),
             ts=ts,
             args=args,
-            mechanics=Mechanics(acceleration, damping, node_axis, links, in_turn),
+            mechanics=Mechanics(acceleration, damping, node_axis, links, in_turn, neighbours),
             **more,
         )
 

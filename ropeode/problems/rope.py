@@ -78,6 +78,7 @@ class Rope(RopeInput):
             "acceleration": acceleration,
             "damping": linear_damping,
             "links": links,
+            "neighbours": True,
             "energy": energy,
         }
 
@@ -109,7 +110,7 @@ def acceleration(t: Any, x: Any, v: Any, args: RopeArgs) -> Any:
         args: the rope's numbers.
     """
     del t
-    own = links(args)
+    own = rigid_links(args)
     d, length = _springs(x, args)
     tension = args.stiffness * (1.0 - args.rest_length / length)
     return own.acceleration - own.damping.rate * v + impulses(d, tension, own.inverse_mass)
@@ -133,8 +134,13 @@ def linear_damping(args: Any) -> LinearDamping:
     return LinearDamping(args.damping / args.mass * args.free, args.damping * args.free)
 
 
-def links(args: Any) -> Links:
-    """The rope as steppers see it that keep the lengths of its springs or links."""
+def links(args: RopeArgs) -> Links:
+    """The rope as steppers see it that move nodes link by link."""
+    return rigid_links(args)._replace(compliance=1.0 / args.stiffness)
+
+
+def rigid_links(args: Any) -> Links:
+    """The same rope with links that keep their lengths."""
     return Links(
         length=args.rest_length,
         inverse_mass=args.free / args.mass,

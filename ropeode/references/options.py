@@ -52,6 +52,12 @@ class Asked(_Named, total=False):
     rtol: float | None
 
 
+class AskedButRtol(_Named, total=False):
+    """The same for a study whose methods have tolerances of their own."""
+
+    accuracy: float | None
+
+
 class More(_Named, total=False):
     """The fields of `ReferenceOptions` that `reference` takes by name only."""
 

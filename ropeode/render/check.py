@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+from ropeode.analysis.order import UNSOLVED
 from ropeode.checking.report import CheckReport, Claims, Convergence
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
 from ropeode.render.schemas.check import CheckForm, ConvergenceForm
@@ -213,7 +214,7 @@ def _errors_grid(convergence: Convergence) -> Grid:
     rows = [
         (
             f"{dt:.4g}",
-            *(_error(convergence.errors[q][i], convergence.resolution[q]) for q in quantities),
+            *(_error(convergence, q, i) for q in quantities),
             "; ".join(filter(None, (_left_out(convergence, q, dt) for q in quantities))),
         )
         for i, dt in enumerate(convergence.dts)
@@ -224,9 +225,11 @@ def _errors_grid(convergence: Convergence) -> Grid:
     return Grid(headers, rows, left=frozenset({1 + len(quantities)}))
 
 
-def _error(error: float | None, resolution: float) -> str:
+def _error(convergence: Convergence, quantity: str, i: int) -> str:
+    error, resolution = convergence.errors[quantity][i], convergence.resolution[quantity]
     if error is None:
-        return "diverged"
+        reason = _left_out(convergence, quantity, convergence.dts[i])
+        return UNSOLVED if reason == UNSOLVED else "diverged"
     return f"< {resolution:.1e}" if error < resolution else f"{error:.3e}"
 
 

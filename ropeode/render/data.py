@@ -12,8 +12,15 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
-from ropeode.render.schemas.accuracy_table import AccuracyTableForm, ConstantForm, ProblemForm
+from ropeode.references.reference import Reference
+from ropeode.render.schemas.accuracy_table import (
+    AccuracyTableForm,
+    ConstantForm,
+    ProblemForm,
+    ReferenceForm,
+)
 from ropeode.study.accuracy_table import AccuracyTable
 from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
 
@@ -91,42 +98,46 @@ def problem_dict(problem: Problem) -> ProblemForm:
     }
 
 
-def as_dict(table: AccuracyTable) -> AccuracyTableForm:
-    """The table in its JSON form."""
-    problem, reference = table.problem, table.reference
+def reference_dict(reference: Reference, norm: Norm) -> ReferenceForm:
+    """What JSON says of a reference, with its bound in a norm."""
     certificate = reference.certificate
     return {
-        "schema": SCHEMA,
-        "problem": problem_dict(problem),
-        "norm": table.norm.name,
-        "reference": {
-            "level": certificate.level,
-            "solver": str(certificate.solver),
-            "rtol": certificate.rtol,
-            "atol": np.asarray(certificate.atol).tolist(),
-            "steps": certificate.steps,
-            "stiff": certificate.stiff,
-            "witnesses": [
-                {
-                    "solver": str(w.solver),
-                    "tolerance": w.tolerance,
-                    "role": w.role,
-                    "steps": w.steps,
-                    "difference": w.difference,
-                }
-                for w in certificate.witnesses
-            ],
-            "sampling": certificate.sampling,
-            "drift_max": {
-                quantity: float(np.max(drift[: reference.trusted]))
-                for quantity, drift in certificate.drift.items()
-            },
-            "bound_max": float(reference.bound(table.norm)[-1]),
-            "accuracy": certificate.accuracy,
-            "horizon": certificate.horizon,
-            "horizon_reason": certificate.horizon_reason,
-            "versions": dict(sorted(certificate.versions.items())),
+        "level": certificate.level,
+        "solver": str(certificate.solver),
+        "rtol": certificate.rtol,
+        "atol": np.asarray(certificate.atol).tolist(),
+        "steps": certificate.steps,
+        "stiff": certificate.stiff,
+        "witnesses": [
+            {
+                "solver": str(w.solver),
+                "tolerance": w.tolerance,
+                "role": w.role,
+                "steps": w.steps,
+                "difference": w.difference,
+            }
+            for w in certificate.witnesses
+        ],
+        "sampling": certificate.sampling,
+        "drift_max": {
+            quantity: float(np.max(drift[: reference.trusted]))
+            for quantity, drift in certificate.drift.items()
         },
+        "bound_max": float(reference.bound(norm)[-1]),
+        "accuracy": certificate.accuracy,
+        "horizon": certificate.horizon,
+        "horizon_reason": certificate.horizon_reason,
+        "versions": dict(sorted(certificate.versions.items())),
+    }
+
+
+def as_dict(table: AccuracyTable) -> AccuracyTableForm:
+    """The table in its JSON form."""
+    return {
+        "schema": SCHEMA,
+        "problem": problem_dict(table.problem),
+        "norm": table.norm.name,
+        "reference": reference_dict(table.reference, table.norm),
         "rows": list(table.rows),
         "orders": [
             {

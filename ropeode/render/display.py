@@ -147,10 +147,11 @@ def _(own: JaxStepper) -> str:
 
 @line.register
 def _(runs: Trajectories) -> str:
-    diverged = len(runs) - int(np.sum(runs.finite))
+    unsolved = int(np.sum(~runs.finite & ~runs.solved))
+    diverged = len(runs) - int(np.sum(runs.finite)) - unsolved
     return (
         f"{counted(len(runs), 'run')} of {runs.stepper.label}, {runs.steps_per_frame} steps/frame; "
-        f"{diverged or 'none'} diverged"
+        f"{diverged or 'none'} diverged{f', {unsolved} unsolved' if unsolved else ''}"
     )
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ropeode.checking.report import CheckReport
     from ropeode.study.explanation import Explanation
     from ropeode.study.horizon import Horizon
+    from ropeode.study.work_precision import WorkPrecision
 
 
 def formats_of(
@@ -58,6 +59,16 @@ def _drawn(name: str, draw: str, result: Any) -> list[Block]:
 
     function = getattr(importlib.import_module(f"ropeode.render.plots.{name}"), draw)
     return [markup.Drawing(figure_bytes(function(result), ".svg").decode())]
+
+
+def _drawn_for_each_cost(study: WorkPrecision) -> list[Block]:
+    """The pictures of a work-precision study, whose points say their values."""
+    if importlib.util.find_spec("matplotlib") is None:
+        return []
+    from ropeode.render.plots.work_precision import picture_with_hover
+    from ropeode.study.work_precision import COSTS
+
+    return [markup.Drawing(picture_with_hover(study, cost)) for cost in COSTS]
 
 
 FORMATS = {
@@ -124,6 +135,33 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
     check_kind("study", study, Horizon, "horizon")
     drawn = functools.partial(_drawn, "horizon", "plot_horizon")
     forms = formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict, drawn)
+    return formatted(study, form, forms)
+
+
+def format_work_precision(study: WorkPrecision, form: str = "text") -> str:
+    """A work-precision study as text.
+
+    Arguments:
+        study: from `ropeode.work_precision`.
+        form: one of `FORMATS`; `html` has a picture for each cost, whose points say their values
+            where the pointer is.
+
+    Raises:
+        InputError: there is no such format.
+
+    Examples:
+        >>> from ropeode import Rope, format_work_precision, work_precision
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> study = work_precision(rope, ["rk4"], steps_per_frame=[16, 64], rounds=1)
+        >>> print(format_work_precision(study))
+        Work and precision: rope, 4 nodes, damping 0.01, 3 frames
+        ...
+    """
+    from ropeode.render import work_precision as of
+    from ropeode.study.work_precision import WorkPrecision
+
+    check_kind("study", study, WorkPrecision, "work_precision")
+    forms = formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict, _drawn_for_each_cost)
     return formatted(study, form, forms)
 
 

@@ -101,8 +101,8 @@ def _dt_words(dt: float) -> str:
 def _cell(row: Row | None, column: str) -> str:
     if row is None:
         return ""
-    if row.status == "diverged" and column in _ERRORS:
-        return "diverged"
+    if row.status != "ok" and column in _ERRORS:
+        return row.status
     if column == "rhs-evals":
         return str(row.rhs_evaluations or "-")
     if column == "seconds":

@@ -1,15 +1,21 @@
-"""The list of steppers and what they declare."""
+"""The list of steppers by family, and all of one."""
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 
-from ropeode.render.text_layout import columns
-from ropeode.steppers.base import BuiltIn, ProblemClass
-from ropeode.steppers.registry import STEPPERS, option_value, options
+from ropeode.render.docstrings import argument_words, description, source
+from ropeode.render.text_layout import columns, hanging, wrapped
+from ropeode.steppers.base import BuiltIn, ProblemClass, Stepper
+from ropeode.steppers.registry import by_family, option_value, options
 
-HEADERS = ("stepper", "order", "damped", "moving", "symplectic")
+# Of problems, as the columns of declared orders name them.
+_KINDS = {
+    "undamped, at rest": ProblemClass(damped=False, at_rest=True),
+    "undamped, moving": ProblemClass(damped=False, at_rest=False),
+    "damped, at rest": ProblemClass(damped=True, at_rest=True),
+    "damped, moving": ProblemClass(damped=True, at_rest=False),
+}
 
 
 def variants(cls: type[BuiltIn]) -> list[BuiltIn]:
@@ -27,43 +33,91 @@ def variants(cls: type[BuiltIn]) -> list[BuiltIn]:
 
 
 def as_text() -> str:
-    """A table of declared orders, and for each stepper what it needs and its source."""
-    rows = [
-        (
-            each.label,
-            _order(each, damped=False, at_rest=True),
-            _order(each, damped=True, at_rest=True),
-            _order(each, damped=True, at_rest=False),
-            "yes" if each.symplectic else "no",
-        )
-        for cls in STEPPERS.values()
-        for each in variants(cls)
-    ]
+    """A line for each stepper, by family: its order, and what it is."""
+    lines = []
+    for family, steppers in by_family().items():
+        lines.append(family)
+        for cls in steppers:
+            head = f"  {cls.name:<20}{_orders_in_short(cls()):>6}  "
+            lines += hanging(head, _plain(description(cls)[0]))
+        lines.append("")
     return "\n".join(
         [
-            *columns([HEADERS, *rows]),
+            *lines,
+            *wrapped(
+                "The numbers are declared orders of convergence: a second one is that with "
+                "damping and motion at the start, where it differs; 0 stands for another "
+                "solution, or none. Those of steppers that take springs for rigid links hold on "
+                "ropes with such links."
+            ),
             "",
-            "Declared orders of convergence: undamped and at rest at the start; damped;",
-            "damped and moving at the start. 0: it converges to another solution. Those of",
-            "steppers that run on nodes in a row are for ropes with rigid links; a rope with",
-            "springs they take for one. Symplectic: on problems without damping.",
-            "",
-            *(_note(cls) for cls in STEPPERS.values()),
+            *wrapped(
+                "`ropeode steppers NAME` shows all of one: its options, its orders with each, its "
+                "source. FILE.py:NAME, diffrax:NAME and scipy:NAME are steppers too."
+            ),
             "",
         ]
     )
 
 
-def _order(stepper: BuiltIn, *, damped: bool, at_rest: bool) -> str:
+def one_as_text(stepper: Stepper) -> str:
+    """What a stepper is, what it runs on, its options and orders, its source."""
+    # Others are classes around what the user or a library has written.
+    built_in = type(stepper) if isinstance(stepper, BuiltIn) else None
+    lines = [stepper.label, ""]
+    for paragraph in description(built_in) if built_in else ():
+        lines += [*wrapped(_plain(paragraph)), ""]
+    facts = {
+        "family": stepper.family,
+        "runs on": stepper.needs + (", frames of equal length" if stepper.equal_frames else ""),
+        "symplectic": {True: "on problems without damping", False: "no", None: "nothing claimed"}[
+            stepper.symplectic
+        ],
+        "source": _plain(source(built_in)) if built_in else stepper.source,
+    }
+    for name, words in facts.items():
+        if words:
+            lines += hanging(f"{name + ':':<12}", words)
+    lines.append("")
+    if built_in and (choices := options(built_in)):
+        words = argument_words(built_in)
+        lines += ["Options, the default first", ""]
+        for option, values in choices.items():
+            lines += [f"  {option} = {' | '.join(values)}"]
+            lines += hanging(" " * 6, _plain(words[option]))
+        lines.append("")
+    shown = variants(built_in) if built_in else [stepper]
+    rows = [
+        [
+            each.label.removeprefix(f"{stepper.name}:"),
+            *(_order(each, kind) for kind in _KINDS.values()),
+        ]
+        for each in shown
+    ]
+    lines += ["Declared orders of convergence (0: to another solution, or none)", ""]
+    lines += _orders_table(rows)
+    return "\n".join([*lines, ""])
+
+
+def _orders_table(rows: list[list[str]]) -> list[str]:
+    """The orders on each kind of problem, whose names take two lines of headers."""
+    above, below = zip(*(kind.split(", ") for kind in _KINDS), strict=True)
+    return columns([["", *(f"{each}," for each in above)], ["", *below], *rows])
+
+
+def _orders_in_short(stepper: BuiltIn) -> str:
+    """The order at its best and, where it is another one, at its worst."""
+    best, *_, worst = (_order(stepper, kind) for kind in _KINDS.values())
+    return best if best == worst else f"{best} ({worst})"
+
+
+def _order(stepper: Stepper, kind: ProblemClass) -> str:
     """The order on the problems that the stepper is for."""
-    classes = [ProblemClass(damped, at_rest, rigid) for rigid in (False, True)]
-    return str(next(stepper.order(each) for each in classes if stepper.solves(each)))
+    meant = kind if stepper.solves(kind) else kind._replace(rigid=True)
+    order = stepper.order(meant)
+    return "-" if order is None else str(order)
 
 
-def _note(cls: type[BuiltIn]) -> str:
-    lines = [cls.name, f"    runs on: {cls.needs}", f"    source: {cls.source}"]
-    numbers = {field.name for field in dataclasses.fields(cls) if field.type == "int"}
-    for option, choices in options(cls).items():
-        words = f"{choices[0]}, or more" if option in numbers else ", ".join(choices)
-        lines.append(f"    {option}: {words}")
-    return "\n".join(lines)
+def _plain(text: str) -> str:
+    """Words of a docstring without the marks of code."""
+    return text.replace("``", "")

@@ -18,6 +18,7 @@ from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
 
 if TYPE_CHECKING:
     from ropeode.checking.trajectories.studies import TrajectoryErrors
+    from ropeode.study.work_precision import WorkPrecision
 
     # What has errors against step size.
     Errors: TypeAlias = AccuracyTable | TrajectoryErrors
@@ -64,7 +65,7 @@ def _parameter_words(name: str, value: Any) -> str:
     return f"{words} {json.dumps(value)}" if len(value) <= 3 else f"{words} of each its own"
 
 
-def error_words(table: Errors) -> str:
+def error_words(table: Errors | WorkPrecision) -> str:
     """Which error the table has."""
     last = table.reference.trusted - 1
     return f"Error: {table.norm.words}, over samples 1 to {last}."
@@ -72,8 +73,8 @@ def error_words(table: Errors) -> str:
 
 def run_cells(row: Row) -> tuple[str, ...]:
     """One run as the cells under `RUN_HEADERS`."""
-    if row.status == "diverged":
-        errors = ("diverged", f"frame {row.diverged_at}", "")
+    if row.status != "ok":
+        errors = (row.status, f"frame {row.diverged_at}", "")
     else:
         errors = tuple(
             error_cell(error, row.resolution)
@@ -176,7 +177,7 @@ def remark(order: StepperOrder) -> str | None:
     return "keeps every link at its length: solves the inextensible rope, not this one"
 
 
-def reference_words(table: Errors) -> str:
+def reference_words(table: Errors | WorkPrecision) -> str:
     """The reference and its bound, in the quantity of the errors."""
     reference, quantity = table.reference, table.norm.quantity
     certificate = reference.certificate
@@ -202,7 +203,7 @@ def trust_words(certificate: Certificate) -> str:
     return f"trusted before t = {certificate.horizon:g} only ({certificate.horizon_reason})"
 
 
-def _agreement(table: Errors, differences: np.ndarray) -> str:
+def _agreement(table: Errors | WorkPrecision, differences: np.ndarray) -> str:
     """How closely a witness agrees, and up to where if it has a horizon of its own."""
     reached = int(np.argmin(np.append(np.isfinite(differences), False)))
     words = f"agrees to {np.max(differences[:reached]):.1e}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -12,6 +13,7 @@ from jax.extend.core import get_opaque_trace_state
 
 from ropeode.kept_programs import Source
 from ropeode.simulation.family import Family, shape_of
+from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.kernel_fusion import in_one_kernel
 from ropeode.simulation.system import is_turned, stored, system
 from ropeode.simulation.transposes import on_stored
@@ -43,16 +45,10 @@ def source_of(family: Family, capacity: int, blocks: int) -> Source:
         carried: Any,
     ) -> Any:
         def one_block(block: Any, everything: tuple) -> tuple:
-            done, states, carried = everything
+            *_, carried = everything
             own = jax.tree.map(lambda leaf: leaf[block], args)
-            frame, own_states, own_carried = frames_of(
-                y0[block], own, jax.tree.map(lambda leaf: leaf[block], carried)
-            )
-            return (
-                done.at[block].set(frame),
-                states.at[block].set(own_states),
-                jax.tree.map(lambda all, new: all.at[block].set(new), carried, own_carried),
-            )
+            new = frames_of(y0[block], own, jax.tree.map(lambda leaf: leaf[block], carried))
+            return jax.tree.map(lambda all, new: all.at[block].set(new), everything, new)
 
         def frames_of(y0: Any, args: Any, carried: Any) -> tuple:
             def steps_of(carried: Any, args: Any, start: Any, dt: Any, steps: Any) -> Any:
@@ -81,7 +77,7 @@ def source_of(family: Family, capacity: int, blocks: int) -> Source:
             frame, carried, states, _ = jax.lax.while_loop(
                 more, one_frame, (0, carried, states, jnp.asarray(True))
             )
-            return frame, states, carried
+            return frame, states, methods.iterations(args, carried), carried
 
         def going_on(y: Any) -> Any:
             """Whether a run of the block is still finite."""
@@ -91,7 +87,11 @@ def source_of(family: Family, capacity: int, blocks: int) -> Source:
             # Quicker to compile.
             alone = frames_of(*jax.tree.map(lambda leaf: leaf[0], (y0, args, carried)))
             return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
-        nothing = jnp.zeros(blocks, jnp.int64), jnp.zeros((blocks, capacity, *y0.shape[1:]))
+        nothing = (
+            jnp.zeros(blocks, jnp.int64),
+            jnp.zeros((blocks, capacity, *y0.shape[1:])),
+            Iterations(*(jnp.zeros((blocks, family.layout.lanes), kind) for kind in (bool, int))),
+        )
         return jax.lax.fori_loop(0, count, one_block, (*nothing, carried))
 
     def in_blocks(leaf: Any) -> jax.ShapeDtypeStruct:
@@ -117,16 +117,35 @@ class _Methods:
 
     def __init__(self, family: Family):
         self._family = family
-        self._calls, self._looped = 0, False
+        self._calls, self._looped, self._counts_loops = 0, False, False
         self.args = jax.tree.unflatten(family.args_tree, family.args_leaves)
         stepper = family.method.stepper
         self._turned = is_turned(stepper, family.mechanics)
         self.init = self._on_blocks(stepper.init)
         self.step = self._on_blocks(stepper.step)
         self.state = self._on_blocks(stepper.state)
+        self._iterations = self._on_blocks(lambda _, t, carried, dt: self._said_of(carried))
+
+    def _said_of(self, carried: Any) -> Iterations:
+        stepper = self._family.method.stepper
+        jacobians = stepper.jacobian_evaluations(carried)
+        self._counts_loops = jacobians is not None
+        return Iterations(stepper.solved(carried), jacobians if self._counts_loops else 0)
+
+    def iterations(self, args: Any, carried: Any) -> Iterations:
+        """What the stepper says of them, of each run of a block."""
+        lanes = (self._family.layout.lanes,)
+        solved, jacobians = self._iterations(args, 0.0, carried, 1.0)
+        return Iterations(
+            jnp.broadcast_to(jnp.asarray(solved, bool).reshape(-1), lanes),
+            jnp.broadcast_to(jnp.asarray(jacobians, jnp.int64).reshape(-1), lanes),
+        )
 
     def calls(self) -> tuple[tuple[int, int, int] | None, Any]:
-        """How often each calls the right-hand side, and the shapes of what is carried."""
+        """How often each calls the right-hand side, and the shapes of what is carried.
+
+        Calls in loops are left to the stepper; None where it does not count them.
+        """
         y0: Any = self._family.y0
         if self._family.mechanics:
             half = shape_of(y0.shape[1:], y0.dtype)
@@ -142,7 +161,9 @@ class _Methods:
         shapes_of(self.step, carried)
         shapes_of(self.state, carried)
         to_start, per_step, per_sample = counts
-        return None if self._looped else (to_start, per_step, per_sample), carried
+        shapes_of(lambda args, t, carried, dt: self.iterations(args, carried), carried)
+        known = self._counts_loops or not self._looped
+        return (to_start, per_step, per_sample) if known else None, carried
 
     def _on_blocks(self, method: Callable) -> Callable:
         family = self._family
@@ -153,16 +174,18 @@ class _Methods:
 
             def counted(function: Callable) -> Callable:
                 def call(t: Any, state: Any, *others: Any) -> Any:
-                    self._calls += 1
-                    self._looped |= get_opaque_trace_state() != outside
+                    inside = get_opaque_trace_state() != outside
+                    self._calls += not inside
+                    self._looped |= inside
                     # What the first stage reads is stored anyway, as the step's input.
-                    state = stored(state, always) if self._calls > 1 else state
+                    state = stored(state, always) if self._calls > 1 and not inside else state
                     return function(t, state, *others)
 
                 return call
 
             always = dt > 0
             bound = system(family.rhs, family.mechanics, args, counted=counted, turned=self._turned)
+            bound = dataclasses.replace(bound, once=lambda value: stored(value, always))
             return on_user_clock(method, bound, t, y, dt)
 
         def turned(args: Any, t: Any, y: Any, dt: Any) -> Any:

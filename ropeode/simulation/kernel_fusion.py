@@ -10,6 +10,7 @@ be put there from outside as well.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -32,6 +33,8 @@ _PRIMITIVES = COMPONENTWISE.union(
 _CONTAINERS = frozenset(
     ("cond", "custom_jvp_call", "custom_vjp_call", "jit", "pjit", "scan", "while")
 )
+# Of so many numbers XLA splits them, in a way that its emitter for one function cannot.
+_REDUCTIONS, _LONGEST = frozenset(("reduce_max", "reduce_min", "reduce_sum")), 2048
 # Above this many bytes the arithmetic outweighs the calls, and several cores may share it.
 _LARGEST = 1024 * 1024
 
@@ -68,6 +71,10 @@ def in_one_kernel(loop: Callable, *inputs: Any) -> Any:
 def _can_be_one(traced: ClosedJaxpr) -> bool:
     """Whether all that is computed is on the list."""
     return all(
-        (name := each.primitive.name) in _PRIMITIVES or (name in _CONTAINERS and inside(each))
+        ((name := each.primitive.name) in _PRIMITIVES or (name in _CONTAINERS and inside(each)))
+        and (
+            name not in _REDUCTIONS
+            or math.prod(getattr(each.invars[0].aval, "shape", ())) <= _LONGEST
+        )
         for each in equations(traced)
     )

@@ -17,6 +17,7 @@ from ropeode import kept_programs
 from ropeode.identity import described
 from ropeode.kept_programs import Source
 from ropeode.simulation.family import Family
+from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import BuiltIn
 
@@ -29,8 +30,8 @@ class Program:
         compiled: the loop.
         capacity: the most frames that it runs in one go.
         nothing_carried: stands for what is carried where there is nothing yet, as arrays.
-        evaluations: of the right-hand side, to start, in a step, and for a sample; None where they
-            are made in a loop, whose length nobody knows.
+        evaluations: of the right-hand side, to start, in a step, and for a sample, without those
+            that the stepper counts; None where they are made in a loop, whose length nobody knows.
         compile_seconds: that compiling took; 0 once they were taken.
     """
 
@@ -49,7 +50,7 @@ class Program:
         steps: int,
         carried: Any = None,
         count: int = 1,
-    ) -> tuple[np.ndarray, np.ndarray, Any]:
+    ) -> tuple[np.ndarray, np.ndarray, Iterations, Any]:
         """Run the frames between sample times, in one go.
 
         Arguments:
@@ -63,11 +64,11 @@ class Program:
 
         Returns:
             How many frames were run of each block: fewer where no run of it is finite any more.
-            The states at their ends, ``(blocks, capacity, *state)``. What the next call goes on
-            from.
+            The states at their ends, ``(blocks, capacity, *state)``. What the stepper said of its
+            iterations since the start. What the next call goes on from.
         """
         spare = self.capacity - len(lengths)
-        frames, states, *carried = on_user_clock(
+        frames, states, solved, jacobians, *carried = on_user_clock(
             lambda *given: jax.block_until_ready(self.compiled(*given)),
             y0,
             args,
@@ -79,14 +80,22 @@ class Program:
             np.bool_(carried is None),
             self.nothing_carried if carried is None else carried,
         )
-        return np.asarray(frames), np.asarray(states), carried
+        return np.asarray(frames), np.asarray(states), Iterations(solved, jacobians), carried
 
-    def calls(self, steps: int, frames: np.ndarray) -> np.ndarray | None:
-        """How often runs of so many frames each evaluate the right-hand side, if it is known."""
+    def calls(
+        self, steps: int, frames: np.ndarray, jacobians: np.ndarray
+    ) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """How often runs evaluate the right-hand side and its Jacobian, if it is known.
+
+        Arguments:
+            steps: in a frame.
+            frames: of each run, ``(runs,)``.
+            jacobians: that the stepper counted, each with the right-hand side, ``(runs,)``.
+        """
         if self.evaluations is None:
-            return None
+            return None, None
         to_start, per_step, per_sample = self.evaluations
-        return to_start + (per_step * steps + per_sample) * frames
+        return to_start + (per_step * steps + per_sample) * frames + jacobians, jacobians
 
     def take_compile_seconds(self) -> float:
         """The seconds that compiling took; 0 for every later use of the program."""

@@ -14,6 +14,7 @@ import numpy as np
 from ropeode.errors import UserCodeError, call_user_code
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
+from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.simulation.user_clock import on_user_clock
@@ -111,6 +112,11 @@ class PythonStepper:
         halves = [np.asarray(half) for half in y]
         return as_stored(halves, self.problem.mechanics, self._turned)
 
+    def iterations(self, carried: Any) -> Iterations:
+        """What the stepper says of them."""
+        jacobians = self._stepper.jacobian_evaluations(carried)
+        return Iterations(bool(np.all(self._stepper.solved(carried))), int(jacobians or 0))
+
     def _called(self, function: Callable, t: float, given: Any, dt: float) -> Any:
         return call_user_code("step", function, self.system, t, given, dt)
 
@@ -124,12 +130,13 @@ def _has_blown_up(carried: Any, scale: float) -> bool:
 
 def run_in_python(
     problem: Problem, stepper: Stepper, steps_per_frame: int, progress: Progress
-) -> tuple[np.ndarray, int, int]:
+) -> tuple[np.ndarray, int, int, Iterations]:
     """Run a stepper over all frames of a problem; it ends at the first state that is not finite.
 
     Returns:
         States at the sample times, ``(times, *state)``, not-a-number behind the last frame; the
-        last frame that was run; the calls of the right-hand side.
+        last frame that was run; the calls of the right-hand side; what the stepper said of its
+        iterations.
 
     Raises:
         UserCodeError: the step raised, other than from a state that had grown huge, or returned
@@ -139,7 +146,7 @@ def run_in_python(
     ts, lengths = problem.ts.tolist(), frame_lengths(problem).tolist()
     states = np.full((problem.frames + 1, *problem.y0.shape), np.nan)
 
-    def run() -> int:
+    def run() -> tuple[int, Iterations]:
         carried = own.init(ts[0], problem.y0, lengths[0] / steps_per_frame)
         states[0] = problem.y0
         for frame in range(problem.frames):
@@ -151,13 +158,13 @@ def run_in_python(
             except UserCodeError:
                 if not _has_blown_up(carried, problem.scale):
                     raise
-                return frame + 1
+                return frame + 1, own.iterations(carried)
             progress(stepper.label, (frame + 1) / problem.frames)
             if not np.all(np.isfinite(y)):
-                return frame + 1
+                return frame + 1, own.iterations(carried)
             states[frame + 1] = y
-        return problem.frames
+        return problem.frames, own.iterations(carried)
 
     with one_at_a_time(), np.errstate(all="ignore"):
-        last = on_user_clock(run)
-    return states, last, own.calls
+        last, iterations = on_user_clock(run)
+    return states, last, own.calls, iterations

@@ -20,6 +20,7 @@ from ropeode.problems.ensemble import Ensemble, Numbers
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation.family import Family, shape_of
+from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.program import Program, program
@@ -158,13 +159,19 @@ def _joined(chunks: list[Trajectories]) -> Trajectories:
     first = chunks[0]
     if len(chunks) == 1:
         return first
-    counts = [each.rhs_evaluations for each in chunks if each.rhs_evaluations is not None]
+
+    def counts(name: str) -> np.ndarray | None:
+        known = [each for chunk in chunks if (each := getattr(chunk, name)) is not None]
+        return np.concatenate(known) if len(known) == len(chunks) else None
+
     return dataclasses.replace(
         first,
         states=np.concatenate([each.states for each in chunks], axis=-1),
         frames=np.concatenate([each.frames for each in chunks]),
         finite=np.concatenate([each.finite for each in chunks]),
-        rhs_evaluations=np.concatenate(counts) if len(counts) == len(chunks) else None,
+        solved=np.concatenate([each.solved for each in chunks]),
+        rhs_evaluations=counts("rhs_evaluations"),
+        jacobian_evaluations=counts("jacobian_evaluations"),
         seconds=sum(each.seconds for each in chunks),
         compile_seconds=sum(each.compile_seconds for each in chunks),
     )
@@ -213,13 +220,17 @@ class _Job(NamedTuple):
         if self.method.trial.compiled:
             y0, args = self.layout.fold(numbers, self.blocks)
             made = self._program(y0, args)
-            started, calls = time.perf_counter(), None
-            states, reached = self._segments(made, y0, args, members, progress)
+            started = time.perf_counter()
+            states, reached, said = self._segments(made, y0, args, members, progress)
+            seconds = time.perf_counter() - started
+            frames, finite = _ends(states, reached)
+            calls, jacobians = made.calls(self.steps, frames, said.jacobians)
         else:
             started, made = time.perf_counter(), None
-            states, reached, calls = self._in_python(start, members, progress)
-        seconds = time.perf_counter() - started
-        frames, finite = _ends(states, reached)
+            states, reached, calls, said = self._in_python(start, members, progress)
+            seconds = time.perf_counter() - started
+            frames, finite = _ends(states, reached)
+            jacobians = said.jacobians
         return Trajectories(
             ensemble=self.ensemble,
             start=start,
@@ -228,25 +239,28 @@ class _Job(NamedTuple):
             states=states,
             frames=frames,
             finite=finite,
-            rhs_evaluations=made.calls(self.steps, frames) if made else calls,
+            solved=said.solved,
+            rhs_evaluations=calls,
+            jacobian_evaluations=jacobians,
             seconds=seconds,
             compile_seconds=made.take_compile_seconds() if made else 0.0,
         )
 
     def _in_python(
         self, start: int, members: int, progress: Progress
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """States, the last frame that was run, and calls, of one member after the other."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Iterations]:
+        """As `run_in_python` does, of one member after the other."""
 
-        def run(index: int) -> tuple[np.ndarray, int, int]:
+        def run(index: int) -> tuple[np.ndarray, int, int, Iterations]:
             def seen(text: str, fraction: float | None) -> None:
                 progress(text, (index + (fraction or 0.0)) / members)
 
             problem = self.ensemble[start + index]
             return run_in_python(problem, self.method.stepper, self.steps, seen)
 
-        states, reached, calls = zip(*map(run, range(members)), strict=True)
-        return np.stack(states, axis=-1), np.array(reached), np.array(calls)
+        states, reached, calls, said = zip(*map(run, range(members)), strict=True)
+        iterations = Iterations(*map(np.array, zip(*said, strict=True)))
+        return np.stack(states, axis=-1), np.array(reached), np.array(calls), iterations
 
     def _program(self, y0: np.ndarray, args: Any) -> Program:
         first = self.ensemble.first
@@ -270,8 +284,8 @@ class _Job(NamedTuple):
 
     def _segments(
         self, made: Program, y0: np.ndarray, args: Any, members: int, progress: Progress
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """States of the members, and the last frame that the block of each was taken to."""
+    ) -> tuple[np.ndarray, np.ndarray, Iterations]:
+        """States of the members, the last frame that the block of each was taken to, and more."""
         first, count = self.ensemble.first, self.layout.blocks(members)
         ts, lengths = first.ts, frame_lengths(first)
         states = np.empty((count, first.frames + 1, *y0.shape[1:]))
@@ -280,7 +294,7 @@ class _Job(NamedTuple):
         done, carried = 0, None
         while done < first.frames and np.any(reached == done):
             frames = min(made.capacity, first.frames - done)
-            ran, new, carried = made.run(
+            ran, new, said, carried = made.run(
                 y0,
                 args,
                 ts[done : done + frames + 1],
@@ -296,7 +310,8 @@ class _Job(NamedTuple):
         for block in np.flatnonzero(reached < first.frames):
             states[block, reached[block] + 1 :] = np.nan
         states = self.layout.unfold(states, first.y0.shape, members)
-        return states, np.repeat(reached, self.layout.lanes)[:members]
+        said = Iterations(*(np.asarray(each).reshape(-1)[:members] for each in said))
+        return states, np.repeat(reached, self.layout.lanes)[:members], said
 
 
 def _ends(states: np.ndarray, reached: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

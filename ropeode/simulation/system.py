@@ -88,6 +88,7 @@ def system(
         mechanical=True,
         damping=_turned_damping(damping) if turned and damping else damping,
         links=mechanics.links(args) if mechanics.links else None,
+        neighbours=mechanics.neighbours,
     )
 
 

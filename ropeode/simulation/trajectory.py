@@ -13,6 +13,9 @@ from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.steppers.base import Stepper
 
+# How a run ended.
+Status = Literal["ok", "diverged", "unsolved"]
+
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Sampled):
@@ -24,10 +27,13 @@ class Trajectory(Sampled):
         steps_per_frame: steps between two sample times; ``dt = frame/steps_per_frame``.
         times: the sample times up to the last one with a finite state, ``(times,)``.
         states: the states there, ``(times, *state)``; the first is the initial state.
-        status: `ok`, or `diverged` if a state was not finite.
-        diverged_at: the frame (index of the sample time) of the first state that was not.
+        status: `ok`; `unsolved` if the equations of an implicit step were not solved; `diverged` if
+            a state was not finite for another reason.
+        diverged_at: the frame (index of the sample time) of the first state that was not finite,
+            whatever the reason.
         rhs_evaluations: of the right-hand side (or acceleration), for the steps made; None where
             the step makes them in a loop, whose length nobody knows.
+        jacobian_evaluations: of its Jacobian, by an implicit stepper; None likewise.
         seconds: to run, without compiling.
         compile_seconds: to trace and compile; 0 if that had been done before.
 
@@ -45,9 +51,10 @@ class Trajectory(Sampled):
     steps_per_frame: int
     times: np.ndarray
     states: np.ndarray
-    status: Literal["ok", "diverged"]
+    status: Status
     diverged_at: int | None
     rhs_evaluations: int | None
+    jacobian_evaluations: int | None
     seconds: float = dataclasses.field(compare=False)
     compile_seconds: float = dataclasses.field(compare=False)
 
@@ -55,6 +62,14 @@ class Trajectory(Sampled):
     def dt(self) -> float:
         """The step size; the largest where frames differ in length."""
         return step_size(self.problem, self.steps_per_frame)
+
+    @property
+    def lost(self) -> str | None:
+        """What became of a run that ended early, in words; None if it did not."""
+        if self.status == "ok":
+            return None
+        how = "diverged" if self.status == "diverged" else "was not solved"
+        return f"{how} at frame {self.diverged_at}"
 
     @property
     def tree(self) -> Any:
@@ -88,8 +103,10 @@ class Trajectories(Sampled):
         frames: the index of the last sample time that was looked at for each member,
             ``(members,)``.
         finite: whether its state there was finite, ``(members,)``.
+        solved: whether the equations of all its steps were solved, ``(members,)``.
         rhs_evaluations: of the right-hand side, for each member, ``(members,)``; None as for a
             `Trajectory`.
+        jacobian_evaluations: of its Jacobian, likewise.
         seconds: to run all these members, without compiling.
         compile_seconds: to trace and compile; 0 if that had been done before.
 
@@ -108,7 +125,9 @@ class Trajectories(Sampled):
     states: np.ndarray
     frames: np.ndarray
     finite: np.ndarray
+    solved: np.ndarray
     rhs_evaluations: np.ndarray | None
+    jacobian_evaluations: np.ndarray | None
     seconds: float = dataclasses.field(compare=False)
     compile_seconds: float = dataclasses.field(compare=False)
 
@@ -126,17 +145,21 @@ class Trajectories(Sampled):
         problem = self.ensemble[self.start + index]
         frame, finite = int(self.frames[index]), bool(self.finite[index])
         kept = frame + finite
+        lost: Status = "diverged" if self.solved[index] else "unsolved"
+
+        def count(each: np.ndarray | None) -> int | None:
+            return None if each is None else int(each[index])
+
         return Trajectory(
             problem=problem,
             stepper=self.stepper,
             steps_per_frame=self.steps_per_frame,
             times=problem.ts[:kept],
             states=np.ascontiguousarray(self.states[:kept, ..., index]),
-            status="ok" if finite else "diverged",
+            status="ok" if finite else lost,
             diverged_at=None if finite else frame,
-            rhs_evaluations=None
-            if self.rhs_evaluations is None
-            else int(self.rhs_evaluations[index]),
+            rhs_evaluations=count(self.rhs_evaluations),
+            jacobian_evaluations=count(self.jacobian_evaluations),
             seconds=self.seconds / len(self),
             compile_seconds=self.compile_seconds if index == 0 else 0.0,
         )

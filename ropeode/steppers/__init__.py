@@ -7,7 +7,7 @@ from ropeode.steppers.constraint import ConstraintVerlet, Rattle
 from ropeode.steppers.euler import ExplicitEuler, SemiImplicitEuler
 from ropeode.steppers.phase import Phase
 from ropeode.steppers.registry import STEPPERS
-from ropeode.steppers.runge_kutta import RungeKutta4
+from ropeode.steppers.runge_kutta_methods import RungeKutta4
 from ropeode.steppers.stepper_loading import as_stepper
 from ropeode.steppers.verlet import StormerVerlet, VelocityVerlet
 

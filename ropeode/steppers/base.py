@@ -14,6 +14,7 @@ from ropeode.errors import InputError
 from ropeode.problems.links import LinearDamping, Links, taut_between
 from ropeode.problems.problem import Problem
 from ropeode.problems.state_structure import StateStructure
+from ropeode.validation import check_whole
 
 
 class ProblemClass(NamedTuple):
@@ -59,6 +60,10 @@ class System:
         mechanical: whether the problem has positions and velocities.
         damping: the `LinearDamping` inside the acceleration; None if it is not known.
         links: the `Links` between neighbours; None if nodes do not stand in a row.
+        once: hands on a value that several places read, such as a slope, so that it is computed
+            once: a compiler may do it in each of them.
+        neighbours: whether the acceleration of each node depends on itself and its neighbours in
+            the row alone.
 
     Examples:
         >>> from ropeode import Phase, Rope, Stepper, simulate
@@ -76,6 +81,8 @@ class System:
     mechanical: bool
     damping: LinearDamping | None = None
     links: Links | None = None
+    once: Callable[[Any], Any] = dataclasses.field(default_factory=lambda: _as_it_is)
+    neighbours: bool = False
 
     def rhs(self, t: Any, y: Any) -> Any:
         """The right-hand side. For a mechanical problem `y` and the result are `Phase` values."""
@@ -94,6 +101,10 @@ class System:
         return self.acceleration(t, x, jnp.zeros_like(x))
 
 
+def _as_it_is(value: Any) -> Any:
+    return value
+
+
 class Stepper(abc.ABC):
     """A method with a fixed step size. Derive from it what a function cannot say.
 
@@ -106,7 +117,10 @@ class Stepper(abc.ABC):
 
     Class attributes:
         name: as it is typed on the command line; by default that of the class.
+        family: of methods that it belongs to, by which lists and plots group it.
         needs: the kind of problem that it can run on.
+        keeps_lengths: whether it takes springs for rigid links, and so solves ropes with rigid
+            links alone.
         symplectic: whether it is, on problems without damping; None where nothing is claimed.
         source: the paper or book that it is from.
         equal_frames: whether all sample times must be equally far apart (two-step methods).
@@ -126,6 +140,7 @@ class Stepper(abc.ABC):
     """
 
     name: ClassVar[str] = ""
+    family: ClassVar[str] = "your own"
     needs: ClassVar[
         Literal[
             "any ODE",
@@ -133,8 +148,10 @@ class Stepper(abc.ABC):
             "second order, linear damping",
             "second order, no damping",
             "nodes in a row",
+            "springs in a row",
         ]
     ] = "any ODE"
+    keeps_lengths: ClassVar[bool] = False
     symplectic: ClassVar[bool | None] = None
     source: ClassVar[str] = ""
     equal_frames: ClassVar[bool] = False
@@ -144,7 +161,7 @@ class Stepper(abc.ABC):
     def order(self, problem_class: ProblemClass) -> int | None:
         """The order of convergence that it declares; None where it declares none.
 
-        0 stands for a stepper that converges to another solution.
+        0 stands for a stepper that converges to another solution, or to none.
 
         Examples:
             >>> from ropeode import ProblemClass, as_stepper
@@ -177,9 +194,44 @@ class Stepper(abc.ABC):
         del system, t, dt
         return carried
 
+    def solved(self, carried: Any) -> Any:
+        """Whether all equations of its steps so far were solved, from what is carried.
+
+        An implicit step whose iterations do not converge returns not-a-number, and this says why
+        the run ends there. True, or an array of truths, one for each of several ropes in turn.
+
+        Examples:
+            >>> from ropeode import Problem, simulate
+            >>> burst = Problem(lambda t, y, args: y**2, [1.0], [0.0, 0.5])
+            >>> simulate(burst, "implicit-euler", 1)  # 1 + y^2/2 = y has no solution.
+            <Trajectory: implicit-euler, 1 steps/frame; problem, 1 frame; unsolved at frame 1,
+            1 sample>
+        """
+        del carried
+        return True
+
+    def jacobian_evaluations(self, carried: Any) -> Any:
+        """How often its steps evaluated the Jacobian so far, and the right-hand side with it.
+
+        None where nobody counts what happens in its loops.
+
+        Examples:
+            >>> from ropeode import Rope, simulate
+            >>> rope = Rope(num_nodes=4).problem(frames=3)
+            >>> simulate(rope, "implicit-euler:newton=1", 16).jacobian_evaluations
+            48
+        """
+        del carried
+        return None
+
     def solves(self, problem_class: ProblemClass) -> bool:
         """Whether it is meant for such problems; if not, it solves another problem."""
-        return problem_class.rigid or self.needs != "nodes in a row"
+        return problem_class.rigid or not self.keeps_lengths
+
+    @property
+    def moves_links(self) -> bool:
+        """Whether it moves nodes link by link, and asks for no right-hand side."""
+        return self.needs in ("nodes in a row", "springs in a row")
 
     @property
     def label(self) -> str:
@@ -222,14 +274,22 @@ class Stepper(abc.ABC):
         if self.needs == "any ODE":
             return None
         for_forces = "steppers for forces, such as semi-implicit-euler"
-        if self.needs == "nodes in a row":
+        if self.moves_links:
             if mechanics is None or mechanics.links is None:
                 return because(
-                    f"which keeps the distances of nodes in a row, and {name} has no such nodes",
+                    f"which moves nodes in a row link by link, and {name} has no such nodes",
                     for_forces,
                     "choose one of them, or solve a rope",
                 )
-            if pins := taut_between(mechanics.links(problem.args), problem.y0[0]):
+            links = mechanics.links(problem.args)
+            rigid = np.broadcast_to(links.compliance == 0, np.shape(links.length))
+            if self.needs == "springs in a row" and np.any(rigid):
+                return because(
+                    f"whose links are springs, and {name} has rigid ones",
+                    "steppers for rigid links, such as rattle and xpbd",
+                    "choose one of them, or solve a rope with springs",
+                )
+            if self.keeps_lengths and (pins := taut_between(links, problem.y0[0])):
                 return because(
                     f"whose links are rigid, and {name} is taut between the pinned nodes "
                     f"{pins[0]} and {pins[1]}, so that what is between them could not move",
@@ -276,6 +336,13 @@ class BuiltIn(Stepper):
     symplectic = False
     compiled = True
     any_layout = True
+
+    def __post_init__(self) -> None:
+        for option in dataclasses.fields(self):
+            if option.type == "int":
+                name, given = f"{self.name}:{option.name}", getattr(self, option.name)
+                value = check_whole(name, given, at_least=1, example="4")
+                object.__setattr__(self, option.name, value)
 
     @property
     def label(self) -> str:

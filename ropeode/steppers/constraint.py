@@ -18,8 +18,8 @@ from ropeode.problems.links import (
 )
 from ropeode.steppers.base import BuiltIn, ProblemClass, System
 from ropeode.steppers.phase import Phase
+from ropeode.steppers.reductions import largest
 from ropeode.steppers.verlet import Damping, TwoPositions, advance
-from ropeode.validation import check_whole
 
 # Newton's method doubles the digits each time; where this many iterations do not suffice, the
 # step was too long for the links to be kept.
@@ -53,17 +53,15 @@ class ConstraintVerlet(BuiltIn):
     """
 
     name = "constraint-verlet"
+    family = "rigid links"
     needs = "nodes in a row"
+    keeps_lengths = True
     source = "Jakobsen, Advanced Character Physics, GDC 2001"
     equal_frames = True
 
     sweeps: int = 1
     start: Literal["taylor", "rest"] = "taylor"
     damping: Damping = "centered"
-
-    def __post_init__(self) -> None:
-        sweeps = check_whole(f"{self.name}:sweeps", self.sweeps, at_least=1, example="4")
-        object.__setattr__(self, "sweeps", sweeps)
 
     def order(self, problem_class: ProblemClass) -> int:
         """Order 1 on inextensible ropes, however many sweeps; else another solution."""
@@ -94,16 +92,29 @@ class ConstraintVerlet(BuiltIn):
 
 
 def sweep(x: Any, links: Links) -> Any:
-    """Each link put back to its length, from the first to the last.
+    """Each link put back to its length, from the first to the last; ``(dim, nodes)``."""
+    return sweep_to(links.length, x, links)[0]
 
-    A link of length zero, which has no direction, is left as it is. Positions are
-    ``(dim, nodes)``.
+
+def sweep_to(length: Any, x: Any, links: Links, softness: Any = 0.0) -> tuple[Any, Any]:
+    """Each link brought to a length, from the first to the last.
+
+    A link of length zero, which has no direction, is left as it is.
+
+    Arguments:
+        length: that each link is given, ``(links,)``.
+        x: positions, ``(dim, nodes)``.
+        links: the links.
+        softness: of each link, ``(links,)``: it counts as one more inverse mass, beside those of
+            the link's two nodes, and so takes its part of the move from them.
+
+    Returns:
+        The positions, and how long each link was when its turn came, ``(links,)``.
     """
     apart = links.apart
     if not links.length.shape[-1]:
-        return x
-    either = links.inverse_mass[:-apart] + links.inverse_mass[apart:]
-    share = jnp.where(either > 0, 1.0 / jnp.where(either > 0, either, 1.0), 0.0)
+        return x, links.length
+    share = shares(links, softness)
     first, second = links.inverse_mass[:-apart] * share, links.inverse_mass[apart:] * share
 
     def by_link(row: Any) -> Any:
@@ -114,14 +125,23 @@ def sweep(x: Any, links: Links) -> Any:
         b, length, first, second = link
         d = b - a
         # Something tiny is added, so that a link of length zero divides by no zero.
-        excess = (1.0 - length / jnp.sqrt(dot(d, d) + _SMALLEST)) * d
-        return b - second * excess, a + first * excess
+        was = jnp.sqrt(dot(d, d) + _SMALLEST)
+        excess = (1.0 - length / was) * d
+        return b - second * excess, (a + first * excess, was)
 
     others = jnp.moveaxis(by_link(x)[:, 1:], 1, 0)
-    rows = (others, by_link(links.length), by_link(first), by_link(second))
+    rows = (others, by_link(length), by_link(first), by_link(second))
     # Three links in one pass of the loop: a fifth faster.
-    last, moved = jax.lax.scan(one, x[:, :apart], rows, unroll=3)
-    return jnp.moveaxis(jnp.concatenate([moved, last[None]]), 0, 1).reshape(x.shape)
+    last, (moved, was) = jax.lax.scan(one, x[:, :apart], rows, unroll=3)
+    moved = jnp.moveaxis(jnp.concatenate([moved, last[None]]), 0, 1).reshape(x.shape)
+    return moved, was.reshape(-1)
+
+
+def shares(links: Links, softness: Any) -> Any:
+    """1 over the inverse masses of each link's nodes and its softness; 0 between pins."""
+    apart = links.apart
+    either = links.inverse_mass[:-apart] + links.inverse_mass[apart:]
+    return jnp.where(either > 0, 1.0 / jnp.where(either > 0, either + softness, 1.0), 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,7 +159,9 @@ class Rattle(BuiltIn):
     """
 
     name = "rattle"
+    family = "rigid links"
     needs = "nodes in a row"
+    keeps_lengths = True
     symplectic = True
     source = "Andersen, J. Comput. Phys. 52 (1983)"
 
@@ -173,7 +195,7 @@ def with_lengths_kept(x: Any, v: Any, links: Links, dt: Any) -> Any:
         return row.reshape(-1, apart)
 
     length = by_rope(links.length)
-    rounding = 1.0 + jnp.max(by_rope(jnp.abs(x)), axis=0) / jnp.min(length, axis=0)
+    rounding = 1.0 + largest(by_rope(jnp.abs(x))) / -largest(-length)
     close = 16.0 * jnp.finfo(jnp.float64).eps * rounding * length**2
 
     def fault(v: Any) -> Any:

@@ -31,6 +31,7 @@ _UNSET = diffrax.Kvaerno3().root_finder.rtol
 class DiffraxStepper(ByContent, Stepper):
     """A solver that takes the whole right-hand side as one term."""
 
+    family = "diffrax"
     compiled = True
     solver: diffrax.AbstractSolver
 
@@ -51,21 +52,27 @@ class DiffraxStepper(ByContent, Stepper):
         """The state as the solver wants it, and what the solver carries itself."""
         y = self.split(y)
         own = self.solver.init(self.terms(system), t, t + dt, y, system.equations.args)
-        return y, own
+        return y, own, jnp.asarray(True)
 
     def step(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
         """One step; not-a-number where an implicit equation was not solved."""
-        y, own = carried
+        old, own, solved = carried
         y, _, _, own, result = self.solver.step(
-            self.terms(system), t, t + dt, y, system.equations.args, own, made_jump=False
+            self.terms(system), t, t + dt, old, system.equations.args, own, made_jump=False
         )
-        solved = result == diffrax.RESULTS.successful
-        return jax.tree.map(lambda leaf: jnp.where(solved, leaf, jnp.nan), y), own
+        now = result == diffrax.RESULTS.successful
+        finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(old)]))
+        y = jax.tree.map(lambda leaf: jnp.where(now, leaf, jnp.nan), y)
+        return y, own, solved & (now | ~finite)
 
     def state(self, system: System, t: Any, carried: Any, dt: Any) -> Any:
         """The state alone."""
         y = carried[0]
         return Phase(y[0], y[1]) if system.mechanical else y
+
+    def solved(self, carried: Any) -> Any:
+        """Whether diffrax has always reported success."""
+        return carried[2]
 
     def terms(self, system: System) -> Any:
         """The equations as this solver wants them."""

@@ -18,6 +18,7 @@ class ExplicitEuler(BuiltIn):
     """
 
     name = "explicit-euler"
+    family = "Runge-Kutta"
     source = "Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.5)"
 
     def order(self, problem_class: ProblemClass) -> int:
@@ -38,6 +39,7 @@ class SemiImplicitEuler(BuiltIn):
     """
 
     name = "semi-implicit-euler"
+    family = "symplectic"
     needs = "second order"
     symplectic = True
     source = "Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.9)"

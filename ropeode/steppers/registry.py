@@ -1,30 +1,69 @@
-"""The handwritten steppers by name: every subclass of `BuiltIn` in this folder."""
+"""The handwritten steppers by name: every class with a name in the files of the families."""
 
 from __future__ import annotations
 
 import dataclasses
+from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
 from ropeode.errors import InputError
+from ropeode.steppers import (
+    adams,
+    beeman,
+    constraint,
+    dormand_prince,
+    euler,
+    implicit,
+    nystrom,
+    position_based,
+    projective,
+    runge_kutta_methods,
+    splitting,
+    verlet,
+)
 from ropeode.steppers.base import BuiltIn
-from ropeode.steppers.constraint import ConstraintVerlet, Rattle
-from ropeode.steppers.euler import ExplicitEuler, SemiImplicitEuler
-from ropeode.steppers.runge_kutta import RungeKutta4
-from ropeode.steppers.verlet import StormerVerlet, VelocityVerlet
 from ropeode.validation import bad_value, check_whole, unknown
 
+# In the order in which they are listed.
+_LEAVES: tuple[ModuleType, ...] = (
+    euler,
+    runge_kutta_methods,
+    dormand_prince,
+    nystrom,
+    verlet,
+    splitting,
+    adams,
+    beeman,
+    implicit,
+    position_based,
+    projective,
+    constraint,
+)
+
+
+def _named_in(leaf: ModuleType) -> list[type[BuiltIn]]:
+    """The steppers that a file defines, in its order; without a name, it is a base of others."""
+    return [
+        each
+        for each in vars(leaf).values()
+        if isinstance(each, type)
+        and issubclass(each, BuiltIn)
+        and each.__module__ == leaf.__name__
+        and each.name
+    ]
+
+
 STEPPERS: dict[str, type[BuiltIn]] = {
-    stepper.name: stepper
-    for stepper in (
-        ExplicitEuler,
-        SemiImplicitEuler,
-        StormerVerlet,
-        VelocityVerlet,
-        RungeKutta4,
-        ConstraintVerlet,
-        Rattle,
-    )
+    stepper.name: stepper for leaf in _LEAVES for stepper in _named_in(leaf)
 }
+
+
+def by_family() -> dict[str, list[type[BuiltIn]]]:
+    """The steppers of each family, in the order in which they are listed."""
+    families: dict[str, list[type[BuiltIn]]] = {}
+    for stepper in STEPPERS.values():
+        families.setdefault(stepper.family, []).append(stepper)
+    return families
 
 
 def options(stepper: type[BuiltIn]) -> dict[str, tuple[str, ...]]:

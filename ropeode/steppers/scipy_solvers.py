@@ -45,6 +45,7 @@ class ScipyStepper(Stepper):
     equally long to the last bit.
     """
 
+    family = "SciPy"
     compiled = False
     method: Callable[..., integrate.OdeSolver]
 

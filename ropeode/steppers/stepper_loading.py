@@ -20,6 +20,7 @@ from ropeode.steppers.functions import (
     step_function,
 )
 from ropeode.steppers.registry import STEPPERS, registered
+from ropeode.steppers.tableau_files import PREFIX, file_of, is_tableau_file, tableau_stepper
 from ropeode.validation import bad_value, check_whole, unknown
 
 # Imported when they are asked for: diffrax takes a second.
@@ -28,7 +29,11 @@ LIBRARIES = {
     "scipy": "ropeode.steppers.scipy_solvers",
 }
 # What else may be named than steppers of ropeode.
-OTHER_NAMES = ("FILE.py:NAME", *(f"{library}:NAME" for library in LIBRARIES))
+OTHER_NAMES = (
+    "FILE.py:NAME",
+    f"{PREFIX}:FILE.toml",
+    *(f"{library}:NAME" for library in LIBRARIES),
+)
 
 
 def as_stepper(
@@ -46,7 +51,7 @@ def as_stepper(
             velocities ``(nodes, dim)``, in NumPy or JAX; a `Stepper`, class or object; a solver
             of diffrax (class or object) or of SciPy (class); or a text: the name of a stepper of
             ropeode with its options, ``FILE.py:NAME``, ``FILE.py`` with one stepper in it,
-            ``diffrax:NAME``, ``scipy:NAME``.
+            ``runge-kutta:FILE.toml`` with a tableau, ``diffrax:NAME``, ``scipy:NAME``.
         order: that the author of a step function claims; other steppers declare their own.
         label: what tables and plots call a step function; by default its name.
         folder: that a relative file name starts from; the current one by default.
@@ -77,10 +82,20 @@ def as_stepper(
     return dataclasses.replace(stepper, name=label or stepper.name, declared_order=order)
 
 
+def users_file(text: str) -> str | None:
+    """The user's file that a stepper's text names; None for a stepper of a package."""
+    if is_tableau_file(text):
+        return file_of(text)
+    file = text if text.endswith(".py") else text.rpartition(":")[0]
+    return file if file.endswith(".py") else None
+
+
 def _named(text: str, folder: Path) -> Stepper:
     first, _, name = text.partition(":")
     if first in STEPPERS:
         return registered(text)
+    if is_tableau_file(text):
+        return tableau_stepper(text, folder)
     if first in LIBRARIES:
         solvers = _library(first).solvers()
         if name not in solvers:
@@ -91,7 +106,7 @@ def _named(text: str, folder: Path) -> Stepper:
     elif ".py:" in text:
         found = named_in_file(text, folder, what="stepper")
     else:
-        raise InputError(unknown("stepper", text, [*STEPPERS, *OTHER_NAMES]))
+        raise InputError(unknown("stepper", text, STEPPERS, OTHER_NAMES))
     return _from_object(found, text)
 
 

@@ -67,6 +67,7 @@ class StormerVerlet(BuiltIn):
     """
 
     name = "stormer-verlet"
+    family = "symplectic"
     needs = "second order, linear damping"
     symplectic = True
     source = "Verlet, Phys. Rev. 159 (1967), (4)"
@@ -125,6 +126,7 @@ class VelocityVerlet(BuiltIn):
     """
 
     name = "velocity-verlet"
+    family = "symplectic"
     needs = "second order, linear damping"
     symplectic = True
     source = "Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.17)"

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.analysis.roundoff import in_other_units, round_off
 from ropeode.display import Tabular
-from ropeode.errors import InputError, UserCodeError
+from ropeode.errors import InputError
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress, silent
@@ -24,12 +24,14 @@ from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
+from ropeode.simulation.trajectory import Status
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import ProblemClass, Stepper
 from ropeode.steppers.functions import StepFunction
+from ropeode.study.each_once import each_once, repeated
 from ropeode.study.error_constant import ErrorConstant, error_constant
 from ropeode.threads import cores, threads
-from ropeode.validation import bad_value, complaint, whole_number
+from ropeode.validation import bad_value, whole_number
 
 if TYPE_CHECKING:
     from ropeode.theory.global_error import PredictedError
@@ -57,7 +59,7 @@ class Row:
         stepper: its name with options.
         steps_per_frame: steps between two samples.
         dt: step size (the largest, where frames differ in length).
-        status: of the run: `ok` or `diverged`.
+        status: of the run: `ok`, `diverged` or `unsolved`, as for a `Trajectory`.
         diverged_at: frame of the first state that is not finite.
         error_final: at the last sample inside the trust horizon; None if there is none, or
             if it is below `resolution`.
@@ -74,7 +76,7 @@ class Row:
     stepper: str
     steps_per_frame: int
     dt: float
-    status: Literal["ok", "diverged"]
+    status: Status
     diverged_at: int | None
     error_final: float | None
     error_max: float | None
@@ -306,27 +308,18 @@ def check_steppers(given: Any, folder: Path | None = None) -> list[Stepper]:
     Raises:
         InputError: one line for each that does not exist or is repeated.
     """
-    chosen: dict[str, Stepper] = {}
-    problems: list[str] = []
-    for each in given if isinstance(given, (list, tuple)) else [given]:
-        try:
-            stepper = as_stepper(each, folder=folder or Path())
-        except UserCodeError:
-            # Its cause is shown with it.
-            raise
-        except InputError as error:
-            problems.extend(error.problems)
-            continue
-        if stepper.label in chosen:
-            another = chosen[stepper.label] is not stepper and isinstance(stepper, StepFunction)
-            fix = "name them apart with as_stepper(function, label=...)" if another else "drop one"
-            problems.append(complaint("steppers", stepper.label, "each stepper once", fix))
-        chosen[stepper.label] = stepper
-    if not chosen and not problems:
-        problems.append(complaint("steppers", [], "at least one stepper", "name one, such as rk4"))
-    if problems:
-        raise InputError(problems)
-    return list(chosen.values())
+
+    def fault(stepper: Stepper, earlier: Stepper | None) -> str | None:
+        if earlier is None:
+            return None
+        another = earlier is not stepper and isinstance(stepper, StepFunction)
+        fix = "name them apart with as_stepper(function, label=...)" if another else "drop one"
+        return repeated("stepper", stepper.label, fix)
+
+    def make(what: Any) -> Stepper:
+        return as_stepper(what, folder=folder or Path())
+
+    return each_once("stepper", given, make, "rk4", fault)
 
 
 class StepsPerFrame(tuple[int, ...]):
@@ -436,6 +429,7 @@ def order_of(
             resolution=resolution,
             rounding=[run.round_off or 0.0 for run in runs],
             motion=size,
+            solved=[run.status != "unsolved" for run in runs],
         ),
         solves=stepper.solves(of_class),
     )

@@ -20,6 +20,7 @@ from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import method_of
+from ropeode.simulation.trajectory import Status
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.error_constant import leading_term
@@ -44,6 +45,7 @@ class Curve(Tabular):
         values: the number there, ``(times,)``.
         diverged_at: the time of the first sample at which the run was not finite; None if it
             stayed finite.
+        status: of the run, as for a `Trajectory`.
         steps_per_frame: steps between two samples; None for a trajectory from a file.
         predicted: by theory, the leading term of an error at all sample times of the study; None
             where there is no prediction.
@@ -55,6 +57,7 @@ class Curve(Tabular):
     times: np.ndarray
     values: np.ndarray
     diverged_at: float | None = None
+    status: Status = "ok"
     steps_per_frame: int | None = None
     predicted: np.ndarray | None = None
 
@@ -199,5 +202,6 @@ def curve_of(run: Trajectory, times: np.ndarray, values: np.ndarray) -> Curve:
         times=times[:finite],
         values=values[:finite],
         diverged_at=None if run.diverged_at is None else float(run.problem.ts[run.diverged_at]),
+        status=run.status,
         steps_per_frame=run.steps_per_frame,
     )

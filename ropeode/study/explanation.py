@@ -23,7 +23,7 @@ from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import as_stepper
-from ropeode.steppers.base import ProblemClass
+from ropeode.steppers.base import ProblemClass, Stepper
 from ropeode.steppers.registry import registered
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
@@ -262,10 +262,20 @@ def explain_stepper(
     local = _from_its_start(at, samples, ready, problem_class(own))
     # What moves nodes in a step of dt = 0 may do so to keep lengths.
     lengths = own.rigid or bool(np.any(_combined(at, -1).known[0]))
-    equal = list(equal_steppers(samples, at, lengths=lengths))
+    tableau = tableau_of(stepper, own)
+
+    def has_its_order(other: Stepper) -> bool:
+        declared = other.order(problem_class(own))
+        if local.order is None:
+            return declared is None or declared > local.seen
+        return declared == local.order
+
+    implicit = not (stepper.moves_links or (tableau.tableau and tableau.tableau.explicit))
+    equal = list(
+        equal_steppers(samples, at, lengths=lengths, implicit=implicit, order=has_its_order)
+    )
     compared = None if known is None else step_difference(samples, known, at)
     orders = tuple(_class_orders(ready, own, at, local))
-    tableau = tableau_of(stepper, own)
     progress("stability and structure", 0.3)
     stability, properties = linear_stability(reference, ready), structure(own, ready)
     modified = _modified_energy(own, ready, properties, ladder)

@@ -16,6 +16,7 @@ from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
+from ropeode.simulation.trajectory import Status
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import runs_of
@@ -40,6 +41,7 @@ class NodePath(Displayed):
         differences: positions minus those of the reference there, ``(samples, nodes, dim)``.
         diverged_at: the first frame at whose end the run was not finite; None if it stayed
             finite.
+        status: of the run, as for a `Trajectory`.
     """
 
     stepper: str
@@ -47,6 +49,7 @@ class NodePath(Displayed):
     errors: np.ndarray
     differences: np.ndarray
     diverged_at: int | None
+    status: Status = "ok"
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -131,6 +134,7 @@ def node_paths(
                 errors=distances(run.states, reference, measure),
                 differences=problem.positions(differences(run.states, reference)),
                 diverged_at=None if run.diverged_at is None else -(-run.diverged_at // parts),
+                status=run.status,
             )
             for run in runs_of(reference.problem, chosen, [steps // parts], progress)
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from ropeode.problems.problem import Problem
 from ropeode.simulation.method import method_of
 from ropeode.simulation.trial import Trial
-from ropeode.steppers.base import BuiltIn
+from ropeode.steppers.base import BuiltIn, Stepper
 from ropeode.steppers.registry import STEPPERS, options, registered
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.step_samples import StepSamples
@@ -60,20 +60,30 @@ def step_difference(samples: StepSamples, other: BuiltIn, at: Expansion) -> Step
 
 
 def equal_steppers(
-    samples: StepSamples, at: Expansion, *, lengths: bool
+    samples: StepSamples,
+    at: Expansion,
+    *,
+    lengths: bool,
+    implicit: bool,
+    order: Callable[[Stepper], bool],
 ) -> Iterator[StepDifference]:
     """The steppers of ropeode, with all their options, that make the same steps.
 
     Arguments:
         samples, at: as for `step_difference`.
         lengths: whether steppers that keep lengths are looked at.
+        implicit: whether implicit ones are, each of which takes seconds to compile.
+        order: whether the order that a stepper declares is that of these steps, which spares
+            compiling it; asked for implicit steppers alone.
 
     Raises:
         UserCodeError: the step raised.
     """
     t, y, reach = _cases(at)
     for other in known_steppers():
-        if other.refusal(samples.problem) is not None or (_keeps_lengths(other) and not lengths):
+        if other.refusal(samples.problem) is not None or (other.keeps_lengths and not lengths):
+            continue
+        if _is_implicit(other) and not (implicit and order(other)):
             continue
         # Most are told apart by a few steps from one state.
         if _difference(samples, other, t[-1:], y[-1:], reach[-1:]).same:
@@ -89,6 +99,10 @@ def known_steppers() -> Iterator[BuiltIn]:
         for values in itertools.product(*choices.values()):
             chosen = (f"{key}={value}" for key, value in zip(choices, values, strict=True))
             yield registered(f"{name}:{','.join(chosen)}")
+
+
+def _is_implicit(stepper: Stepper) -> bool:
+    return stepper.family == "implicit"
 
 
 def _cases(at: Expansion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -119,13 +133,9 @@ def _difference(
 def _samples_of(problem: Problem, stepper: BuiltIn) -> StepSamples:
     """Its steps, one by one, unless they have loops of their own: compiling takes longer."""
     method = method_of(stepper, problem)
-    if not _keeps_lengths(stepper):
+    if not stepper.moves_links and not _is_implicit(stepper):
         method = dataclasses.replace(method, trial=Trial(compiled=False))
     return StepSamples(problem, method)
-
-
-def _keeps_lengths(stepper: BuiltIn) -> bool:
-    return stepper.needs == "nodes in a row"
 
 
 def _first_steps(samples: StepSamples, t: np.ndarray, y: np.ndarray, dt: np.ndarray) -> np.ndarray:

@@ -28,6 +28,8 @@ _EPS = float(np.finfo(np.float64).eps)
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
 # Steps of a method with memory, and how many of the first are left to its start.
 STEPS, _SETTLED = 10, 3
+# By how much of the right-hand side two steps in a row must differ that are still settling.
+_SETTLING = 1e-2
 # The most terms that are fitted to what the steps show, and how many steps are left out to see what
 # the fit owes to them.
 _MOST_TERMS, _LEFT_OUT = 7, 1
@@ -92,11 +94,15 @@ class Expansion:
         self.samples, self.problem = samples, samples.problem
         self.t, self.y, self.reach = t, y, reach
         self.slopes = samples.rates(t, y)
-        steps = 1 if samples.carries_state else STEPS
+        # What a step that projects leaves of the constraints is in the state, and it settles as
+        # memory does.
+        steps = 1 if samples.carries_state and not self.problem.rigid else STEPS
         self.ladder = reach / steps
         dt = self.ladder[:, None] * LADDER[:rungs]
         states = samples.after(t, y, dt, steps)
         self.one_step = steps == 1 or _is_one_step(samples, t, y, dt, states)
+        self._settling = self.one_step and steps > 1 and _settles(samples, t, dt, states)
+        self.one_step &= not self._settling
         if self.one_step and steps > 1:
             # One step may be as long as the solution is smooth.
             self.ladder, dt = reach, dt * steps
@@ -205,6 +211,9 @@ class Expansion:
             value, error, natural = _in_steps(self._series, power, growth, degrees)
         known = _largest(value) > _CERTAIN * error
         zero = error <= _resolved(power) * natural
+        if self._settling and power > 0:
+            # It may take more steps than are made here, and its first ones look like growth.
+            known, zero = np.zeros_like(known), np.zeros_like(zero)
         unit = self.ladder**power
         return Term(
             self._states(value.reshape(*shape, -1) / unit[:, None]),
@@ -397,6 +406,25 @@ def _is_one_step(
     size = _EPS * float(np.max(np.abs(y)))
     close = _SAME * size + _DISTURBANCE * size / dt[:, rungs].reshape(-1, 2, *(1,) * (y.ndim - 1))
     return bool(np.all(np.abs(start - y[:, None]) <= close) and np.all(abs(again - twice) <= close))
+
+
+def _settles(samples: StepSamples, t: np.ndarray, dt: np.ndarray, states: np.ndarray) -> bool:
+    """Whether the second step solves another equation than the first, however short both are.
+
+    So do steps whose velocities are differences of positions that are projected to constraints,
+    where the projection is not exact: what it leaves, of the size dt^2, changes velocities by dt.
+    """
+    apart = []
+    for rung in (0, dt.shape[1] // 2):
+        wrong = []
+        for n in range(2):
+            before, after = states[:, rung, n], states[:, rung, n + 1]
+            step = dt[:, rung].reshape(-1, *(1,) * (before.ndim - 1))
+            rates = samples.rates(t + n * dt[:, rung], before)
+            wrong.append((after - before) / step - rates)
+        size = np.max(np.abs(rates), initial=0.0)
+        apart.append(np.max(np.abs(wrong[1] - wrong[0]), initial=0.0) / (size or 1.0))
+    return bool(apart[1] > max(_SETTLING, apart[0] / 2.0))
 
 
 def _noise(

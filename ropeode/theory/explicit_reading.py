@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus.stages import Row
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.fractions_of_floats import as_fraction
-from ropeode.theory.nystrom import NystromTableau
 from ropeode.theory.recorded_step import NotReadable, RecordedStep, Recording, TooManyCalls
-from ropeode.theory.stages import Row
-from ropeode.theory.tableau import Tableau
 
 # A method of more stages than these is none that anybody has published.
 _MOST_STAGES = 64

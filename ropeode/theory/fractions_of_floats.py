@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ropeode.theory.stages import Number
+from ropeode.tableaus.stages import Number
 
 # As large as the denominators of published methods (Dormand and Prince have 18656). Of the numbers
 # that stand for no fraction, one in a hundred thousand is so close to one by accident.

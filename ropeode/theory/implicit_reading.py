@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.explicit_reading import fractions
 from ropeode.theory.recorded_step import NotReadable, RecordedStep
-from ropeode.theory.tableau import Tableau
 
 _DT = 0.25
 # Times that differ by less are those of one stage, in units of dt.

@@ -9,10 +9,21 @@ from typing import Any
 
 import numpy as np
 
+from ropeode.steppers.runge_kutta_methods import (
+    Heun,
+    Kutta3,
+    Midpoint,
+    Ralston2,
+    Ralston3,
+    RungeKutta4,
+    StrongStabilityPreserving3,
+    ThreeEighths,
+)
+from ropeode.steppers.splitting import Pefrl, Splitting, Yoshida6
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus.stages import Row, number
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.fractions_of_floats import as_fraction
-from ropeode.theory.nystrom import NystromTableau
-from ropeode.theory.stages import Row, number
-from ropeode.theory.tableau import Tableau
 
 
 def _rows(text: str) -> list[list[str]]:
@@ -24,24 +35,21 @@ def _method(rows: str, b: str) -> Tableau:
     return Tableau.of(_rows(rows), b.split())
 
 
-# Hairer, Norsett, Wanner, Solving ODEs I, tables II.1.1, II.1.2 and (II.1.3); Ralston, Math. Comp.
-# 16 (1962); Shu, Osher, J. Comput. Phys. 77 (1988); Bogacki, Shampine, Appl. Math. Lett. 2 (1989);
-# Kutta, Z. Math. Phys. 46 (1901); Gill, Proc. Camb. Phil. Soc. 47 (1951); Fehlberg, Computing 6
-# (1970); Cash, Karp, ACM Trans. Math. Softw. 16 (1990).
+# Of those that are no steppers: Hairer, Norsett, Wanner, Solving ODEs I, table II.1.1; Bogacki,
+# Shampine, Appl. Math. Lett. 2 (1989); Gill, Proc. Camb. Phil. Soc. 47 (1951); Fehlberg, Computing
+# 6 (1970); Cash, Karp, ACM Trans. Math. Softw. 16 (1990).
 _ROOT2 = np.sqrt(2.0)
 EXPLICIT: dict[str, Tableau] = {
     "explicit-euler": _method("0", "1"),
-    "the explicit midpoint method": _method("0 | 1/2", "0 1"),
-    "Heun's method": _method("0 | 1", "1/2 1/2"),
-    "Ralston's method of order 2": _method("0 | 2/3", "1/4 3/4"),
-    "Kutta's method of order 3": _method("0 | 1/2 | -1 2", "1/6 2/3 1/6"),
+    "the explicit midpoint method": Midpoint.tableau,
+    "Heun's method": Heun.tableau,
+    "Ralston's method of order 2": Ralston2.tableau,
+    "Kutta's method of order 3": Kutta3.tableau,
     "Heun's method of order 3": _method("0 | 1/3 | 0 2/3", "1/4 0 3/4"),
-    "Ralston's method of order 3 (also Bogacki and Shampine's)": _method(
-        "0 | 1/2 | 0 3/4", "2/9 1/3 4/9"
-    ),
-    "SSPRK3": _method("0 | 1 | 1/4 1/4", "1/6 1/6 2/3"),
-    "RK4": _method("0 | 1/2 | 0 1/2 | 0 0 1", "1/6 1/3 1/3 1/6"),
-    "the 3/8 rule": _method("0 | 1/3 | -1/3 1 | 1 -1 1", "1/8 3/8 3/8 1/8"),
+    "Ralston's method of order 3 (also Bogacki and Shampine's)": Ralston3.tableau,
+    "SSPRK3": StrongStabilityPreserving3.tableau,
+    "RK4": RungeKutta4.tableau,
+    "the 3/8 rule": ThreeEighths.tableau,
     "Gill's method": Tableau.of(
         [[], ["1/2"], [_ROOT2 / 2 - 0.5, 1.0 - _ROOT2 / 2], [0, -_ROOT2 / 2, 1.0 + _ROOT2 / 2]],
         ["1/6", (2.0 - _ROOT2) / 6.0, (2.0 + _ROOT2) / 6.0, "1/6"],
@@ -107,8 +115,15 @@ def _kicks_and_drifts(drifts: Sequence[Any], kicks: Sequence[Any]) -> NystromTab
     return NystromTableau(p=p, q=q, a=None, b=v, c=times, d=times)
 
 
+def _of_substeps(stepper: type[Splitting]) -> NystromTableau:
+    drifts, kicks = zip(*stepper.substeps, strict=True)
+    # After the last drift there is no kick.
+    return _kicks_and_drifts(drifts, kicks[:-1])
+
+
 # Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.9), (I.1.17), section VI.3; Ruth,
-# IEEE Trans. Nucl. Sci. 30 (1983); Forest, Ruth, Physica D 43 (1990); Hairer, Norsett, Wanner,
+# IEEE Trans. Nucl. Sci. 30 (1983); Forest, Ruth, Physica D 43 (1990); Omelyan, Mryglod, Folk,
+# Comput. Phys. Commun. 146 (2002); Yoshida, Phys. Lett. A 150 (1990); Hairer, Norsett, Wanner,
 # Solving ODEs I, table II.14.2.
 _THETA = 1.0 / (2.0 - 2.0 ** (1 / 3))
 SECOND_ORDER: dict[str, NystromTableau] = {
@@ -124,11 +139,16 @@ SECOND_ORDER: dict[str, NystromTableau] = {
     ),
     "velocity-verlet": _kicks_and_drifts([0, 1], ["1/2", "1/2"]),
     "position Verlet (drift, kick, drift)": _kicks_and_drifts(["1/2", "1/2"], [1]),
-    "Ruth's method of order 3": _kicks_and_drifts([1, "-2/3", "2/3"], ["-1/24", "3/4", "7/24"]),
+    "Ruth's method of order 3": _kicks_and_drifts([0, "2/3", "-2/3", 1], ["7/24", "3/4", "-1/24"]),
+    "Ruth's method of order 3 with the positions first": _kicks_and_drifts(
+        [1, "-2/3", "2/3"], ["-1/24", "3/4", "7/24"]
+    ),
     "Forest and Ruth's method of order 4": _kicks_and_drifts(
         [_THETA / 2, 0.5 - _THETA / 2, 0.5 - _THETA / 2, _THETA / 2],
         [_THETA, 1.0 - 2.0 * _THETA, _THETA],
     ),
+    "PEFRL (order 4)": _of_substeps(Pefrl),
+    "Yoshida's method of order 6 (solution A)": _of_substeps(Yoshida6),
     "Nystrom's method of order 4": NystromTableau(
         p=_method("0 | 1/8 | 0 1/2", "0 0 0").a,
         q=(Fraction(1, 6), Fraction(1, 3), Fraction(0)),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from ropeode.theory.nystrom import NystromTableau
-from ropeode.theory.stages import Number, Row, same
-from ropeode.theory.tableau import Tableau
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus.stages import Number, Row, same
+from ropeode.tableaus.tableau import Tableau
 
 
 def lines_of(tableau: Tableau | NystromTableau) -> list[str]:

@@ -90,7 +90,7 @@ def modified_energy(problem: Problem, stepper: Any, steps_per_frame: int) -> Mod
         return "the problem is not Hamiltonian, as far as its energy says"
     run = simulate(problem, method, steps)
     if run.status != "ok":
-        return f"the run diverged at frame {run.diverged_at}"
+        return f"the run {run.lost}"
     samples, longest = StepSamples(problem, method), step_size(problem, 1)
     order = expanded(samples, problem.ts[:1], setting.states[:1], longest).order
     if order is None or order < 1:

@@ -38,7 +38,9 @@ def project(target: np.ndarray, fields: np.ndarray) -> Projection:
     if len(used):
         units = (fields[used] / size[used, None]).T
         # What a column adds to those before it stands on the diagonal.
-        added = np.abs(np.diag(np.linalg.qr(units, mode="r")))
+        diagonal = np.abs(np.diag(np.linalg.qr(units, mode="r")))
+        # Where there are more columns than rows, the last add nothing.
+        added = np.pad(diagonal, (0, len(used) - len(diagonal)))
         used, units = used[added > _INDEPENDENT], units[:, added > _INDEPENDENT]
         coefficients[used] = np.linalg.lstsq(units, target)[0] / size[used]
         inverse = np.linalg.inv(np.linalg.qr(units, mode="r"))

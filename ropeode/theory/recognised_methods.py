@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus.stages import Number, Row, dot, ones, same
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER, published
 from ropeode.theory.method_lines import is_result, lines_of
-from ropeode.theory.nystrom import NystromTableau
-from ropeode.theory.stages import Number, Row, dot, ones, same
-from ropeode.theory.tableau import Tableau
 from ropeode.validation import listed
 
 AnyTableau = Tableau | NystromTableau
@@ -56,8 +55,6 @@ def recognised(tableau: AnyTableau) -> Recognition | None:
     """The well-known method that a tableau is or is nearest to; None where none is near.
 
     A method that differs from a well-known one, and has at least its order, is one of its own.
-    (Where kauri is not installed nobody knows the order, and it counts as the well-known one with
-    differences.)
 
     Arguments:
         tableau: as `tableau_of` finds it.
@@ -80,7 +77,7 @@ def recognised(tableau: AnyTableau) -> Recognition | None:
     (cost, _), found = best
     # Times are not what makes a method one of its own.
     own = cost > 0 and not _only_times(tableau, found.known)
-    if own and _have_trees() and _order(tableau) >= _order(found.known):
+    if own and _order(tableau) >= _order(found.known):
         return None
     return found
 
@@ -95,8 +92,6 @@ def _only_times(tableau: AnyTableau, known: AnyTableau) -> bool:
 
 def describe(tableau: AnyTableau, declared: int | None = None) -> str:
     """A tableau in a few sentences: its name, what differs from the method of that name, its order.
-
-    Where kauri is not installed (``pip install '.[theory]'``), it says nothing about the order.
 
     Arguments:
         tableau: as `tableau_of` finds it.
@@ -116,15 +111,10 @@ def describe(tableau: AnyTableau, declared: int | None = None) -> str:
         sentence = f"This is {recognition.name}"
         if recognition.differences:
             sentence += " with " + ", and with ".join(recognition.differences)
-    if _have_trees():
-        sentence += f"; {_order_in_words(tableau, recognition)}"
-        if declared not in (None, tableau.order):
-            sentence += f" (declared: {declared})"
+    sentence += f"; {_order_in_words(tableau, recognition)}"
+    if declared not in (None, tableau.order):
+        sentence += f" (declared: {declared})"
     return " ".join([f"{sentence}.", *_remarks(tableau)])
-
-
-def _have_trees() -> bool:
-    return importlib.util.find_spec("kauri") is not None
 
 
 def _order(tableau: AnyTableau) -> int:
@@ -158,7 +148,7 @@ def _remarks(tableau: AnyTableau) -> Iterator[str]:
         # Many methods take it for their next step.
         where = ", the slope at the new state," if is_result(tableau, i) else ""
         yield f"k{i + 1}{where} is not used in the step."
-    if isinstance(tableau, Tableau) or tableau.a is None or not _have_trees():
+    if isinstance(tableau, Tableau) or tableau.a is None:
         return
     if tableau.order < tableau.order_without_velocities:
         for i, (row, drift) in enumerate(zip(tableau.a, tableau.d, strict=True)):

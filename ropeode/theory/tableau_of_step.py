@@ -19,11 +19,11 @@ from ropeode.problems.problem import Problem
 from ropeode.simulation.system import as_seen
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import BuiltIn, Stepper
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.explicit_reading import ExplicitReading, Iterates, NotASum
 from ropeode.theory.implicit_reading import read_implicit
-from ropeode.theory.nystrom import NystromTableau
 from ropeode.theory.recorded_step import NotReadable, RecordedStep, TooManyCalls
-from ropeode.theory.tableau import Tableau
 from ropeode.validation import shortly
 
 # The state of a step that is not tried on a problem: numbers, and nodes in space.
@@ -70,7 +70,7 @@ def tableau_of(stepper: Any, problem: Problem | None = None) -> StepTableau:
     stepper = as_stepper(stepper)
     if problem is not None:
         stepper = stepper.on(problem.structure)
-    if stepper.needs == "nodes in a row":
+    if stepper.moves_links:
         return StepTableau(None, "moves nodes in a row, and solves no right-hand side")
     reasons = []
     for kind in _kinds(stepper, problem):

@@ -36,6 +36,7 @@ def trajectory(problem: Problem, x: np.ndarray, v: np.ndarray) -> Trajectory:
         status="ok",
         diverged_at=None,
         rhs_evaluations=0,
+        jacobian_evaluations=0,
         seconds=0.0,
         compile_seconds=0.0,
     )

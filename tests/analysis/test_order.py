@@ -97,6 +97,19 @@ def test_unstable_and_diverged():
     assert reasons(found) == dict.fromkeys(DTS[:3], UNSTABLE)
 
 
+def test_unsolved():
+    """Whatever its error: there is none of a run that ended."""
+    dts = [0.8, 0.4, 0.2, 0.1]
+    order = observed_order(
+        dts, [None, 0.16, 0.04, 0.01], motion=1.0, solved=[False, True, True, True]
+    )
+    assert [(each.dt, each.reason) for each in order.left_out] == [(0.8, "unsolved")]
+    assert order.observed == pytest.approx(2.0)
+    few = observed_order(dts[:3], [None, None, 0.04], motion=1.0, solved=[False, False, True])
+    assert {each.reason for each in few.left_out} == {"unsolved", "too few to fit"}
+    assert min(few.add) < 0.2
+
+
 def test_pre_asymptotic():
     errors = DTS**2 * (1 + 500 * DTS**2)
     found = observed_order(DTS, errors)

@@ -21,7 +21,7 @@ from ropeode.simulation import simulate
 from ropeode.steppers import as_stepper, scipy_solvers
 from ropeode.steppers.verlet import StormerVerlet, TwoPositions
 from tests.problems.shorter import SHORTER
-from tests.steppers.every_variant import slow_if
+from tests.steppers.every_variant import UNSTABLE, slow_if
 
 LAGGED = "stormer-verlet:damping=lagged"
 
@@ -33,6 +33,8 @@ def also_slow(stepper):
 
 @pytest.mark.parametrize("stepper", slow_if(also_slow))
 def test_other_units_change_nothing_but_rounding(stepper):
+    if stepper.label in UNSTABLE:
+        pytest.skip("makes rounding as large as the rope")
     problem = Rope(
         start=(0, 200, 0), end=(-400, 200, 0), gravity=(0, -1, 0), num_nodes=5,
         node_mass=(1, 2, 0.5, 1, 1), damping=0.2, initial_velocity=(1, -1, 0.5),

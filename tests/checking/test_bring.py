@@ -453,7 +453,7 @@ def test_a_step_that_closes_standard_output_has_failed_a_check():
         (lambda a, b: a, r"its parameters are \(a, b\)"),
         (lambda acceleration, x, v, t, dt, args: x, "Fix: write one of these"),
         ("rk5", "did you mean 'rk4'"),
-        ("constraint-verlet", "keeps the distances of nodes in a row"),
+        ("constraint-verlet", "moves nodes in a row link by link"),
         ("nowhere.py:step", "No such file"),
         ("x.py", "No such file"),
     ],

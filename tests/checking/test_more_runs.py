@@ -80,7 +80,7 @@ def carried_out(folder, known, stepper, steps, *, digits="%.17g", **claims):
             heun,
             (4, 6, 8),
             {"expected_order": 2},
-            "agree with those of diffrax:Heun; add",
+            "agree with those of heun; add",
             marks=pytest.mark.slow,
         ),
     ],

@@ -251,7 +251,11 @@ def test_version_and_steppers(run):
     assert run("--version").stdout.startswith("ropeode ")
     done = run("steppers")
     assert done.returncode == 0
-    assert "stormer-verlet:start=rest,damping=per-step" in done.stdout
+    assert "\n  stormer-verlet " in done.stdout
+    assert "start=rest,damping=per-step" in run("steppers", "stormer-verlet").stdout
+    done = run("steppers", "stormer-verlet:strat=rest")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "did you mean 'start'" in done.stderr
 
 
 def test_report(run, tmp_path):

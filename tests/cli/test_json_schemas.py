@@ -84,6 +84,7 @@ def test_what_a_schema_does_not_say_is_refused(small_rope):
         f"explain constraint-verlet --kind inextensible-rope {ROPE} --steps 16,32,64",
         "explain rk4 --problem lorenz --frames 3 --steps 64,128",
         f"horizon {ROPE} --spans 3,100",
+        f"work-precision {ROPE} --methods rk4,scipy:RK45 --steps 1,64 --rtol 1e-3,1e-13 --rounds 1",
         "report --figures 1,8,28 --frames 40",
     ],
 )

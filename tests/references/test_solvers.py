@@ -21,13 +21,15 @@ from ropeode.references.solvers.solver import (
     DOPRI8,
     KVAERNO5,
     OWN_DOP853,
+    SCIPY_BDF,
     SCIPY_DOP853,
+    SCIPY_RADAU,
     Solver,
     taylor,
 )
 from tests.references.scalar_problems import scalar
 
-SOLVERS = (*diffrax_program.SOLVERS, *scipy_solver.SOLVERS)
+SOLVERS = (*diffrax_program.SOLVERS, SCIPY_DOP853, SCIPY_RADAU, SCIPY_BDF)
 EXPLICIT = (DOPRI8, SCIPY_DOP853)
 every_solver = pytest.mark.parametrize("solver", SOLVERS, ids=str)
 

@@ -6,6 +6,7 @@ import functools
 
 import pytest
 
+from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.render.plots.registry import PLOTS
@@ -44,6 +45,13 @@ def cases():
             Rope(num_nodes=4).problem(frames=3),
             ["rk4", "explicit-euler"],
             (16,),
+            {},
+        ),
+        # The equation of the longest steps has no solution.
+        "unsolved": (
+            Problem(lambda t, y, args: y**2, [1.0], [0.0, 0.3, 0.6]),
+            ["implicit-euler"],
+            (1, 16, 32, 64),
             {},
         ),
         # Its errors are all zero.

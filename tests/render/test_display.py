@@ -43,7 +43,7 @@ from tests.results import check_result, kinds
 PLAIN = {Film, Growth, ObservedOrder, Phase, System, Thresholds}
 NO_TABLES = {Ensemble, JaxStepper, NodePath, Problem}
 # They take long; `check_result` is called where they are tested.
-ELSEWHERE = {"Explanation", "Horizon", "Report", "SweepSummary"}
+ELSEWHERE = {"Explanation", "Horizon", "Report", "SweepSummary", "WorkPrecision"}
 
 
 @pytest.fixture(scope="module")

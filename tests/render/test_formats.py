@@ -24,8 +24,6 @@ from ropeode.render.data import SCHEMA
 from ropeode.render.documents import blocks
 from ropeode.render.formats import FORMATS, format_table
 from ropeode.render.horizon import as_lines as horizon_lines
-from ropeode.render.stepper_list import as_text as stepper_list
-from ropeode.steppers import STEPPERS
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.terminal.output import FORMATS as LISTED
 from tests.quartic import HOSTILE
@@ -90,7 +88,6 @@ def test_text_fits_80_columns(tables):
     for table in tables.values():
         for line in FORMATS["text"](table).splitlines():
             assert len(line) <= 80
-    assert all(len(line) <= 80 for line in stepper_list().splitlines())
 
 
 def test_text_words(tables):
@@ -258,21 +255,6 @@ def test_latex_compiles_and_is_no_wider_than_the_page(kind, tables, written, tmp
     )
     assert done.returncode == 0, done.stdout[-2000:]
     assert not [line for line in done.stdout.splitlines() if "Overfull \\hbox" in line]
-
-
-def test_every_stepper_is_in_the_list():
-    for name, cls in STEPPERS.items():
-        assert name in stepper_list()
-        assert cls.source in stepper_list()
-
-
-def test_the_list_gives_orders_on_the_problems_that_steppers_are_for():
-    table = stepper_list().split("\n\n")[0]
-    rows = {line.split()[0]: line.split()[1:] for line in table.splitlines()}
-    assert rows["rattle"] == ["2", "2", "2", "yes"]
-    assert rows["constraint-verlet:start=rest"] == ["1", "1", "0", "no"]
-    assert rows["stormer-verlet:damping=per-step"] == ["2", "0", "0", "yes"]
-    assert "    sweeps: 1, or more" in stepper_list().splitlines()
 
 
 def test_runs_of_the_same_kind_have_columns_of_their_own():

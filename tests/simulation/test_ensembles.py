@@ -15,8 +15,8 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.rope import Rope
 from ropeode.problems.ropes import ROPES
 from ropeode.simulation import simulate, simulate_chunks
-from ropeode.steppers import STEPPERS, as_stepper
-from tests.steppers.every_variant import EVERY_VARIANT
+from ropeode.steppers import as_stepper
+from tests.steppers.every_variant import EVERY_VARIANT, REPRESENTATIVES
 
 
 def into(fractions):
@@ -67,14 +67,22 @@ def assert_same(found, alone, ulps=0):
 
 
 # How a stepper starts and damps is the same code on all ropes, side by side or not.
-BARE = [each for each in EVERY_VARIANT if ":" not in each.label or "sweeps" in each.label]
+BARE = [
+    each
+    for each in EVERY_VARIANT
+    if ":" not in each.label or "sweeps" in each.label or each.family == "graphics"
+]
 PAIRS = [(each, kind) for kind in (Rope, InextensibleRope) for each in BARE]
+
+
+# Sums of so many slopes are rounded in another order where several ropes stand in turn.
+LONG_SUMS = ("dormand-prince5", "dormand-prince8")
 
 
 def also_slow(stepper, kind):
     """Each stepper once is fast: on rigid links those that keep them, on springs the others."""
-    rigid = stepper.needs == "nodes in a row"
-    return rigid != (kind is InextensibleRope) or stepper.label not in STEPPERS
+    rigid = stepper.keeps_lengths
+    return rigid != (kind is InextensibleRope) or stepper.label not in REPRESENTATIVES
 
 
 @pytest.mark.parametrize(
@@ -99,7 +107,8 @@ def test_every_stepper_on_every_kind_of_rope(stepper, kind):
     assert len(found) == 3
     for each, problem in zip(found, problems, strict=True):
         assert each.status == "ok"
-        assert_same(each, simulate(problem, stepper, 16))
+        ulps = 16 if stepper.label in LONG_SUMS else 0
+        assert_same(each, simulate(problem, stepper, 16), ulps)
     assert len({each.states.tobytes() for each in found}) == 3
 
 

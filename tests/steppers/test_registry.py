@@ -7,6 +7,7 @@ import importlib
 import itertools
 import pkgutil
 
+import numpy as np
 import pytest
 
 import ropeode.steppers
@@ -15,15 +16,26 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.rope import Rope
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.steppers.base import BuiltIn, ProblemClass
-from ropeode.steppers.registry import options
+from ropeode.steppers.registry import by_family, options
 from tests.steppers.every_variant import EVERY_VARIANT, number_options
 
 
 def test_no_stepper_escapes_the_registry():
-    for module in pkgutil.iter_modules(ropeode.steppers.__path__, "ropeode.steppers."):
-        importlib.import_module(module.name)
-    defined = set(BuiltIn.__subclasses__())
-    assert set(STEPPERS.values()) == defined
+    modules = pkgutil.iter_modules(ropeode.steppers.__path__, "ropeode.steppers.")
+    imported = {importlib.import_module(module.name).__name__ for module in modules}
+    defined = {each for each in _below(BuiltIn) if each.name}
+    assert set(STEPPERS.values()) == {each for each in defined if each.__module__ in imported}
+    assert all(name == each.name for name, each in STEPPERS.items())
+
+
+def _below(cls: type) -> set[type]:
+    return {each for own in cls.__subclasses__() for each in ({own} | _below(own))}
+
+
+def test_families_hold_each_stepper_once():
+    found = [each for steppers in by_family().values() for each in steppers]
+    assert sorted(each.name for each in found) == sorted(STEPPERS)
+    assert "your own" not in by_family()
 
 
 @pytest.mark.parametrize("each", EVERY_VARIANT, ids=lambda each: each.label)
@@ -41,10 +53,9 @@ def test_declared_facts(cls):
     for option, choices in options(cls).items():
         assert choices[0] == str(getattr(cls(), option))
         assert (len(choices) == 1) == (option in number_options(cls))
-    keeps_lengths = cls.needs == "nodes in a row"
     for damped, at_rest, rigid in itertools.product((False, True), repeat=3):
         problem_class = ProblemClass(damped, at_rest, rigid)
-        solves = rigid or not keeps_lengths
+        solves = rigid or not cls.keeps_lengths
         assert cls().solves(problem_class) == solves
         order = cls().order(problem_class)
         assert order >= 1 if solves else order == 0
@@ -87,6 +98,16 @@ def test_any_whole_number_from_one_on(cls, option):
         assert f"Fix: for example {cls.name}:{option}=" in line
 
 
+@pytest.mark.parametrize(("cls", "option"), NUMBERS)
+def test_numbers_are_checked_in_python_too(cls, option):
+    found = cls(**{option: np.int64(3)})
+    assert type(getattr(found, option)) is int
+    assert found == as_stepper(f"{cls.name}:{option}=3")
+    for given in (0, 2.5, None):
+        with pytest.raises(InputError, match=f"{cls.name}:{option}: {given} given"):
+            cls(**{option: given})
+
+
 def test_there_is_a_number_to_try():
     assert (STEPPERS["constraint-verlet"], "sweeps") in NUMBERS
 
@@ -94,7 +115,7 @@ def test_there_is_a_number_to_try():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("eulr", "did you mean 'explicit-euler'"),
+        ("explicit-eulr", "did you mean 'explicit-euler'"),
         ("RK4", "did you mean 'rk4'"),
         ("", "allowed: explicit-euler"),
         ("rk4:start=rest", "no options"),
@@ -125,16 +146,16 @@ def test_refusals_name_the_stepper_and_a_way_out(driven_pendulum):
     rigid = InextensibleRope(num_nodes=3).problem(frames=2)
     uneven = dataclasses.replace(driven_pendulum, ts=driven_pendulum.ts**2)
     for each in EVERY_VARIANT:
-        keeps_lengths = each.needs == "nodes in a row"
-        # Its links' tensions depend on the velocities, and not by linear damping.
+        # Its links are no springs, and their tensions depend on the velocities, and not by linear
+        # damping.
         refused = {
-            rigid: each.needs == "second order, linear damping",
-            driven_pendulum: keeps_lengths,
-            uneven: keeps_lengths or each.equal_frames,
+            rigid: each.needs in ("second order, linear damping", "springs in a row"),
+            driven_pendulum: each.moves_links,
+            uneven: each.moves_links or each.equal_frames,
         }
         for problem, expected in refused.items():
             refusal = each.refusal(problem)
             assert (refusal is not None) == expected
             assert refusal is None or (each.label in refusal and "Fix:" in refusal)
-        if keeps_lengths:
+        if each.moves_links:
             assert "'driven pendulum' has no such nodes" in each.refusal(driven_pendulum)

@@ -6,8 +6,8 @@ from fractions import Fraction
 
 from hypothesis import strategies as st
 
-from ropeode.theory.nystrom import NystromTableau
-from ropeode.theory.tableau import Tableau
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus.tableau import Tableau
 
 coefficients = st.fractions(min_value=-3, max_value=3, max_denominator=24)
 

@@ -107,11 +107,24 @@ def test_errors_that_change_their_sign_at_each_step_are_told_from_those_that_gro
     assert found.order == 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("sweeps", [1, 3])
-def test_what_is_still_settling_shows_no_order(sweeps):
+@pytest.mark.parametrize(
+    "stepper",
+    [
+        "pbd",
+        *(
+            pytest.param(each, marks=pytest.mark.slow)
+            for each in (
+                "xpbd:iterations=3",
+                "pbd:sweep=jacobi,iterations=2",
+                "constraint-verlet:sweeps=1",
+                "constraint-verlet:sweeps=3",
+            )
+        ),
+    ],
+)
+def test_what_is_still_settling_shows_no_order(stepper):
     problem = InextensibleRope().problem(frames=3)
-    method = method_of(f"constraint-verlet:sweeps={sweeps}", problem)
+    method = method_of(stepper, problem)
     x, v = problem.y0
     turned = np.stack([x, 0.3 * (x - x[:, :1])[::-1] * np.array([[-1.0], [1.0]])])
     y = np.stack([turned, turned * np.array([1.0, 0.5])[:, None, None]])

@@ -17,9 +17,9 @@ from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import STEPPERS
 from ropeode.theory import growth
 from ropeode.theory.growth import growth_per_frame, stability_limit
+from tests.steppers.every_variant import every_name
 
 MASS, STIFFNESS = np.array([1.0, 2.0, 0.5, 1.5]), np.array([80.0, 150.0, 60.0])
 
@@ -258,9 +258,7 @@ def test_damping_per_step_grows_with_the_steps():
 
 
 @pytest.mark.parametrize(
-    "name",
-    # Rigid links take programs of their own.
-    [pytest.param(name, marks=pytest.mark.slow if name == "rattle" else ()) for name in STEPPERS],
+    "name", every_name("explicit-euler", "stormer-verlet", "velocity-verlet", "constraint-verlet")
 )
 def test_every_stepper_can_be_linearised(name):
     problem = (Rope if name != "rattle" else InextensibleRope)(**SMALL, damping=0.1).problem(2)

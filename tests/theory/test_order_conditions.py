@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
 from fractions import Fraction
 
 import diffrax
@@ -13,13 +12,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ropeode.errors import InputError
-from ropeode.theory import rooted_trees
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus.rooted_trees import FIRST_ORDER, Tree, formula, trees_of_order
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
-from ropeode.theory.nystrom import NystromTableau
-from ropeode.theory.recognised_methods import describe
-from ropeode.theory.rooted_trees import FIRST_ORDER, Tree, formula, trees_of_order
-from ropeode.theory.tableau import Tableau
 from tests.theory.random_tableaus import explicit_tableaus
 
 RK4, HEUN = EXPLICIT["RK4"], EXPLICIT["Heun's method"]
@@ -55,7 +51,10 @@ ORDERS = {
     "velocity-verlet": 2,
     "position Verlet (drift, kick, drift)": 2,
     "Ruth's method of order 3": 3,
+    "Ruth's method of order 3 with the positions first": 3,
     "Forest and Ruth's method of order 4": 4,
+    "PEFRL (order 4)": 4,
+    "Yoshida's method of order 6 (solution A)": 6,
     "Nystrom's method of order 4": 4,
 }
 DIFFRAX = ["Heun", "Midpoint", "Ralston", "Bosh3", "Tsit5", "Dopri5", "Dopri8"]
@@ -81,11 +80,24 @@ def test_trees_are_as_many_as_there_are():
     assert [len(trees_of_order(p, FIRST_ORDER, "y")) for p in (1, 2, 3)] == [1, 2, 5]
 
 
-def test_density_and_symmetry_are_kauris():
-    for order in range(1, 8):
-        shapes = kauri.trees_of_order(order)
-        for tree, other in zip(trees_of_order(order, {"y": ("y",)}, "y"), shapes, strict=True):
-            assert (tree.density, tree.symmetry) == (other.factorial(), other.sigma())
+def shape_of(tree: Tree) -> tuple:
+    """A tree as nested tuples of branches, which do not depend on who lists them."""
+    return tuple(sorted(map(shape_of, tree.branches)))
+
+
+def shape_of_kauris(tree: list | tuple) -> tuple:
+    """Likewise; the last element of kauri's lists is a colour."""
+    return tuple(sorted(map(shape_of_kauris, tree[:-1])))
+
+
+def test_trees_are_kauris_with_their_densities_and_symmetries():
+    for order in range(1, 10):
+        own = trees_of_order(order, {"y": ("y",)}, "y")
+        theirs = list(kauri.trees_of_order(order))
+        assert len(own) == len(theirs)
+        assert {shape_of(each): (each.density, each.symmetry) for each in own} == {
+            shape_of_kauris(each.list_repr): (each.factorial(), each.sigma()) for each in theirs
+        }
 
 
 def test_conditions_are_written_as_in_books():
@@ -172,7 +184,9 @@ def test_order_of_second_order_methods_is_that_of_errors(name, damping):
         return np.array(tableau.step(force, 0.0, np.array(0.7), np.array(0.4), dt))
 
     # The linear force hides some conditions, but never those of the first error of these methods.
-    assert observed_order(step, exact, 0.02) == pytest.approx(tableau.order, abs=0.1)
+    # Nor rounding, if the step is long enough.
+    size = 0.02 if tableau.order < 5 else 0.2
+    assert observed_order(step, exact, size) == pytest.approx(tableau.order, abs=0.1)
 
 
 @pytest.mark.parametrize("name", EXPLICIT)
@@ -215,12 +229,3 @@ def test_velocities_cost_verlet_an_order():
     assert (lagged.order, lagged.order_without_velocities) == (1, 2)
     predicted = dataclasses.replace(VERLET, a=((Fraction(0),) * 2, (Fraction(1), Fraction(0))))
     assert predicted.order == 2
-
-
-def test_without_kauri_one_line_says_what_to_install(monkeypatch):
-    rooted_trees._shapes.cache_clear()
-    monkeypatch.setitem(sys.modules, "kauri", None)
-    fresh = dataclasses.replace(RK4)
-    with pytest.raises(InputError, match=r"order conditions only with .*\[theory\]"):
-        fresh.order  # noqa: B018
-    assert describe(fresh) == "This is RK4."

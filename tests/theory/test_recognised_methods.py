@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
-from ropeode.theory.nystrom import NystromTableau
 from ropeode.theory.recognised_methods import describe, recognised
-from ropeode.theory.tableau import Tableau
 from ropeode.theory.tableau_of_step import tableau_of
 from tests.theory.random_tableaus import coefficients
 

@@ -65,6 +65,17 @@ def holds(found):
         pytest.param("stormer-verlet", {*ALL} - {"energy"}, {"energy": 3}, marks=pytest.mark.slow),
         # How it goes on, not how it starts.
         ("stormer-verlet:start=rest", {*ALL} - {"energy"}, {"energy": 3}),
+        *(
+            pytest.param(
+                f"leapfrog:form={form}", {*ALL} - {"energy"}, {"energy": 3}, marks=pytest.mark.slow
+            )
+            for form in ("kick-drift-kick", "drift-kick-drift", "staggered")
+        ),
+        # It is not symmetric: back again it differs, if only by its own error.
+        ("ruth3", {*ALL} - {"energy", "reversible"}, {"energy": 4, "reversible": 4}),
+        pytest.param("yoshida4", {*ALL} - {"energy"}, {"energy": 5}, marks=pytest.mark.slow),
+        pytest.param("pefrl", {*ALL} - {"energy"}, {"energy": 5}, marks=pytest.mark.slow),
+        pytest.param("yoshida6", {*ALL} - {"energy"}, {"energy": 7}, marks=pytest.mark.slow),
         (verlet_in_numpy, {*ALL} - {"energy"}, {"energy": 3}),
         pytest.param(
             half_a_step_late,
@@ -73,7 +84,21 @@ def holds(found):
             marks=pytest.mark.slow,
         ),
     ],
-    ids=["euler", "semi-implicit", "stormer", "stormer at rest", "numpy", "late"],
+    ids=[
+        "euler",
+        "semi-implicit",
+        "stormer",
+        "stormer at rest",
+        "kdk",
+        "dkd",
+        "staggered",
+        "ruth3",
+        "yoshida4",
+        "pefrl",
+        "yoshida6",
+        "numpy",
+        "late",
+    ],
 )
 def test_a_rope(stepper, kept, powers):
     found = structure(ROPE, stepper)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 
 from ropeode.errors import InputError
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT
-from ropeode.theory.tableau import Tableau
 from tests.theory.random_tableaus import explicit_tableaus
 
 RK4 = EXPLICIT["RK4"]

@@ -15,9 +15,9 @@ from scipy import integrate
 
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
+from ropeode.tableaus.stages import same
+from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
-from ropeode.theory.stages import same
-from ropeode.theory.tableau import Tableau
 from ropeode.theory.tableau_of_step import tableau_of
 from tests.theory.random_tableaus import explicit_tableaus, nystrom_tableaus, step_of
 

@@ -38,8 +38,16 @@ from tests.verification.extrapolation import (
 )
 
 STEPS = (40, 60, 90, 135, 202, 303)
-# So close to the centre that explicit Euler's order only shows at finer steps.
-FINER = {"library kepler": 4}
+# So close to each other or to the centre that orders only show at finer steps.
+FINER = {"library kepler": 4, "library pleiades": 2}
+# Their errors reach round-off, or have a second term of about the same size.
+OTHER_STEPS = {
+    "pefrl": (20, 30, 45, 68, 101, 152),
+    "yoshida6": (10, 15, 22, 34, 50, 76),
+    "dormand-prince5": (7, 11, 15, 25, 42, 72, 121, 205),
+    "dormand-prince8": (4, 5, 7, 9, 11, 15, 19, 25),
+    "adams-bashforth3:start=euler": (455, 682, 1024, 1536, 2304),
+}
 
 
 def moving_rope() -> Problem:
@@ -125,6 +133,10 @@ def riccati_solution(problem: Problem) -> np.ndarray:
 
 # Its transient is over so soon that methods of high order are better than the reference knows.
 BETTER_THAN_THE_REFERENCE = {("library robertson", 4)}
+# From this order on, round-off may come before the leading term of the error outweighs the next
+# one. An order that stays undetermined then is right if the errors fall as steeply somewhere. That
+# the order conditions hold, tests/steppers/test_tableaus.py says.
+HIGH = 5
 
 CASES: dict[str, Callable[[], Problem]] = {
     "moving rope": moving_rope,
@@ -182,13 +194,14 @@ def truth_of(case: str) -> tuple[np.ndarray, Callable[[Norm], float]]:
     return states, lambda norm: 16 * float(np.finfo(np.float64).eps) * problem.scale
 
 
-def steps_of(case: str) -> list[int]:
-    return [FINER.get(case, 1) * steps for steps in STEPS]
+def steps_of(case: str, stepper: BuiltIn) -> list[int]:
+    own = OTHER_STEPS.get(stepper.label, OTHER_STEPS.get(stepper.name, STEPS))
+    return [FINER.get(case, 1) * steps for steps in own]
 
 
 @functools.cache
 def runs_of(case: str, stepper: BuiltIn) -> list[Trajectory]:
-    return [simulate(problem_of(case), stepper, steps) for steps in steps_of(case)]
+    return [simulate(problem_of(case), stepper, steps) for steps in steps_of(case, stepper)]
 
 
 def order_of(case: str, stepper: BuiltIn, norm: str | None = None) -> ObservedOrder:
@@ -209,6 +222,14 @@ def order_of(case: str, stepper: BuiltIn, norm: str | None = None) -> ObservedOr
     )
 
 
+def steepest(case: str, stepper: BuiltIn, norm: str | None = None) -> float:
+    """The order between two runs that are next to each other, where it is highest."""
+    problem, truth = problem_of(case), truth_of(case)[0]
+    runs, measure = runs_of(case, stepper), norm_for(problem, norm)
+    errors = [np.max(distances_from(truth, run.states, problem, measure)) for run in runs]
+    return float(np.max(np.diff(np.log(errors)) / np.diff(np.log([run.dt for run in runs]))))
+
+
 @EVERY_CASE
 def test_declared_orders(case, steppers):
     wrong = []
@@ -218,6 +239,9 @@ def test_declared_orders(case, steppers):
         if not each.solves(problem_class):
             # The limit is another solution, and far enough away for the order to say so.
             right = declared == 0 and order.verdict == "does not converge"
+            if each.order(problem_class._replace(rigid=True)) == 0:
+                # It may be unstable on what it is for, and here.
+                right = declared == 0 and order.verdict != "converges"
         elif declared == 0:
             right = order.verdict != "converges"
         else:
@@ -225,6 +249,10 @@ def test_declared_orders(case, steppers):
             right = order.verdict == "converges" and low - 0.02 <= declared <= high + 0.02
             if (case, declared) in BETTER_THAN_THE_REFERENCE:
                 right = order.verdict == "undetermined" and "reference" in order.left_out[-1].reason
+            if declared >= HIGH and order.verdict == "undetermined":
+                right = steepest(case, each) > declared - 0.5
+            elif declared >= HIGH and order.verdict == "converges":
+                right = right or abs(order.observed - declared) <= 0.25
         if not right:
             wrong.append((each.label, declared, order))
     assert not wrong
@@ -237,16 +265,27 @@ def test_velocities_have_the_order_of_positions(case, steppers):
     for each in fitting(case, steppers):
         if (declared := each.order(class_of(problem_of(case)))) >= 2:
             order = order_of(case, each, "velocity-max")
+            if declared >= HIGH and order.verdict == "undetermined":
+                assert steepest(case, each, "velocity-max") > declared - 0.5, each.label
+                continue
             assert order.verdict == "converges", each.label
-            assert order.observed == pytest.approx(declared, abs=0.25), each.label
+            # Without damping, what ruth3's error of order 3 leaves after a period is of order 4.
+            also = 4 if each.name == "ruth3" else declared
+            low, high = order.ci95
+            near = [
+                abs(order.observed - known) <= 0.25 or (declared >= HIGH and low <= known <= high)
+                for known in (declared, also)
+            ]
+            assert any(near), (each.label, order)
 
 
 @pytest.mark.parametrize("cases", [CASES, pytest.param(LIBRARY, marks=SLOW)])
 def test_every_stepper_is_judged_on_several_problems(cases):
-    """On 4 of both kinds of rope, or of the library, which has none."""
+    """On 4 of both kinds of rope, or of the library, which has none; on 3 ropes with springs."""
     for each in EVERY_VARIANT:
         judged = [case for case in cases if each in fitting(case)]
-        least = 0 if cases is LIBRARY and each.needs == "nodes in a row" else 4
+        least = 3 if each.needs == "springs in a row" else 4
+        least = 0 if cases is LIBRARY and each.moves_links else least
         assert sum(each.solves(class_of(problem_of(case))) for case in judged) >= least, each.label
 
 
@@ -256,5 +295,5 @@ def test_right_wrong_limits_are_told_apart():
         orders = {
             case: each.order(class_of(problem_of(case))) for case in CASES if each in fitting(case)
         }
-        kind = "inextensible rope" if each.needs == "nodes in a row" else "rope"
+        kind = "inextensible rope" if each.keeps_lengths else "rope"
         assert orders[f"undamped {kind}"] == max(orders.values())

@@ -10,13 +10,14 @@ from ropeode.analysis.errors import distances, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.checking.report import Claims
 from ropeode.checking.trajectories.layout import states_of
+from ropeode.checking.trajectories.likely_methods import FIRST
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, Norm, motion
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 from ropeode.simulation import step_size
-from ropeode.steppers import STEPPERS, as_stepper
+from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class
 from ropeode.theory.growth import stability_limit
 from ropeode.validation import listed
@@ -112,7 +113,7 @@ def _limits(problem: Problem, claims: Claims) -> dict[str, int | None]:
         own = problem_class(problem)
         names = [
             name
-            for name in STEPPERS
+            for name in FIRST
             if claims.order is not None
             and (stepper := as_stepper(name)).order(own) == claims.order
             and stepper.solves(own)

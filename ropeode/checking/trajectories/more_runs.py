@@ -19,23 +19,19 @@ from ropeode.checking.trajectories.convergence import (
 )
 from ropeode.checking.trajectories.instability import advice
 from ropeode.checking.trajectories.layout import samples_of
+from ropeode.checking.trajectories.likely_methods import LIKELY
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.norms import NORMS, motion
 from ropeode.problems.problem import Problem
 from ropeode.progress import silent
 from ropeode.references.reference import Reference
 from ropeode.simulation import simulate, step_size
-from ropeode.steppers import STEPPERS, as_stepper
+from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class
 from ropeode.validation import listed
 
 # Positions are those of a stepper if they differ by this part of their errors, or by rounding.
 _SAME = 0.01
-# What programs are likely to be: the second only if it is none of the first.
-_LIKELY = (
-    (*STEPPERS, "stormer-verlet:start=rest", "constraint-verlet:start=rest"),
-    ("diffrax:Heun", "diffrax:Midpoint", "diffrax:Ralston", "diffrax:Bosh3"),
-)
 # The most runs that are advised; and the most work in one of them, as steps times numbers in a
 # state: less than a second. States with fewer numbers take as long as this many.
 _MOST_RUNS, _MOST_WORK, _SMALL_STATE = 4, 2**25, 64
@@ -139,7 +135,7 @@ def _same_steppers(reference: Reference, runs: Sequence[Run]) -> list[_Actor]:
     if any(abs(one / run.dt - n) > _WHOLE for run, n in zip(runs, counts, strict=True)):
         return []
     kind, columns = problem_class(problem), runs[0].values.shape[2]
-    for names in _LIKELY:
+    for names in LIKELY:
         able = (
             name
             for name in names

@@ -25,12 +25,6 @@ from ropeode.steppers.registry import STEPPERS, options
 # Longer than the default, which suits a test: what is seen in it is worth watching.
 _FRAMES = {"rope": 40, "inextensible-rope": 40, "pendulum": 40, "double-pendulum": 40}
 _LIBRARIES = {"diffrax": diffrax_solvers, "scipy": scipy_solvers}
-_FAMILIES = {
-    "euler": "Euler",
-    "verlet": "Verlet",
-    "runge_kutta": "Runge-Kutta",
-    "constraint": "rigid links",
-}
 
 
 def answer(ask: AskLibrary, laboratory: Laboratory, progress: Progress) -> Answer:
@@ -96,10 +90,9 @@ def _of_libraries() -> Iterator[tuple[str, Stepper]]:
 
 def _declared(name: str, stepper: Stepper) -> StepperFacts:
     cls = STEPPERS.get(name)
-    library = name.partition(":")[0]
     return StepperFacts(
         name=name,
-        family=_FAMILIES[cls.__module__.rpartition(".")[2]] if cls else library,
+        family=stepper.family,
         options=options(cls) if cls else {},
         source=stepper.source,
         symplectic=bool(stepper.symplectic),

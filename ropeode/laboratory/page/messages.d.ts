@@ -319,7 +319,7 @@ export interface Run {
   steps_per_frame: number | null;
   dt: number;
   every: number;
-  status: "ok" | "diverged";
+  status: "ok" | "diverged" | "unsolved";
   diverged_at: number | null;
   error_final: number | null;
   error_max: number | null;

@@ -220,7 +220,7 @@ export class Stage {
     const steps = run.steps_per_frame;
     const full = steps === null ? name : say("stage.run", { name, steps });
     const last = this.#lastOf(run);
-    return this.#place > last && run.status === "diverged"
+    return this.#place > last && run.status !== "ok"
       ? say("stage.gone", { run: full, frame: this.#frameOf(last) }) : full;
   }
 
@@ -248,7 +248,7 @@ export class Stage {
           name, count: left.length, all: truth.nodes.length - truth.fixed.length, frame: this.#frameOf(Math.min(...left.map(({ sample }) => sample))),
         }));
       if (run && this.#lastOf(run) < (this.#reference?.last ?? 0) && this.#place > this.#lastOf(run))
-        notes.push(say("note.diverged", { name, frame: this.#frameOf(this.#lastOf(run)) }));
+        notes.push(say(run.status === "unsolved" ? "note.unsolved" : "note.diverged", { name, frame: this.#frameOf(this.#lastOf(run)) }));
     }
     if (truth.horizon !== null && this.#place >= truth.trusted)
       notes.push(say("note.horizon", { time: shortly(truth.horizon, 3), unit: truth.time_unit }));

@@ -9,7 +9,9 @@ import { named, parsed } from "./stepper_names.js";
 import { say } from "./words.js";
 /** @typedef {import("./messages").StepperFacts} StepperFacts */
 
-const FAMILIES = ["Euler", "Verlet", "Runge-Kutta", "rigid links", "diffrax", "scipy"];
+const FAMILIES = [
+  "Runge-Kutta", "symplectic", "multistep", "implicit", "graphics", "rigid links", "diffrax", "SciPy",
+];
 
 /** Up to five steppers with their options. */
 export class StepperControls extends Controls {

@@ -143,6 +143,20 @@ def _two_sum(a: Any, b: Any) -> tuple[Any, Any]:
     return total, (a - (total - from_b)) + (b - from_b)
 
 
+def as_its_library_has_it(name: str) -> Any:
+    """A solver of diffrax by its name, whose states at the ends of steps are not interpolated."""
+    original = getattr(diffrax, name)
+
+    class OnSamples(original):
+        interpolation_cls = _Ends
+
+        def step(self, *inputs: Any) -> tuple:
+            y1, error, _, state, result = super().step(*inputs)
+            return y1, error, {"y0": inputs[3], "y1": y1}, state, result
+
+    return OnSamples()
+
+
 SOLVERS: dict[Solver, Callable[[Any, Any], diffrax.AbstractSolver]] = {
     DOPRI8: lambda rtol, atol: diffrax.Dopri8(scan_kind=_LOOPS),
     KVAERNO5: _kvaerno5,
@@ -281,9 +295,13 @@ def solution_of(family: Family) -> Callable:
         controller = _Frames(diffrax.PIDController(rtol=rtol, atol=atol), ts, ends, longest)
         if family.jumps:
             controller = diffrax.ClipStepSizeController(controller, jump_ts=jump_ts)
+        if family.compensated:
+            solver: Any = _Compensated(SOLVERS[family.solver](rtol, atol), change)
+        else:
+            solver = as_its_library_has_it(family.solver.method)
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field),
-            _Compensated(SOLVERS[family.solver](rtol, atol), change),
+            solver,
             ts[0],
             # Beyond the end, where diffrax would lengthen a step that ends shortly before it.
             2 * ts[-1] - ts[0] + 1e3 * _spacing(jnp.abs(ts[-1])),

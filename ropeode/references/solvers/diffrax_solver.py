@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import jax
 import numpy as np
@@ -32,6 +33,8 @@ def solve(
     y0: np.ndarray | None = None,
     rounding_seed: int = 0,
     room: int = 0,
+    compensated: bool = True,
+    program: Callable | None = None,
 ) -> Solution:
     """Solve with diffrax in float64.
 
@@ -39,7 +42,7 @@ def solve(
 
     Arguments:
         problem: what to solve.
-        solver: one of `diffrax_program.SOLVERS`.
+        solver: one of `diffrax_program.SOLVERS`; any adaptive one, where not `compensated`.
         rtol: relative tolerance.
         atol: absolute tolerance: one number, or an array of the state's shape.
         max_steps: give up after so many steps.
@@ -52,14 +55,16 @@ def solve(
             a unit in the last place; each seed gives other directions. See `rounding`.
         room: the program is one for so many sample times, or more. Of a problem that was cut short,
             this is the number before, so that none is compiled anew.
+        compensated: as for `Family`.
+        program: that is run, in place of the family's own.
     """
     start = problem.y0 if y0 is None else y0
     longest = np.full(problem.frames, np.inf) if longest_steps is None else longest_steps
     samples = len(problem.ts)
-    # Powers of four, so that few programs serve all numbers of samples.
-    spare = 4 ** math.ceil((max(samples, room) - 1).bit_length() / 2) - samples
-    started = time.perf_counter()
-    program, fresh = compiled(Family.of(problem, solver, samples + spare))
+    spare = spare_samples(samples, room)
+    started, fresh = time.perf_counter(), False
+    if program is None:
+        program, fresh = compiled(Family.of(problem, solver, samples + spare, compensated))
     compile_seconds = time.perf_counter() - started
     whole = Stopwatch()
     limit = max_steps if np.isinf(seconds) else min(max_steps, _few_steps(problem, solver))
@@ -108,6 +113,11 @@ def solve(
         reached=float(reached),
         ran_out=bool(ran_out),
     )
+
+
+def spare_samples(samples: int, room: int = 0) -> int:
+    """How many more sample times the program has: powers of four, so that few serve all."""
+    return 4 ** math.ceil((max(samples, room) - 1).bit_length() / 2) - samples
 
 
 def _few_steps(problem: Problem, solver: Solver) -> int:

@@ -25,6 +25,8 @@ class Family:
         args_leaves: shape and dtype of each array in it.
         times: how many sample times; the last one may stand there several times.
         jumps: how many jump times.
+        compensated: whether the steps keep what rounding takes from the state, as those of
+            references do; if not, the solver is run as its library has it.
     """
 
     solver: Solver
@@ -34,14 +36,15 @@ class Family:
     args_leaves: tuple[tuple[tuple[int, ...], Any], ...]
     times: int
     jumps: int
+    compensated: bool = True
 
     @classmethod
-    def of(cls, problem: Problem, solver: Solver, times: int) -> Family:
+    def of(cls, problem: Problem, solver: Solver, times: int, compensated: bool = True) -> Family:
         """The family of a problem's runs with so many sample times."""
         leaves, tree = jax.tree.flatten(problem.args)
         abstract_leaves = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
         shape, jumps = problem.y0.shape, len(problem.jump_times)
-        return cls(solver, problem.rhs, shape, tree, abstract_leaves, times, jumps)
+        return cls(solver, problem.rhs, shape, tree, abstract_leaves, times, jumps, compensated)
 
     def field(self, t: Any, y: Any, leaves: Any) -> Any:
         """The right-hand side for flat states: one flat array is diffrax's fastest form."""

@@ -55,6 +55,7 @@ def _description(family: Family) -> str:
         str(family.solver),
         repr(family.inputs()),
         str(family.jumps > 0),
+        *([] if family.compensated else ["as its library has it"]),
         jax.jit(function).lower(abstract(()), y0, leaves).as_text(),
     )
     return "\0".join(parts)

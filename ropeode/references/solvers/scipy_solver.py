@@ -10,7 +10,8 @@ from typing import Any
 
 import jax
 import numpy as np
-from scipy.integrate import BDF, DOP853, Radau
+from scipy import integrate
+from scipy.integrate import LSODA
 
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
@@ -22,20 +23,12 @@ from ropeode.references.solvers.solution import Path, Solution, finite_samples
 from ropeode.references.solvers.solver import (
     MOST_DENSE,
     SCIPY_BDF,
-    SCIPY_DOP853,
-    SCIPY_RADAU,
     Solver,
 )
 from ropeode.references.solvers.stopwatch import Stopwatch
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
-
-SOLVERS: dict[Solver, Callable[..., Any]] = {
-    SCIPY_DOP853: DOP853,
-    SCIPY_RADAU: Radau,
-    SCIPY_BDF: BDF,
-}
 
 
 @in_float64
@@ -51,6 +44,7 @@ def solve(
     y0: np.ndarray | None = None,
     rounding_seed: int = 0,
     stops: Collection[float] = (),
+    functions: tuple[Callable, Any] | None = None,
 ) -> Solution:
     """Solve with SciPy, each sample time being the end of a step.
 
@@ -58,11 +52,12 @@ def solve(
     `solve_ivp` would interpolate. At a jump time it starts anew. Inside each piece the
     right-hand side is never evaluated on or beyond the piece's jumps.
 
-    Arguments are those of `diffrax_solver.solve`; the solver is one of `SOLVERS`, and steps end
+    Arguments are those of `diffrax_solver.solve`; the solver is any that SciPy has, and steps end
     at `stops` too, which lie inside the span. Roundings are moved for large stiff problems only.
+    `functions` are those of `functions_of`, where they have been compiled before.
     """
     started = time.perf_counter()
-    field, jacobian = _compiled(problem, solver.implicit, rounding_seed)
+    field, jacobian = functions or functions_of(problem, solver.implicit, rounding_seed)
     compile_seconds = time.perf_counter() - started
 
     stopwatch = Stopwatch()
@@ -75,7 +70,8 @@ def solve(
     longest = np.full(len(ts) - 1, np.inf) if longest_steps is None else longest_steps
     flat_atol = np.broadcast_to(atol, shape).reshape(-1)
     steps, failure, run, sample, ran_out = 0, None, None, 1, False
-    path = []
+    path, made = [], []
+    method = getattr(integrate, solver.method)
     rtol = max(rtol, _TIGHTEST_RTOL)
     with np.errstate(all="ignore"):
         for i, stop in enumerate(ends):
@@ -97,8 +93,9 @@ def solve(
                 jac = {}
                 if solver.implicit:
                     jac = {"jac": slope} if callable(jacobian) else {"jac_sparsity": jacobian}
-                run = SOLVERS[solver](inside, at, y, stop, rtol=rtol, atol=flat_atol, **jac)
-            run.t_bound, run.status, run.max_step = stop, "running", longest[sample - 1]
+                run = method(inside, at, y, stop, rtol=rtol, atol=flat_atol, **jac)
+                made.append(run)
+            _go_on(run, stop, longest[sample - 1])
             while run.status == "running" and steps < max_steps and not ran_out:
                 before, slope_before = run.t, getattr(run, "f", None)
                 message = run.step()
@@ -131,10 +128,20 @@ def solve(
         ran_out=failure is not None and (ran_out or steps >= max_steps),
         reached=float(run.t) if run else float(last),
         path=Path.of(first, states[0].reshape(-1), path),
+        rhs_evaluations=sum(each.nfev for each in made),
+        jacobian_evaluations=sum(int(each.njev) for each in made),
     )
 
 
-def _compiled(problem: Problem, with_jacobian: bool, seed: int) -> tuple[Callable, Any]:
+def _go_on(run: Any, stop: float, longest: float) -> None:
+    """Let a solver that has arrived go on to another time."""
+    run.t_bound, run.status, run.max_step = stop, "running", longest
+    if isinstance(run, LSODA):
+        # The time that its Fortran code does not step over.
+        run._lsoda_solver._integrator.rwork[0] = stop
+
+
+def functions_of(problem: Problem, with_jacobian: bool, seed: int = 0) -> tuple[Callable, Any]:
     """The right-hand side on flat NumPy arrays, and its Jacobian, or the pattern of a large one.
 
     The problem's numbers are compiled in: converting them at each call took half its time. Not so

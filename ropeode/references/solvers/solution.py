@@ -53,6 +53,8 @@ class Solution:
         reached: the time that it came to.
         ran_out: it stopped because its steps or its time were spent.
         path: its steps, where the solver keeps them.
+        rhs_evaluations: of the right-hand side; None where nobody counts them.
+        jacobian_evaluations: of its Jacobian; likewise.
     """
 
     solver: Solver
@@ -66,6 +68,8 @@ class Solution:
     reached: float = np.inf
     ran_out: bool = False
     path: Path | None = None
+    rhs_evaluations: int | None = None
+    jacobian_evaluations: int | None = None
 
     def without_states(self) -> Solution:
         """The run without the memory that its states take."""

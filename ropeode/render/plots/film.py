@@ -279,7 +279,7 @@ def _reference_words(paths: NodePaths, sample: int) -> str:
 def _run_words(paths: NodePaths, path: NodePath, sample: int) -> str:
     """The error as a table's cell has it, if there is a reference."""
     if sample >= len(path.positions):
-        return f"diverged at frame {path.diverged_at}"
+        return f"{path.status} at frame {path.diverged_at}"
     if sample >= len(path.errors):
         return "error unknown: no reference"
     error, resolution = path.errors[sample], paths.resolution[sample]

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib.path import Path
 
-from ropeode.analysis.order import PRE_ASYMPTOTIC, ROUND_OFF, TOO_FEW, UNRESOLVED, UNSTABLE
+from ropeode.analysis.order import (
+    PRE_ASYMPTOTIC,
+    ROUND_OFF,
+    TOO_FEW,
+    UNRESOLVED,
+    UNSOLVED,
+    UNSTABLE,
+)
 from ropeode.study.accuracy_table import Row
 
 if TYPE_CHECKING:
@@ -27,6 +34,7 @@ MARKS: dict[str, dict[str, Any]] = {
     UNSTABLE: {"marker": "x"},
     OFF_AXIS: {"marker": _ARROW_UP, "markersize": 12, "clip_on": False, **_HOLLOW},
     DIVERGED: {"marker": "X", "markersize": 7, "clip_on": False},
+    UNSOLVED: {"marker": "P", "markersize": 7, "clip_on": False},
     PRE_ASYMPTOTIC: {"marker": "+", "markersize": 9, "markeredgewidth": 1.5},
     ROUND_OFF: {"marker": "*", "markersize": 7, **_HOLLOW},
     UNRESOLVED: {"marker": _ARROW_DOWN, "markersize": 12, **_HOLLOW},
@@ -83,8 +91,8 @@ def points(table: Errors, stepper: str) -> list[Point]:
 
     def point(row: Row | FileRow) -> Point:
         reason = reasons.get((stepper, row.dt))
-        if row.status == "diverged":
-            return Point(row.dt, high, DIVERGED)
+        if row.status != "ok":
+            return Point(row.dt, high, UNSOLVED if row.status == "unsolved" else DIVERGED)
         if reason == UNRESOLVED or not row.error_max:
             return Point(row.dt, max(row.resolution, low), UNRESOLVED)
         if row.error_max > high:

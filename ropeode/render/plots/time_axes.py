@@ -9,6 +9,8 @@ from ropeode.references.reference import Reference
 from ropeode.render.plots.panels import Line
 
 _MARK = {"linestyle": "none", "markersize": 6}
+# Of runs that ended early, by their status: the marker and its name.
+_ENDS = {"diverged": ("X", "diverged"), "unsolved": ("P", "unsolved")}
 
 
 def draw_horizon(axes: Axes, reference: Reference) -> None:
@@ -25,7 +27,7 @@ def draw_horizon(axes: Axes, reference: Reference) -> None:
 
 
 def draw_ends(axes: Axes, line: Line, times: np.ndarray, values: np.ndarray) -> None:
-    """Marks at the upper edge where a line first leaves the axes, and where the run diverged.
+    """Marks at the upper edge where a line first leaves the axes, and where the run ended.
 
     Arguments:
         axes: with their limits set.
@@ -37,7 +39,7 @@ def draw_ends(axes: Axes, line: Line, times: np.ndarray, values: np.ndarray) -> 
     if len(above := np.flatnonzero(values > high)):
         _mark(axes, float(times[above[0]]), high, line.colour, "^", "above this axis")
     if line.curve.diverged_at is not None:
-        _mark(axes, line.curve.diverged_at, high, line.colour, "X", "diverged")
+        _mark(axes, line.curve.diverged_at, high, line.colour, *_ENDS[line.curve.status])
 
 
 def _mark(axes: Axes, time: float, edge: float, colour: str, marker: str, label: str) -> None:

@@ -26,6 +26,7 @@ class Column(NamedTuple):
 STATUSES: Mapping[str, str] = {
     "ok": "the run stayed finite and was compared with the reference",
     "diverged": "the state stopped being finite, at frame `diverged_at`",
+    "unsolved": "the equations of an implicit step were not solved, at frame `diverged_at`",
     "no-reference": "the run stayed finite, but there is no reference; `reason` says why",
     "failed": "the case could not be run; `reason` says why",
     "timed-out": "the case took longer than its time limit, twice",

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
+from ropeode.steppers.stepper_loading import users_file
 from ropeode.study.accuracy_table import check_steppers
 from ropeode.sweep.design.content_hash import PACKAGES, file_digest
 from ropeode.validation import bad_value
@@ -19,7 +20,7 @@ class StepperSource(NamedTuple):
 
     Fields:
         given: the stepper's text in the spec, or a value that can be pickled.
-        file: sha256 of the Python file that defines it; None for a stepper of a package whose
+        file: sha256 of the user's file that defines it; None for a stepper of a package whose
             version is part of every key.
     """
 
@@ -66,7 +67,7 @@ def _by_text(text: str, folder: Path, file: str | None) -> Stepper:
 
 
 def stepper_digest(given: Any, folder: Path) -> str | None:
-    """The sha256 of the Python file that defines a stepper; None if a package does.
+    """The sha256 of the user's file that defines a stepper; None if a package does.
 
     Arguments:
         given: as for `stepper_sources`.
@@ -76,8 +77,8 @@ def stepper_digest(given: Any, folder: Path) -> str | None:
         InputError: there is no such file.
     """
     if isinstance(given, str):
-        file = given if given.endswith(".py") else given.rpartition(":")[0]
-        return file_digest("stepper", folder / file) if file.endswith(".py") else None
+        file = users_file(given.strip())
+        return None if file is None else file_digest("stepper", folder / file)
     definition = given if inspect.isroutine(given) or inspect.isclass(given) else type(given)
     if definition.__module__.partition(".")[0] in PACKAGES:
         return None

@@ -188,6 +188,8 @@ def _row(
     reasons = [stability.get("reason"), of.refusal]
     if own.status == "diverged":
         reasons.insert(1, f"no longer finite at frame {own.diverged_at}")
+    if own.status == "unsolved":
+        reasons.insert(1, f"equations of a step not solved at frame {own.diverged_at}")
     if of.reference is not None:
         finest = float(resolution(of.reference, of.norm)[-1])
         row |= {

@@ -14,7 +14,7 @@ from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.point_markers import DIVERGED, MARKS, OFF_AXIS
 from ropeode.render.plots.style import stepper_style
 
-ALL_CASES = ["rope", "diverged", "cut", "one step size", "still"]
+ALL_CASES = ["rope", "diverged", "cut", "one step size", "unsolved", "still"]
 
 
 def drawn_points(axes):
@@ -34,8 +34,9 @@ def expected_point(table, row, index, top):
     if row.dt in found.used:
         return (colour, marker, row.dt, row.error_max)
     reason = next(point.reason for point in found.left_out if point.dt == row.dt)
-    if row.status == "diverged":
-        return (colour, MARKS[DIVERGED]["marker"], row.dt, top)
+    if row.status != "ok":
+        mark = DIVERGED if row.status == "diverged" else reason
+        return (colour, MARKS[mark]["marker"], row.dt, top)
     if reason == order_module.UNRESOLVED:
         return (colour, MARKS[reason]["marker"], row.dt, row.resolution)
     if reason == order_module.UNSTABLE and row.error_max > top:

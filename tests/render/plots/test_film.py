@@ -167,7 +167,11 @@ def test_diverged_run_stays_at_its_last_finite_state(short):
     positions[-1, -1] = 1e300
     differences = positions - short.reference.positions[:6]
     path = dataclasses.replace(
-        short.paths[0], positions=positions, differences=differences, diverged_at=2
+        short.paths[0],
+        positions=positions,
+        differences=differences,
+        status="diverged",
+        diverged_at=2,
     )
     figure, show = film(dataclasses.replace(short, paths=(path,)))
     show(len(path.positions))

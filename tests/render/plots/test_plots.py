@@ -53,6 +53,7 @@ ELSEWHERE = {
     "plot_horizon": "tests/render/test_horizon_formats.py",
     "plot_stability": "tests/render/plots/test_stability_plot.py",
     "plot_sweep": "tests/render/plots/test_sweep_map.py",
+    "plot_work_precision": "tests/render/test_work_precision_formats.py",
 }
 
 

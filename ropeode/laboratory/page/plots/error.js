@@ -77,7 +77,7 @@ function linesOf({ truth, node }, { run, color, dash }, high) {
     const own = drawnDistances(run, truth.nodes.indexOf(node));
     marks.push(line(truth, run.every, own, { color, dash: "1 4", width: 1.5 }));
   }
-  if (run.status === "diverged") {
+  if (run.status !== "ok") {
     let last = errors.length - 1;
     while (last > 0 && !(errors[last] < high)) last -= 1;
     const x = truth.arrays.times.data[last * run.every];
@@ -111,7 +111,7 @@ function drawnDistances({ arrays: { differences } }, index) {
 function summary(view, { run, absent }) {
   if (!run) return absent.run;
   const value = largestErrorWords(view, run);
-  return run.status === "diverged" ? value : view.say("plots.error.max", { value });
+  return run.status !== "ok" ? value : view.say("plots.error.max", { value });
 }
 
 /** @param {View} view @param {Shown} each @param {ArrayLike<number>} resolution @param {number} sample */

@@ -72,14 +72,17 @@ export function errorWords(error, resolution) {
   return error < resolution ? `< ${written(resolution)}` : written(error);
 }
 
-/** Why there is no number: the run has diverged, or float32 does not hold it. @param {View["say"]} say @param {import("../messages.js").Run} run */
+/** Why there is no number: the run has ended, or float32 does not hold it. @param {View["say"]} say @param {import("../messages.js").Run} run */
 export function goneWords(say, { status }) {
+  if (status === "unsolved") return say("plots.unsolved");
   return status === "diverged" ? say("plots.gone") : "> 3 × 10³⁸";
 }
 
 /** The largest error of a run: null, for one that stayed finite, is below what can be resolved. @param {View} view @param {import("../messages.js").Run} run */
 export function largestErrorWords({ say }, run) {
-  if (run.status === "diverged") return say("plots.diverged", { frame: run.diverged_at ?? "–" });
+  const frame = run.diverged_at ?? "–";
+  if (run.status === "diverged") return say("plots.diverged", { frame });
+  if (run.status === "unsolved") return say("plots.unsolved.at", { frame });
   return errorWords(run.error_max ?? 0, run.resolution);
 }
 

@@ -19,8 +19,6 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from ropeode.validation import require
-
 # Which colours the branches of a node may have.
 FIRST_ORDER = {"y": ("y", "t"), "t": ()}
 SECOND_ORDER = {"v": ("v", "x", "t"), "x": ("v",), "t": ()}
@@ -71,9 +69,6 @@ def trees_of_order(order: int, colours: dict[str, tuple[str, ...]], root: str) -
         order: how many nodes.
         colours: which colours the branches of a node may have, by its colour.
         root: the colour of the root.
-
-    Raises:
-        InputError: kauri is not installed.
     """
     found = {
         tree: None for shape in _shapes(order) for tree in _coloured(shape, root, _frozen(colours))
@@ -83,9 +78,19 @@ def trees_of_order(order: int, colours: dict[str, tuple[str, ...]], root: str) -
 
 @functools.cache
 def _shapes(order: int) -> tuple[Any, ...]:
-    """Trees without colours: nested tuples, the last element of which is not a branch."""
-    kauri = require("kauri", "theory", "order conditions")
-    return tuple(tree.list_repr for tree in kauri.trees_of_order(order))
+    """Trees without colours: each is the tuple of its branches."""
+    return tuple(_forests(order - 1, order - 1))
+
+
+def _forests(nodes: int, largest: int) -> Iterator[tuple[Any, ...]]:
+    """All multisets of shapes with so many nodes together, and not more in any of them."""
+    if nodes == 0:
+        yield ()
+    for size in range(min(nodes, largest), 0, -1):
+        for count in range(1, nodes // size + 1):
+            for chosen in itertools.combinations_with_replacement(_shapes(size), count):
+                for smaller in _forests(nodes - size * count, size - 1):
+                    yield (*chosen, *smaller)
 
 
 def _frozen(colours: dict[str, tuple[str, ...]]) -> tuple[tuple[str, tuple[str, ...]], ...]:
@@ -97,14 +102,13 @@ def _coloured(
     shape: Any, colour: str, colours: tuple[tuple[str, tuple[str, ...]], ...]
 ) -> tuple[Tree, ...]:
     """A shape with all colours that its nodes may have, given that of the root."""
-    *branches, _ = shape
     allowed = dict(colours)[colour]
     # x' = v is linear: its derivatives by v are those of order 0 and 1.
-    if branches and (not allowed or (colour == "x" and len(branches) > 1)):
+    if shape and (not allowed or (colour == "x" and len(shape) > 1)):
         return ()
     choices = [
         [tree for other in allowed for tree in _coloured(branch, other, colours)]
-        for branch in branches
+        for branch in shape
     ]
     found = {Tree(colour, tuple(sorted(chosen))): None for chosen in itertools.product(*choices)}
     return tuple(found)

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from ropeode.theory.order_conditions import Method
-from ropeode.theory.rooted_trees import FIRST_ORDER, Tree, formula, trees_of_order
-from ropeode.theory.stages import (
+from ropeode.tableaus.order_conditions import Method
+from ropeode.tableaus.rooted_trees import FIRST_ORDER, Tree, formula, trees_of_order
+from ropeode.tableaus.stages import (
     Matrix,
     Number,
     Parts,
@@ -150,11 +150,7 @@ class Tableau(Method):
 
     @functools.cached_property
     def order_without_time(self) -> int:
-        """The order on right-hand sides that do not depend on time.
-
-        Raises:
-            InputError: kauri is not installed.
-        """
+        """The order on right-hand sides that do not depend on time."""
         return dataclasses.replace(self, c=self.row_sums).order
 
     @functools.cached_property

@@ -14,10 +14,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from ropeode.theory.order_conditions import Method
-from ropeode.theory.rooted_trees import SECOND_ORDER, Tree, trees_of_order
-from ropeode.theory.stages import Matrix, Number, Parts, Row, applied, dot, moduli
-from ropeode.theory.tableau import Tableau
+from ropeode.tableaus.order_conditions import Method
+from ropeode.tableaus.rooted_trees import SECOND_ORDER, Tree, trees_of_order
+from ropeode.tableaus.stages import Matrix, Number, Parts, Row, applied, dot, moduli
+from ropeode.tableaus.tableau import Tableau
 
 _POSITIONS_ONLY = {"v": ("x", "t"), "x": ("v",), "t": ()}
 
@@ -102,11 +102,7 @@ class NystromTableau(Method):
 
     @functools.cached_property
     def order_without_velocities(self) -> int:
-        """The order where the acceleration depends on time and positions alone.
-
-        Raises:
-            InputError: kauri is not installed.
-        """
+        """The order where the acceleration depends on time and positions alone."""
         return dataclasses.replace(self, a=None).order
 
     def step(

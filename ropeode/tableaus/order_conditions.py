@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import NamedTuple
 
-from ropeode.theory.rooted_trees import Tree
-from ropeode.theory.stages import Number, Row, Staged, ones, times
+from ropeode.tableaus.rooted_trees import Tree
+from ropeode.tableaus.stages import Number, Row, Staged, ones, times
 
 # Coefficients that are no fractions carry the rounding of their last digit.
 _ROUNDING = 1e-13
@@ -74,11 +74,7 @@ class Method(Staged):
         return {}
 
     def errors(self, order: int) -> tuple[TreeError, ...]:
-        """How far it is from each condition of an order: for each tree with so many nodes.
-
-        Raises:
-            InputError: kauri is not installed.
-        """
+        """How far it is from each condition of an order: for each tree with so many nodes."""
         return tuple(map(self._error, self.trees(order)))
 
     def _error(self, tree: Tree) -> TreeError:
@@ -92,29 +88,18 @@ class Method(Staged):
 
     @functools.cached_property
     def order(self) -> int:
-        """Up to how many nodes all conditions are met; 0 for a method that does not converge.
-
-        Raises:
-            InputError: kauri is not installed.
-        """
+        """Up to how many nodes all conditions are met; 0 for a method that does not converge."""
         orders = range(1, _HIGHEST)
         return next(p for p in orders if not all(each.met for each in self.errors(p))) - 1
 
     @property
     def error_coefficients(self) -> tuple[TreeError, ...]:
-        """The local error's leading term, tree by tree: the trees with ``order + 1`` nodes.
-
-        Raises:
-            InputError: kauri is not installed.
-        """
+        """The local error's leading term, tree by tree: the trees with ``order + 1`` nodes."""
         return self.errors(self.order + 1)
 
     @property
     def principal_error_norm(self) -> float:
         """The 2-norm of the leading term's coefficients.
-
-        Raises:
-            InputError: kauri is not installed.
 
         Source: Prince, Dormand, J. Comput. Appl. Math. 7 (1981), 67-75.
         """

@@ -1,0 +1,108 @@
+"""Where the runs of a work-precision study stand in its picture, and what their marks mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ropeode.render.plots.point_markers import MARKS as OF_ORDERS
+from ropeode.render.plots.point_markers import UNRESOLVED
+from ropeode.study.work_precision import Cost, Measure, WorkPrecision, WorkRow
+
+CERTIFIED = "ok"
+BLEW_UP = "unstable, diverged or unsolved, at the upper edge"
+STOPPED = "stopped at a limit, at the upper edge"
+BELOW = "unresolved"
+MARKS: dict[str, dict[str, Any]] = {
+    BLEW_UP: {"marker": "x", "clip_on": False},
+    STOPPED: {"marker": "|", "markersize": 9, "clip_on": False},
+    BELOW: OF_ORDERS[UNRESOLVED],
+}
+# Room around the points, as a factor.
+_AROUND, _ABOVE, _BELOW = 1.6, 4.0, 4.0
+
+
+class WorkPoint(NamedTuple):
+    """One run in the picture.
+
+    Fields:
+        row: of the study.
+        cost: where it stands.
+        error: where it stands.
+        mark: `CERTIFIED`, or a key of `MARKS`.
+    """
+
+    row: WorkRow
+    cost: float
+    error: float
+    mark: str
+
+
+class Limits(NamedTuple):
+    """The ends of the axes.
+
+    Fields:
+        cost: the least and the most.
+        error: the least and the most.
+    """
+
+    cost: tuple[float, float]
+    error: tuple[float, float]
+
+
+def resolution_of(study: WorkPrecision, measure: Measure) -> float:
+    """Below which an error is unresolved."""
+    if measure == "energy_error":
+        return study.energy_resolution or 0.0
+    return study.resolution
+
+
+def points_and_limits(
+    study: WorkPrecision, cost: Cost, measure: Measure
+) -> tuple[list[WorkPoint], Limits]:
+    """The runs that have a cost, each with its mark and inside the axes."""
+    resolution = resolution_of(study, measure)
+    paid = [(row, float(value)) for row in study.rows if (value := _paid(study, row, cost))]
+    errors = [error for row, _ in paid if row.status == "ok" and (error := getattr(row, measure))]
+    high = _ABOVE * max(errors, default=10.0 * (resolution or 1.0))
+    seen = [*errors, resolution] if resolution and _near(resolution, errors) else errors
+    low = min(seen, default=high / 100.0) / _BELOW
+    costs = [value for _, value in paid] or [1.0]
+    if cost == "seconds":
+        costs += [end for row, _ in paid for end in (row.seconds_min, row.seconds_max) if end]
+    limits = Limits((min(costs) / _AROUND, max(costs) * _AROUND), (low, high))
+    return [_point(row, value, measure, resolution, limits) for row, value in paid], limits
+
+
+def _near(resolution: float, errors: Sequence[float]) -> bool:
+    """Whether the axis should reach down to the resolution."""
+    return bool(resolution) and resolution > 1e-3 * min(errors, default=resolution)
+
+
+def _paid(study: WorkPrecision, row: WorkRow, cost: Cost) -> float | None:
+    if row.status == "time limit" and cost == "seconds":
+        return study.run_limit
+    return getattr(row, cost)
+
+
+def _point(
+    row: WorkRow, cost: float, measure: Measure, resolution: float, limits: Limits
+) -> WorkPoint:
+    low, high = limits.error
+    error = getattr(row, measure)
+    if row.status in ("unstable", "diverged", "unsolved", "failed"):
+        return WorkPoint(row, cost, high, BLEW_UP)
+    if row.status != "ok":
+        return WorkPoint(row, cost, high, STOPPED)
+    if error is None:
+        return WorkPoint(row, cost, max(resolution, low), BELOW)
+    return WorkPoint(row, cost, error, CERTIFIED)
+
+
+def front_line(study: WorkPrecision, cost: Cost, measure: Measure) -> tuple[np.ndarray, np.ndarray]:
+    """Costs and errors of the Pareto front, from cheap to costly."""
+    front = study.front(cost, measure)
+    costs = np.array([getattr(row, cost) for row in front], float)
+    return costs, np.array([getattr(row, measure) for row in front], float)

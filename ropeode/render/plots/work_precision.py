@@ -1,0 +1,297 @@
+"""Error against cost: a work-precision study as a picture."""
+
+from __future__ import annotations
+
+import html
+import itertools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import matplotlib
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import NullFormatter
+
+from ropeode.errors import InputError
+from ropeode.render import table_words
+from ropeode.render.plots.files import figure_bytes
+from ropeode.render.plots.labels import with_unit
+from ropeode.render.plots.point_labels import place_labels
+from ropeode.render.plots.point_markers import UNRESOLVED
+from ropeode.render.plots.point_markers import in_legend as of_orders_in_legend
+from ropeode.render.plots.style import (
+    BAND,
+    BAND_EDGE,
+    COLOURS,
+    MARKERS,
+    STYLE,
+    draw_legends,
+    new_figure,
+)
+from ropeode.render.plots.work_points import (
+    BELOW,
+    CERTIFIED,
+    MARKS,
+    WorkPoint,
+    front_line,
+    points_and_limits,
+    resolution_of,
+)
+from ropeode.render.work_precision import effort_cell, effort_words, error_words_of
+from ropeode.study.work_precision import COSTS, MEASURES, Cost, Measure, WorkPrecision
+from ropeode.validation import check_kind, unknown
+
+_AXES_HEIGHT = 4.2
+_COST_LABELS: dict[Cost, str] = {
+    "seconds": "time [s]",
+    "rhs_evaluations": "evaluations of the right-hand side",
+    "steps": "steps",
+}
+_MEASURE_WORDS: dict[Measure, str] = {
+    "error_final": "final error",
+    "error_max": "max error",
+    "error_rms": "rms error",
+    "energy_error": "max energy error",
+}
+# Methods of a family differ in their lines, and all methods in their markers.
+_LINES: Any = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.2, 1, 1.2)))
+# Okabe and Ito's yellow: too pale for a line, and in grey lighter than the band.
+_FRONT: Any = {
+    "color": "#F0E442",
+    "linewidth": 6.0,
+    "alpha": 0.7,
+    "solid_capstyle": "round",
+    "zorder": 0.8,
+}
+_LABEL_SIZE = 6.5
+# Of the texts that no label may cover, along each piece of a line.
+_DENSE = 80
+
+
+class Look(NamedTuple):
+    """How a method is drawn.
+
+    Fields:
+        colour: that of its family.
+        marker: its own.
+        line: differs from those of its family.
+    """
+
+    colour: str
+    marker: str
+    line: Any
+
+
+def looks(study: WorkPrecision) -> dict[str, Look]:
+    """How each method is drawn."""
+    families: dict[str, list[str]] = {}
+    for method, family in study.methods.items():
+        families.setdefault(family, []).append(method)
+    numbers = {family: index for index, family in enumerate(families)}
+    return {
+        method: Look(
+            COLOURS[numbers[family] % len(COLOURS)],
+            MARKERS[index % len(MARKERS)],
+            _LINES[families[family].index(method) % len(_LINES)],
+        )
+        for index, (method, family) in enumerate(study.methods.items())
+    }
+
+
+@matplotlib.rc_context(STYLE)
+def plot_work_precision(
+    study: WorkPrecision, cost: Cost = "seconds", measure: Measure = "error_max"
+) -> Figure:
+    """Error against cost, with the Pareto front and the runs that have no error.
+
+    Arguments:
+        study: from `ropeode.work_precision`.
+        cost: `seconds`, `rhs_evaluations` or `steps`.
+        measure: `error_final`, `error_max`, `error_rms` or `energy_error`.
+
+    Returns:
+        A matplotlib figure, 6.5 inches wide, with one pair of logarithmic axes. Families have
+        colours, methods markers; docs/howto/work-precision.md says what each mark means.
+
+    Raises:
+        InputError: there is no such cost or measure.
+
+    Examples:
+        >>> from ropeode import Rope, plot_work_precision, work_precision
+        >>> rope = Rope(num_nodes=4).problem(frames=3)
+        >>> study = work_precision(rope, ["rk4"], steps_per_frame=[16, 64], rounds=1)
+        >>> plot_work_precision(study, "steps").axes[0].get_xlabel()
+        'steps'
+    """
+    return _figure(study, cost, measure)[0]
+
+
+def _figure(
+    study: WorkPrecision, cost: Cost, measure: Measure
+) -> tuple[Figure, list[tuple[str, WorkPoint]]]:
+    """The figure, and its points with the ids that they have in SVG."""
+    check_kind("study", study, WorkPrecision, "work_precision")
+    for name, given, allowed in (("cost", cost, COSTS), ("measure", measure, MEASURES)):
+        if given not in allowed:
+            raise InputError(unknown(name, str(given), allowed))
+    title = f"Error against cost: {table_words.problem_words(study.problem)}"
+    figure = new_figure(title, table_words.error_words(study).rstrip("."), _AXES_HEIGHT)
+    axes = figure.subplots()
+    drawn, limits = points_and_limits(study, cost, measure)
+    quantity = "energy" if measure == "energy_error" else study.norm.quantity
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=limits.cost,
+        ylim=limits.error,
+        xlabel=_COST_LABELS[cost],
+        ylabel=with_unit(_MEASURE_WORDS[measure], study.problem, quantity),
+    )
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    resolution = resolution_of(study, measure)
+    axes.axhspan(limits.error[0] / 10.0, resolution, color=BAND, linewidth=0, zorder=0.5)
+    axes.axhline(resolution, color=BAND_EDGE, linewidth=0.8, zorder=0.6)
+    front = front_line(study, cost, measure)
+    axes.plot(*front, label="front", gid="front", **_FRONT)
+    named, lines = _draw_points(axes, study, drawn, cost)
+    # The axes get their place, which the labels depend on.
+    _draw_legends(figure, study, drawn, resolution)
+    figure.draw_without_rendering()
+    labels = [each for method in study.methods for each in _efforts(study, drawn, method)]
+    marks = [(point.cost, point.error) for point in drawn]
+    place_labels(axes, labels, np.concatenate([*lines, marks]), _LABEL_SIZE)
+    return figure, named
+
+
+def _draw_points(
+    axes: Axes, study: WorkPrecision, drawn: Sequence[WorkPoint], cost: Cost
+) -> tuple[list[tuple[str, WorkPoint]], list[np.ndarray]]:
+    """Draw lines and marks.
+
+    Returns:
+        The points with their ids, and points along the lines.
+    """
+    named, along = [], [np.empty((0, 2))]
+    for method, look in looks(study).items():
+        own = [point for point in drawn if point.row.method == method]
+        certified = np.array([(p.cost, p.error) for p in own if p.mark == CERTIFIED])
+        if len(certified):
+            axes.plot(*certified.T, color=look.colour, linestyle=look.line, zorder=2)
+            along.append(_dense(certified))
+        for point in own:
+            # No name of a method: it may hold what HTML reads as its own.
+            row, name = point.row, f"{cost}-run-{len(named)}"
+            form = {"marker": look.marker, **MARKS.get(point.mark, {})}
+            if cost == "seconds" and point.mark == CERTIFIED:
+                ends = np.array([(end, point.error) for end in (row.seconds_min, row.seconds_max)])
+                axes.plot(*ends.T, color=look.colour, linewidth=0.7, alpha=0.5)
+                along.append(_dense(ends))
+            axes.plot(
+                [point.cost],
+                [point.error],
+                color=look.colour,
+                linestyle="none",
+                zorder=3,
+                gid=name,
+                **form,
+            )
+            named.append((name, point))
+    return named, along
+
+
+def _dense(line: np.ndarray) -> np.ndarray:
+    """Points ``(points, 2)`` all along a line, which is straight in logarithms."""
+    logs = np.log(line)
+    parts = np.linspace(0.0, 1.0, _DENSE)[:, None]
+    pieces = [a + parts * (b - a) for a, b in itertools.pairwise(logs)]
+    return np.exp(np.concatenate([logs[:1], *pieces]))
+
+
+def _efforts(
+    study: WorkPrecision, drawn: Sequence[WorkPoint], method: str
+) -> list[tuple[float, float, str, str]]:
+    """The efforts of a method's first and last certified runs, as labels."""
+    certified = [p for p in drawn if p.row.method == method and p.mark == CERTIFIED]
+    colour = looks(study)[method].colour
+    ends = certified[:1] + certified[-1:] * (len(certified) > 1)
+    return [(p.cost, p.error, effort_cell(p.row), colour) for p in ends]
+
+
+def _draw_legends(
+    figure: Figure, study: WorkPrecision, drawn: Sequence[WorkPoint], resolution: float
+) -> None:
+    methods = [
+        Line2D(
+            [],
+            [],
+            color=look.colour,
+            marker=look.marker,
+            linestyle=look.line,
+            label=f"{method} ({study.methods[method]})",
+        )
+        for method, look in looks(study).items()
+    ]
+    grey = {"color": "0.3", "linestyle": "none"}
+    meanings: list[Artist] = [
+        Line2D([], [], label="Pareto front: no run is better for less", **_FRONT)
+    ]
+    for mark, form in MARKS.items():
+        if any(point.mark == mark for point in drawn):
+            shown = of_orders_in_legend(UNRESOLVED) if mark == BELOW else {**form, "clip_on": True}
+            meanings.append(Line2D([], [], label=mark, **{**grey, **shown}))
+    words = f"below {resolution:.1e}, 10 × the reference's bound"
+    meanings.append(Patch(facecolor=BAND, edgecolor=BAND_EDGE, label=words))
+    efforts = "numbers: steps per frame, or the tolerance"
+    meanings.append(Line2D([], [], linestyle="none", label=efforts))
+    draw_legends(figure, _AXES_HEIGHT, methods, meanings)
+
+
+@matplotlib.rc_context(STYLE)
+def picture_with_hover(
+    study: WorkPrecision, cost: Cost = "seconds", measure: Measure = "error_max"
+) -> str:
+    """The picture as SVG, whose points say their values where the pointer rests.
+
+    Arguments are those of `plot_work_precision`.
+    """
+    figure, named = _figure(study, cost, measure)
+    svg = figure_bytes(figure, ".svg").decode()
+    for name, point in named:
+        group = f'<g id="{name}">'
+        assert group in svg
+        title = f"<title>{html.escape(hover_words(study, point))}</title>"
+        svg = svg.replace(group, f'<g id="{name}" class="run" tabindex="0">{title}', 1)
+    return svg.replace("<defs>", f"<style>{_HOVER}</style><defs>", 1)
+
+
+_HOVER = ".run:hover, .run:focus { stroke: #000; stroke-width: 3; outline: none }"
+
+
+def hover_words(study: WorkPrecision, point: WorkPoint) -> str:
+    """What a point says, a value in each line."""
+    row = point.row
+    lines = [
+        f"{row.method}, {effort_words(row)}",
+        f"max error: {error_words_of(study, row)}",
+    ]
+    for name, value in (
+        ("final error", row.error_final),
+        ("rms error", row.error_rms),
+        ("energy error", row.energy_error),
+        ("error / tolerance", row.error_over_tolerance),
+    ):
+        if value is not None and row.status == "ok":
+            lines.append(f"{name}: {value:.3g}")
+    if row.seconds is not None:
+        lines.append(f"seconds: {row.seconds:.3g} ({row.seconds_min:.3g} to {row.seconds_max:.3g})")
+    if row.rhs_evaluations is not None:
+        lines.append(f"evaluations: {row.rhs_evaluations}")
+    if row.steps is not None:
+        lines.append(f"steps: {row.steps}")
+    if row.why is not None:
+        lines.append(row.why)
+    return "\n".join(lines)

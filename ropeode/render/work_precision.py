@@ -1,0 +1,219 @@
+"""A work-precision study in every format."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from ropeode.render import markup, table_words
+from ropeode.render.data import problem_dict, reference_dict
+from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.schemas.work_precision import CostAxisForm, WorkPrecisionForm
+from ropeode.render.text_layout import columns, counted
+from ropeode.study.work_precision import (
+    COSTS,
+    RUN_LIMIT,
+    TARGETS,
+    Cost,
+    CostToReach,
+    WorkPrecision,
+    WorkRow,
+)
+
+SCHEMA: Literal["ropeode.work-precision/1"] = "ropeode.work-precision/1"
+COST_WORDS: dict[Cost, str] = {
+    "seconds": "milliseconds",
+    "rhs_evaluations": "evaluations of the right-hand side",
+    "steps": "steps",
+}
+RUN_HEADERS = ("effort", "max error", "/ tol", "RHS evals", "steps", "ms", "range", "")
+_ON_FRONT = "*"
+_KEY = (
+    "In brackets: how many times the cost of the best method. *: the best of its family. <: at "
+    "most that, which is the cost of a run with a smaller error. -: no certified run reaches it, "
+    "and nothing is extrapolated."
+)
+
+
+def as_text(study: WorkPrecision) -> str:
+    """What errors cost, then a block of runs for each method, for 80 columns."""
+    head, *rest = blocks(study)
+    assert isinstance(head, Heading)
+    runs = next(block for block in rest if isinstance(block, Grid) and "max error" in block.headers)
+    at = rest.index(runs)
+    return "\n".join(
+        [
+            markup.plain([head, *rest[:at]]).rstrip("\n"),
+            "",
+            *_runs_by_method(study),
+            "",
+            markup.plain(rest[at + 1 :]),
+        ]
+    )
+
+
+def _runs_by_method(study: WorkPrecision) -> list[str]:
+    front = study.front()
+    cells = [run_cells(study, row, row in front) for row in study.rows]
+    header, *lines = columns([RUN_HEADERS, *cells], left=())
+    shown = [header]
+    of_rows = list(zip(study.rows, lines, strict=True))
+    for method, family in study.methods.items():
+        shown.append(f"{method} ({family})")
+        shown += [line for row, line in of_rows if row.method == method]
+    return shown
+
+
+def line(study: WorkPrecision) -> str:
+    """The problem, and how many runs of how many methods."""
+    words = f"{table_words.problem_words(study.problem)}; {counted(len(study.rows), 'run')}"
+    return f"{words} of {counted(len(study.methods), 'method')}"
+
+
+def blocks(study: WorkPrecision) -> list[Block]:
+    """What errors cost, the runs, and the words around them."""
+    parts: list[Block] = [
+        Heading(f"Work and precision: {table_words.problem_words(study.problem)}"),
+        Paragraph(error_words(study)),
+    ]
+    for cost in COSTS:
+        parts += [Paragraph(f"Least {COST_WORDS[cost]} known to reach a max error:")]
+        parts += [_reached_grid(study, cost)]
+    front = study.front()
+    runs = [(row.method, *run_cells(study, row, row in front)) for row in study.rows]
+    parts += [
+        Paragraph(_KEY),
+        Paragraph(run_words(study)),
+        Grid(("method", *RUN_HEADERS), runs, left=frozenset({0})),
+    ]
+    if whys := _whys(study):
+        parts += [Paragraph(f"Runs without an error: {'; '.join(whys)}.")]
+    return [*parts, Paragraph(table_words.reference_words(study))]
+
+
+def error_words(study: WorkPrecision) -> str:
+    """Which error it is, and what is not told."""
+    return (
+        f"{table_words.error_words(study)} Below {study.resolution:.1e}, ten times the reference's "
+        "estimated bound, an error is unresolved."
+    )
+
+
+def run_words(study: WorkPrecision) -> str:
+    """What the columns of the runs hold."""
+    limit = f", up to {study.run_limit:g} s each" if study.run_limit != RUN_LIMIT else ""
+    return (
+        "Runs: the effort is the number of steps per frame, or the relative tolerance; the "
+        "absolute one is that times the scale of the state. A tolerance is no error: / tol is the "
+        f"max error over the absolute one. ms: the median of {counted(study.rounds, 'round')} in "
+        f"turns{limit}, without compiling, with the shortest and the longest. *: no other "
+        "run is better in less time."
+    )
+
+
+def _whys(study: WorkPrecision) -> list[str]:
+    """Why runs failed, or were not made; the first of each method."""
+    found: dict[str, str] = {}
+    for row in study.rows:
+        if row.status in ("failed", "time limit", "step limit"):
+            words = f"{row.method} at {effort_words(row)}: {(row.why or '').rstrip('.')}"
+            found.setdefault(row.method, words)
+    return list(found.values())
+
+
+def effort_words(row: WorkRow) -> str:
+    """The effort with its unit."""
+    return f"rtol {effort_cell(row)}" if row.rtol else f"{effort_cell(row)} steps/frame"
+
+
+def effort_cell(row: WorkRow) -> str:
+    """The effort as a number, a power of ten as such."""
+    if row.rtol is None:
+        return f"{row.effort:g}"
+    digits, power = f"{row.effort:.2e}".split("e")
+    return f"{float(digits):g}e{int(power)}"
+
+
+def run_cells(study: WorkPrecision, row: WorkRow, on_front: bool) -> tuple[str, ...]:
+    """One run as the cells under `RUN_HEADERS`."""
+    over = row.error_over_tolerance
+    span = ""
+    if row.status == "ok" and row.seconds_min is not None and row.seconds_max is not None:
+        span = f"{_ms(row.seconds_min)}-{_ms(row.seconds_max)}"
+    return (
+        effort_cell(row),
+        error_words_of(study, row),
+        "" if over is None or row.status != "ok" else f"{over:.2g}",
+        "-" if row.rhs_evaluations is None else str(row.rhs_evaluations),
+        "-" if row.steps is None else str(row.steps),
+        "-" if row.seconds is None else _ms(row.seconds),
+        span,
+        _ON_FRONT * on_front,
+    )
+
+
+def error_words_of(study: WorkPrecision, row: WorkRow) -> str:
+    """The largest error of a run, what it is below, or the status of a run that has none."""
+    if row.status != "ok":
+        return row.status
+    return table_words.error_cell(row.error_max, study.resolution)
+
+
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g}" if seconds < 10 else f"{1e3 * seconds:.0f}"
+
+
+def _reached_grid(study: WorkPrecision, cost: Cost) -> Grid:
+    by_target = [study.costs_to_reach(target, cost) for target in TARGETS]
+    rows = [
+        (of_method[0].method, *(_reached_cell(each, cost) for each in of_method))
+        for of_method in zip(*by_target, strict=True)
+    ]
+    return Grid(("method", *(f"{target:g}" for target in TARGETS)), rows, left=frozenset({0}))
+
+
+def _reached_cell(each: CostToReach, cost: Cost) -> str:
+    if each.cost is None:
+        return "-"
+    value = _ms(each.cost) if cost == "seconds" else f"{each.cost:.0f}"
+    most, star = "<" * each.at_most, _ON_FRONT * each.best_of_family
+    return f"{most}{value} ({each.ratio:.2g}){star}"
+
+
+def as_lines(study: WorkPrecision) -> list[dict[str, Any]]:
+    """One line for each run, with what the reference resolves and the fronts that it is on."""
+    fronts = {cost: study.front(cost) for cost in COSTS}
+    return [
+        {
+            **vars(row),
+            "resolution": study.resolution,
+            "energy_resolution": study.energy_resolution,
+            **{f"on_front_of_{cost}": row in front for cost, front in fronts.items()},
+        }
+        for row in study.rows
+    ]
+
+
+def as_dict(study: WorkPrecision) -> WorkPrecisionForm:
+    """The study in its JSON form."""
+    return {
+        "schema": SCHEMA,
+        "problem": problem_dict(study.problem),
+        "norm": study.norm.name,
+        "reference": reference_dict(study.reference, study.norm),
+        "resolution": study.resolution,
+        "energy_resolution": study.energy_resolution,
+        "run_limit": study.run_limit,
+        "rounds": study.rounds,
+        "rows": list(study.rows),
+        "costs": [_cost_axis(study, cost) for cost in COSTS],
+    }
+
+
+def _cost_axis(study: WorkPrecision, cost: Cost) -> CostAxisForm:
+    return {
+        "cost": cost,
+        "front": [{"method": row.method, "effort": row.effort} for row in study.front(cost)],
+        "costs_to_reach": [
+            each for target in TARGETS for each in study.costs_to_reach(target, cost)
+        ],
+    }

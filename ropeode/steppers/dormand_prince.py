@@ -1,0 +1,123 @@
+"""Dormand and Prince's methods of high order, at constant step."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from ropeode.steppers.runge_kutta import RungeKutta
+from ropeode.tableaus.tableau import Tableau
+
+
+@dataclasses.dataclass(frozen=True)
+class DormandPrince5(RungeKutta):
+    """The six slopes of order 5 of the pair that is known as DOPRI5 and ode45.
+
+    A seventh, which only estimates the error, is left out: the step is constant.
+
+    Source: J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980); Hairer, Norsett, Wanner,
+    Solving Ordinary Differential Equations I, table II.5.2.
+    """
+
+    name = "dormand-prince5"
+    source = "Hairer, Norsett, Wanner, Solving ODEs I, table II.5.2"
+    tableau = Tableau.of(
+        [
+            [],
+            ["1/5"],
+            ["3/40", "9/40"],
+            ["44/45", "-56/15", "32/9"],
+            ["19372/6561", "-25360/2187", "64448/6561", "-212/729"],
+            ["9017/3168", "-355/33", "46732/5247", "49/176", "-5103/18656"],
+        ],
+        ["35/384", 0, "500/1113", "125/192", "-2187/6784", "11/84"],
+    )
+    tableau_order = 5
+
+
+# Of each row of the matrix, and of the weights: the places and values of what is not 0.
+_OF_ORDER_8: tuple[dict[int, float], ...] = (
+    {},
+    {0: 0.05260015195876773},
+    {0: 0.0197250569845379, 1: 0.0591751709536137},
+    {0: 0.02958758547680685, 2: 0.08876275643042054},
+    {0: 0.2413651341592667, 2: -0.8845494793282861, 3: 0.924834003261792},
+    {0: 0.037037037037037035, 3: 0.17082860872947386, 4: 0.12546768756682242},
+    {0: 0.037109375, 3: 0.17025221101954405, 4: 0.06021653898045596, 5: -0.017578125},
+    {
+        0: 0.03709200011850479,
+        3: 0.17038392571223998,
+        4: 0.10726203044637328,
+        5: -0.015319437748624402,
+        6: 0.008273789163814023,
+    },
+    {
+        0: 0.6241109587160757,
+        3: -3.3608926294469414,
+        4: -0.868219346841726,
+        5: 27.59209969944671,
+        6: 20.154067550477894,
+        7: -43.48988418106996,
+    },
+    {
+        0: 0.47766253643826434,
+        3: -2.4881146199716677,
+        4: -0.590290826836843,
+        5: 21.230051448181193,
+        6: 15.279233632882423,
+        7: -33.28821096898486,
+        8: -0.020331201708508627,
+    },
+    {
+        0: -0.9371424300859873,
+        3: 5.186372428844064,
+        4: 1.0914373489967295,
+        5: -8.149787010746927,
+        6: -18.52006565999696,
+        7: 22.739487099350505,
+        8: 2.4936055526796523,
+        9: -3.0467644718982196,
+    },
+    {
+        0: 2.273310147516538,
+        3: -10.53449546673725,
+        4: -2.0008720582248625,
+        5: -17.9589318631188,
+        6: 27.94888452941996,
+        7: -2.8589982771350235,
+        8: -8.87285693353063,
+        9: 12.360567175794303,
+        10: 0.6433927460157636,
+    },
+    {
+        0: 0.054293734116568765,
+        5: 4.450312892752409,
+        6: 1.8915178993145003,
+        7: -5.801203960010585,
+        8: 0.3111643669578199,
+        9: -0.1521609496625161,
+        10: 0.20136540080403034,
+        11: 0.04471061572777259,
+    },
+)
+
+
+def _row(entries: dict[int, float], length: int) -> list[float]:
+    return [entries.get(j, 0) for j in range(length)]
+
+
+@dataclasses.dataclass(frozen=True)
+class DormandPrince8(RungeKutta):
+    """The twelve slopes of order 8 of the program DOP853, without those that estimate its error.
+
+    Source: P. J. Prince, J. R. Dormand, J. Comput. Appl. Math. 7 (1981); the coefficients are those
+    of E. Hairer's program dop853.f: Hairer, Norsett, Wanner, Solving Ordinary Differential
+    Equations I, section II.5.
+    """
+
+    name = "dormand-prince8"
+    source = "Hairer, Norsett, Wanner, Solving ODEs I, section II.5"
+    tableau = Tableau.of(
+        [_row(entries, i) for i, entries in enumerate(_OF_ORDER_8[:-1])],
+        _row(_OF_ORDER_8[-1], 12),
+    )
+    tableau_order = 8

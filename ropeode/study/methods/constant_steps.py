@@ -1,0 +1,73 @@
+"""Steppers as methods, whose effort is the number of steps per frame."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from ropeode.problems.problem import Problem
+from ropeode.references.solvers.stopwatch import Stopwatch
+from ropeode.simulation import simulate
+from ropeode.simulation.method import method_of
+from ropeode.steppers.base import Stepper
+from ropeode.study.methods.method import Attempt, Run
+
+CONSTANT = ":constant"
+
+
+@dataclasses.dataclass(frozen=True)
+class ConstantSteps:
+    """A stepper.
+
+    Arguments:
+        stepper: that takes the steps.
+        label: as in tables and plots.
+    """
+
+    stepper: Stepper
+    label: str
+
+    adaptive = False
+
+    @property
+    def family(self) -> str:
+        """That of the stepper."""
+        return self.stepper.family
+
+    def refusal(self, problem: Problem) -> str | None:
+        """As the stepper says."""
+        return self.stepper.refusal(problem)
+
+    def ready(self, problem: Problem) -> Run:
+        """Compile the stepper; one program serves all numbers of steps."""
+        method = method_of(self.stepper, problem)
+        simulate(problem, method, 1)
+
+        def run(effort: float, seconds: float) -> Attempt:
+            # The number of steps says how long it takes; see `ropeode.study.methods.in_turns`.
+            del seconds
+            stopwatch = Stopwatch()
+            found = simulate(problem, method, int(effort))
+            frames = problem.frames if found.diverged_at is None else found.diverged_at
+            steps = int(effort) * frames
+            return Attempt(
+                status=found.status,
+                why=found.lost and f"it {found.lost}",
+                states=found.states,
+                steps=steps,
+                rhs_evaluations=found.rhs_evaluations or self._in_loops(steps),
+                jacobian_evaluations=found.jacobian_evaluations,
+                # Other programs on the same machine take nothing from it, as from the others.
+                seconds=min(found.seconds, stopwatch.seconds),
+            )
+
+        return run
+
+    def _in_loops(self, steps: int) -> int | None:
+        """The evaluations of a solver of diffrax, which makes them in loops."""
+        solver = getattr(self.stepper, "solver", None)
+        if self.stepper.family != "diffrax" or solver is None:
+            return None
+        # Not above: it imports diffrax.
+        from ropeode.references.solvers.diffrax_counts import explicit_evaluations
+
+        return explicit_evaluations(type(solver), steps)

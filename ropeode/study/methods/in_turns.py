@@ -1,0 +1,141 @@
+"""Runs of methods at their efforts: once each, and then in rounds for the clock."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Generic, TypeVar
+
+from ropeode.errors import InputError
+from ropeode.problems.problem import Problem
+from ropeode.progress import Progress
+from ropeode.study.methods.method import Attempt, LadderMethod, Run
+
+T = TypeVar("T")
+
+# Shorter runs say little about longer ones.
+_TELLING_S = 0.05
+# Steps per frame of a run that shows how long a step takes; the next one has as many times more.
+_FEW = 16
+
+
+@dataclasses.dataclass(frozen=True)
+class Timed(Generic[T]):
+    """What became of a method at one effort.
+
+    Arguments:
+        method: that was run.
+        effort: steps per frame, or a tolerance.
+        attempt: its first run, without its states.
+        measured: what was measured of these.
+        seconds: of the rounds, from short to long; none for a run that was not `ok`.
+    """
+
+    method: LadderMethod
+    effort: float
+    attempt: Attempt
+    measured: T
+    seconds: tuple[float, ...]
+
+
+def run_in_turns(
+    ready: Sequence[tuple[LadderMethod, Run, Sequence[float]]],
+    problem: Problem,
+    measure: Callable[[Attempt], tuple[Attempt, T]],
+    limit: float,
+    rounds: int,
+    progress: Progress,
+) -> list[Timed[T]]:
+    """Run each method at each effort.
+
+    The first run of each is measured. Then all that went well run again, one after the other, for
+    so many rounds, so that what slows the machine for a while slows them alike.
+
+    Arguments:
+        ready: methods, compiled, with their efforts from cheap to costly.
+        problem: that they solve.
+        measure: the errors of a run; may change its status.
+        limit: seconds that a run may take; those that are expected to take more are not run.
+        rounds: how many.
+        progress: called with what is being done and the fraction that is done.
+    """
+    whole = sum(len(efforts) for _, _, efforts in ready) * (1 + rounds)
+    done = 0
+
+    def said(method: LadderMethod, effort: float) -> None:
+        nonlocal done
+        unit = f"rtol {effort:g}" if method.adaptive else f"{effort:g} steps per frame"
+        progress(f"{method.label}: {unit}", done / whole)
+        done += 1
+
+    first: list[tuple[LadderMethod, Run, float, Attempt, T]] = []
+    for method, run, efforts in ready:
+        before: list[tuple[float, Attempt]] = []
+        for effort in efforts:
+            said(method, effort)
+            attempt = _first_run(method, run, effort, before, problem, limit)
+            attempt, measured = measure(attempt)
+            attempt = dataclasses.replace(attempt, states=problem.y0[None])
+            before.append((effort, attempt))
+            first.append((method, run, effort, attempt, measured))
+    seconds: list[list[float]] = [[] for _ in first]
+    for _ in range(rounds):
+        for taken, (method, run, effort, attempt, _measured) in zip(seconds, first, strict=True):
+            said(method, effort)
+            if attempt.status == "ok":
+                taken.append(run(effort, float("inf")).seconds)
+    return [
+        Timed(method, effort, attempt, measured, tuple(sorted(taken)))
+        for taken, (method, _, effort, attempt, measured) in zip(seconds, first, strict=True)
+    ]
+
+
+def _first_run(
+    method: LadderMethod,
+    run: Run,
+    effort: float,
+    before: Sequence[tuple[float, Attempt]],
+    problem: Problem,
+    limit: float,
+) -> Attempt:
+    try:
+        if method.adaptive:
+            expected = _of_tolerances(before)
+        else:
+            expected = _of_steps(run, effort, before, problem, limit)
+        if expected > limit:
+            why = f"it would take about {expected:.2g} s"
+            return Attempt("time limit", why, problem.y0[None], None, None, None, expected)
+        return run(effort, limit)
+    except InputError as error:
+        return Attempt("failed", error.problems[0], problem.y0[None], None, None, None, 0.0)
+
+
+def _of_steps(
+    run: Run,
+    effort: float,
+    before: Sequence[tuple[float, Attempt]],
+    problem: Problem,
+    limit: float,
+) -> float:
+    """The seconds that so many steps will take, from fewer."""
+    ran = [each for each in before if each[1].steps]
+    few, last = ran[-1] if ran else (_FEW, None)
+    while True:
+        if last is None:
+            last = run(min(few, effort), limit)
+        # One that diverged did not make all of its steps.
+        expected = last.seconds * effort * problem.frames / max(1, last.steps or 1)
+        # A short run takes longer for its steps than a long one: it may only seem too much.
+        if expected <= limit or last.seconds >= _TELLING_S or few * _FEW >= effort:
+            return expected
+        few, last = few * _FEW, None
+
+
+def _of_tolerances(before: Sequence[tuple[float, Attempt]]) -> float:
+    """The seconds of the next tolerance: as much more as the last one took more."""
+    ran = [attempt.seconds for _, attempt in before if attempt.status != "failed"]
+    if not ran:
+        return 0.0
+    grew = ran[-1] / ran[-2] if len(ran) > 1 and ran[-2] else 1.0
+    return ran[-1] * max(1.0, grew if ran[-1] >= _TELLING_S else 1.0)

@@ -1,0 +1,35 @@
+"""The list of steppers, and all of one."""
+
+from __future__ import annotations
+
+from ropeode.render.docstrings import description, source
+from ropeode.render.stepper_list import as_text as stepper_list
+from ropeode.render.stepper_list import one_as_text as one_stepper
+from ropeode.steppers import STEPPERS, as_stepper
+from ropeode.steppers.registry import options
+
+
+def test_every_stepper_is_in_the_list():
+    for name, cls in STEPPERS.items():
+        assert f"\n  {name} " in stepper_list()
+        assert cls.family in stepper_list().splitlines()
+        # Line breaks aside, its description and its source.
+        words = "".join(one_stepper(cls()).split())
+        for paragraph in (*description(cls), source(cls)):
+            assert "".join(paragraph.replace("``", "").split()) in words
+        for option, values in options(cls).items():
+            assert f"{option}={'|'.join(values)}" in words
+        assert max(map(len, one_stepper(cls()).splitlines())) <= 80
+    assert max(map(len, stepper_list().splitlines())) <= 80
+
+
+def test_all_of_one_stepper_gives_orders_on_the_problems_that_it_is_for():
+    def orders(stepper):
+        lines = one_stepper(as_stepper(stepper)).split("\n\n")[-1].splitlines()
+        return {line.split()[0]: line.split()[1:] for line in lines[2:]}
+
+    assert orders("rattle") == {"rattle": ["2"] * 4}
+    assert orders("constraint-verlet")["start=rest"] == ["1", "0", "1", "0"]
+    assert orders("stormer-verlet")["damping=per-step"] == ["2", "2", "0", "0"]
+    assert orders("diffrax:Heun") == {"diffrax:Heun": ["2"] * 4}
+    assert orders(lambda rhs, t, y, dt, args: y) == {"<lambda>": ["-"] * 4}

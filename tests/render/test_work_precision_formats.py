@@ -1,0 +1,192 @@
+"""A work-precision study in every format, and its picture."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.problems.problem import Problem
+from ropeode.render.formats import format_work_precision
+from ropeode.render.plots.work_points import BELOW, BLEW_UP, CERTIFIED, points_and_limits
+from ropeode.render.plots.work_precision import (
+    hover_words,
+    looks,
+    picture_with_hover,
+    plot_work_precision,
+)
+from ropeode.render.work_precision import effort_cell
+from ropeode.study.work_precision import COSTS, TARGETS, work_precision
+from ropeode.terminal.output import FORMATS as NAMES
+from tests.exact_reference import exact_reference
+from tests.quartic import HOSTILE
+from tests.render.plots.legible import assert_legible
+from tests.schemas import assert_conforms
+
+
+def cubic(t, y, args):
+    return -100 * y**3
+
+
+class Own:
+    """A solver whose error is known; it fails once, and diverges once."""
+
+    __name__ = HOSTILE
+
+    def __call__(self, problem, rtol):
+        truth = 1.0 / np.sqrt(1.0 + 200.0 * problem.ts[:, None])
+        if rtol == 1e-4:
+            raise ValueError(HOSTILE)
+        states = truth + rtol * (problem.ts > 0.0)[:, None]
+        if rtol == 1e-2:
+            states[2:] = np.inf
+        return states, round(1e3 / rtol)
+
+
+@pytest.fixture(scope="module")
+def study():
+    """Certified, unresolved, unstable, diverged and failed runs, and a hostile name."""
+    problem = Problem(cubic, [1.0], np.arange(4.0), name=HOSTILE)
+    truth = exact_reference(problem, 1.0 / np.sqrt(1.0 + 200.0 * problem.ts[:, None]))
+    return work_precision(
+        truth,
+        ["explicit-euler", "rk4", "scipy:DOP853", Own()],
+        steps_per_frame=[3, 700, 2100],
+        rtol=[1e-2, 1e-4, 1e-6, 3e-8, 1e-13],
+        rounds=2,
+    )
+
+
+def test_the_study_has_all_that_one_can_have(study):
+    own = [row for row in study.rows if row.method == HOSTILE]
+    assert [row.status for row in own] == ["diverged", "failed", "ok", "ok", "ok"]
+    assert [row.error_max for row in own][2:4] == [pytest.approx(1e-6), pytest.approx(3e-8)]
+    assert {"diverged", "unstable"} & {row.status for row in study.rows if row.effort == 3}
+
+
+@pytest.mark.parametrize("form", NAMES)
+def test_every_format_holds_the_findings(study, form):
+    text = format_work_precision(study, form)
+    assert text.endswith("\n")
+    assert not re.search(r"\b(nan|NaN|Infinity|None)\b", text)
+    if form == "csv":
+        rows = list(csv.DictReader(io.StringIO(text)))
+        assert [row["method"] for row in rows] == [row.method for row in study.rows]
+        front = {(row.method, f"{row.effort}") for row in study.front("rhs_evaluations")}
+        marked = {
+            (row["method"], row["effort"])
+            for row in rows
+            if row["on_front_of_rhs_evaluations"] == "True"
+        }
+        assert marked == front
+        failed = next(row for row in rows if row["status"] == "failed")
+        assert failed["error_max"] == failed["seconds"] == ""
+        return
+    if form == "json":
+        assert_conforms(text)
+        found = json.loads(text)
+        assert found["schema"] == "ropeode.work-precision/1"
+        assert len(found["rows"]) == len(study.rows)
+        assert [each["cost"] for each in found["costs"]] == list(COSTS)
+        for each, cost in zip(found["costs"], COSTS, strict=True):
+            assert [run["method"] for run in each["front"]] == [
+                row.method for row in study.front(cost)
+            ]
+            assert len(each["costs_to_reach"]) == len(TARGETS) * len(study.methods)
+        return
+    assert "<b>" not in text or form in ("text", "markdown")
+    reached = {each.method: each for each in study.costs_to_reach(1e-6, "rhs_evaluations")}
+    assert f"{reached['rk4'].cost:.0f} ({reached['rk4'].ratio:.2g})" in text
+    assert "diverged" in text
+    assert "failed" in text
+    if form == "html":
+        assert text.count("<svg") == len(COSTS)
+        # Nothing from outside is asked for.
+        assert not re.search(r"""(src|href)\s*=\s*["'](?!#)|url\((?!#)|@import""", text)
+
+
+def test_no_such_format(study):
+    with pytest.raises(InputError, match="did you mean 'html'"):
+        format_work_precision(study, "htm")
+
+
+@pytest.mark.parametrize("cost", COSTS)
+def test_the_picture_draws_each_run_where_it_is(study, cost):
+    """What is on the axes, read back from matplotlib's own artists."""
+    figure = plot_work_precision(study, cost)
+    (axes,) = figure.axes
+    points, limits = points_and_limits(study, cost, "error_max")
+    drawn = {
+        (line.get_xdata()[0], line.get_ydata()[0]): line
+        for line in axes.lines
+        if str(line.get_gid()).startswith(f"{cost}-run")
+    }
+    paid = [row for row in study.rows if getattr(row, cost) is not None]
+    assert len(points) == len(paid)
+    for point in points:
+        row, line = point.row, drawn[point.cost, point.error]
+        assert limits.cost[0] < point.cost < limits.cost[1]
+        assert point.cost == getattr(row, cost)
+        assert line.get_color() in {look.colour for look in looks(study).values()}
+        if row.status != "ok":
+            assert (point.mark, point.error) == (BLEW_UP, limits.error[1])
+        elif row.error_max is None:
+            assert (point.mark, point.error) == (BELOW, study.resolution)
+        else:
+            assert (point.mark, point.error) == (CERTIFIED, row.error_max)
+            assert limits.error[0] < point.error < limits.error[1]
+    (front,) = [line for line in axes.lines if line.get_gid() == "front"]
+    expected = [(getattr(row, cost), row.error_max) for row in study.front(cost)]
+    np.testing.assert_allclose(front.get_xydata(), np.reshape(expected, (-1, 2)))
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+
+
+def test_families_have_colours_and_methods_markers(study):
+    found = looks(study)
+    assert found["rk4"].colour == found["explicit-euler"].colour
+    assert found["rk4"].line != found["explicit-euler"].line
+    assert len({look.marker for look in found.values()}) == len(found)
+    assert len({look.colour for look in found.values()}) == len(set(study.methods.values()))
+
+
+def test_the_picture_is_legible(study):
+    """Error bars and the front are lines of their own, which may lie on others."""
+    assert_legible(plot_work_precision(study, "rhs_evaluations"), [])
+
+
+def test_efforts_stand_beside_the_first_and_the_last_certified_run(study):
+    (axes,) = plot_work_precision(study, "rhs_evaluations").axes
+    shown = {text.get_text() for text in axes.texts}
+    assert shown
+    certified = {effort_cell(row) for row in study.rows if row.status == "ok" and row.error_max}
+    assert shown <= certified
+
+
+def test_points_say_their_values(study):
+    """As a browser reads it: a title inside each point's group."""
+    svg = picture_with_hover(study, "steps")
+    root = ElementTree.fromstring(svg[svg.index("<svg") :])
+    space = "{http://www.w3.org/2000/svg}"
+    titles = [each.find(f"{space}title") for each in root.iter(f"{space}g")]
+    said = [title.text for title in titles if title is not None]
+    points, _ = points_and_limits(study, "steps", "error_max")
+    assert said == [hover_words(study, point) for point in points]
+    words = next(text for text in said if text.startswith("rk4, 700 steps/frame"))
+    row = next(row for row in study.rows if row.method == "rk4" and row.effort == 700)
+    assert f"max error: {row.error_max:.3e}" in words
+    assert f"evaluations: {row.rhs_evaluations}" in words
+
+
+def test_other_measures_and_bad_names(study):
+    figure = plot_work_precision(study, "steps", "error_final")
+    assert figure.axes[0].get_ylabel() == "final error"
+    with pytest.raises(InputError, match="cost: 'time' given"):
+        plot_work_precision(study, "time")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="did you mean 'error_max'"):
+        plot_work_precision(study, "steps", "error_maximum")  # type: ignore[arg-type]

@@ -1,0 +1,243 @@
+"""Tableaus: those of the steppers meet their order conditions; those in files are checked."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from fractions import Fraction
+from pathlib import Path
+
+import kauri
+import numpy as np
+import pytest
+
+from ropeode import accuracy_table, simulate
+from ropeode.cli.main import main
+from ropeode.errors import InputError, InputWarning
+from ropeode.problems.problem import Problem
+from ropeode.steppers import STEPPERS, ProblemClass, as_stepper
+from ropeode.steppers.nystrom import Nystrom4
+from ropeode.steppers.runge_kutta import RungeKutta, advanced
+from ropeode.sweep.design.steppers import stepper_digest, stepper_from, stepper_sources
+from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.theory.tableau_of_step import tableau_of
+
+EXAMPLE = Path(__file__).parents[2] / "docs/examples/heun3.toml"
+METHODS = {name: cls for name, cls in STEPPERS.items() if issubclass(cls, RungeKutta)}
+HIGH = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=HIGH if cls.tableau_order > 5 else [])
+        for name, cls in METHODS.items()
+    ],
+)
+def test_declared_order_is_that_of_the_order_conditions(name):
+    tableau = METHODS[name].tableau
+    assert tableau.explicit
+    assert tableau.keeps_time
+    assert tableau.order == METHODS[name].tableau_order
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_conditions_are_met_to_the_last_digits(name):
+    """By kauri's trees, in floating-point numbers: up to order 6, which is fast."""
+    tableau = METHODS[name].tableau
+    a, b = np.array(tableau.a, float), np.array(tableau.b, float)
+
+    def stages(tree):
+        *branches, _ = tree
+        weights = np.ones(len(b))
+        for branch in branches:
+            weights = weights * (a @ stages(branch))
+        return weights
+
+    for order in range(1, min(METHODS[name].tableau_order, 6) + 1):
+        for tree in kauri.trees_of_order(order):
+            assert b @ stages(tree.list_repr) == pytest.approx(1 / tree.factorial(), abs=4e-15)
+
+
+def test_nystroms_method_meets_the_conditions_with_velocities_too():
+    """Its three forces make four accelerations; the conditions are those of P-series."""
+    third, sixth, half = Fraction(1, 3), Fraction(1, 6), Fraction(1, 2)
+    o, one = Fraction(0), Fraction(1)
+    written = NystromTableau(
+        p=((o,) * 4, (Fraction(1, 8), o, o, o), (Fraction(1, 8), o, o, o), (o, o, half, o)),
+        q=(sixth, sixth, sixth, o),
+        a=((o,) * 4, (half, o, o, o), (o, half, o, o), (o, o, one, o)),
+        b=(sixth, third, third, sixth),
+        c=(o, half, half, one),
+        d=(o, half, half, one),
+    )
+    assert written.order == written.order_without_velocities == 4
+    assert Nystrom4().order(ProblemClass(damped=True)) == 4
+    # One damping for the two stages in the middle would be quicker to write.
+    fewer = NystromTableau(
+        p=((o,) * 3, (Fraction(1, 8), o, o), (o, half, o)),
+        q=(sixth, third, o),
+        a=((o,) * 3, (half, o, o), (o, one, o)),
+        b=(sixth, 2 * third, sixth),
+        c=(o, half, one),
+        d=(o, half, one),
+    )
+    assert (fewer.order, fewer.order_without_velocities) == (2, 4)
+
+
+def test_sums_are_those_of_whole_numbers():
+    """As they are written in books, and so rounded in the same way."""
+    y, k1, k2, dt = 0.7, np.array([1.1, -0.3]), np.array([0.9, 1.7]), 0.1
+    row = (Fraction(1, 6), Fraction(1, 3))
+    assert np.array_equal(advanced(y, dt, row, [k1, k2]), y + dt / 6 * (k1 + 2.0 * k2))
+    assert advanced(y, dt, (Fraction(0), 0.0), [k1, k2]) is y
+    large = (Fraction(1, 2**40 + 1), Fraction(1, 2**40 - 1))
+    expected = y + dt * (k1 / (2**40 + 1) + k2 / (2**40 - 1))
+    np.testing.assert_allclose(advanced(y, dt, large, [k1, k2]), expected, rtol=1e-15)
+
+
+# ---- tableaus in files
+
+
+def written(folder: Path, text: str, name: str = "own.toml") -> str:
+    (folder / name).write_text(text)
+    return f"runge-kutta:{name}"
+
+
+def test_the_example_is_a_stepper_of_order_3():
+    stepper = as_stepper("runge-kutta:heun3.toml", folder=EXAMPLE.parent)
+    assert (stepper.label, stepper.order(ProblemClass())) == ("heun3", 3)
+    problem = Problem(lambda t, y, args: -y * y * t, [0.7], [0.0, 1.0, 2.0])
+
+    def by_hand(rhs, t, y, dt, args):
+        k1 = rhs(t, y, args)
+        k2 = rhs(t + dt / 3, y + dt / 3 * k1, args)
+        k3 = rhs(t + 2 * dt / 3, y + 2 * dt / 3 * k2, args)
+        return y + dt / 4 * (k1 + 3 * k3)
+
+    run, expected = simulate(problem, stepper, 7), simulate(problem, by_hand, 7)
+    np.testing.assert_allclose(run.states, expected.states, rtol=1e-14)
+    assert run.rhs_evaluations == 2 * 7 * 3
+    (row,) = accuracy_table(problem, [stepper], [16, 24, 36, 54]).orders
+    assert row.expected == 3
+    assert row.order.observed == pytest.approx(3, abs=0.1)
+    assert tableau_of(stepper).tableau.order == 3
+
+
+def test_stages_that_nobody_reads_are_left_out(tmp_path):
+    text = written(tmp_path, 'A = [[], ["1/2"], [1, 1]]\nb = [0, 1, 0]\nc = [0, 0.5, 2]')
+    problem = Problem(lambda t, y, args: -y, [0.7], [0.0, 1.0])
+    run = simulate(problem, as_stepper(text, folder=tmp_path), 4)
+    assert run.rhs_evaluations == 8
+    assert np.array_equal(run.states, simulate(problem, "midpoint", 4).states)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "A = [[]]\nb = [1]\nd = 1",
+            "'d' given, which does not exist; allowed: A, b, c, name, order",
+        ),
+        ("b = [1]", "A: None given; allowed: a list of rows"),
+        ("A = [[]]", "b: None given; allowed: a list of numbers"),
+        ("A = [1]\nb = [1]", "A: [1] given; allowed: a list of rows"),
+        ("A = [[], [1]]\nb = [1]", "A: '2 rows' given; allowed: 1 rows"),
+        ("A = [[], [1, 2, 3]]\nb = [0, 1]", "A[2]: '3 entries' given; allowed: 1 of them, or 2"),
+        ("A = [[], [1]]\nb = [0, 1]\nc = [0]", "c: '1 times' given; allowed: 2 times"),
+        ('A = [["1/2"]]\nb = [1]', "A[1][1]: '1/2' given; allowed: 0 there, in explicit methods"),
+        ("A = [[0, 1], [1, 0]]\nb = [0, 1]", "implicit tableaus are not taken"),
+        ('A = [[]]\nb = ["x"]', "b[1]: 'x' given; allowed: finite numbers"),
+        ('A = [[]]\nb = ["1/0"]', "b[1]: '1/0' given; allowed: finite numbers"),
+        ("A = [[]]\nb = [nan]", "b[1]: nan given; allowed: finite numbers"),
+        ("A = [[]]\nb = [true]", "b[1]: True given; allowed: finite numbers"),
+        ('A = [[]]\nb = [1]\nname = "rk4"', "name: 'rk4' given; allowed: a text"),
+        ("A = [[]]\nb = [1]\norder = 1.5", "order: 1.5 given; allowed: a whole number >= 1"),
+        (
+            "A = [[], [1]]\nb = [0.5, 0.5]\norder = 3",
+            "order: 3 given; allowed: at most 2; of the conditions for order 3 one is "
+            "Σ b_i a_ij c_j = 1/6, and here it is 0.",
+        ),
+        ("A = [[]", "a TOML file"),
+    ],
+)
+def test_faults_are_one_line_each(tmp_path, text, words):
+    with pytest.raises(InputError) as caught:
+        as_stepper(written(tmp_path, text), folder=tmp_path)
+    (line,) = caught.value.problems
+    assert words in line
+    assert "Fix: " in line
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize("text", ["runge-kutta", "runge-kutta:", "runge-kutta:own.py"])
+def test_a_file_is_needed(text):
+    with pytest.raises(InputError, match="allowed: runge-kutta:FILE.toml"):
+        as_stepper(text)
+
+
+def test_a_file_that_does_not_exist(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        as_stepper("runge-kutta:none.toml", folder=tmp_path)
+
+
+def test_weights_that_do_not_add_up_to_1(tmp_path):
+    text = written(tmp_path, 'A = [[], [1]]\nb = ["1/2", "2/3"]')
+    with pytest.warns(InputWarning, match="weights b add up to 7/6, not to 1; its order is 0"):
+        stepper = as_stepper(text, folder=tmp_path)
+    assert stepper.order(ProblemClass()) == 0
+
+
+def test_times_that_are_not_row_sums(tmp_path):
+    text = written(tmp_path, "A = [[], [1]]\nb = [0.5, 0.5]\nc = [0, 0.25]")
+    with pytest.warns(
+        InputWarning, match=r"c\[2\] is 0.25, and row 2 of A adds up to 1; its order"
+    ):
+        stepper = as_stepper(text, folder=tmp_path)
+    # Measured on a right-hand side of time alone.
+    problem = Problem(lambda t, y, args: np.cos(3.0) * t + 0 * y, [0.0], [0.0, 1.0])
+    exact = np.cos(3.0) / 2
+    errors = [simulate(problem, stepper, n).states[-1, 0] - exact for n in (10, 30)]
+    assert stepper.order(ProblemClass()) == 1
+    assert errors[0] / errors[1] == pytest.approx(3, rel=1e-6)
+
+
+def test_a_command_warns_in_one_line(tmp_path, capsys, command_surroundings):
+    text = written(tmp_path, "A = [[]]\nb = [2]")
+    words = ["table", "--steppers", text.replace("own", f"{tmp_path}/own"), "--frames", "1"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", InputWarning)
+        main([*words, "--steps", "4,8"])
+    lines = capsys.readouterr().err.splitlines()
+    warned = [line for line in lines if "warning" in line]
+    assert warned
+    assert all(line.startswith("ropeode: warning: ") for line in warned)
+    assert "add up to 2, not to 1" in warned[0]
+
+
+def test_sweeps_follow_the_file(tmp_path):
+    text = written(tmp_path, "A = [[], [1]]\nb = [0.5, 0.5]")
+    (source,) = stepper_sources([text], tmp_path).values()
+    assert stepper_from(source, tmp_path).order(ProblemClass()) == 2
+    written(tmp_path, 'A = [[], ["2/3"]]\nb = [0.25, 0.75]')
+    assert stepper_digest(text, tmp_path) != source.file
+    with pytest.raises(InputError, match="unchanged since the sweep was started"):
+        stepper_from(source, tmp_path)
+    again = as_stepper(text, folder=tmp_path)
+    assert again.tableau.a[1][0] == Fraction(2, 3)
+
+
+def test_its_program_is_kept_between_processes():
+    """By a description in words, which all processes share."""
+    code = (
+        "from ropeode.identity import described\n"
+        "from ropeode.steppers import as_stepper\n"
+        f"print(described(as_stepper('runge-kutta:{EXAMPLE}')))"
+    )
+    words = {
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+        for _ in range(2)
+    }
+    assert len(words) == 1
+    assert "Fraction(2, 3)" in words.pop()

@@ -1,0 +1,85 @@
+"""Which runs are the best for their cost, and the cost of an error, against brute force."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ropeode.study.pareto import cost_to_reach, pareto_front
+
+# Few different values, so that many points are equal in one of the two.
+NUMBERS = st.sampled_from([0.5, 1.0, 2.0, 3.0, 7.0]) | st.floats(1e-12, 1e6)
+POINTS = st.lists(st.tuples(NUMBERS, NUMBERS), max_size=12)
+
+
+def beats(a, b):
+    return a[0] <= b[0] and a[1] <= b[1] and a != b
+
+
+@given(POINTS)
+def test_the_front_is_what_no_point_beats(points):
+    front = pareto_front(points)
+    unbeaten = {point for point in points if not any(beats(other, point) for other in points)}
+    assert {points[i] for i in front} == unbeaten
+    assert len(front) == len(unbeaten)
+    costs = [points[i][0] for i in front]
+    assert costs == sorted(costs)
+    assert all(points.index(points[i]) == i for i in front)
+
+
+@given(st.floats(0.3, 6.0), st.floats(1e-3, 1e3), st.floats(1e-9, 1e-2))
+def test_a_power_law_is_interpolated_exactly(order, constant, error):
+    """error = constant cost^-order, at ratios other than 2."""
+    costs = [1.0, 3.7, 11.0, 90.0, 2e3]
+    points = [(cost, constant * cost**-order) for cost in costs]
+    found = cost_to_reach(error, points)
+    if error < points[-1][1]:
+        assert found is None
+    elif error > points[0][1]:
+        assert found == (1.0, True)
+    else:
+        assert found is not None
+        assert found.cost == pytest.approx((constant / error) ** (1 / order), rel=1e-9)
+
+
+@given(st.lists(st.none() | st.tuples(NUMBERS, NUMBERS), max_size=8), NUMBERS)
+def test_nothing_is_extrapolated(points, error):
+    """The least of all costs that one can read from the picture by brute force."""
+    known = [point for point in points if point is not None]
+    found = cost_to_reach(error, points)
+    if not any(each <= error for _, each in known):
+        assert found is None
+        return
+    candidates = [cost for cost, each in known if each <= error]
+    for a, b in itertools.pairwise(points):
+        if a is None or b is None or not min(a[1], b[1]) < error < max(a[1], b[1]):
+            continue
+        slope = math.log(b[0] / a[0]) / math.log(b[1] / a[1])
+        candidates.append(a[0] * (error / a[1]) ** slope)
+    assert found is not None
+    assert found.cost == pytest.approx(min(candidates), rel=1e-9)
+    assert min(cost for cost, _ in known) * (1 - 1e-9) <= found.cost
+
+
+def test_an_effort_without_a_certified_error_is_a_gap():
+    points = [(1.0, 1e-1), (10.0, 1e-3), (100.0, 1e-5)]
+    across = cost_to_reach(1e-2, points)
+    assert across is not None
+    assert across == (pytest.approx(10**0.5), False)
+    # The run between failed: what is known is that the last one reaches it.
+    assert cost_to_reach(1e-2, [points[0], None, points[2]]) == (100.0, True)
+    assert cost_to_reach(1e-6, points) is None
+    assert cost_to_reach(1e-3, points) == (pytest.approx(10.0), False)
+    assert cost_to_reach(1.0, []) is None
+
+
+def test_an_error_that_grows_again_has_its_least_cost():
+    """Round-off: from the third effort on the error grows."""
+    points = [(1.0, 1e-2), (10.0, 1e-6), (100.0, 1e-4)]
+    found = cost_to_reach(1e-5, points)
+    assert found is not None
+    assert found.cost == pytest.approx(10**0.75)

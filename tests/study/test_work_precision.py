@@ -1,0 +1,470 @@
+"""What error methods have for what cost: against exact solutions, and counts of NumPy's own."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+
+import numpy as np
+import pytest
+
+from ropeode.errors import InputError
+from ropeode.problems.oscillator import oscillator
+from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
+from ropeode.study.methods.naming import as_method
+from ropeode.study.work_precision import work_precision
+from tests.exact_reference import exact_reference
+from tests.results import check_result
+
+STEPS, RTOL = (5, 16, 80), (1e-3, 1e-5, 1e-8)
+FRAMES = 4
+
+
+def exactly(problem):
+    return exact_reference(problem, problem.exact(problem.ts))
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """Damped, of mass 2, with a velocity at the start."""
+    problem = oscillator(mass=2.0, stiffness=3.0, damping=0.2, x0=0.7, v0=-0.4, frames=FRAMES)
+    return exactly(problem)
+
+
+def exact_rows(states, truth):
+    """Final, largest and rms error of the position, and the largest of the energy."""
+    problem = truth.problem
+    errors = np.abs(states - truth.states)[1:, 0, 0, 0]
+
+    def energy(y):
+        return y[:, 1, 0, 0] ** 2 + 1.5 * y[:, 0, 0, 0] ** 2
+
+    of_energy = np.max(np.abs(energy(states) - energy(problem.exact(problem.ts))))
+    return errors[-1], errors.max(), math.sqrt(np.mean(errors**2)), of_energy
+
+
+def rk4_by_hand(truth, steps):
+    """States at the samples, and how often the force was evaluated."""
+    calls = 0
+
+    def rhs(y):
+        nonlocal calls
+        calls += 1
+        return np.array([y[1], -(3.0 * y[0] + 0.2 * y[1]) / 2.0])
+
+    y, states, dt = np.array([0.7, -0.4]), [], 1.0 / steps
+    states.append(y)
+    for _ in range(FRAMES):
+        for _ in range(steps):
+            a = rhs(y)
+            b = rhs(y + dt / 2 * a)
+            c = rhs(y + dt / 2 * b)
+            d = rhs(y + dt * c)
+            y = y + dt / 6 * (a + 2 * b + 2 * c + d)
+        states.append(y)
+    return np.array(states)[..., None, None], calls
+
+
+@pytest.fixture(scope="module")
+def study(swing):
+    methods = ["rk4", "scipy:DOP853", "diffrax:Tsit5"]
+    return work_precision(swing, methods, steps_per_frame=STEPS, rtol=RTOL, rounds=2)
+
+
+def rows_of(study, method):
+    return [row for row in study.rows if row.method == method]
+
+
+def test_errors_and_counts_are_those_of_a_loop_in_numpy(study, swing):
+    for row, steps in zip(rows_of(study, "rk4"), STEPS, strict=True):
+        states, calls = rk4_by_hand(swing, steps)
+        final, largest, rms, energy = exact_rows(states, swing)
+        assert (row.effort, row.dt, row.rtol) == (steps, 1 / steps, None)
+        assert (row.rhs_evaluations, row.steps) == (calls, FRAMES * steps)
+        assert row.error_final == pytest.approx(final, rel=1e-3)
+        assert row.error_max == pytest.approx(largest, rel=1e-3)
+        assert row.error_rms == pytest.approx(rms, rel=1e-3)
+        assert row.energy_error == pytest.approx(energy, rel=1e-3)
+        assert row.error_over_tolerance is None
+        assert row.status == "ok"
+        assert row.resolved
+
+
+def test_adaptive_methods_have_a_tolerance_and_it_is_not_their_error(study, swing):
+    for method in ("scipy:DOP853", "diffrax:Tsit5"):
+        rows = rows_of(study, method)
+        assert [(row.effort, row.dt, row.rtol) for row in rows] == [(r, None, r) for r in RTOL]
+        errors = [row.error_max for row in rows]
+        # At the loosest ones the samples cut the steps.
+        assert errors[-1] < 0.1 * errors[0]
+        for row in rows:
+            assert row.error_over_tolerance == pytest.approx(
+                row.error_max / (row.rtol * swing.problem.scale)
+            )
+            assert row.rhs_evaluations > row.steps
+
+
+def test_seconds_are_the_median_of_rounds_with_their_ends(study):
+    for row in study.rows:
+        assert 0 < row.seconds_min <= row.seconds <= row.seconds_max
+        # Of two rounds.
+        assert row.seconds == pytest.approx((row.seconds_min + row.seconds_max) / 2)
+
+
+def test_what_it_is_as_a_value(study):
+    check_result(study)
+    assert "9 runs of 3 methods" in repr(study)
+
+
+@pytest.fixture
+def counted():
+    """A pendulum in NumPy that counts its calls; JAX cannot trace `math`."""
+    calls = [0]
+
+    def pendulum(t, y):
+        calls[0] += 1
+        return np.array([y[1], -math.sin(y[0]) - 0.1 * y[1] + 0.3 * math.cos(2 * t)])
+
+    problem = Problem.from_scipy(pendulum, (0.0, 4.0), [1.0, 0.2], frames=5)
+    assert problem.in_python
+    return problem, calls
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "scipy:RK45",
+        "scipy:DOP853",
+        "scipy:LSODA",
+        "scipy:RK23",
+        # Its last stage is the next step's first, and that of the other is not.
+        "diffrax:Tsit5",
+        "diffrax:Ralston",
+        "diffrax:Bosh3:constant",
+    ],
+)
+def test_evaluations_are_those_that_a_right_hand_side_counts(name, counted):
+    problem, calls = counted
+    run = as_method(name).ready(problem)
+    effort = 7 if name.endswith("constant") else 1e-4
+    before = calls[0]
+    found = run(effort, np.inf)
+    assert found.status == "ok"
+    assert found.rhs_evaluations == calls[0] - before
+
+
+@pytest.mark.parametrize("name", ["diffrax:Tsit5", "scipy:RK45"])
+def test_evaluations_with_a_jump_are_those_that_a_right_hand_side_counts(name, counted):
+    """Where the right-hand side jumps, a solver starts anew."""
+    problem, calls = counted
+    run = as_method(name).ready(problem.changed(jump_times=(0.7, 2.1)))
+    before = calls[0]
+    found = run(1e-4, np.inf)
+    assert found.status == "ok"
+    assert found.rhs_evaluations == calls[0] - before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["Tsit5", "Heun"])
+def test_the_counting_program_of_implicit_solvers_counts_what_is_known(name, swing):
+    from ropeode.references.solvers.diffrax_counts import Counter
+    from ropeode.references.solvers.diffrax_solver import solve
+    from ropeode.references.solvers.solver import Solver
+
+    problem, solver = swing.problem, Solver("diffrax", name)
+    run = solve(problem, solver, 1e-5, 1e-5, compensated=False)
+    counter = Counter(problem, solver)
+    assert counter._counted(run) == counter.of(run)
+
+
+@pytest.mark.slow
+def test_implicit_solvers_evaluate_jacobians(swing):
+    methods = ["diffrax:Kvaerno3", "scipy:Radau", "scipy:BDF"]
+    found = work_precision(swing, methods, rtol=[1e-3, 1e-6], rounds=1)
+    assert {row.family for row in found.rows} == {"adaptive implicit"}
+    for row in found.rows:
+        assert row.status == "ok"
+        assert 0 < row.jacobian_evaluations <= row.rhs_evaluations
+
+
+def test_samples_are_the_ends_of_steps(swing):
+    """LSODA's own steps are long at 1e-3; interpolated samples would not have an energy's error
+    that shrinks with the tolerance alone."""
+    run = as_method("scipy:LSODA").ready(swing.problem)
+    loose = run(1e-3, np.inf)
+    assert loose.steps >= FRAMES
+    tight = run(1e-11, np.inf)
+    assert np.max(np.abs(tight.states - swing.states)) < 1e-8
+
+
+def cubic(t, y, args):
+    return -100 * y**3
+
+
+@pytest.fixture(scope="module")
+def decay():
+    """y' = -100 y^3; its exact solution is y0/sqrt(1 + 200 y0^2 t)."""
+    problem = Problem(cubic, [1.0], np.arange(4.0), name="decay")
+    states = 1.0 / np.sqrt(1.0 + 200.0 * problem.ts[:, None])
+    return exact_reference(problem, states)
+
+
+def never(problem, rtol):
+    raise AssertionError("not to be run")
+
+
+def fails_once(problem, rtol):
+    if rtol == 1e-5:
+        raise RuntimeError("no such file")
+    exact = 1.0 / np.sqrt(1.0 + 200.0 * problem.ts[:, None])
+    # At the start there is no error.
+    return exact * (1.0 + rtol * (problem.ts > 0.0)[:, None]), round(1 / rtol)
+
+
+def test_a_method_that_fails_at_one_effort_is_kept_at_the_others(decay):
+    found = work_precision(decay, [fails_once], rtol=[1e-3, 1e-5, 1e-7], rounds=1)
+    first, second, third = found.rows
+    assert [row.status for row in found.rows] == ["ok", "failed", "ok"]
+    assert "RuntimeError: no such file" in second.why
+    assert second.error_max is None
+    assert second.seconds is None
+    assert not second.resolved
+    # The error is rtol times the solution, which is largest at the first sample after the start.
+    assert first.error_max == pytest.approx(1e-3 / math.sqrt(201), rel=1e-6)
+    assert third.rhs_evaluations == 10**7
+    assert first.family == "your own"
+    assert first.steps is None
+    # Nothing is interpolated over the effort that failed.
+    (reached,) = found.costs_to_reach(1e-6, "rhs_evaluations")
+    assert (reached.cost, reached.at_most) == (1e7, True)
+
+
+@pytest.mark.parametrize(
+    ("returned", "words"),
+    [
+        (lambda p: p.y0, "(states, rhs_evaluations)"),
+        (lambda p: (p.y0, 3), "states of shape (1,) returned"),
+        (lambda p: ("states", 3), "(states, rhs_evaluations)"),
+        (lambda p: (np.zeros((4, 1)), -3), "-3 is below 1"),
+    ],
+)
+def test_a_solve_that_returns_something_else_failed(returned, words, decay):
+    def mine(problem, rtol):
+        return returned(problem)
+
+    (row,) = work_precision(decay, mine, rtol=[1e-3], rounds=1).rows
+    assert row.status == "failed"
+    assert words in row.why
+    assert "\n" not in row.why
+
+
+def test_runs_that_blow_up_stay_as_rows(decay):
+    def lost(problem, rtol):
+        states = decay.states.copy()
+        states[2:] = np.nan
+        return states, None
+
+    found = work_precision(decay, ["explicit-euler", lost], steps_per_frame=[3], rtol=[0.1])
+    euler, own = found.rows
+    assert euler.status == own.status == "diverged"
+    assert "frame 2" in own.why
+    assert own.error_max is None
+    assert own.rhs_evaluations is None
+    assert euler.seconds is not None
+    assert found.front("seconds") == ()
+
+
+def test_errors_larger_than_twice_the_motion_are_unstable(decay):
+    def off(problem, rtol):
+        return decay.states + np.array([[0.0], [0.0], [1.0], [rtol]]), 10
+
+    one, another = work_precision(decay, off, rtol=[0.1, 0.05]).rows
+    assert one.status == another.status == "ok"
+
+    def far(problem, rtol):
+        return decay.states + np.array([[0.0], [0.0], [2.5], [0.0]]), 10
+
+    found = work_precision(decay, far, rtol=[0.1])
+    (row,) = found.rows
+    assert row.status == "unstable"
+    assert row.error_max == pytest.approx(2.5)
+    # It is certified to be useless.
+    assert found.front("rhs_evaluations") == ()
+    assert found.costs_to_reach(3.0, "rhs_evaluations")[0].cost is None
+
+
+def test_errors_below_the_resolution_are_no_numbers(decay):
+    def close(problem, rtol):
+        return decay.states + 0.5e-13 * (problem.ts > 0.0)[:, None], 10
+
+    found = work_precision(decay, close, rtol=[1e-3])
+    (row,) = found.rows
+    assert found.resolution == pytest.approx(1e-13)
+    assert (row.status, row.resolved) == ("ok", False)
+    assert row.error_max is row.error_final is row.error_rms is row.error_over_tolerance is None
+    assert found.front("rhs_evaluations") == ()
+    assert found.costs_to_reach(1e-2, "rhs_evaluations")[0].cost is None
+
+
+def test_runs_above_the_limit_are_marked_and_not_waited_for(decay):
+    def slow(problem, rtol):
+        began = time.process_time()
+        while time.process_time() - began < 0.3:
+            pass
+        if rtol < 1e-6:
+            never(problem, rtol)
+        return decay.states + rtol * (problem.ts > 0.0)[:, None], 10
+
+    found = work_precision(decay, slow, rtol=[1e-3, 1e-7, 1e-8], rounds=1, run_limit=0.2)
+    assert [row.status for row in found.rows] == ["ok", "time limit", "time limit"]
+    assert "would take about" in found.rows[1].why
+    assert found.rows[1].seconds is None
+
+
+def test_steps_that_would_take_for_ever_are_not_made(swing):
+    found = work_precision(
+        swing, ["explicit-euler"], steps_per_frame=[10**6, 10**13], rounds=1, run_limit=60.0
+    )
+    assert [row.status for row in found.rows] == ["ok", "time limit"]
+
+
+def test_adaptive_solvers_stop_at_the_limit(swing):
+    (row,) = work_precision(swing, "scipy:RK45", rtol=[1e-9], run_limit=1e-9, rounds=1).rows
+    assert row.status == "time limit"
+    assert "its time was up" in row.why
+
+
+def test_only_what_is_inside_the_trust_horizon_is_solved():
+    """Cost and error are of one span."""
+    problem = oscillator(frames=6)
+    truth = exactly(problem)
+    certificate = truth.certificate
+    cut = dataclasses.replace(
+        truth, certificate=dataclasses.replace(certificate, trusted=4, horizon=4.0)
+    )
+    found = work_precision(cut, ["rk4"], steps_per_frame=[7], rounds=1)
+    assert found.problem.frames == 3
+    assert found.rows[0].steps == 21
+
+
+def test_the_best_of_each_family_and_ratios(study):
+    for cost in ("rhs_evaluations", "steps"):
+        reached = study.costs_to_reach(1e-4, cost)
+        best = min(each.cost for each in reached)
+        for each in reached:
+            assert each.ratio == pytest.approx(each.cost / best)
+        by_family = {}
+        for each in reached:
+            by_family.setdefault(each.family, []).append(each)
+        for members in by_family.values():
+            least = min(each.cost for each in members)
+            assert [each.best_of_family for each in members] == [
+                each.cost == least for each in members
+            ]
+
+
+def test_the_front_of_a_study(study):
+    rows = [row for row in study.rows if row.status == "ok" and row.error_rms is not None]
+    for cost in ("rhs_evaluations", "steps"):
+        front = study.front(cost, "error_rms")
+        for row in rows:
+            beaten = any(
+                getattr(other, cost) <= getattr(row, cost)
+                and other.error_rms <= row.error_rms
+                and other is not row
+                for other in rows
+            )
+            assert (row in front) != beaten
+
+
+def test_the_order_in_which_methods_are_named_is_kept_and_ladders_are_sorted(swing):
+    found = work_precision(swing, ["rk4"], steps_per_frame=[80, 5, 16], rounds=1)
+    assert [row.effort for row in found.rows] == [5, 16, 80]
+
+
+def test_defaults_are_those_that_can_run():
+    from ropeode.study.methods.naming import chosen_methods
+    from ropeode.study.work_precision import DEFAULT_METHODS
+
+    rope = Rope(num_nodes=4).problem(frames=3)
+    assert [each.label for each in chosen_methods(rope, None, DEFAULT_METHODS)] == list(
+        DEFAULT_METHODS
+    )
+    first_order = Problem(cubic, [1.0], np.arange(4.0))
+    names = [each.label for each in chosen_methods(first_order, None, DEFAULT_METHODS)]
+    assert "rk4" in names
+    assert "velocity-verlet" not in names
+
+
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        ({"methods": []}, "methods: [] given; allowed: at least one method"),
+        ({"methods": ["rk4", "rk4"]}, "methods: 'rk4' given; allowed: each method once"),
+        ({"methods": ["rk5"]}, "did you mean 'rk4'?"),
+        ({"methods": ["scipy:RK54"]}, "did you mean 'RK45'?"),
+        ({"methods": ["diffrax:Tsit6"]}, "did you mean 'Tsit5'?"),
+        ({"methods": ["diffrax:Tsit5:steps"]}, "option of diffrax:Tsit5: 'steps' given"),
+        ({"methods": ["scipy:BDF:constant"]}, "it chooses among orders 1 to 5"),
+        ({"methods": ["diffrax:KenCarp4"]}, "write diffrax:KenCarp4:constant"),
+        ({"methods": ["velocity-verlet"]}, "needs a second-order problem"),
+        (
+            {"methods": ["scipy:RK45"], "steps_per_frame": [4]},
+            "none where all methods are adaptive",
+        ),
+        ({"methods": ["rk4"], "rtol": [1e-3]}, "none where all methods have constant steps"),
+        ({"methods": ["rk4"], "steps_per_frame": [0]}, "0 is below 1"),
+        ({"methods": ["rk4"], "steps_per_frame": [4, 4]}, "one is repeated"),
+        ({"methods": ["scipy:RK45"], "rtol": [1e-3, 1e-3]}, "different numbers from 1e-13 to 0.1"),
+        ({"methods": ["scipy:RK45"], "rtol": [1e-14]}, "different numbers from 1e-13 to 0.1"),
+        ({"methods": ["scipy:RK45"], "rtol": []}, "different numbers from 1e-13 to 0.1"),
+        ({"methods": ["scipy:RK45"], "rtol": 1e-3}, "rtol: 0.001 given"),
+        ({"run_limit": 0}, "run_limit: 0 given"),
+        ({"rounds": 0}, "rounds: 0 given"),
+        ({"norm": "position-max"}, "norm: 'position-max' given"),
+    ],
+)
+def test_bad_input_is_one_line(named, words, decay):
+    with pytest.raises(InputError) as caught:
+        work_precision(decay, **{"methods": ["rk4"], **named})
+    (line,) = caught.value.problems
+    assert words in line
+    assert "Fix: " in line
+
+
+def test_all_faults_of_a_list_are_told(decay):
+    with pytest.raises(InputError) as caught:
+        work_precision(decay, ["rk5", "scipy:RK54", "velocity-verlet"])
+    assert len(caught.value.problems) == 3
+
+
+def test_what_names_mean(tmp_path):
+    import diffrax
+    import scipy.integrate
+
+    (tmp_path / "mine.py").write_text(
+        "def solve(problem, rtol):\n    return problem.y0, 1\n"
+        "def step(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
+    )
+    meant = {
+        "diffrax:Tsit5": (True, "adaptive explicit"),
+        "diffrax:Kvaerno5": (True, "adaptive implicit"),
+        "diffrax:Tsit5:constant": (False, "diffrax"),
+        # It has no estimate of its error.
+        "diffrax:Euler": (False, "diffrax"),
+        "scipy:RK45": (True, "adaptive explicit"),
+        "scipy:BDF": (True, "adaptive implicit"),
+        "scipy:RK45:constant": (False, "SciPy"),
+        "mine.py:solve": (True, "your own"),
+        "mine.py:step": (False, "your own"),
+    }
+    for name, (adaptive, family) in meant.items():
+        method = as_method(name, tmp_path)
+        assert (method.label, method.adaptive, method.family) == (name, adaptive, family)
+    assert as_method(diffrax.Tsit5) == as_method("diffrax:Tsit5")
+    assert as_method(scipy.integrate.RK45) == as_method("scipy:RK45")
+    # An object has options of its own, which a name does not say.
+    assert not as_method(diffrax.Tsit5()).adaptive
+    assert as_method(never).adaptive

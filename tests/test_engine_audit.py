@@ -1,0 +1,174 @@
+"""The audit of engines: its judge's pure parts, its exporters, and the pages that show them."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+AGAIN = "run: cd docs && cog -P -r -I . validation/engines.md howto/engines.md"
+
+
+@pytest.fixture(scope="module")
+def audit():
+    sys.path.insert(0, str(ROOT / "docs"))
+    try:
+        import engine_audit
+
+        yield engine_audit
+    finally:
+        sys.path.remove(str(ROOT / "docs"))
+
+
+@pytest.fixture(scope="module")
+def judge():
+    path = ROOT / "benchmarks/audit/judge.py"
+    spec = importlib.util.spec_from_file_location("audit_judge", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("part", ["orders", "limits", "claims", "diagnoses", "left_out"])
+def test_page_agrees_with_the_data(audit, part):
+    page = (ROOT / "docs/validation/engines.md").read_text()
+    assert getattr(audit, part)() in page, AGAIN
+
+
+def test_howto_shows_the_exporters(audit):
+    assert audit.exporters() in (ROOT / "docs/howto/engines.md").read_text(), AGAIN
+
+
+def test_every_engine_has_a_claim_and_a_citation(audit):
+    for engine in audit.listed()["engine"]:
+        assert engine["claim"], engine["name"]
+        assert re.fullmatch(r"https://\S+", engine["source"]), engine["name"]
+        assert (ROOT / f"benchmarks/audit/requirements/{engine['environment']}.txt").exists()
+
+
+def test_every_method_has_a_row_and_every_row_a_method(audit):
+    known = {(e["exporter"], m["name"]) for e in audit.listed()["engine"] for m in e["methods"]}
+    assert {(row["exporter"], row["method"]) for row in audit.rows()} == known
+
+
+def test_rows_hold_the_runs_that_the_engines_list(audit):
+    runs = {
+        (e["exporter"], m["name"]): m["runs"]
+        for e in audit.listed()["engine"]
+        for m in e["methods"]
+    }
+    for row in audit.rows():
+        assert set(row["cases"]) == set(runs[row["exporter"], row["method"]])
+
+
+def test_requirements_pin_the_versions_of_the_rows(audit):
+    environments = {
+        e["exporter"]: (e["environment"], e["package"]) for e in audit.listed()["engine"]
+    }
+    for row in audit.rows():
+        environment, package = environments[row["exporter"]]
+        pins = (ROOT / f"benchmarks/audit/requirements/{environment}.txt").read_text().split()
+        assert f"{package}=={row['version']}" in pins
+
+
+def test_exporters_are_short_and_compile(audit):
+    files = sorted((ROOT / "benchmarks/audit/exporters").glob("*.py"))
+    assert {file.name for file in files} == {e["exporter"] for e in audit.listed()["engine"]}
+    for file in files:
+        source = file.read_text()
+        compile(source, str(file), "exec")
+        assert audit.lines_of_code(source) <= 40, file.name
+
+
+def test_lines_of_code_leave_out_what_does_nothing(audit):
+    aside = '"""Words,\n\nmore."""\n\nimport a\nfrom b import (\n    c,\n)\n\n# why\n'
+    source = aside + "x = 1\n\ny = (\n    2\n)\n"
+    assert audit.lines_of_code(source) == 4
+
+
+def test_an_order_is_shown_with_its_interval_or_not_at_all(audit):
+    found = {"observed": 1.004, "ci95": [0.987, 1.02], "verdict": "converges"}
+    assert audit.order_words(found) == "1.00 [0.99, 1.02]"
+    nothing = {"observed": None, "ci95": None, "verdict": "undetermined"}
+    assert audit.order_words(nothing) == "undetermined"
+    assert audit.order_words({**found, "verdict": "does not converge"}) == "does not converge"
+    assert audit.order_words({**nothing, "verdict": "does not converge"}) == "does not converge"
+    assert audit.order_words(None) == "none"
+
+
+def test_damping_is_told_by_the_damped_run_alone(audit):
+    right, wrong = {"verdict": "right"}, {"verdict": "wrong"}
+    words = [
+        audit.damping_words({"cases": cases})
+        for cases in (
+            {"springs": right},
+            {"springs": wrong, "springs-damped": right},
+            {"springs": right, "rigid-damped": wrong},
+        )
+    ]
+    assert words == ["not run", "per time", "another equation"]
+
+
+@pytest.mark.parametrize(
+    ("stable", "fewest"),
+    [
+        ({1: False, 2: True, 3: False, 4: True, 5: True}, 4),
+        ({1: True, 2: True}, 1),
+        ({1: True, 2: False}, None),
+    ],
+)
+def test_the_largest_stable_step_has_only_stable_ones_below(judge, stable, fewest):
+    assert judge.largest_stable(stable) == fewest
+
+
+def test_states_of_a_file_that_ends_early_are_not_numbers(judge, tmp_path):
+    problem = judge.job_of("springs").given
+    start = np.concatenate(
+        [problem.quantity(q, problem.y0[None]) for q in problem.quantities], axis=2
+    )
+    lines = ["t,node,x,y,vx,vy"]
+    lines += [",".join(map(repr, [0, i, *row])) for i, row in enumerate(start[0].tolist())]
+    (tmp_path / "rope-8.csv").write_text("\n".join([*lines, "1,0,0.0,0.0"]))
+    states = judge.states_in(tmp_path / "rope-8.csv", problem)
+    np.testing.assert_array_equal(states[0], problem.y0)
+    assert np.all(np.isnan(states[1:]))
+    (tmp_path / "rope-9.csv").write_text("t,node,x,y,vx,vy\n")
+    assert judge.states_in(tmp_path / "rope-9.csv", problem) is None
+
+
+def test_a_summary_keeps_the_verdict_and_the_order(judge):
+    quantity = {"errors": [1.0], "used": [0.1, 0.2], "verdict": "converges", "observed": 2.0}
+    quantity |= {"ci95": [1.9, 2.1], "limit_off": 0.0, "limit_allowed": 1.0, "why": None}
+    order = {
+        "check": "order",
+        "finding": "order 2",
+        "convergence": {"dt": [0.1], "quantities": {"position": quantity}},
+    }
+    pins = {"check": "pins", "finding": "", "convergence": None}
+    report = {
+        "verdict": "right",
+        "findings": [pins, order],
+        "diagnosis": [{"finding": "d"}],
+        "notes": [],
+    }
+    found = judge.summary(report)
+    assert (found["verdict"], found["finding"], found["diagnosis"]) == ("right", "order 2", ["d"])
+    assert found["quantities"]["position"]["ci95"] == [1.9, 2.1]
+    assert found["quantities"]["position"]["used"] == 2
+    assert judge.summary({"refused": "why"}) == {"verdict": "refused", "why": "why"}
+
+
+def test_rows_of_engines_that_are_not_run_stay(judge, tmp_path):
+    known = [(e["exporter"], m["name"]) for e in judge.engines() for m in e["methods"]][:2]
+    rows = {key: {"exporter": key[0], "method": key[1]} for key in reversed(known)}
+    judge.write_rows(tmp_path / "audit.jsonl", rows)
+    lines = [json.loads(line) for line in (tmp_path / "audit.jsonl").read_text().splitlines()]
+    assert [(row["exporter"], row["method"]) for row in lines[1:]] == known
