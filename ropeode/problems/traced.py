@@ -21,7 +21,7 @@ from ropeode.validation import bad_value
 
 # A function with a derivative of its own for reverse mode; it has none for forward mode.
 _OWN_REVERSE = "custom_vjp_call"
-# Calls of Python that convert their arrays in threads of XLA, where float64 mode is off.
+# Calls of Python that may convert their arrays in threads of XLA, where float64 mode is off.
 _CALLBACKS = ("pure_callback", "io_callback")
 _TOO_COARSE = ("float32", "float16", "bfloat16", "complex64")
 # A float32 has 24 bits. A number with so few as this may well be what was meant.
@@ -159,18 +159,22 @@ def _for_forward_mode_inside(value: Any) -> Any:
     return _for_forward_mode(value) if isinstance(value, ClosedJaxpr) else value
 
 
+def callbacks_in(traced: ClosedJaxpr) -> list[JaxprEqn]:
+    """The calls of Python among a function's operations, with arrays that may lose digits."""
+    return [each for each in equations(traced) if each.primitive.name in _CALLBACKS]
+
+
 def _refuse_callbacks(name: str, traced: ClosedJaxpr) -> None:
     """Raises:
     InputError: it calls Python.
     """
-    for equation in equations(traced):
-        if equation.primitive.name in _CALLBACKS:
-            raise bad_value(
-                name,
-                _Words(f"{equation.primitive.name!r}{_place(equation)}"),
-                "operations of JAX",
-                "hand a function in NumPy to Problem.from_scipy(fun, ts, y0), which calls it",
-            )
+    for equation in callbacks_in(traced):
+        raise bad_value(
+            name,
+            _Words(f"{equation.primitive.name!r}{_place(equation)}"),
+            "operations of JAX",
+            "hand a function in NumPy to Problem.from_scipy(fun, ts, y0), which calls it",
+        )
 
 
 def _require_float64(name: str, traced: ClosedJaxpr) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.problems.traced import callbacks_in
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
 from ropeode.simulation.side_effects import (
     WRITES_OVER,
@@ -175,7 +176,7 @@ def _compiled_steps(
 ) -> tuple[bool, Callable[[int], np.ndarray] | None]:
     """Whether there are loops of JAX's own in a step, and the state after a number of steps.
 
-    None where JAX cannot trace it, or not in few enough lines.
+    None where JAX cannot trace it, or not in few enough lines, or where it calls Python.
     """
     init, step, state = on_stored_states(stepper, problem.rhs, problem.mechanics)
 
@@ -190,6 +191,8 @@ def _compiled_steps(
 
     try:
         traced = jax.jit(run).trace(problem.args, problem.y0, t, dt, _STEPS)
+        if callbacks_in(traced.jaxpr):
+            return False, None
         text = str(traced.jaxpr)
         loops = text.count("while[") + text.count("scan[") > 1
         if text.count("\n") > _MOST_LINES:
