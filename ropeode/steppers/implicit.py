@@ -124,7 +124,7 @@ class Gauss4(_RungeKutta):
     stages can have.
 
     Source: Hairer, Wanner, Solving ODEs II, table IV.5.1; Hairer, Lubich, Wanner, Geometric
-    Numerical Integration, table II.1.1.
+    Numerical Integration, section II.1.3.
     """
 
     name = "gauss4"
