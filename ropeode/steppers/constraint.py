@@ -43,7 +43,7 @@ class ConstraintVerlet(BuiltIn):
         start: where ``x(-dt)`` comes from. `taylor`: ``x - dt v + dt^2/2 a`` with the
             acceleration of the inextensible rope. `rest`: ``x(-dt) = x(0)``, as in the
             assignment; another solution where the initial velocity is not zero.
-        damping: as for `StormerVerlet`; `per-step` is the assignment's.
+        damping: as for `stormer-verlet`; `per-step` is the assignment's.
 
     Velocities of samples are the central differences of positions after the sweeps.
 
