@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
@@ -256,6 +257,26 @@ def test_an_energy_that_is_not_finite_stands_at_the_upper_edge(swing):
     assert (first.mark, second.mark) == (BLEW_UP, CERTIFIED)
     assert second.error < first.error == limits.error[1] < 1.0
     assert found.front("rhs_evaluations", "energy_error") == (found.rows[1],)
+
+
+def test_points_and_legends_say_what_is_not_known(swing):
+    uncounted = made_up(swing, "uncounted", [(1e-3, None)])
+    close = made_up(swing, "close", [(0.5e-13, 10)])
+    found = work_precision(swing, [uncounted, close], rtol=[1e-2], rounds=1)
+    (point,) = points_and_limits(found, "rhs_evaluations", "error_max")[0]
+    lost = dataclasses.replace(point.row, energy_error=None)
+    words = hover_words(found, point._replace(row=lost))
+    for name in ("max", "final", "rms"):
+        assert f"{name} error: < 1.0e-13" in words
+    assert f"energy error: < {found.energy_resolution:.1e}" in words
+    wild = dataclasses.replace(point.row, energy_error=INFINITE)
+    assert "energy error: not finite" in hover_words(found, point._replace(row=wild))
+    figure = plot_work_precision(found, "rhs_evaluations", "energy_error")
+    texts = [text.get_text() for text in figure.findobj(Text)]
+    assert "uncounted (your own): no run here" in texts
+    assert "close (your own)" in texts
+    assert not any("distance" in text for text in texts)
+    assert any("difference from the true energy" in text for text in texts)
 
 
 def test_efforts_are_said_in_full(swing):

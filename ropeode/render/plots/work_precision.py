@@ -40,7 +40,7 @@ from ropeode.render.plots.work_points import (
     points_and_limits,
 )
 from ropeode.render.work_precision import effort_cell, effort_words, error_words_of
-from ropeode.study.work_precision import Cost, Measure, WorkPrecision, check_axes
+from ropeode.study.work_precision import INFINITE, Cost, Measure, WorkPrecision, check_axes
 from ropeode.validation import check_kind
 
 _AXES_HEIGHT = 4.2
@@ -139,7 +139,10 @@ def _figure(
     check_kind("study", study, WorkPrecision, "work_precision")
     resolution = check_axes(study, cost, measure)
     title = f"Error against cost: {table_words.problem_words(study.problem)}"
-    figure = new_figure(title, table_words.error_words(study).rstrip("."), _AXES_HEIGHT)
+    words = table_words.error_words(study).rstrip(".")
+    if measure == "energy_error":
+        words = "Error: largest difference from the true energy at the samples"
+    figure = new_figure(title, words, _AXES_HEIGHT)
     axes = figure.subplots()
     drawn, limits = points_and_limits(study, cost, measure)
     quantity = "energy" if measure == "energy_error" else study.norm.quantity
@@ -237,6 +240,7 @@ def _efforts(
 def _draw_legends(
     figure: Figure, study: WorkPrecision, drawn: Sequence[WorkPoint], resolution: float
 ) -> None:
+    shown = {point.row.method for point in drawn}
     methods = [
         Line2D(
             [],
@@ -244,7 +248,7 @@ def _draw_legends(
             color=look.colour,
             marker=look.marker,
             linestyle=look.line,
-            label=f"{method} ({study.methods[method]})",
+            label=f"{method} ({study.methods[method]})" + ": no run here" * (method not in shown),
         )
         for method, look in looks(study).items()
     ]
@@ -291,14 +295,18 @@ def hover_words(study: WorkPrecision, point: WorkPoint) -> str:
         f"{row.method}, {effort_words(row)}",
         f"max error: {error_words_of(study, row)}",
     ]
-    for name, value in (
-        ("final error", row.error_final),
-        ("rms error", row.error_rms),
-        ("energy error", row.energy_error),
-        ("error / tolerance", row.error_over_tolerance),
-    ):
-        if value is not None and row.status == "ok":
-            lines.append(f"{name}: {value:.3g}")
+    if row.status == "ok":
+        lines += [
+            f"final error: {table_words.error_cell(row.error_final, study.resolution)}",
+            f"rms error: {table_words.error_cell(row.error_rms, study.resolution)}",
+        ]
+        if study.energy_resolution is not None:
+            energy = table_words.error_cell(row.energy_error, study.energy_resolution)
+            lines.append(
+                f"energy error: {energy if row.energy_error != INFINITE else 'not finite'}"
+            )
+        if row.error_over_tolerance is not None:
+            lines.append(f"error / tolerance: {row.error_over_tolerance:.3g}")
     if row.seconds is not None:
         lines.append(f"seconds: {row.seconds:.3g} ({row.seconds_min:.3g} to {row.seconds_max:.3g})")
     if row.rhs_evaluations is not None:
