@@ -265,11 +265,13 @@ class Stepper(abc.ABC):
             return f"stepper: {self.label!r} given, {why}; allowed: {allowed}. Fix: {fix}."
 
         if self.equal_frames and not problem.equal_frames:
+            any_ode = self.needs == "any ODE"
+            one_step = "heun (trapezium if it is stiff)" if any_ode else "velocity-verlet"
             return because(
-                "a two-step method that needs one step size, and the sample times of "
+                "a multistep method that needs one step size, and the sample times of "
                 f"{name} are not equally spaced",
                 "one-step methods",
-                "choose velocity-verlet, or equally spaced sample times",
+                f"choose {one_step}, or equally spaced sample times",
             )
         if self.needs == "any ODE":
             return None

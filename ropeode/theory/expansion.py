@@ -17,10 +17,11 @@ from ropeode.theory.step_samples import StepSamples
 
 # The highest order that is looked for.
 HIGHEST = 10
-# A coefficient is known if it is so many times its error. If it is not, it counts as zero where its
-# error is small beside the solution's own coefficient: by this factor up to the fourth, and by ten
-# times as much at each after that, for methods of high order have small error constants.
-_CERTAIN, _RESOLVED = 10.0, 1e-3
+# A coefficient is known if it is so many times its error. It counts as zero if it is less than so
+# many times its error, and this is small beside the solution's own coefficient: by the third factor
+# up to the fourth, and by ten times as much at each after that, for methods of high order have
+# small error constants. What lies between is neither.
+_CERTAIN, _LOST, _RESOLVED = 10.0, 3.0, 1e-3
 _EPS = float(np.finfo(np.float64).eps)
 # In roundings of its largest component: what a state may hold, how far a state is disturbed to see
 # what its rounding does to the right-hand side, and how closely two steps must be the same as one
@@ -210,7 +211,7 @@ class Expansion:
             degrees = np.tile(self._degrees(power), shape[0])
             value, error, natural = _in_steps(self._series, power, growth, degrees)
         known = _largest(value) > _CERTAIN * error
-        zero = error <= _resolved(power) * natural
+        zero = (_largest(value) <= _LOST * error) & (error <= _resolved(power) * natural)
         if self._settling and power > 0:
             # It may take more steps than are made here, and its first ones look like growth.
             known, zero = np.zeros_like(known), np.zeros_like(zero)

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.problems.linear_chain import linear_chain
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.pendulum import pendulum
@@ -23,6 +24,8 @@ from ropeode.theory.stability_function import StabilityFunction, stability_funct
 FOR_FORCES = [name for name, stepper in STEPPERS.items() if not stepper().moves_links]
 # What agrees to a thousandth is taken as it was predicted.
 CLOSE = 2e-3
+# A few dozen roundings of the numbers in a step.
+HIDDEN = 1e-14
 
 
 def kick_in_numpy(acceleration, t, x, v, dt, args):
@@ -132,6 +135,14 @@ def test_predicted_limits_are_those_of_the_step_itself(problem, stepper):
     assert found.predicted_at_rest is not None
     assert found.measured_at_rest is not None
     predicted, measured = found.predicted_at_rest.steps, found.measured_at_rest
+    if predicted.steps_per_frame is None and measured.steps_per_frame is not None:
+        # It grows at every step size, in the end by less than a step's roundings.
+        assert any("rounding hides that" in note for note in found.notes)
+        assert isinstance(found.function, StabilityFunction)
+        modes = spectrum(problem, problem.ts[:1], hanging_equilibrium(problem)[None])
+        z = measured.dt * modes.eigenvalues[0]
+        assert 0 < np.max(found.function.radius(z, np.conj(z))) - 1 < HIDDEN
+        return
     assert predicted.steps_per_frame == measured.steps_per_frame
     assert predicted.dt == pytest.approx(measured.dt, rel=CLOSE)
 
@@ -146,8 +157,11 @@ def test_runs_grow_just_past_the_limit_and_not_just_before(stepper):
     at_rest = spectrum(problem, np.zeros(1), np.zeros((1, 2, 1, 1)))
     limit = spectral_limit(problem, function, at_rest)
     assert limit is not None
-    for factor, grows in [(0.99, False), (1.01, True)]:
-        ts = factor * limit.steps.dt * np.arange(3001.0)
+    steps = [(0.99 * limit.steps.dt, False), (1.01 * limit.steps.dt, True)]
+    if limit.steps.dt == np.inf:
+        steps = [(1.0, False), (1e3, False)]
+    for dt, grows in steps:
+        ts = dt * np.arange(3001.0)
         run = simulate(problem.changed(ts=ts), stepper, 1)
         size = np.max(np.abs(run.states), axis=(1, 2, 3))
         assert (size[-100:].max() > 10 * size[:100].max()) == grows
