@@ -8,7 +8,7 @@ from ropeode.render import markup, table_words
 from ropeode.render.data import problem_dict, reference_dict
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.schemas.work_precision import CostAxisForm, WorkPrecisionForm
-from ropeode.render.text_layout import columns, counted
+from ropeode.render.text_layout import columns
 from ropeode.study.work_precision import (
     COSTS,
     RUN_LIMIT,
@@ -18,6 +18,7 @@ from ropeode.study.work_precision import (
     WorkPrecision,
     WorkRow,
 )
+from ropeode.validation import counted
 
 SCHEMA: Literal["ropeode.work-precision/1"] = "ropeode.work-precision/1"
 COST_WORDS: dict[Cost, str] = {
@@ -122,7 +123,9 @@ def _whys(study: WorkPrecision) -> list[str]:
 
 def effort_words(row: WorkRow) -> str:
     """The effort with its unit."""
-    return f"rtol {effort_cell(row)}" if row.rtol else f"{effort_cell(row)} steps/frame"
+    if row.rtol:
+        return f"rtol {effort_cell(row)}"
+    return f"{counted(round(row.effort), 'step')}/frame"
 
 
 def effort_cell(row: WorkRow) -> str:

@@ -208,7 +208,7 @@ class Stepper(abc.ABC):
             >>> from ropeode import Problem, simulate
             >>> burst = Problem(lambda t, y, args: y**2, [1.0], [0.0, 0.5])
             >>> simulate(burst, "implicit-euler", 1)  # 1 + y^2/2 = y has no solution.
-            <Trajectory: implicit-euler, 1 steps/frame; problem, 1 frame; unsolved at frame 1,
+            <Trajectory: implicit-euler, 1 step/frame; problem, 1 frame; unsolved at frame 1,
             1 sample>
         """
         del carried

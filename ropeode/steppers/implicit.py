@@ -97,7 +97,7 @@ class ImplicitEuler(_RungeKutta):
     forces linearised at the old state, one linear system, and no test.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, eq. (I.1.6); with one
-    iteration D. Baraff, A. Witkin, Large steps in cloth simulation (SIGGRAPH 1998), eq. (6).
+    iteration D. Baraff, A. Witkin, Large steps in cloth simulation (SIGGRAPH 1998).
     """
 
     name = "implicit-euler"
@@ -135,7 +135,7 @@ class Gauss4(_RungeKutta):
     stages can have.
 
     Source: Hairer, Wanner, Solving ODEs II, table IV.5.1; Hairer, Lubich, Wanner, Geometric
-    Numerical Integration, table II.1.1.
+    Numerical Integration, section II.1.3.
     """
 
     name = "gauss4"
@@ -155,12 +155,12 @@ class Trapezium(_Implicit):
     A-stable and symmetric. It is conjugate to the implicit midpoint rule, which is symplectic,
     and itself is not.
 
-    Source: Hairer, Norsett, Wanner, Solving ODEs I, eq. (III.1.9'); conjugate to the midpoint rule
+    Source: Hairer, Norsett, Wanner, Solving ODEs I, eq. (III.1.8); conjugate to the midpoint rule
     by Hairer, Lubich, Wanner, Geometric Numerical Integration, section VI.8.
     """
 
     name = "trapezium"
-    source = "Hairer, Norsett, Wanner, Solving ODEs I, (III.1.9')"
+    source = "Hairer, Norsett, Wanner, Solving ODEs I, (III.1.8)"
     of_order = 2
 
     def step(self, system: System, t: Any, carried: Implicit, dt: Any) -> Implicit:

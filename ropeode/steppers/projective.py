@@ -35,14 +35,14 @@ class ProjectiveDynamics(BuiltIn):
             prediction.
 
     Source: Liu, Bargteil, O'Brien, Kavan, Fast Simulation of Mass-Spring Systems, ACM Trans.
-    Graph. 32 (2013), section 4; as projective dynamics: Bouaziz, Martin, Liu, Kavan, Pauly, ACM
-    Trans. Graph. 33 (2014).
+    Graph. 32 (2013); as projective dynamics: Bouaziz, Martin, Liu, Kavan, Pauly, ACM Trans. Graph.
+    33 (2014).
     """
 
     name = "projective-dynamics"
     family = "graphics"
     needs = "springs in a row"
-    source = "Liu et al., ACM Trans. Graph. 32 (2013), section 4"
+    source = "Liu et al., ACM Trans. Graph. 32 (2013)"
 
     iterations: int = 1
 

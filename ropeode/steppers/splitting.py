@@ -175,7 +175,7 @@ class Ruth3(Splitting):
         damping: as for `leapfrog`: `exact`, with which the order holds, or `explicit`, order 1.
 
     Source: R. D. Ruth, IEEE Trans. Nucl. Sci. 30 (1983); Hairer, Lubich, Wanner, Geometric
-    Numerical Integration, section VI.3.
+    Numerical Integration, section II.5.
     """
 
     name = "ruth3"

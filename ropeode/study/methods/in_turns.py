@@ -10,6 +10,7 @@ from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.study.methods.method import Attempt, LadderMethod, Run
+from ropeode.validation import counted
 
 T = TypeVar("T")
 
@@ -64,7 +65,8 @@ def run_in_turns(
 
     def said(method: LadderMethod, effort: float) -> None:
         nonlocal done
-        unit = f"rtol {effort:g}" if method.adaptive else f"{effort:g} steps per frame"
+        steps = f"{counted(round(effort), 'step')} per frame"
+        unit = f"rtol {effort:g}" if method.adaptive else steps
         progress(f"{method.label}: {unit}", done / whole)
         done += 1
 
