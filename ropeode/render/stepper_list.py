@@ -63,7 +63,7 @@ def as_text() -> str:
 def one_as_text(stepper: Stepper) -> str:
     """What a stepper is, what it runs on, its options and orders, its source."""
     # Others are classes around what the user or a library has written.
-    built_in = type(stepper) if type(stepper) in STEPPERS.values() else None
+    built_in = next((cls for cls in STEPPERS.values() if cls is type(stepper)), None)
     lines = [stepper.label, ""]
     for paragraph in description(built_in) if built_in else ():
         lines += [*wrapped(_plain(paragraph)), ""]
