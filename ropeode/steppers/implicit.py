@@ -24,18 +24,29 @@ class _Implicit(BuiltIn):
     Arguments:
         newton: when Newton's method ends. `converged`: when its corrections are so small that
             the next would be below rounding; where it does not converge the run ends,
-            `unsolved`. `1`: after one iteration from the old state, a linearly implicit method.
+            `unsolved`. `1`: after one iteration from the old state, a linearly implicit method,
+            which is not symplectic.
+
+    Class attributes:
+        of_order: its order, of the equations solved.
+        of_symplectic: whether it is symplectic, likewise.
     """
 
     family = "implicit"
     stages: ClassVar[int] = 1
     of_order: ClassVar[int]
+    of_symplectic: ClassVar[bool] = False
 
     newton: Iterations = "converged"
 
     def order(self, problem_class: ProblemClass) -> int:
         """Its own, damped or not; one iteration leaves an error of order 3 in each step."""
         return self.of_order if self.newton == "converged" else min(self.of_order, 2)
+
+    @property
+    def symplectic(self) -> bool:  # type: ignore[override]
+        """What Newton's method leaves after one iteration is not."""
+        return self.of_symplectic and self.newton == "converged"
 
     def init(self, system: System, t: Any, y: Any, dt: Any) -> Any:
         """The initial state."""
@@ -108,7 +119,7 @@ class ImplicitMidpoint(_RungeKutta):
 
     name = "implicit-midpoint"
     source = "Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.7)"
-    symplectic = True
+    of_symplectic = True
     of_order = 2
     a, c, d = ((0.5,),), (0.5,), (2.0,)
 
@@ -129,7 +140,7 @@ class Gauss4(_RungeKutta):
 
     name = "gauss4"
     source = "Hairer, Wanner, Solving ODEs II, table IV.5.1"
-    symplectic = True
+    of_symplectic = True
     of_order = 4
     stages = 2
     a = ((1 / 4, 1 / 4 - _ROOT / 6), (1 / 4 + _ROOT / 6, 1 / 4))
