@@ -106,7 +106,9 @@ def solve(
     def corrected(z: tuple) -> tuple[tuple, Any]:
         """The next increments, and whether the corrections were small."""
         right, linear, corrections = linearised(system, stages, y, z)
-        changes = corrections(_solved(system, linear, right))
+        u = _solved(system, linear, right)
+        # An infinite derivative makes a correction zero, which looks converged. 0 * inf tells.
+        changes = corrections(u + 0.0 * linear(u))
         new = tuple(each + change for each, change in zip(z, changes, strict=True))
         # Positions, or velocities: near a zero of one of them, the other still has its size. A new
         # state that is tiny has roundings of the old one.

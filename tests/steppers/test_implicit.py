@@ -305,6 +305,15 @@ def driven_rope(strength):
     )
 
 
+@pytest.mark.parametrize("name", FAST)
+def test_an_infinite_derivative_is_unsolved(name):
+    """Newton's correction is zero there, and the state would stay for ever where it is."""
+    tank = Problem(lambda t, y, args: jnp.sqrt(y) + 1.0, [0.0], [0.0, 1.0, 2.0])
+    run = simulate(tank, name, 8)
+    assert (run.status, run.diverged_at) == ("unsolved", 1)
+    assert simulate(tank, f"{name}:newton=1", 8).status == "diverged"
+
+
 def test_a_rope_that_is_unsolved_leaves_the_others_alone():
     problems = [driven_rope(strength) for strength in (0.05, 3.0, 0.02)]
     alone = [simulate(problem, "implicit-midpoint", 3) for problem in problems]
