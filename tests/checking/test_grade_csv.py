@@ -134,6 +134,15 @@ def test_a_field_that_is_no_number(folder, problem, row, column, text, block):
         read(folder, problem, lines, block=block)
 
 
+@pytest.mark.parametrize("text", ["", " ", "\t"])
+def test_a_field_that_is_blank(folder, problem, text):
+    lines = right_lines()
+    fields = lines[7].split(",")
+    lines[7] = ",".join([*fields[:4], text, fields[5]])
+    with pytest.raises(InputError, match=r"it\.csv, line 8, column 5 \(vx\): .* a number"):
+        read(folder, problem, lines)
+
+
 @few
 @given(row=st.integers(HEAD, HEAD + ROWS - 1), node=st.sampled_from([-1, 0, 1, 2, 3, 4, 1.5, 1e9]))
 def test_a_wrong_node(folder, problem, row, node):

@@ -22,6 +22,7 @@ _NOT_FINITE = re.compile(
 )
 # The columns of time and node, which are finite in runs that diverged too.
 _PLACE = 2
+_SPACE, _BLANK = re.compile(rb"[ \t\v\f]"), re.compile(rb"(^|[,\n])[ \t\v\f]*[,\n]")
 _STEP = re.compile(r"#\s*dt\s*[=:]\s*(\S+)\s*")
 
 
@@ -125,7 +126,9 @@ class CsvFile:
             text = text.replace(b"\r\n", b"\n")
         characters = np.frombuffer(text, np.uint8)
         marks = characters[(characters == ord("\n")) | (characters == ord(","))]
-        if len(marks) % width == 0:
+        # NumPy reads a blank field as -1.
+        blank = _SPACE.search(text) and _BLANK.search(text)
+        if len(marks) % width == 0 and not blank:
             each = marks.reshape(-1, width)
             if (each[:, -1] == ord("\n")).all() and (each[:, :-1] == ord(",")).all():
                 try:
