@@ -85,6 +85,11 @@ class Run:
         return epsilon(self.values)
 
     @property
+    def single(self) -> bool:
+        """Whether the numbers were computed in single precision."""
+        return self.epsilon > float(np.finfo(np.float64).eps)
+
+    @property
     def reached(self) -> int:
         """The number of samples before the run diverged."""
         return int(np.sum(np.all(np.isfinite(self.values), axis=(1, 2))))

@@ -298,7 +298,8 @@ def _order(
     """The order that the files show.
 
     As `ropeode grade` has it: the rounding of the written digits counts as round-off; where that
-    shows no convergence, so does the worst round-off that a sound program has.
+    shows no convergence, so does the worst round-off that a sound program has. Coarse steps in
+    single precision have no exception here.
     """
 
     def with_rounding(rounding: Callable[[Run], np.ndarray]) -> ObservedOrder:
