@@ -129,8 +129,8 @@ def steppers() -> str:
 def _stepper(cls: type[BuiltIn]) -> str:
     facts = [
         f"It runs on problems of the kind *{cls.needs}*"
-        + (", with frames of equal length." if cls.equal_frames else "."),
-        "Symplectic on problems without damping." if cls.symplectic else "Not symplectic.",
+        + (", with frames of equal length." if cls().equal_frames else "."),
+        "Symplectic on problems without damping." if cls().symplectic else "Not symplectic.",
     ]
     parts = [f"### {cls.name}", _description(cls), " ".join(facts)]
     words = argument_words(cls)

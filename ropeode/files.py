@@ -146,7 +146,8 @@ def read_text(name: str, path: str | Path) -> str:
         InputError: it cannot be read, or is not UTF-8 text.
     """
     try:
-        return Path(path).read_text(encoding="utf-8")
+        # Editors on Windows may put a byte order mark before the text.
+        return Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         allowed, fix = "a text file that can be read (it is not UTF-8 text)", "check the path"
         raise bad_value(name, str(path), allowed, fix) from error

@@ -200,6 +200,11 @@ def listed(values: Iterable[Any]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
+def counted(number: int, noun: str) -> str:
+    """A number of things: 1 run, 2 runs."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
 def in_one_line(error: Exception) -> str:
     """The message of an exception in one line, with its type unless it is one of ropeode's own."""
     text = " ".join(str(error).split()) or "no message"

@@ -129,6 +129,18 @@ def test_the_largest_stable_step_has_only_stable_ones_below(judge, stable, fewes
     assert judge.largest_stable(stable) == fewest
 
 
+def test_a_long_run_that_is_cut_short_says_nothing_of_stability(judge, monkeypatch, tmp_path):
+    monkeypatch.setattr(judge, "exported", lambda *_: ([], {}, judge.TOO_LATE))
+    engine, method = {"exporter": "some.py"}, {"argument": "Euler"}
+    with pytest.raises(SystemExit, match="some.py Euler: stopped after .* shorten its `ladder`"):
+        judge.long_run(tmp_path, engine, method, "springs", tmp_path)
+
+
+@pytest.mark.parametrize("case", ["springs", "rigid", "kepler-long"])
+def test_long_runs_have_a_frame_for_each_unit_of_time(judge, case):
+    np.testing.assert_allclose(judge.job_of(case, 64).given.ts, np.arange(65.0), rtol=1e-15)
+
+
 def test_states_of_a_file_that_ends_early_are_not_numbers(judge, tmp_path):
     problem = judge.job_of("springs").given
     start = np.concatenate(

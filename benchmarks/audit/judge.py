@@ -39,6 +39,7 @@ from ropeode.study.spec import TableJob, read_spec
 
 HERE = Path(__file__).resolve().parent
 ENGINES = HERE / "engines.toml"
+PROBLEMS = HERE / "problems"
 # Steps per frame that are tried for the largest stable step, and the frames that it must survive.
 LADDER = (*range(1, 25), 28, 32, 40, 48, 64, 96, 128)
 # Steps per frame of the runs that are graded; few of them are powers of two, which would make
@@ -65,6 +66,7 @@ LONG = 64
 # Steps per frame of the run whose energy is reported.
 DRIFT = 64
 SECONDS = 900
+TOO_LATE = f"stopped after {SECONDS} s"
 
 
 def engines() -> list[dict[str, Any]]:
@@ -74,8 +76,8 @@ def engines() -> list[dict[str, Any]]:
 
 def job_of(case: str, frames: int | None = None) -> TableJob:
     """A case's problem, as a spec that is ready to run."""
-    values = read_spec(HERE / f"problems/{case}.toml")
-    return TableJob(values if frames is None else {**values, "frames": frames})
+    values = read_spec(PROBLEMS / f"{case}.toml")
+    return TableJob(values if frames is None else {**values, "frames": frames}, PROBLEMS)
 
 
 @functools.cache
@@ -106,7 +108,7 @@ def exported(
         ended = done.stderr.strip().splitlines()[-1] if done.returncode else ""
         lines = done.stdout.splitlines()
     except subprocess.TimeoutExpired as late:
-        ended, lines = f"stopped after {SECONDS} s", (late.stdout or b"").decode().splitlines()
+        ended, lines = TOO_LATE, (late.stdout or b"").decode().splitlines()
     pairs = [line.split(",") for line in lines if line[:1].isdigit() and line.count(",") == 1]
     files = [folder / f"rope-{n}.csv" for n in steps]
     return [file for file in files if file.exists()], {int(n): float(s) for n, s in pairs}, ended
@@ -173,12 +175,17 @@ def largest_stable(stable: dict[int, bool]) -> int | None:
     return fewest
 
 
-def long_run(python: Path, engine: dict[str, Any], method: dict[str, Any], folder: Path) -> Any:
-    """Energy and stability on the undamped problem, over many frames."""
-    job = job_of(next(iter(method["runs"])), LONG)
+def long_run(
+    python: Path, engine: dict[str, Any], method: dict[str, Any], case: str, folder: Path
+) -> Any:
+    """Energy and stability on an undamped problem, over many frames."""
+    job = job_of(case, LONG)
     problem = job.given
     ladder = sorted({DRIFT, *method.get("ladder", LADDER)}, reverse=True)
     files, _, ended = exported(python, engine["exporter"], method["argument"], job, ladder, folder)
+    if ended == TOO_LATE:
+        words = f"{engine['exporter']} {method['argument']}"
+        raise SystemExit(f"{words}: {ended}; shorten its `ladder`")
     verdicts: dict[int, bool] = {}
     drift: dict[str, Any] = {}
     with np.errstate(all="ignore"):
@@ -228,8 +235,9 @@ def row_of(engine: dict[str, Any], method: dict[str, Any], environments: Path) -
                 raise SystemExit(f"{engine['exporter']} {method['argument']}: {ended}")
             row["cases"][run] = {"steps": steps, "ended": ended, **summary(judged(files, case))}
             seconds |= {} if seconds else times
-        if method.get("long", {"springs", "rigid"} & set(method["runs"])):
-            row["long"] = long_run(python, engine, method, Path(folder) / "long")
+        undamped = next((case for case in ("springs", "rigid") if case in method["runs"]), None)
+        if case := method.get("long", undamped):
+            row["long"] = long_run(python, engine, method, case, Path(folder) / "long")
     row["seconds_per_step"] = float(np.median([*seconds.values()])) if seconds else None
     return row
 

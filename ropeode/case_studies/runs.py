@@ -29,6 +29,7 @@ from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import as_stepper
 from ropeode.theory.growth import Growth, growth_per_frame, stability_limit
 from ropeode.threads import cores, threads
+from ropeode.validation import counted
 
 FRAMES = 4000
 MOST_FRAMES = 20_000
@@ -156,7 +157,7 @@ def run_all(
 def _read_or_run(runs: list[Run], folder: Path | None, progress: Progress) -> dict[Run, Images]:
     """The runs of one family: read where they are kept, computed where not."""
     setting = runs[0].setting
-    text = f"{setting.stepper}: {setting.steps_per_frame} steps per frame"
+    text = f"{setting.stepper}: {counted(setting.steps_per_frame, 'step')} per frame"
     done = {run: kept for run in runs if folder and (kept := _read(_file(folder, run), run))}
     missing = [run for run in runs if run not in done]
     if missing:

@@ -97,7 +97,7 @@ def check_stepper(
     started = time.perf_counter()
     with kept_output() as printed:
         stepper = as_stepper(step)
-        stepper.require(undamped())
+        _require(stepper)
         claims = claims if claims != Claims() else own_claims(stepper)
         needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
         references_ahead(needed)
@@ -167,6 +167,24 @@ def cut_off(label: str, claims: Claims, checks: list[str], how: str, during: str
     """
     line = f"the step {how}, during {during!r}; a step returns, and leaves its process alone"
     return CheckReport(label, claims, tuple(_only("purity", line, checks, "the process had ended")))
+
+
+def _require(stepper: Stepper) -> None:
+    """See that a stepper can run on check ropes.
+
+    Raises:
+        InputError: it cannot, and why.
+    """
+    if stepper.moves_links:
+        kind = " --kind inextensible-rope" if stepper.keeps_lengths else ""
+        raise bad_value(
+            "stepper",
+            stepper.label,
+            "steppers that ask for forces; this one moves nodes link by link, and the ropes of the "
+            "check have a force that no link knows of",
+            f"see its order with: ropeode table{kind} --steppers {stepper.label}",
+        )
+    stepper.require(undamped())
 
 
 def _examination(stepper: Stepper, trial: Trial, claims: Claims) -> Examination:

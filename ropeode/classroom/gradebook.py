@@ -12,7 +12,8 @@ from typing import NamedTuple
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission
-from ropeode.render.text_layout import WIDTH, columns, counted
+from ropeode.render.text_layout import WIDTH, columns
+from ropeode.validation import counted
 
 HEADERS = ("submission", "status", "verdict", "order", "points", "message", "marks")
 SCHEMA = "ropeode.gradebook/1"

@@ -134,10 +134,11 @@ class Class:
         assert self._process.stdout is not None
         self._process.stdin.write(json.dumps(told).encode() + b"\n")
         self._process.stdin.flush()
-        for line in self._process.stdout:
-            event = json.loads(line)
-            name = event["name"]
-            yield self._outcome(name, where.pop(name), event)
+        with self._process.stdout as lines:
+            for line in lines:
+                event = json.loads(line)
+                name = event["name"]
+                yield self._outcome(name, where.pop(name), event)
         self.end()
         if where:
             raise RopeodeError(

@@ -33,11 +33,11 @@ from ropeode.render.table_words import (
     reference_words,
     trust_words,
 )
-from ropeode.render.text_layout import counted
 from ropeode.simulation import JaxStepper, Trajectories, Trajectory
 from ropeode.study.curves import Curve, ErrorCurves
 from ropeode.study.energy import EnergyCurves
 from ropeode.study.node_paths import NodePath, NodePaths
+from ropeode.validation import counted
 
 _FACTS = ("", "")
 
@@ -134,8 +134,9 @@ def _certificate(certificate: Certificate, times: np.ndarray | None) -> list[Blo
 @line.register
 def _(run: Trajectory) -> str:
     at = "" if run.diverged_at is None else f" at frame {run.diverged_at}"
+    steps = counted(run.steps_per_frame, "step")
     return (
-        f"{run.stepper.label}, {run.steps_per_frame} steps/frame; {problem_words(run.problem)}; "
+        f"{run.stepper.label}, {steps}/frame; {problem_words(run.problem)}; "
         f"{run.status}{at}, {counted(len(run.times), 'sample')}"
     )
 
@@ -149,8 +150,9 @@ def _(own: JaxStepper) -> str:
 def _(runs: Trajectories) -> str:
     unsolved = int(np.sum(~runs.finite & ~runs.solved))
     diverged = len(runs) - int(np.sum(runs.finite)) - unsolved
+    steps = counted(runs.steps_per_frame, "step")
     return (
-        f"{counted(len(runs), 'run')} of {runs.stepper.label}, {runs.steps_per_frame} steps/frame; "
+        f"{counted(len(runs), 'run')} of {runs.stepper.label}, {steps}/frame; "
         f"{diverged or 'none'} diverged{f', {unsolved} unsolved' if unsolved else ''}"
     )
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
-from ropeode.render.text_layout import counted
 from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
+from ropeode.validation import counted
 
 
 def line(table: AccuracyTable) -> str:

@@ -227,7 +227,7 @@ def likeness_words(explanation: Explanation) -> list[str]:
 def tableau_words(found: StepTableau) -> str:
     """The method that a step is by its coefficients, or why it has none."""
     if found.tableau is None:
-        return f"It has no Runge-Kutta or Nystrom coefficients: it {found.reason}."
+        return f"Its step shows no Runge-Kutta or Nystrom coefficients: it {found.reason}."
     words = describe(found.tableau)
     return f"By the coefficients that its step shows, {words[0].lower()}{words[1:]}"
 

@@ -7,7 +7,7 @@ import itertools
 from ropeode.render.docstrings import argument_words, description, source
 from ropeode.render.text_layout import columns, hanging, wrapped
 from ropeode.steppers.base import BuiltIn, ProblemClass, Stepper
-from ropeode.steppers.registry import by_family, option_value, options
+from ropeode.steppers.registry import STEPPERS, by_family, option_value, options
 
 # Of problems, as the columns of declared orders name them.
 _KINDS = {
@@ -63,7 +63,7 @@ def as_text() -> str:
 def one_as_text(stepper: Stepper) -> str:
     """What a stepper is, what it runs on, its options and orders, its source."""
     # Others are classes around what the user or a library has written.
-    built_in = type(stepper) if isinstance(stepper, BuiltIn) else None
+    built_in = next((cls for cls in STEPPERS.values() if cls is type(stepper)), None)
     lines = [stepper.label, ""]
     for paragraph in description(built_in) if built_in else ():
         lines += [*wrapped(_plain(paragraph)), ""]

@@ -12,9 +12,9 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.ropes import ROPES
 from ropeode.references.certificate import Certificate
 from ropeode.references.hints import remarks
-from ropeode.render.text_layout import counted
 from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
 from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
+from ropeode.validation import counted
 
 if TYPE_CHECKING:
     from ropeode.checking.trajectories.studies import TrajectoryErrors

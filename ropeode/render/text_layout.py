@@ -10,11 +10,6 @@ from tabulate import tabulate
 WIDTH = 80
 
 
-def counted(number: int, noun: str) -> str:
-    """A number of things: 1 run, 2 runs."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
-
-
 def wrapped(text: str, indent: int = 0) -> list[str]:
     """The lines of a paragraph, those after the first indented a little more.
 

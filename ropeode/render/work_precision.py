@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, Literal
 
 from ropeode.render import markup, table_words
 from ropeode.render.data import problem_dict, reference_dict
-from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
 from ropeode.render.schemas.work_precision import CostAxisForm, WorkPrecisionForm
-from ropeode.render.text_layout import columns, counted
+from ropeode.render.text_layout import WIDTH, columns
 from ropeode.study.work_precision import (
     COSTS,
     RUN_LIMIT,
@@ -18,6 +19,7 @@ from ropeode.study.work_precision import (
     WorkPrecision,
     WorkRow,
 )
+from ropeode.validation import counted
 
 SCHEMA: Literal["ropeode.work-precision/1"] = "ropeode.work-precision/1"
 COST_WORDS: dict[Cost, str] = {
@@ -29,7 +31,7 @@ RUN_HEADERS = ("effort", "max error", "/ tol", "RHS evals", "steps", "ms", "rang
 _ON_FRONT = "*"
 _KEY = (
     "In brackets: how many times the cost of the best method. *: the best of its family. <: at "
-    "most that, which is the cost of a run with a smaller error. -: no certified run reaches it, "
+    "most that, which is the cost of a run with a smaller error. -: no run is known to reach it, "
     "and nothing is extrapolated."
 )
 
@@ -42,13 +44,25 @@ def as_text(study: WorkPrecision) -> str:
     at = rest.index(runs)
     return "\n".join(
         [
-            markup.plain([head, *rest[:at]]).rstrip("\n"),
+            markup.plain([head, *map(_narrow, rest[:at])]).rstrip("\n"),
             "",
             *_runs_by_method(study),
             "",
             markup.plain(rest[at + 1 :]),
         ]
     )
+
+
+def _narrow(block: Block) -> Block:
+    """The block, or lines of its own for each method where it is a table that is too wide."""
+    if not isinstance(block, Grid):
+        return block
+    rows = [block.headers, *block.rows]
+    if max(map(len, columns(rows, block.left))) <= WIDTH:
+        return block
+    _, *names = [row[0] for row in rows]
+    header, *lines = columns([("", *row[1:]) for row in rows], left=())
+    return Code("\n".join([header, *itertools.chain(*zip(names, lines, strict=True))]))
 
 
 def _runs_by_method(study: WorkPrecision) -> list[str]:
@@ -122,13 +136,15 @@ def _whys(study: WorkPrecision) -> list[str]:
 
 def effort_words(row: WorkRow) -> str:
     """The effort with its unit."""
-    return f"rtol {effort_cell(row)}" if row.rtol else f"{effort_cell(row)} steps/frame"
+    if row.rtol:
+        return f"rtol {effort_cell(row)}"
+    return f"{counted(round(row.effort), 'step')}/frame"
 
 
 def effort_cell(row: WorkRow) -> str:
     """The effort as a number, a power of ten as such."""
     if row.rtol is None:
-        return f"{row.effort:g}"
+        return f"{row.effort:.0f}"
     digits, power = f"{row.effort:.2e}".split("e")
     return f"{float(digits):g}e{int(power)}"
 
@@ -175,8 +191,10 @@ def _reached_cell(each: CostToReach, cost: Cost) -> str:
     if each.cost is None:
         return "-"
     value = _ms(each.cost) if cost == "seconds" else f"{each.cost:.0f}"
+    ratio = each.ratio or 1.0
+    times = f"{ratio:.2g}" if ratio < 100.0 else f"{ratio:.0f}"
     most, star = "<" * each.at_most, _ON_FRONT * each.best_of_family
-    return f"{most}{value} ({each.ratio:.2g}){star}"
+    return f"{most}{value} ({times}){star}"
 
 
 def as_lines(study: WorkPrecision) -> list[dict[str, Any]]:

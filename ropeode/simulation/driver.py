@@ -15,7 +15,7 @@ from ropeode.kept_programs import Source
 from ropeode.simulation.family import Family, shape_of
 from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.kernel_fusion import in_one_kernel
-from ropeode.simulation.system import is_turned, stored, system
+from ropeode.simulation.system import is_turned, positions_last, stored, system
 from ropeode.simulation.transposes import on_stored
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.phase import Phase
@@ -53,7 +53,7 @@ def source_of(family: Family, capacity: int, blocks: int) -> Source:
         def frames_of(y0: Any, args: Any, carried: Any) -> tuple:
             def steps_of(carried: Any, args: Any, start: Any, dt: Any, steps: Any) -> Any:
                 def one_step(i: Any, carried: Any) -> Any:
-                    return methods.step(args, start + i * dt, carried, dt)
+                    return positions_last(methods.step(args, start + i * dt, carried, dt), dt > 0)
 
                 return jax.lax.fori_loop(0, steps, one_step, carried)
 

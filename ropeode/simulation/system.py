@@ -219,3 +219,21 @@ def stored(state: Any, always: Any) -> Any:
     return jax.lax.cond(
         always, lambda state: state, lambda state: jax.tree.map(jnp.zeros_like, state), state
     )
+
+
+def positions_last(carried: Any, always: Any) -> Any:
+    """What a step carries on, its positions computed after its velocities.
+
+    XLA knows of no order between the two. Where it moves the positions first, as for explicit
+    Euler, it has to copy the old ones for the forces, in each step. Here the positions wait for a
+    choice that reads one of the velocities; no number changes.
+
+    Arguments:
+        carried: where it is no `Phase`, it is handed on as it is.
+        always: something true of which XLA does not know that it is.
+    """
+    if not isinstance(carried, Phase) or jax.default_backend() != "cpu":
+        return carried
+    one = carried.v[(0,) * carried.v.ndim]
+    done = jax.lax.cond(always, lambda one: True, lambda one: one > 0, one)
+    return Phase(jnp.where(done, carried.x, jnp.zeros_like(carried.x)), carried.v)

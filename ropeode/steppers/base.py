@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Callable
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, get_args, get_type_hints
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +15,10 @@ from ropeode.errors import InputError
 from ropeode.problems.links import LinearDamping, Links, taut_between
 from ropeode.problems.problem import Problem
 from ropeode.problems.state_structure import StateStructure
-from ropeode.validation import check_whole
+from ropeode.validation import bad_value, check_whole, unknown
+
+# The largest number that an option may have: loops count in 32 bits at least.
+_MOST = 2**31 - 1
 
 
 class ProblemClass(NamedTuple):
@@ -204,7 +208,7 @@ class Stepper(abc.ABC):
             >>> from ropeode import Problem, simulate
             >>> burst = Problem(lambda t, y, args: y**2, [1.0], [0.0, 0.5])
             >>> simulate(burst, "implicit-euler", 1)  # 1 + y^2/2 = y has no solution.
-            <Trajectory: implicit-euler, 1 steps/frame; problem, 1 frame; unsolved at frame 1,
+            <Trajectory: implicit-euler, 1 step/frame; problem, 1 frame; unsolved at frame 1,
             1 sample>
         """
         del carried
@@ -327,6 +331,12 @@ class Stepper(abc.ABC):
         return None
 
 
+@functools.cache
+def _choices(cls: type) -> dict[str, tuple[str, ...]]:
+    """Of options that are a `Literal`."""
+    return {name: get_args(hint) for name, hint in get_type_hints(cls).items()}
+
+
 @dataclasses.dataclass(frozen=True)
 class BuiltIn(Stepper):
     """A stepper of ropeode.
@@ -341,10 +351,17 @@ class BuiltIn(Stepper):
 
     def __post_init__(self) -> None:
         for option in dataclasses.fields(self):
+            name, given = f"{self.name}:{option.name}", getattr(self, option.name)
             if option.type == "int":
-                name, given = f"{self.name}:{option.name}", getattr(self, option.name)
                 value = check_whole(name, given, at_least=1, example="4")
-                object.__setattr__(self, option.name, value)
+                if value > _MOST:
+                    raise bad_value(name, value, f"at most {_MOST}", "take fewer")
+            else:
+                # A number may be given as one, as in newton=1.
+                value = str(given)
+                if value not in (choices := _choices(type(self))[option.name]):
+                    raise InputError(unknown(name, value, choices))
+            object.__setattr__(self, option.name, value)
 
     @property
     def label(self) -> str:

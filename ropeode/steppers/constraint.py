@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -43,7 +43,7 @@ class ConstraintVerlet(BuiltIn):
         start: where ``x(-dt)`` comes from. `taylor`: ``x - dt v + dt^2/2 a`` with the
             acceleration of the inextensible rope. `rest`: ``x(-dt) = x(0)``, as in the
             assignment; another solution where the initial velocity is not zero.
-        damping: as for `StormerVerlet`; `per-step` is the assignment's.
+        damping: as for `stormer-verlet`; `per-step` is the assignment's.
 
     Velocities of samples are the central differences of positions after the sweeps.
 
@@ -144,15 +144,23 @@ def shares(links: Links, softness: Any) -> Any:
     return jnp.where(either > 0, 1.0 / jnp.where(either > 0, either + softness, 1.0), 0.0)
 
 
+class Kept(NamedTuple):
+    """What `Rattle` carries: a state, and whether the lengths were kept so far, ``(ropes,)``."""
+
+    y: Phase
+    solved: Any
+
+
 @dataclasses.dataclass(frozen=True)
 class Rattle(BuiltIn):
     """Velocity Verlet with links: lengths exact at each step, and no link being stretched.
 
     The first half kick includes pulls along the links as they are before the step, such that
     the lengths are right after it; the second half kick includes pulls along the links as
-    they are then, such that no length is changing. Damping enters as in `VelocityVerlet`.
+    they are then, such that no length is changing. Damping enters as in `velocity-verlet`.
 
-    A step too long for the lengths to be kept gives a state that is not finite.
+    The lengths are kept by Newton's method. Where a step is too long for it to converge, the run
+    ends, `unsolved`.
 
     Source: H. C. Andersen, J. Comput. Phys. 52 (1983); Hairer, Lubich, Wanner, Geometric
     Numerical Integration, eq. (VII.1.26).
@@ -169,27 +177,45 @@ class Rattle(BuiltIn):
         """Order 2 on inextensible ropes; else another solution."""
         return 2 if problem_class.rigid else 0
 
-    def step(self, system: System, t: Any, y: Phase, dt: Any) -> Phase:
+    def init(self, system: System, t: Any, y: Phase, dt: Any) -> Kept:
+        """The initial state."""
+        assert system.links is not None
+        return Kept(y, jnp.ones(system.links.apart, bool))
+
+    def step(self, system: System, t: Any, carried: Kept, dt: Any) -> Kept:
         """Kick, drift with the lengths kept, kick with the rates kept."""
         assert system.links is not None
-        links = system.links
+        y, links = carried.y, system.links
         half = links.damping.rate * dt / 2
         kick = dt / 2 * links.acceleration
-        v_middle = with_lengths_kept(y.x, (1 - half) * y.v + kick, links, dt)
+        v_middle, kept = with_lengths_kept(y.x, (1 - half) * y.v + kick, links, dt)
         x = y.x + dt * v_middle
-        return Phase(x, with_rates_kept(x, (v_middle + kick) / (1 + half), half, links))
+        v = with_rates_kept(x, (v_middle + kick) / (1 + half), half, links)
+        return Kept(Phase(x, v), carried.solved & kept)
+
+    def state(self, system: System, t: Any, carried: Kept, dt: Any) -> Phase:
+        """The state alone."""
+        return carried.y
+
+    def solved(self, carried: Kept) -> Any:
+        """Whether the lengths were always kept."""
+        return carried.solved
 
 
-def with_lengths_kept(x: Any, v: Any, links: Links, dt: Any) -> Any:
+def with_lengths_kept(x: Any, v: Any, links: Links, dt: Any) -> tuple[Any, Any]:
     """Velocities with pulls along the links added so that ``x + dt v`` has the right lengths.
 
     By Newton's method for the lengths' squares. Of ropes side by side each makes as many
     iterations as it makes alone, so that its result does not depend on the others.
+
+    Returns:
+        The velocities, not-a-number where the lengths are not kept; and whether they are, or the
+        run had diverged before, ``(ropes,)``.
     """
     apart = links.apart
     d = along(x, apart)
     if not d.shape[1]:
-        return v
+        return v, True
 
     def by_rope(row: Any) -> Any:
         return row.reshape(-1, apart)
@@ -223,11 +249,13 @@ def with_lengths_kept(x: Any, v: Any, links: Links, dt: Any) -> Any:
         count, _, wrong = loop
         return (count < _MOST_ITERATIONS) & jnp.any(too_far(wrong))
 
-    _, v, _ = jax.lax.while_loop(going_on, iterate, (0, v, fault(v)))
+    wrong = fault(v)
+    finite = jnp.all(jnp.isfinite(by_rope(wrong)), axis=0)
+    _, v, _ = jax.lax.while_loop(going_on, iterate, (0, v, wrong))
     # One more than needed: it costs little, and takes what the last one left down to rounding.
     v = corrected(v)
     kept = jnp.all(jnp.abs(by_rope(fault(v))) <= close, axis=0)
-    return where(kept, v, jnp.nan)
+    return where(kept, v, jnp.nan), kept | ~finite
 
 
 def with_rates_kept(x: Any, v: Any, half: Any, links: Links) -> Any:

@@ -24,18 +24,29 @@ class _Implicit(BuiltIn):
     Arguments:
         newton: when Newton's method ends. `converged`: when its corrections are so small that
             the next would be below rounding; where it does not converge the run ends,
-            `unsolved`. `1`: after one iteration from the old state, a linearly implicit method.
+            `unsolved`. `1`: after one iteration from the old state, a linearly implicit method,
+            which is not symplectic.
+
+    Class attributes:
+        of_order: its order, of the equations solved.
+        of_symplectic: whether it is symplectic, likewise.
     """
 
     family = "implicit"
     stages: ClassVar[int] = 1
     of_order: ClassVar[int]
+    of_symplectic: ClassVar[bool] = False
 
     newton: Iterations = "converged"
 
     def order(self, problem_class: ProblemClass) -> int:
         """Its own, damped or not; one iteration leaves an error of order 3 in each step."""
         return self.of_order if self.newton == "converged" else min(self.of_order, 2)
+
+    @property
+    def symplectic(self) -> bool:  # type: ignore[override]
+        """What Newton's method leaves after one iteration is not."""
+        return self.of_symplectic and self.newton == "converged"
 
     def init(self, system: System, t: Any, y: Any, dt: Any) -> Any:
         """The initial state."""
@@ -86,7 +97,7 @@ class ImplicitEuler(_RungeKutta):
     forces linearised at the old state, one linear system, and no test.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, eq. (I.1.6); with one
-    iteration D. Baraff, A. Witkin, Large steps in cloth simulation (SIGGRAPH 1998), eq. (6).
+    iteration D. Baraff, A. Witkin, Large steps in cloth simulation (SIGGRAPH 1998).
     """
 
     name = "implicit-euler"
@@ -108,7 +119,7 @@ class ImplicitMidpoint(_RungeKutta):
 
     name = "implicit-midpoint"
     source = "Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.7)"
-    symplectic = True
+    of_symplectic = True
     of_order = 2
     a, c, d = ((0.5,),), (0.5,), (2.0,)
 
@@ -124,12 +135,12 @@ class Gauss4(_RungeKutta):
     stages can have.
 
     Source: Hairer, Wanner, Solving ODEs II, table IV.5.1; Hairer, Lubich, Wanner, Geometric
-    Numerical Integration, table II.1.1.
+    Numerical Integration, section II.1.3.
     """
 
     name = "gauss4"
     source = "Hairer, Wanner, Solving ODEs II, table IV.5.1"
-    symplectic = True
+    of_symplectic = True
     of_order = 4
     stages = 2
     a = ((1 / 4, 1 / 4 - _ROOT / 6), (1 / 4 + _ROOT / 6, 1 / 4))
@@ -144,12 +155,12 @@ class Trapezium(_Implicit):
     A-stable and symmetric. It is conjugate to the implicit midpoint rule, which is symplectic,
     and itself is not.
 
-    Source: Hairer, Norsett, Wanner, Solving ODEs I, eq. (III.1.9'); conjugate to the midpoint rule
+    Source: Hairer, Norsett, Wanner, Solving ODEs I, eq. (III.1.8); conjugate to the midpoint rule
     by Hairer, Lubich, Wanner, Geometric Numerical Integration, section VI.8.
     """
 
     name = "trapezium"
-    source = "Hairer, Norsett, Wanner, Solving ODEs I, (III.1.9')"
+    source = "Hairer, Norsett, Wanner, Solving ODEs I, (III.1.8)"
     of_order = 2
 
     def step(self, system: System, t: Any, carried: Implicit, dt: Any) -> Implicit:

@@ -23,13 +23,13 @@ class Nystrom4(BuiltIn):
     took the damping of k2 for both would have order 2.
 
     Source: E. J. Nystrom, Acta Soc. Sci. Fenn. 50 (1925); Hairer, Norsett, Wanner, Solving
-    Ordinary Differential Equations I, table II.14.2 (left); with velocities eq. (II.14.2).
+    Ordinary Differential Equations I, section II.14.
     """
 
     name = "rkn4"
     family = "Runge-Kutta"
     needs = "second order, linear damping"
-    source = "Hairer, Norsett, Wanner, Solving ODEs I, table II.14.2"
+    source = "Hairer, Norsett, Wanner, Solving ODEs I, section II.14"
 
     def order(self, problem_class: ProblemClass) -> int:
         """Order 4, damped or not."""

@@ -23,7 +23,7 @@ class PositionBasedDynamics(BuiltIn):
     """``p = x + dt (v + dt g)/(1 + r dt)``; p projected; ``v = (p - x)/dt``, ``x = p``.
 
     A projection puts a link back to its length, with stiffness 1, as a sweep of
-    `ConstraintVerlet` does. Damping with rate r = damping/mass acts per time, and implicitly: on
+    `constraint-verlet` does. Damping with rate r = damping/mass acts per time, and implicitly: on
     the prediction, and as a mass that is larger by ``1 + r dt`` on the projections.
 
     It does not solve the rope with springs, whose stiffness it does not ask for. As dt shrinks it
@@ -65,7 +65,7 @@ class PositionBasedDynamics(BuiltIn):
 
 @dataclasses.dataclass(frozen=True)
 class ExtendedPositionBasedDynamics(BuiltIn):
-    """`PositionBasedDynamics` whose projections give way: ``C + alpha/dt^2 lambda = 0``.
+    """`pbd` whose projections give way: ``C + alpha/dt^2 lambda = 0``.
 
     C is how much too long a link is, lambda the sum of its moves in this step, and alpha its
     compliance: 1/stiffness of a spring, 0 of a rigid link. Already one iteration is consistent:
@@ -77,7 +77,7 @@ class ExtendedPositionBasedDynamics(BuiltIn):
         iterations: of the projection in each substep, at least 1.
         substeps: equal parts of a step, each with its own prediction and iterations, at least 1.
             So many times as many steps without substeps are the same.
-        sweep: as for `PositionBasedDynamics`. With springs `jacobi` is of order 1 too, and
+        sweep: as for `pbd`. With springs `jacobi` is of order 1 too, and
             `averaged` goes to another rope here as well.
 
     Source: Macklin, Müller, Chentanez, XPBD (Motion in Games 2016), eq. (18) and algorithm 1;

@@ -21,7 +21,7 @@ class ProjectiveDynamics(BuiltIn):
     """``(M/dt^2 + K) x = M/dt^2 p + J^T k l n``, in turn with ``n = d/|d|`` of each spring.
 
     Implicit Euler as the smallest value of a function: that of the inertia,
-    ``|x - p|^2_M/(2 dt^2)`` with the prediction p of `PositionBasedDynamics`, and of the springs,
+    ``|x - p|^2_M/(2 dt^2)`` with the prediction p of `pbd`, and of the springs,
     ``k |d - l n|^2/2`` with their own direction n each. The local step finds the directions, the
     global one the positions, by one tridiagonal system with a constant matrix, ``K = J^T k J``.
 
@@ -35,14 +35,14 @@ class ProjectiveDynamics(BuiltIn):
             prediction.
 
     Source: Liu, Bargteil, O'Brien, Kavan, Fast Simulation of Mass-Spring Systems, ACM Trans.
-    Graph. 32 (2013), section 4; as projective dynamics: Bouaziz, Martin, Liu, Kavan, Pauly, ACM
-    Trans. Graph. 33 (2014).
+    Graph. 32 (2013); as projective dynamics: Bouaziz, Martin, Liu, Kavan, Pauly, ACM Trans. Graph.
+    33 (2014).
     """
 
     name = "projective-dynamics"
     family = "graphics"
     needs = "springs in a row"
-    source = "Liu et al., ACM Trans. Graph. 32 (2013), section 4"
+    source = "Liu et al., ACM Trans. Graph. 32 (2013)"
 
     iterations: int = 1
 

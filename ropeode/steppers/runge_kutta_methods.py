@@ -33,7 +33,7 @@ class Heun(RungeKutta):
 
     The explicit trapezoidal rule, also called improved Euler.
 
-    Source: K. Heun, Z. Math. Phys. 45 (1900), without number; as an optimal method that preserves
+    Source: K. Heun, Z. Math. Phys. 45 (1900), algorithm II; as an optimal method that preserves
     strong stability: Shu, Osher, J. Comput. Phys. 77 (1988), eq. (2.16).
     """
 
@@ -61,7 +61,7 @@ class Midpoint(RungeKutta):
 class Ralston2(RungeKutta):
     """The method of order 2 with the smallest bound for its local error: ``y += dt/4 (k1 + 3 k2)``.
 
-    Source: A. Ralston, Math. Comp. 16 (1962), section 2.
+    Source: A. Ralston, Math. Comp. 16 (1962), eq. (3.5).
     """
 
     name = "ralston2"
@@ -76,7 +76,7 @@ class Ralston3(RungeKutta):
 
     ``y += dt/9 (2 k1 + 3 k2 + 4 k3)``, with slopes at 0, 1/2 and 3/4 of the step.
 
-    Source: A. Ralston, Math. Comp. 16 (1962), section 3.
+    Source: A. Ralston, Math. Comp. 16 (1962), eq. (4.10).
     """
 
     name = "ralston3"
@@ -91,7 +91,7 @@ class Kutta3(RungeKutta):
 
     The last slope is taken at ``y + dt (2 k2 - k1)``.
 
-    Source: W. Kutta, Z. Math. Phys. 46 (1901), without number.
+    Source: W. Kutta, Z. Math. Phys. 46 (1901), p. 440.
     """
 
     name = "kutta3"

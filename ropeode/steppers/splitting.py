@@ -96,7 +96,8 @@ class Leapfrog(BuiltIn):
             ``v += dt/2 a(t + dt, x)``; `drift-kick-drift`: ``x += dt/2 v``,
             ``v += dt a(t + dt/2, x)``, ``x += dt/2 v``; `staggered`: ``v(t + dt/2) = v(t - dt/2)
             + dt a(t, x)``, ``x(t + dt) = x(t) + dt v(t + dt/2)``, begun with half a kick back
-            to ``v(-dt/2)``, and shown at whole times after half a kick.
+            to ``v(-dt/2)``, and shown at whole times after half a kick; for frames of equal
+            length.
         damping: how ``-r v`` enters a kick, with r = damping/mass. `exact`: the kick solves
             ``v' = a - r v``; order 2. `explicit`: ``v += h (a - r v)`` with the velocity before
             it; order 1.
@@ -119,6 +120,11 @@ class Leapfrog(BuiltIn):
 
     form: Literal["kick-drift-kick", "drift-kick-drift", "staggered"] = "kick-drift-kick"
     damping: KickDamping = "exact"
+
+    @property
+    def equal_frames(self) -> bool:  # type: ignore[override]
+        """Staggered velocities are half a step away, and cannot be so at two step sizes."""
+        return self.form == "staggered"
 
     def order(self, problem_class: ProblemClass) -> int:
         """Order 2; 1 with damping that is explicit in each kick."""
@@ -169,7 +175,7 @@ class Ruth3(Splitting):
         damping: as for `leapfrog`: `exact`, with which the order holds, or `explicit`, order 1.
 
     Source: R. D. Ruth, IEEE Trans. Nucl. Sci. 30 (1983); Hairer, Lubich, Wanner, Geometric
-    Numerical Integration, section VI.3.
+    Numerical Integration, section II.5.
     """
 
     name = "ruth3"

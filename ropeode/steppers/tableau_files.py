@@ -98,19 +98,22 @@ def _from_text(text: str, path: str, contents: str) -> tuple[OwnTableau, tuple[s
         fix = "see docs/howto/steppers.md for one"
         raise bad_value("stepper", path, f"a TOML file ({error})", fix) from error
     tableau, faults = _tableau(given)
-    faults += [unknown(f"key of {path}", key, _KEYS) for key in given if key not in _KEYS]
+    faults += [unknown("key", key, _KEYS) for key in given if key not in _KEYS]
     name = given.get("name", text)
-    if not isinstance(name, str) or not name.strip() or name in STEPPERS:
-        allowed = "a text that is not the name of a stepper of ropeode"
+    if not isinstance(name, str) or not name.isprintable() or not name.strip() or _is_taken(name):
+        allowed = "a line of text that is not the name of a stepper of ropeode"
         faults.append(complaint("name", name, allowed, 'for example name = "my method"'))
+    claimed = 0
     if "order" in given:
         try:
-            check_whole("order", given["order"], at_least=1, example="4")
+            claimed = check_whole("order", given["order"], at_least=1, example="4")
         except InputError as error:
             faults += error.problems
+    if tableau is not None and claimed > tableau.order:
+        faults.append(_too_high(claimed, tableau))
     if tableau is None or faults:
-        raise InputError(faults)
-    _check_order(tableau, given.get("order", 0))
+        # Several files may be given.
+        raise InputError([f"{path}: {fault}" for fault in faults])
     return OwnTableau(tableau, tableau.order, name), tuple(_doubts(path, tableau))
 
 
@@ -174,25 +177,26 @@ def _number(entry: Any) -> Number | None:
         return None
     try:
         value = number(entry)
-    except (ValueError, ZeroDivisionError):
+        return value if math.isfinite(value) else None
+    except (ValueError, ZeroDivisionError, OverflowError):
         return None
-    return value if math.isfinite(value) else None
 
 
-def _check_order(tableau: Tableau, claimed: int) -> None:
-    """Raises:
-    InputError: the order that is claimed is higher than that of the conditions.
-    """
+def _is_taken(name: str) -> bool:
+    """Whether a stepper of ropeode, or one of its forms with options, has this name."""
+    return name.partition(":")[0] in STEPPERS
+
+
+def _too_high(claimed: int, tableau: Tableau) -> str:
+    """The complaint about an order that is higher than that of the conditions."""
     found = tableau.order
-    if claimed <= found:
-        return
     unmet = next(each for each in tableau.errors(found + 1) if not each.met)
     condition, _, exact = tableau.condition(unmet.tree).rpartition(" = ")
     allowed = (
         f"at most {found}; of the conditions for order {found + 1} one is {condition} = {exact}, "
         f"and here it is {_plain(unmet.weight)}"
     )
-    raise bad_value("order", claimed, allowed, "look for a mistyped coefficient, or claim less")
+    return complaint("order", claimed, allowed, "look for a mistyped coefficient, or claim less")
 
 
 def _doubts(path: str, tableau: Tableau) -> list[str]:
@@ -206,14 +210,15 @@ def _doubts(path: str, tableau: Tableau) -> list[str]:
         )
     for i, (time, added) in enumerate(zip(tableau.c, tableau.row_sums, strict=True), 1):
         if not same(time, added):
+            order, without_time = tableau.order, tableau.order_without_time
+            rest = f", and {without_time} where the right-hand side does not depend on time"
             doubts.append(
                 f"{path}: c[{i}] is {_plain(time)}, and row {i} of A adds up to {_plain(added)}; "
-                f"its order is {tableau.order}, and {tableau.order_without_time} where the "
-                "right-hand side does not depend on time."
+                f"its order is {order}{rest if without_time > order else ''}."
             )
             break
     return doubts
 
 
 def _plain(value: Number) -> str:
-    return str(value) if isinstance(value, Fraction) else f"{value:.6g}"
+    return str(value) if isinstance(value, Fraction) else f"{value:.15g}"

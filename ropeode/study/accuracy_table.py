@@ -31,7 +31,7 @@ from ropeode.steppers.functions import StepFunction
 from ropeode.study.each_once import each_once, repeated
 from ropeode.study.error_constant import ErrorConstant, error_constant
 from ropeode.threads import cores, threads
-from ropeode.validation import bad_value, whole_number
+from ropeode.validation import bad_value, counted, whole_number
 
 if TYPE_CHECKING:
     from ropeode.theory.global_error import PredictedError
@@ -220,7 +220,7 @@ def tables_in_norms(
         for each in as_completed(running):
             rows, done = each.result(), done + running[each]
             finished[rows[0].stepper, rows[0].steps_per_frame] = rows
-            text = f"{rows[0].stepper}: {rows[0].steps_per_frame} steps per frame"
+            text = f"{rows[0].stepper}: {counted(rows[0].steps_per_frame, 'step')} per frame"
             progress(text, done / (len(chosen) * sum(steps_per_frame)))
         predictions = [each.result() for each in predicting] or [None] * len(chosen)
     progress("done", 1.0)

@@ -24,6 +24,7 @@ from ropeode.simulation.trajectory import Status
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.error_constant import leading_term
+from ropeode.validation import counted
 
 if TYPE_CHECKING:
     from ropeode.theory.global_error import PredictedError
@@ -185,7 +186,7 @@ def runs_of(
     total, done = len(steppers) * sum(ladder), 0
     for stepper in steppers:
         for steps in ladder:
-            progress(f"{stepper.label}: {steps} steps per frame", done / total)
+            progress(f"{stepper.label}: {counted(steps, 'step')} per frame", done / total)
             yield simulate(problem, stepper, steps)
             done += steps
     progress("done", 1.0)
@@ -197,7 +198,7 @@ def curve_of(run: Trajectory, times: np.ndarray, values: np.ndarray) -> Curve:
     finite = int(np.argmin(np.append(np.isfinite(values), False)))
     return Curve(
         stepper=run.stepper.label,
-        label=f"{run.steps_per_frame} steps/frame",
+        label=f"{counted(run.steps_per_frame, 'step')}/frame",
         dt=run.dt,
         times=times[:finite],
         values=values[:finite],

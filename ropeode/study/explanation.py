@@ -23,7 +23,7 @@ from ropeode.references.reference import Reference, problem_of
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import as_stepper
-from ropeode.steppers.base import ProblemClass, Stepper
+from ropeode.steppers.base import BuiltIn, ProblemClass, Stepper
 from ropeode.steppers.registry import registered
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
@@ -270,7 +270,10 @@ def explain_stepper(
             return declared is None or declared > local.seen
         return declared == local.order
 
-    implicit = not (stepper.moves_links or (tableau.tableau and tableau.tableau.explicit))
+    explicit = tableau.tableau is not None and tableau.tableau.explicit
+    # A stepper of ropeode says which it is, also where its step shows no tableau.
+    explicit |= isinstance(stepper, BuiltIn) and stepper.family != "implicit"
+    implicit = not (stepper.moves_links or explicit)
     equal = list(
         equal_steppers(samples, at, lengths=lengths, implicit=implicit, order=has_its_order)
     )

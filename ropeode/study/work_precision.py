@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Sequence
 from typing import Any, Literal, Unpack
 
@@ -26,9 +27,16 @@ from ropeode.study.energy import energies_of
 from ropeode.study.methods.in_turns import Timed, run_in_turns
 from ropeode.study.methods.method import Attempt, LadderMethod, Status
 from ropeode.study.methods.naming import chosen_methods
-from ropeode.study.pareto import cost_to_reach, pareto_front
+from ropeode.study.pareto import Reached, cost_to_reach, pareto_front
 from ropeode.threads import cores, threads
-from ropeode.validation import bad_value, check_positive, check_whole, complaint, positive_number
+from ropeode.validation import (
+    bad_value,
+    check_positive,
+    check_whole,
+    complaint,
+    positive_number,
+    unknown,
+)
 
 DEFAULT_METHODS = (
     "explicit-euler",
@@ -47,6 +55,9 @@ ROUNDS = 5
 # The errors whose cost people quote, in the unit of the errors.
 TARGETS = (1e-2, 1e-4, 1e-6, 1e-9)
 _TIGHTEST, _LOOSEST = 1e-13, 0.1
+# Stands for the error of an energy that is not finite, as in the norms: None would say that it is
+# small.
+INFINITE = sys.float_info.max
 
 Cost = Literal["seconds", "rhs_evaluations", "steps"]
 Measure = Literal["error_final", "error_max", "error_rms", "energy_error"]
@@ -69,7 +80,7 @@ class WorkRow:
         error_max: the largest over these samples; likewise.
         error_rms: the root mean square over them; likewise.
         energy_error: the largest difference from the true energy; None also where the problem has
-            no energy.
+            no energy, and the largest float where that of the run is not finite.
         error_over_tolerance: `error_max` over the tolerance, which is the relative one times the
             scale of the state; None for methods with constant steps.
         resolved: whether the reference resolves `error_max`.
@@ -169,9 +180,15 @@ class WorkPrecision(Tabular, written_by="ropeode.render.work_precision"):
     def front(self, cost: Cost = "seconds", measure: Measure = "error_max") -> tuple[WorkRow, ...]:
         """The certified runs that no other one beats, from cheap to costly.
 
+        A run whose error is unresolved has a smaller one than all that are certified, so that it
+        beats those that cost more.
+
         Arguments:
             cost: `seconds`, `rhs_evaluations` or `steps`.
             measure: `error_final`, `error_max`, `error_rms` or `energy_error`.
+
+        Raises:
+            InputError: there is no such cost or measure.
 
         Examples:
             >>> from ropeode import Rope, work_precision
@@ -182,7 +199,14 @@ class WorkPrecision(Tabular, written_by="ropeode.render.work_precision"):
             >>> [(row.method, row.effort) for row in study.front("rhs_evaluations")]
             [('rk4', 16), ('rk4', 64)]
         """
-        certified = [(row, point) for row in self.rows if (point := _point(row, cost, measure))]
+        check_axes(self, cost, measure)
+        unresolved = (_unresolved(row, cost, measure) for row in self.rows)
+        beaten = min((paid for paid in unresolved if paid is not None), default=np.inf)
+        certified = [
+            (row, point)
+            for row in self.rows
+            if (point := _point(row, cost, measure)) and point[0] < beaten
+        ]
         return tuple(certified[i][0] for i in pareto_front([point for _, point in certified]))
 
     def costs_to_reach(
@@ -190,12 +214,16 @@ class WorkPrecision(Tabular, written_by="ropeode.render.work_precision"):
     ) -> tuple[CostToReach, ...]:
         """What an error costs with each method, in their order.
 
-        Between neighbouring certified runs, log(cost) is interpolated; nothing is extrapolated.
+        Between neighbouring certified runs, log(cost) is interpolated; nothing is extrapolated. Of
+        a run whose error is unresolved it is known that it suffices for all that is resolved.
 
         Arguments:
             error: in the unit of the errors.
             cost: as for `front`.
             measure: as for `front`.
+
+        Raises:
+            InputError: the error is no positive number, or there is no such cost or measure.
 
         Examples:
             >>> from ropeode import Rope, work_precision
@@ -209,9 +237,10 @@ class WorkPrecision(Tabular, written_by="ropeode.render.work_precision"):
             rk4 336 1.0
         """
         error = check_positive("error", error, example="1e-6")
+        resolution = check_axes(self, cost, measure)
         reached = {
-            method: cost_to_reach(
-                error, [_point(row, cost, measure) for row in self.rows if row.method == method]
+            method: _reached(
+                [row for row in self.rows if row.method == method], error, cost, measure, resolution
             )
             for method in self.methods
         }
@@ -235,10 +264,57 @@ class WorkPrecision(Tabular, written_by="ropeode.render.work_precision"):
         return tuple(found)
 
 
+def check_axes(study: WorkPrecision, cost: Cost, measure: Measure) -> float:
+    """See that runs can be compared by a cost and a measure.
+
+    Returns:
+        Below which the error is unresolved.
+
+    Raises:
+        InputError: there is no such cost or measure, or the problem has no energy.
+    """
+    faults = [
+        unknown(name, str(given), allowed)
+        for name, given, allowed in (("cost", cost, COSTS), ("measure", measure, MEASURES))
+        if given not in allowed
+    ]
+    if faults:
+        raise InputError(faults)
+    if measure != "energy_error":
+        return study.resolution
+    if study.energy_resolution is None:
+        raise bad_value(
+            "measure",
+            measure,
+            f"error_final, error_max or error_rms: {study.problem.name!r} has no energy",
+            "choose one of these, or build the problem with its energy",
+        )
+    return study.energy_resolution
+
+
+def _reached(
+    rows: Sequence[WorkRow], error: float, cost: Cost, measure: Measure, resolution: float
+) -> Reached | None:
+    """What an error costs with a method, whose runs are these."""
+    certified = cost_to_reach(error, [_point(row, cost, measure) for row in rows])
+    known = [] if certified is None else [certified]
+    if resolution <= error:
+        unresolved = (_unresolved(row, cost, measure) for row in rows)
+        known += [Reached(paid, True) for paid in unresolved if paid is not None]
+    return min(known, default=None)
+
+
 def _point(row: WorkRow, cost: Cost, measure: Measure) -> tuple[float, float] | None:
     """Cost and error of a run, if both are certain."""
     paid, error = getattr(row, cost), getattr(row, measure)
-    return (float(paid), error) if row.status == "ok" and paid and error else None
+    certain = row.status == "ok" and paid and error and error < INFINITE
+    return (float(paid), error) if certain else None
+
+
+def _unresolved(row: WorkRow, cost: Cost, measure: Measure) -> float | None:
+    """The cost of a run whose error is unresolved."""
+    paid, error = getattr(row, cost), getattr(row, measure)
+    return float(paid) if row.status == "ok" and paid and error is None else None
 
 
 @shows_progress
@@ -424,7 +500,9 @@ class _Measuring:
             return None
         truth = self._energies.values[: len(states)]
         error = np.max(np.abs(energy_errors(self._reference.problem.energies(states), truth)))
-        return float(error) if self.energy_resolution <= error < np.inf else None
+        if not np.isfinite(error):
+            return INFINITE
+        return float(error) if error >= self.energy_resolution else None
 
 
 def _row(timed: Timed[_Errors], problem: Problem) -> WorkRow:

@@ -39,7 +39,7 @@ class NystromTableau(Method):
         c: the times of the accelerations, in units of dt.
         d: how far the positions have drifted, in units of ``dt v``.
 
-    Source: Hairer, Norsett, Wanner, Solving ODEs I, eq. (II.14.2), where p and q are a and b with
+    Source: Hairer, Norsett, Wanner, Solving ODEs I, section II.14, where p and q are a and b with
     bars, and d = c.
     """
 

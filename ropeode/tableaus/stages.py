@@ -95,7 +95,7 @@ class Staged(abc.ABC):
     def reduced(self) -> Self:
         """The same method without stages that the result does not depend on, or that are equal.
 
-        Source: Hairer, Norsett, Wanner, Solving ODEs I, p. 180 and definition II.12.15.
+        Source: Hairer, Wanner, Solving ODEs II, section IV.12, on reducible methods.
         """
         first = self.equal_to
         matrices, weights, columns = self.parts

@@ -58,9 +58,9 @@ def read_implicit(step: RecordedStep) -> Tableau:
 
 
 def _apart(times: np.ndarray) -> np.ndarray:
-    """Times without repetitions, as they came first."""
+    """Times without repetitions, in order: that in which a step asks for stages says nothing."""
     different: list[float] = []
-    for time in times:
+    for time in np.sort(times):
         if all(abs(time - other) > _SAME_TIME for other in different):
             different.append(float(time))
     return np.array(different)

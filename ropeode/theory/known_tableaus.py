@@ -121,10 +121,10 @@ def _of_substeps(stepper: type[Splitting]) -> NystromTableau:
     return _kicks_and_drifts(drifts, kicks[:-1])
 
 
-# Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.9), (I.1.17), section VI.3; Ruth,
+# Hairer, Lubich, Wanner, Geometric Numerical Integration, (I.1.9), (I.1.17), section II.5; Ruth,
 # IEEE Trans. Nucl. Sci. 30 (1983); Forest, Ruth, Physica D 43 (1990); Omelyan, Mryglod, Folk,
 # Comput. Phys. Commun. 146 (2002); Yoshida, Phys. Lett. A 150 (1990); Hairer, Norsett, Wanner,
-# Solving ODEs I, table II.14.2.
+# Solving ODEs I, section II.14.
 _THETA = 1.0 / (2.0 - 2.0 ** (1 / 3))
 SECOND_ORDER: dict[str, NystromTableau] = {
     "semi-implicit-euler": _kicks_and_drifts([0, 1], [1]),

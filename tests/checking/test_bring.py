@@ -453,7 +453,10 @@ def test_a_step_that_closes_standard_output_has_failed_a_check():
         (lambda a, b: a, r"its parameters are \(a, b\)"),
         (lambda acceleration, x, v, t, dt, args: x, "Fix: write one of these"),
         ("rk5", "did you mean 'rk4'"),
-        ("constraint-verlet", "moves nodes in a row link by link"),
+        (
+            "constraint-verlet",
+            "this one moves nodes link by link.*Fix: see its order with: ropeode table",
+        ),
         ("nowhere.py:step", "No such file"),
         ("x.py", "No such file"),
     ],

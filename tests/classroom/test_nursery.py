@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import shutil
 import subprocess
 import sys
+import warnings
 
 import pytest
 
+from ropeode.classroom import running
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.running import Class
 from ropeode.classroom.steppers import Steppers
@@ -122,3 +125,16 @@ def test_what_is_done_is_kept_for_the_same_question(tmp_path, examined):
     shutil.rmtree(tmp_path / "results")
     outcomes()
     assert examined == ["anna", "bert"]
+
+
+def test_nothing_stays_open(tmp_path, monkeypatch):
+    """Python warns of each pipe that it has to close itself."""
+    event = {"name": "a", "outcome": {"name": "a", "status": "checked"}}
+    monkeypatch.setattr(running, "_CODE", f"input(); print({json.dumps(event)!r})")
+    own = Class(tmp_path, [Submission("a", ("a.py",), "", "")], Steppers(100.0, {}), None)
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        assert [each.status for each in own.outcomes(lambda *_: None)] == ["checked"]
+        del own
+        gc.collect()
+    assert not [str(each.message) for each in seen]

@@ -33,3 +33,11 @@ def test_all_of_one_stepper_gives_orders_on_the_problems_that_it_is_for():
     assert orders("stormer-verlet")["damping=per-step"] == ["2", "2", "0", "0"]
     assert orders("diffrax:Heun") == {"diffrax:Heun": ["2"] * 4}
     assert orders(lambda rhs, t, y, dt, args: y) == {"<lambda>": ["-"] * 4}
+
+
+def test_a_tableau_of_a_users_is_shown(tmp_path):
+    (tmp_path / "own.toml").write_text("A = [[], [1]]\nb = [0.5, 0.5]\nname = 'mine'")
+    text = one_stepper(as_stepper("runge-kutta:own.toml", folder=tmp_path))
+    assert text.startswith("mine\n")
+    assert "family:     Runge-Kutta" in text
+    assert "mine  2          2          2        2" in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 import re
@@ -10,8 +11,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from ropeode.errors import InputError
+from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.render.formats import format_work_precision
 from ropeode.render.plots.work_points import BELOW, BLEW_UP, CERTIFIED, points_and_limits
@@ -22,7 +25,7 @@ from ropeode.render.plots.work_precision import (
     plot_work_precision,
 )
 from ropeode.render.work_precision import effort_cell
-from ropeode.study.work_precision import COSTS, TARGETS, work_precision
+from ropeode.study.work_precision import COSTS, INFINITE, TARGETS, work_precision
 from ropeode.terminal.output import FORMATS as NAMES
 from tests.exact_reference import exact_reference
 from tests.quartic import HOSTILE
@@ -183,6 +186,105 @@ def test_points_say_their_values(study):
     assert f"evaluations: {row.rhs_evaluations}" in words
 
 
+@pytest.fixture(scope="module")
+def swing():
+    """Of the oscillator, with an energy; the errors of its methods are made up."""
+    problem = oscillator(damping=0.0, frames=4)
+    return exact_reference(problem, problem.exact(problem.ts))
+
+
+def made_up(truth, name, runs):
+    """A method with these errors and evaluations, from loose to tight; None fails."""
+    known = dict(zip((1e-2, 1e-3, 1e-4, 1e-5), runs, strict=False))
+
+    def solve(problem, rtol):
+        error, calls = known[rtol]
+        return truth.states + error * (problem.ts > 0.0)[:, None, None, None], calls
+
+    solve.__name__ = name
+    return solve
+
+
+def test_text_fits_80_columns_with_long_names_and_large_ratios(swing):
+    name = "stormer-verlet:damping=per-step,start=rest"
+    methods = [
+        made_up(swing, "quick", [(1e-3, 1), (1e-5, 10), (1e-7, 100), (1e-10, 200)]),
+        made_up(
+            swing, name, [(2e-3, 123456), (1e-5, 1234567), (1e-7, 12345678), (1e-10, 99999999)]
+        ),
+    ]
+    found = work_precision(swing, methods, rtol=[1e-2, 1e-3, 1e-4, 1e-5], rounds=1)
+    text = format_work_precision(found)
+    assert max(map(len, text.splitlines())) <= 80
+    (reached,) = found.costs_to_reach(1e-6, "rhs_evaluations")[1:]
+    below = text[text.index("Least evaluations") :].split(f"{name}\n")[1]
+    cells = [each for each in below.splitlines()[0].split("  ") if each]
+    assert len(cells) == 4
+    assert cells[2].strip() == f"{reached.cost:.0f} ({reached.ratio:.0f})"
+
+
+def test_lines_join_neighbours_only(swing):
+    """Nothing is interpolated over a run that failed, so nothing is drawn there."""
+    run = made_up(swing, "gap", [(1e-1, 10), None, (1e-3, 1000), (1e-4, 10000)])
+    found = work_precision(swing, run, rtol=[1e-2, 1e-3, 1e-4, 1e-5], rounds=1)
+    assert [row.status for row in found.rows] == ["ok", "failed", "ok", "ok"]
+    (axes,) = plot_work_precision(found, "rhs_evaluations").axes
+    drawn = [line.get_xdata() for line in axes.lines if line.get_gid() is None]
+    spans = [(min(x), max(x)) for x in drawn if len(x) > 1]
+    assert (1000, 10000) in spans
+    assert not any(low < 1000 and 10 < high <= 10000 for low, high in spans)
+
+
+@pytest.mark.parametrize("calls", [[7], [30, 70], [100], [90, 2000]])
+def test_the_cost_axis_says_two_numbers(calls, swing):
+    run = made_up(swing, "some", [(1e-3 / each, each) for each in calls])
+    found = work_precision(swing, run, rtol=[1e-2, 1e-3][: len(calls)], rounds=1)
+    figure = plot_work_precision(found, "rhs_evaluations")
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    low, high = axes.get_xlim()
+    labels = axes.xaxis.get_ticklabels()
+    shown = [x for x, label in zip(axes.get_xticks(), labels, strict=True) if label.get_text()]
+    assert sum(low <= x <= high for x in shown) >= 2
+
+
+def test_an_energy_that_is_not_finite_stands_at_the_upper_edge(swing):
+    run = made_up(swing, "wild", [(1e-3, 10), (1e-4, 100)])
+    found = work_precision(swing, run, rtol=[1e-2, 1e-3], rounds=1)
+    wild = dataclasses.replace(found.rows[0], energy_error=INFINITE)
+    found = dataclasses.replace(found, rows=(wild, found.rows[1]))
+    (first, second), limits = points_and_limits(found, "rhs_evaluations", "energy_error")
+    assert (first.mark, second.mark) == (BLEW_UP, CERTIFIED)
+    assert second.error < first.error == limits.error[1] < 1.0
+    assert found.front("rhs_evaluations", "energy_error") == (found.rows[1],)
+
+
+def test_points_and_legends_say_what_is_not_known(swing):
+    uncounted = made_up(swing, "uncounted", [(1e-3, None)])
+    close = made_up(swing, "close", [(0.5e-13, 10)])
+    found = work_precision(swing, [uncounted, close], rtol=[1e-2], rounds=1)
+    (point,) = points_and_limits(found, "rhs_evaluations", "error_max")[0]
+    lost = dataclasses.replace(point.row, energy_error=None)
+    words = hover_words(found, point._replace(row=lost))
+    for name in ("max", "final", "rms"):
+        assert f"{name} error: < 1.0e-13" in words
+    assert f"energy error: < {found.energy_resolution:.1e}" in words
+    wild = dataclasses.replace(point.row, energy_error=INFINITE)
+    assert "energy error: not finite" in hover_words(found, point._replace(row=wild))
+    figure = plot_work_precision(found, "rhs_evaluations", "energy_error")
+    texts = [text.get_text() for text in figure.findobj(Text)]
+    assert "uncounted (your own): no run here" in texts
+    assert "close (your own)" in texts
+    assert not any("distance" in text for text in texts)
+    assert any("difference from the true energy" in text for text in texts)
+
+
+def test_efforts_are_said_in_full(swing):
+    found = work_precision(swing, "rk4", steps_per_frame=[16], rounds=1)
+    row = dataclasses.replace(found.rows[0], effort=12345678)
+    assert effort_cell(row) == "12345678"
+
+
 def test_other_measures_and_bad_names(study):
     figure = plot_work_precision(study, "steps", "error_final")
     assert figure.axes[0].get_ylabel() == "final error"
@@ -190,3 +292,5 @@ def test_other_measures_and_bad_names(study):
         plot_work_precision(study, "time")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="did you mean 'error_max'"):
         plot_work_precision(study, "steps", "error_maximum")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="has no energy"):
+        plot_work_precision(study, "steps", "energy_error")

@@ -37,8 +37,9 @@ def ways_of(stepper):
     """How it can be differentiated."""
     if str(stepper).startswith("diffrax") and "Leapfrog" not in stepper:
         return [BACKWARDS]
-    # Rattle iterates until it has converged.
-    return [FORWARDS] if getattr(stepper, "label", "") == "rattle" else [FORWARDS, BACKWARDS]
+    newton, name = getattr(stepper, "newton", "1"), getattr(stepper, "name", "")
+    iterates = newton == "converged" or name == "rattle"
+    return [FORWARDS] if iterates else [FORWARDS, BACKWARDS]
 
 
 def problem_for(stepper) -> Problem:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
+from ropeode.checking.check_ropes import undamped
 from ropeode.precision import in_float64
 from ropeode.problems import rope as rope_equations
 from ropeode.problems.ensemble import Ensemble
@@ -27,6 +28,7 @@ from ropeode.steppers.block_tridiagonal import (
 )
 from ropeode.steppers.registry import by_family
 from ropeode.study.accuracy_table import accuracy_table
+from ropeode.theory.structure import structure
 
 IMPLICIT = [each.name for each in by_family()["implicit"]]
 EVERY = pytest.mark.parametrize("name", IMPLICIT)
@@ -403,6 +405,15 @@ def test_declared_orders(name):
         assert stepper.order(problem_class) == own
         assert as_stepper(f"{name}:newton=1").order(problem_class) == min(own, 2)
     assert stepper.symplectic is (name in ("implicit-midpoint", "gauss4"))
+
+
+@pytest.mark.parametrize("name", ["implicit-midpoint", "gauss4"])
+def test_one_iteration_is_not_symplectic_and_says_so(name):
+    for label, expected in ((name, True), (f"{name}:newton=1", False)):
+        stepper = as_stepper(label)
+        found = structure(undamped(), stepper, ["symplectic"])
+        assert not isinstance(found, str)
+        assert stepper.symplectic is found["symplectic"].holds is expected
 
 
 def test_gauss_and_midpoint_keep_quadratic_invariants():

@@ -140,6 +140,21 @@ def test_spaces_do_not_matter():
     )
 
 
+def test_options_in_python_are_those_on_the_command_line():
+    """A number as one; and nothing that would run as another choice under its own name."""
+    assert STEPPERS["implicit-euler"](newton=1) == as_stepper("implicit-euler:newton=1")
+    for given in ("0", None, True, 2):
+        with pytest.raises(InputError, match="implicit-euler:newton: .* allowed: converged, 1"):
+            STEPPERS["implicit-euler"](newton=given)
+    with pytest.raises(InputError, match="xpbd:sweep: 'x' given"):
+        STEPPERS["xpbd"](sweep="x")
+
+
+def test_an_option_is_no_larger_than_a_loop_can_count():
+    with pytest.raises(InputError, match="xpbd:substeps: 100000000000000000000 given; allowed: at"):
+        as_stepper("xpbd:substeps=1e20")
+
+
 def test_refusals_name_the_stepper_and_a_way_out(driven_pendulum):
     rope = Rope(num_nodes=3).problem(frames=2)
     assert all(each.refusal(rope) is None for each in EVERY_VARIANT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from fractions import Fraction
@@ -10,6 +11,7 @@ import jax
 import numpy as np
 import pytest
 
+from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.simulation import simulate
@@ -122,6 +124,15 @@ def test_staggered_is_kick_drift_kick():
         simulate(problem, f"leapfrog:form={form}", 7) for form in ("staggered", "kick-drift-kick")
     )
     np.testing.assert_allclose(one.states, other.states, rtol=0, atol=1e-13)
+
+
+def test_staggered_velocities_need_steps_of_one_size():
+    """Half a step before a frame is half a step of another size before the next one."""
+    uneven = dataclasses.replace(oscillator(frames=3), ts=np.array([0.0, 0.4, 1.6, 1.9]))
+    with pytest.raises(InputError, match="staggered' given, a multistep method that needs one"):
+        simulate(uneven, "leapfrog:form=staggered", 7)
+    for form in ("kick-drift-kick", "drift-kick-drift"):
+        assert simulate(uneven, f"leapfrog:form={form}", 7).status == "ok"
 
 
 def test_forms_without_damping_are_the_verlet_methods():

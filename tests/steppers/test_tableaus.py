@@ -152,7 +152,11 @@ def test_stages_that_nobody_reads_are_left_out(tmp_path):
         ('A = [[]]\nb = ["1/0"]', "b[1]: '1/0' given; allowed: finite numbers"),
         ("A = [[]]\nb = [nan]", "b[1]: nan given; allowed: finite numbers"),
         ("A = [[]]\nb = [true]", "b[1]: True given; allowed: finite numbers"),
-        ('A = [[]]\nb = [1]\nname = "rk4"', "name: 'rk4' given; allowed: a text"),
+        ('A = [[]]\nb = [1]\nname = "rk4"', "name: 'rk4' given; allowed: a line of text"),
+        ('A = [[]]\nb = [1]\nname = "leapfrog:form=staggered"', "name: 'leapfrog:form=staggered'"),
+        ('A = [[]]\nb = [1]\nname = "two\\nlines"', "allowed: a line of text that is not the name"),
+        ('A = [[]]\nb = ["1e400"]', "b[1]: '1e400' given; allowed: finite numbers"),
+        ('A = [[]]\nb = [1]\norder = "2"', "order: 2 given; allowed: at most 1"),
         ("A = [[]]\nb = [1]\norder = 1.5", "order: 1.5 given; allowed: a whole number >= 1"),
         (
             "A = [[], [1]]\nb = [0.5, 0.5]\norder = 3",
@@ -166,9 +170,15 @@ def test_faults_are_one_line_each(tmp_path, text, words):
     with pytest.raises(InputError) as caught:
         as_stepper(written(tmp_path, text), folder=tmp_path)
     (line,) = caught.value.problems
+    assert "own.toml" in line
     assert words in line
     assert "Fix: " in line
     assert "\n" not in line
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path):
+    text = written(tmp_path, "\ufeffA = [[]]\nb = [1]")
+    assert as_stepper(text, folder=tmp_path).order(ProblemClass()) == 1
 
 
 @pytest.mark.parametrize("text", ["runge-kutta", "runge-kutta:", "runge-kutta:own.py"])
@@ -187,6 +197,18 @@ def test_weights_that_do_not_add_up_to_1(tmp_path):
     with pytest.warns(InputWarning, match="weights b add up to 7/6, not to 1; its order is 0"):
         stepper = as_stepper(text, folder=tmp_path)
     assert stepper.order(ProblemClass()) == 0
+
+
+def test_a_sum_that_is_nearly_1_is_shown_with_its_digits(tmp_path):
+    text = written(tmp_path, "A = [[], [1]]\nb = [0.3333333333, 0.6666666666]")
+    with pytest.warns(InputWarning, match="weights b add up to 0.9999999999, not to 1"):
+        as_stepper(text, folder=tmp_path)
+
+
+def test_an_order_that_is_the_same_without_time_is_said_once(tmp_path):
+    text = written(tmp_path, 'A = [[]]\nb = [1]\nc = ["1/2"]')
+    with pytest.warns(InputWarning, match="row 1 of A adds up to 0; its order is 1\\.$"):
+        as_stepper(text, folder=tmp_path)
 
 
 def test_times_that_are_not_row_sums(tmp_path):

@@ -18,6 +18,7 @@ from ropeode.references.compute import reference
 from ropeode.render.formats import format_explanation
 from ropeode.render.stepper_list import variants
 from ropeode.steppers import STEPPERS, as_stepper
+from ropeode.study import explanation
 from ropeode.study.explanation import explain_stepper
 from ropeode.terminal.output import FORMATS as NAMES
 from tests.results import check_result
@@ -78,6 +79,23 @@ def test_what_it_is_and_what_it_is_not(right):
     # Positions differ by dt^2 a.
     assert right.compared.power == pytest.approx(2, abs=0.01)
     assert not right.compared.same
+
+
+@pytest.mark.slow
+def test_a_solver_of_diffrax_that_is_one_of_ropeodes(known):
+    found = explain_stepper("diffrax:ImplicitEuler", known, steps_per_frame=STEPS)
+    assert [each.name for each in found.equal] == ["implicit-euler"]
+
+
+def test_a_stepper_that_says_it_is_explicit_is_held_against_no_implicit_one(known, monkeypatch):
+    """Each of those takes seconds to compile."""
+
+    def asked(*_, implicit, **__):
+        raise InterruptedError(implicit)
+
+    monkeypatch.setattr(explanation, "equal_steppers", asked)
+    with pytest.raises(InterruptedError, match="False"):
+        explain_stepper("adams-bashforth2", known, steps_per_frame=STEPS)
 
 
 @pytest.mark.slow

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import optimize
 
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.study.methods.naming import as_method
-from ropeode.study.work_precision import work_precision
+from ropeode.study.work_precision import INFINITE, work_precision
 from tests.exact_reference import exact_reference
 from tests.results import check_result
 
@@ -245,9 +248,14 @@ def test_a_method_that_fails_at_one_effort_is_kept_at_the_others(decay):
     ("returned", "words"),
     [
         (lambda p: p.y0, "(states, rhs_evaluations)"),
-        (lambda p: (p.y0, 3), "states of shape (1,) returned"),
+        (lambda p: (p.y0, 3), "returned states of shape (1,)"),
         (lambda p: ("states", 3), "(states, rhs_evaluations)"),
-        (lambda p: (np.zeros((4, 1)), -3), "-3 is below 1"),
+        (lambda p: (np.zeros((4, 1)), -3), "-3 evaluations (-3 is below 1)"),
+        (lambda p: (np.zeros((4, 1)), 2.5), "2.5 evaluations (2.5 is not whole)"),
+        (lambda p: (np.zeros((4, 1)) + 1j, 3), "returned states of type complex128"),
+        (lambda p: (np.ma.masked_less(np.zeros((4, 1)), 1), 3), "states that are masked"),
+        (lambda p: ([[1.0], [1.0, 2.0]], 3), "states of different lengths"),
+        (lambda p: [p.y0, 3], "it returned [array"),
     ],
 )
 def test_a_solve_that_returns_something_else_failed(returned, words, decay):
@@ -305,7 +313,172 @@ def test_errors_below_the_resolution_are_no_numbers(decay):
     assert (row.status, row.resolved) == ("ok", False)
     assert row.error_max is row.error_final is row.error_rms is row.error_over_tolerance is None
     assert found.front("rhs_evaluations") == ()
-    assert found.costs_to_reach(1e-2, "rhs_evaluations")[0].cost is None
+    # It is known to be below the resolution, and no more.
+    (coarse,) = found.costs_to_reach(1e-2, "rhs_evaluations")
+    assert (coarse.cost, coarse.at_most) == (10.0, True)
+    assert found.costs_to_reach(0.99e-13, "rhs_evaluations")[0].cost is None
+
+
+def of_errors(decay, name, errors_and_calls):
+    """A method with these errors and evaluations, one for each tolerance."""
+    at = iter(errors_and_calls)
+    known = {}
+
+    def solve(problem, rtol):
+        error, calls = known[rtol] if rtol in known else known.setdefault(rtol, next(at))
+        return decay.states + error * (problem.ts > 0.0)[:, None], calls
+
+    solve.__name__ = name
+    return solve
+
+
+def test_an_unresolved_run_beats_certified_ones_that_cost_more(decay):
+    """Its error is smaller than all that are certified, though nobody knows how small."""
+    good = of_errors(decay, "good", [(1e-3, 10), (0.5e-13, 100), (0.5e-13, 1000)])
+    poor = of_errors(decay, "poor", [(1e-2, 5), (1e-8, 99), (1e-11, 5000)])
+    found = work_precision(decay, [good, poor], rtol=[1e-2, 1e-3, 1e-4], rounds=1)
+    front = [(row.method, row.rhs_evaluations) for row in found.front("rhs_evaluations")]
+    assert front == [("poor", 5), ("good", 10), ("poor", 99)]
+    by_name = {each.method: each for each in found.costs_to_reach(1e-10, "rhs_evaluations")}
+    assert (by_name["good"].cost, by_name["good"].at_most) == (100.0, True)
+    assert (by_name["good"].ratio, by_name["good"].best_of_family) == (1.0, True)
+    # Two thirds of the way from 99 to 5000.
+    assert by_name["poor"].ratio == pytest.approx(0.99 * (5000 / 99) ** (2 / 3), rel=1e-3)
+    assert not by_name["poor"].best_of_family
+    # Nothing is interpolated towards a run without an error.
+    by_name = {each.method: each for each in found.costs_to_reach(1e-5, "rhs_evaluations")}
+    assert (by_name["good"].cost, by_name["good"].at_most) == (100.0, True)
+
+
+@pytest.mark.parametrize("axes", [("time",), ("method",), ("steps", "error"), ("x", "y")])
+def test_costs_and_measures_that_do_not_exist(axes, study):
+    for asked in (study.front, lambda *named: study.costs_to_reach(1e-3, *named)):
+        with pytest.raises(InputError) as caught:
+            asked(*axes)
+        assert len(caught.value.problems) == (2 if axes == ("x", "y") else 1)
+
+
+def test_no_energy_is_no_unresolved_error(decay):
+    found = work_precision(decay, "rk4", steps_per_frame=[700], rounds=1)
+    assert found.rows[0].energy_error is None
+    with pytest.raises(InputError, match="'decay' has no energy"):
+        found.front("steps", "energy_error")
+
+
+def test_an_energy_that_is_not_finite_is_no_small_error():
+    """A logarithm of what must stay above zero, and does not in a coarse run."""
+
+    def rhs(t, y, args):
+        return -y
+
+    problem = Problem(
+        rhs, [1.0], np.arange(3.0), name="log", energy=lambda t, y, args: jnp.log(y[0]) + t
+    )
+    truth = exact_reference(problem, np.exp(-problem.ts)[:, None])
+
+    def below_zero(problem, rtol):
+        return truth.states - 0.14 * (problem.ts > 1.0)[:, None], 5
+
+    (row,) = work_precision(truth, below_zero, rtol=[1e-3], rounds=1).rows
+    assert row.status == "ok"
+    assert row.error_max == pytest.approx(0.14)
+    assert row.energy_error == INFINITE
+
+
+def test_a_run_that_fails_when_it_is_timed_is_kept_as_failed(decay):
+    calls = []
+
+    def later(problem, rtol):
+        calls.append(rtol)
+        if calls.count(rtol) == 3 and rtol == 1e-4:
+            raise OSError("out of\nfiles")
+        states = decay.states + rtol * (problem.ts > 0.0)[:, None]
+        return (states * np.nan if calls.count(rtol) == 2 and rtol == 1e-5 else states), 10
+
+    found = work_precision(decay, [later, "rk4"], rtol=[1e-3, 1e-4, 1e-5], steps_per_frame=[700])
+    first, second, third, rk4 = found.rows
+    assert [row.status for row in found.rows] == ["ok", "failed", "diverged", "ok"]
+    assert "when it ran again, later: it raised OSError: out of files" in second.why
+    assert "when it ran again, its state is not finite at frame 0" in third.why
+    for row in (second, third):
+        assert row.error_max is row.energy_error is None
+        assert not row.resolved
+    assert second.seconds is None
+    assert first.seconds is not None
+    assert rk4.seconds is not None
+
+
+def test_a_step_that_cannot_be_so_long_is_kept_at_the_others(decay):
+    def picky(rhs, t, y, dt, args):
+        if float(dt) > 1.0 / 64.0:
+            raise ArithmeticError("dt is too large")
+        return y + dt * np.asarray(rhs(t, y, args))
+
+    found = work_precision(decay, [picky], steps_per_frame=[128, 4, 700], rounds=1)
+    assert [row.status for row in found.rows] == ["failed", "ok", "ok"]
+    assert "dt is too large" in found.rows[0].why
+    # The run that shows how long a step takes is one that fails.
+    (row,) = work_precision(decay, [picky], steps_per_frame=[128], rounds=1).rows
+    assert row.status == "ok"
+
+
+def test_a_right_hand_side_that_raises_fails_single_runs():
+    """Outside of its domain, which coarse runs leave."""
+
+    def root(t, y):
+        return np.array([-math.sqrt(y[0])])
+
+    problem = Problem.from_scipy(root, (0.0, 1.9), [1.0], frames=5)
+    truth = exact_reference(problem, ((1.0 - problem.ts / 2.0) ** 2)[:, None])
+    found = work_precision(
+        truth,
+        ["rk4", "diffrax:Tsit5", "scipy:RK45"],
+        steps_per_frame=[1, 16],
+        rtol=[0.1, 1e-8],
+        rounds=1,
+    )
+    assert [row.status for row in found.rows] == ["failed", "ok"] * 3
+    assert all("math domain error" in row.why for row in found.rows if row.why)
+
+
+def test_a_jacobian_that_is_not_finite_fails_one_method():
+    """SciPy raises where it is inverted."""
+
+    def rhs(t, y, args):
+        return jnp.sqrt(y) + 1.0
+
+    problem = Problem(rhs, [0.0], np.arange(3.0), name="tank")
+    # In u = sqrt(y): t = 2 u - 2 log(1 + u).
+    u = [optimize.brentq(lambda u, t=t: 2 * u - 2 * math.log1p(u) - t, 0, 9) for t in problem.ts]
+    truth = exact_reference(problem, np.square(u)[:, None])
+    found = work_precision(truth, ["scipy:Radau", "scipy:RK45"], rtol=[1e-6], rounds=1)
+    radau, rk45 = found.rows
+    assert (radau.status, rk45.status) == ("failed", "ok")
+    assert "array must not contain infs or NaNs" in radau.why
+
+
+def test_time_that_is_waited_for_counts(decay):
+    """A function may call a program of its own, whose time is not this process's."""
+
+    def waits(problem, rtol):
+        time.sleep(0.1)
+        return decay.states + rtol * (problem.ts > 0.0)[:, None], 10
+
+    def waits_too(rhs, t, y, dt, args):
+        if float(dt) > 0.1:
+            time.sleep(0.03)
+        return y + dt * np.asarray(rhs(t, y, args))
+
+    found = work_precision(
+        decay, [waits, waits_too], rtol=[1e-3], steps_per_frame=[3], rounds=1, run_limit=30.0
+    )
+    for row in found.rows:
+        assert row.seconds_min > 0.09
+
+
+def test_explicit_solvers_of_diffrax_have_no_jacobians(swing):
+    found = work_precision(swing, ["diffrax:Bosh3:constant"], steps_per_frame=[16], rounds=1)
+    assert found.rows[0].jacobian_evaluations == 0
 
 
 def test_runs_above_the_limit_are_marked_and_not_waited_for(decay):
@@ -403,6 +576,8 @@ def test_defaults_are_those_that_can_run():
     [
         ({"methods": []}, "methods: [] given; allowed: at least one method"),
         ({"methods": ["rk4", "rk4"]}, "methods: 'rk4' given; allowed: each method once"),
+        ({"methods": [never, functools.wraps(never)(lambda problem, rtol: 0)]}, "another __name__"),
+        ({"methods": [lambda p, tol: 0]}, "name its parameters problem and rtol"),
         ({"methods": ["rk5"]}, "did you mean 'rk4'?"),
         ({"methods": ["scipy:RK54"]}, "did you mean 'RK45'?"),
         ({"methods": ["diffrax:Tsit6"]}, "did you mean 'Tsit5'?"),

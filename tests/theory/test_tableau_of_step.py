@@ -85,6 +85,19 @@ def test_diffraxs_tableaus_from_their_compiled_steps(name):
     assert equal(found.reduced, published.reduced)
 
 
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [
+        # The stage at the later time comes first.
+        ("gauss4", "the Gauss method of order 4"),
+        pytest.param("implicit-euler", "implicit Euler", marks=pytest.mark.slow),
+        pytest.param("trapezium", "the implicit trapezoidal rule", marks=pytest.mark.slow),
+    ],
+)
+def test_implicit_steppers_of_ropeode_are_found(name, known):
+    assert equal(tableau_of(name).tableau, IMPLICIT[known])
+
+
 @pytest.mark.slow
 def test_implicit_steps_that_jax_compiles():
     assert tableau_of("diffrax:ImplicitEuler").tableau == IMPLICIT["implicit Euler"]

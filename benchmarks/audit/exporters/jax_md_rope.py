@@ -41,4 +41,5 @@ for steps in map(int, sys.argv[2:]):
             rows = np.pad(np.hstack([state.position, state.momentum / mass]), ((1, 0), (0, 0)))
             for node, row in enumerate(rows):
                 print(frame, node, *row, sep=",", file=file)
-    print(steps, np.median(seconds[1:]), sep=",")
+    # The first frame compiles.
+    print(steps, seconds[-1], sep=",")

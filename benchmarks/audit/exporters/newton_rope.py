@@ -16,7 +16,8 @@ for steps in map(int, sys.argv[2:]):
     builder = newton.ModelBuilder(gravity=warp.vec3(*rope["gravity"], 0.0))
     for node, (x, y, vx, vy) in enumerate(table[:, 2:6].tolist()):
         mass = 0.0 if node in rope["pinned"] else rope["node_mass"]
-        builder.add_particle(warp.vec3(x, y, 0.0), warp.vec3(vx, vy, 0.0), mass)
+        # Particles of radius 0 do not collide.
+        builder.add_particle(warp.vec3(x, y, 0.0), warp.vec3(vx, vy, 0.0), mass, 0.0)
         builder.add_spring(node - 1, node, rope["stiffness"], 0.0, 0.0) if node else None
     builder.color()
     model = builder.finalize(device="cpu")

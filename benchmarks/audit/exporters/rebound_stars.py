@@ -9,8 +9,9 @@ import rebound
 
 spec = tomllib.load(open("spec.toml", "rb"))
 table = np.atleast_2d(np.loadtxt("initial.csv", delimiter=",", skiprows=1))
-kepler = spec["problem"] == "kepler"
-length = 2 * np.pi / 20 if kepler else 3.0 / 20
+kepler = len(table) == 1
+# A long run has a frame for each unit of time.
+length = {"kepler": 2 * np.pi / 20, "pleiades": 3.0 / 20}.get(spec["problem"], 1.0)
 name, *settings = sys.argv[1].split(":")
 for steps in map(int, sys.argv[2:]):
     simulation = rebound.Simulation()

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import integrate
 from scipy.integrate import LSODA
 
+from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.problems.python_rhs import PythonRhs
@@ -26,6 +27,7 @@ from ropeode.references.solvers.solver import (
     Solver,
 )
 from ropeode.references.solvers.stopwatch import Stopwatch
+from ropeode.validation import shortly
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
 _TIGHTEST_RTOL = 100 * np.finfo(np.float64).eps
@@ -98,7 +100,14 @@ def solve(
             _go_on(run, stop, longest[sample - 1])
             while run.status == "running" and steps < max_steps and not ran_out:
                 before, slope_before = run.t, getattr(run, "f", None)
-                message = run.step()
+                try:
+                    message = run.step()
+                except InputError:
+                    # The user's right-hand side raised.
+                    raise
+                except (ValueError, np.linalg.LinAlgError) as error:
+                    # A Jacobian that is not finite, or that cannot be inverted.
+                    run.status, message = "failed", shortly(error)
                 ran_out = stopwatch.seconds > seconds
                 steps += 1
                 if not np.all(np.isfinite(run.y)):

@@ -21,6 +21,7 @@ from ropeode.render.plots.labels import unit_of
 from ropeode.render.plots.style import STYLE, new_grid, stepper_style, wrapped
 from ropeode.render.table_words import problem_words
 from ropeode.study.node_paths import NodePath, NodePaths
+from ropeode.validation import counted
 
 DPI = 120
 _PANEL_WIDTH, _LEAST_WIDTH, _MOST_COLUMNS = 2.6, 5.2, 3
@@ -261,7 +262,8 @@ def _short(number: float) -> str:
 def _head(paths: NodePaths, width: float) -> str:
     """The problem and the step size, and room for the time."""
     flat = ", x and y of 3 components" if paths.reference.positions.shape[2] == 3 else ""
-    steps = "" if paths.steps_per_frame is None else f"; {paths.steps_per_frame} steps/frame"
+    per_frame = paths.steps_per_frame
+    steps = "" if per_frame is None else f"; {counted(per_frame, 'step')}/frame"
     return wrapped(problem_words(paths.problem) + flat + steps, width=width) + "\n"
 
 

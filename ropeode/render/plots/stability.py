@@ -26,7 +26,7 @@ from ropeode.study.accuracy_table import check_steps
 from ropeode.study.explanation import Explanation
 from ropeode.theory.linear_stability import LinearStability
 from ropeode.theory.stability_limits import StabilityRegion
-from ropeode.validation import bad_value, check_kind
+from ropeode.validation import bad_value, check_kind, counted
 
 _HEIGHT = 4.2
 # Levels of the factor by which a mode grows in a step.
@@ -121,7 +121,7 @@ def _draw_modes(axes: Axes, found: LinearStability, steps: int, colour: str, mar
     for chosen, face in ((growing, "none"), (~growing, colour)):
         some = z[inside & chosen]
         axes.plot(some.real, some.imag, markerfacecolor=face, zorder=2.5, **form)
-    label = f"eigenvalues at {steps} steps/frame"
+    label = f"eigenvalues at {counted(steps, 'step')}/frame"
     if outside := int(np.sum(~inside)):
         label += f" ({outside} of {len(z)} outside)"
     return Line2D([], [], label=label, **form)

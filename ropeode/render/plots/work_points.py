@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -9,7 +10,14 @@ import numpy as np
 
 from ropeode.render.plots.point_markers import MARKS as OF_ORDERS
 from ropeode.render.plots.point_markers import UNRESOLVED
-from ropeode.study.work_precision import Cost, Measure, WorkPrecision, WorkRow
+from ropeode.study.work_precision import (
+    INFINITE,
+    Cost,
+    Measure,
+    WorkPrecision,
+    WorkRow,
+    check_axes,
+)
 
 CERTIFIED = "ok"
 BLEW_UP = "unstable, diverged or unsolved, at the upper edge"
@@ -52,33 +60,35 @@ class Limits(NamedTuple):
     error: tuple[float, float]
 
 
-def resolution_of(study: WorkPrecision, measure: Measure) -> float:
-    """Below which an error is unresolved."""
-    if measure == "energy_error":
-        return study.energy_resolution or 0.0
-    return study.resolution
-
-
 def points_and_limits(
     study: WorkPrecision, cost: Cost, measure: Measure
 ) -> tuple[list[WorkPoint], Limits]:
     """The runs that have a cost, each with its mark and inside the axes."""
-    resolution = resolution_of(study, measure)
+    resolution = check_axes(study, cost, measure)
     paid = [(row, float(value)) for row in study.rows if (value := _paid(study, row, cost))]
-    errors = [error for row, _ in paid if row.status == "ok" and (error := getattr(row, measure))]
-    high = _ABOVE * max(errors, default=10.0 * (resolution or 1.0))
-    seen = [*errors, resolution] if resolution and _near(resolution, errors) else errors
+    known = [error for row, _ in paid if row.status == "ok" and (error := getattr(row, measure))]
+    errors = [error for error in known if error < INFINITE]
+    high = _ABOVE * max(errors, default=10.0 * resolution)
+    seen = [*errors, resolution] if _near(resolution, errors) else errors
     low = min(seen, default=high / 100.0) / _BELOW
     costs = [value for _, value in paid] or [1.0]
     if cost == "seconds":
         costs += [end for row, _ in paid for end in (row.seconds_min, row.seconds_max) if end]
-    limits = Limits((min(costs) / _AROUND, max(costs) * _AROUND), (low, high))
+    limits = Limits(_with_powers_of_ten(min(costs) / _AROUND, max(costs) * _AROUND), (low, high))
     return [_point(row, value, measure, resolution, limits) for row, value in paid], limits
+
+
+def _with_powers_of_ten(low: float, high: float) -> tuple[float, float]:
+    """Wider limits, where there are no two powers of ten between them: the axis has no others."""
+    first, last = math.log10(low), math.log10(high)
+    if math.floor(last) - math.ceil(first) >= 1:
+        return low, high
+    return 10.0 ** math.floor(first), 10.0 ** math.ceil(last)
 
 
 def _near(resolution: float, errors: Sequence[float]) -> bool:
     """Whether the axis should reach down to the resolution."""
-    return bool(resolution) and resolution > 1e-3 * min(errors, default=resolution)
+    return resolution > 1e-3 * min(errors, default=resolution)
 
 
 def _paid(study: WorkPrecision, row: WorkRow, cost: Cost) -> float | None:
@@ -92,7 +102,7 @@ def _point(
 ) -> WorkPoint:
     low, high = limits.error
     error = getattr(row, measure)
-    if row.status in ("unstable", "diverged", "unsolved", "failed"):
+    if error == INFINITE or row.status in ("unstable", "diverged", "unsolved", "failed"):
         return WorkPoint(row, cost, high, BLEW_UP)
     if row.status != "ok":
         return WorkPoint(row, cost, high, STOPPED)

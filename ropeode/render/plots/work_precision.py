@@ -16,7 +16,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 
-from ropeode.errors import InputError
 from ropeode.render import table_words
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.labels import with_unit
@@ -39,11 +38,10 @@ from ropeode.render.plots.work_points import (
     WorkPoint,
     front_line,
     points_and_limits,
-    resolution_of,
 )
 from ropeode.render.work_precision import effort_cell, effort_words, error_words_of
-from ropeode.study.work_precision import COSTS, MEASURES, Cost, Measure, WorkPrecision
-from ropeode.validation import check_kind, unknown
+from ropeode.study.work_precision import INFINITE, Cost, Measure, WorkPrecision, check_axes
+from ropeode.validation import check_kind
 
 _AXES_HEIGHT = 4.2
 _COST_LABELS: dict[Cost, str] = {
@@ -65,6 +63,10 @@ _FRONT: Any = {
     "linewidth": 6.0,
     "alpha": 0.7,
     "solid_capstyle": "round",
+    # A front of one run is a point.
+    "marker": "o",
+    "markersize": 11.0,
+    "markeredgewidth": 0.0,
     "zorder": 0.8,
 }
 _LABEL_SIZE = 6.5
@@ -118,7 +120,7 @@ def plot_work_precision(
         colours, methods markers; docs/howto/work-precision.md says what each mark means.
 
     Raises:
-        InputError: there is no such cost or measure.
+        InputError: there is no such cost or measure, or the problem has no energy.
 
     Examples:
         >>> from ropeode import Rope, plot_work_precision, work_precision
@@ -135,11 +137,12 @@ def _figure(
 ) -> tuple[Figure, list[tuple[str, WorkPoint]]]:
     """The figure, and its points with the ids that they have in SVG."""
     check_kind("study", study, WorkPrecision, "work_precision")
-    for name, given, allowed in (("cost", cost, COSTS), ("measure", measure, MEASURES)):
-        if given not in allowed:
-            raise InputError(unknown(name, str(given), allowed))
+    resolution = check_axes(study, cost, measure)
     title = f"Error against cost: {table_words.problem_words(study.problem)}"
-    figure = new_figure(title, table_words.error_words(study).rstrip("."), _AXES_HEIGHT)
+    words = table_words.error_words(study).rstrip(".")
+    if measure == "energy_error":
+        words = "Error: largest difference from the true energy at the samples"
+    figure = new_figure(title, words, _AXES_HEIGHT)
     axes = figure.subplots()
     drawn, limits = points_and_limits(study, cost, measure)
     quantity = "energy" if measure == "energy_error" else study.norm.quantity
@@ -152,7 +155,6 @@ def _figure(
         ylabel=with_unit(_MEASURE_WORDS[measure], study.problem, quantity),
     )
     axes.xaxis.set_minor_formatter(NullFormatter())
-    resolution = resolution_of(study, measure)
     axes.axhspan(limits.error[0] / 10.0, resolution, color=BAND, linewidth=0, zorder=0.5)
     axes.axhline(resolution, color=BAND_EDGE, linewidth=0.8, zorder=0.6)
     front = front_line(study, cost, measure)
@@ -178,10 +180,9 @@ def _draw_points(
     named, along = [], [np.empty((0, 2))]
     for method, look in looks(study).items():
         own = [point for point in drawn if point.row.method == method]
-        certified = np.array([(p.cost, p.error) for p in own if p.mark == CERTIFIED])
-        if len(certified):
-            axes.plot(*certified.T, color=look.colour, linestyle=look.line, zorder=2)
-            along.append(_dense(certified))
+        for piece in _neighbours(study, own):
+            axes.plot(*piece.T, color=look.colour, linestyle=look.line, zorder=2)
+            along.append(_dense(piece))
         for point in own:
             # No name of a method: it may hold what HTML reads as its own.
             row, name = point.row, f"{cost}-run-{len(named)}"
@@ -201,6 +202,21 @@ def _draw_points(
             )
             named.append((name, point))
     return named, along
+
+
+def _neighbours(study: WorkPrecision, own: Sequence[WorkPoint]) -> list[np.ndarray]:
+    """The certified runs of a method, in pieces that no other run of it interrupts.
+
+    Between them a cost may be interpolated, and so a line be drawn.
+    """
+    at = {id(row): index for index, row in enumerate(study.rows)}
+    certified = [point for point in own if point.mark == CERTIFIED]
+    pieces: list[list[WorkPoint]] = []
+    for before, point in zip([None, *certified], certified, strict=False):
+        if before is None or at[id(point.row)] != at[id(before.row)] + 1:
+            pieces.append([])
+        pieces[-1].append(point)
+    return [np.array([(point.cost, point.error) for point in piece]) for piece in pieces]
 
 
 def _dense(line: np.ndarray) -> np.ndarray:
@@ -224,6 +240,7 @@ def _efforts(
 def _draw_legends(
     figure: Figure, study: WorkPrecision, drawn: Sequence[WorkPoint], resolution: float
 ) -> None:
+    shown = {point.row.method for point in drawn}
     methods = [
         Line2D(
             [],
@@ -231,7 +248,7 @@ def _draw_legends(
             color=look.colour,
             marker=look.marker,
             linestyle=look.line,
-            label=f"{method} ({study.methods[method]})",
+            label=f"{method} ({study.methods[method]})" + ": no run here" * (method not in shown),
         )
         for method, look in looks(study).items()
     ]
@@ -278,14 +295,18 @@ def hover_words(study: WorkPrecision, point: WorkPoint) -> str:
         f"{row.method}, {effort_words(row)}",
         f"max error: {error_words_of(study, row)}",
     ]
-    for name, value in (
-        ("final error", row.error_final),
-        ("rms error", row.error_rms),
-        ("energy error", row.energy_error),
-        ("error / tolerance", row.error_over_tolerance),
-    ):
-        if value is not None and row.status == "ok":
-            lines.append(f"{name}: {value:.3g}")
+    if row.status == "ok":
+        lines += [
+            f"final error: {table_words.error_cell(row.error_final, study.resolution)}",
+            f"rms error: {table_words.error_cell(row.error_rms, study.resolution)}",
+        ]
+        if study.energy_resolution is not None:
+            energy = table_words.error_cell(row.energy_error, study.energy_resolution)
+            lines.append(
+                f"energy error: {energy if row.energy_error != INFINITE else 'not finite'}"
+            )
+        if row.error_over_tolerance is not None:
+            lines.append(f"error / tolerance: {row.error_over_tolerance:.3g}")
     if row.seconds is not None:
         lines.append(f"seconds: {row.seconds:.3g} ({row.seconds_min:.3g} to {row.seconds_max:.3g})")
     if row.rhs_evaluations is not None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import warnings
 
+from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers import diffrax_solver, scipy_solver
@@ -51,7 +53,8 @@ class DiffraxAdaptive:
         """Compile the solver; one program serves all tolerances."""
         solver = Solver("diffrax", self.name)
         solve = functools.partial(diffrax_solver.solve, problem, solver, compensated=False)
-        solve(*tolerances(problem, 1e-3), max_steps=1)
+        with contextlib.suppress(InputError):
+            solve(*tolerances(problem, 1e-3), max_steps=1)
         counter = Counter(problem, solver)
 
         def run(effort: float, seconds: float) -> Attempt:

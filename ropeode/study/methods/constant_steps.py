@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 
+from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.stopwatch import Stopwatch
 from ropeode.simulation import simulate
@@ -40,30 +42,37 @@ class ConstantSteps:
     def ready(self, problem: Problem) -> Run:
         """Compile the stepper; one program serves all numbers of steps."""
         method = method_of(self.stepper, problem)
-        simulate(problem, method, 1)
+        # Whoever cannot take such a long step may be able to take the steps that are asked for.
+        with contextlib.suppress(InputError):
+            simulate(problem, method, 1)
 
         def run(effort: float, seconds: float) -> Attempt:
             # The number of steps says how long it takes; see `ropeode.study.methods.in_turns`.
             del seconds
             stopwatch = Stopwatch()
             found = simulate(problem, method, int(effort))
+            # Other programs on the same machine take nothing from it, as from the others. But a
+            # step in Python may wait for what it began elsewhere.
+            taken = stopwatch.seconds if method.trial.compiled else found.seconds
             frames = problem.frames if found.diverged_at is None else found.diverged_at
             steps = int(effort) * frames
+            calls, jacobians = found.rhs_evaluations, found.jacobian_evaluations
+            if calls is None and (calls := self._in_loops(steps)) is not None:
+                jacobians = 0
             return Attempt(
                 status=found.status,
                 why=found.lost and f"it {found.lost}",
                 states=found.states,
                 steps=steps,
-                rhs_evaluations=found.rhs_evaluations or self._in_loops(steps),
-                jacobian_evaluations=found.jacobian_evaluations,
-                # Other programs on the same machine take nothing from it, as from the others.
-                seconds=min(found.seconds, stopwatch.seconds),
+                rhs_evaluations=calls,
+                jacobian_evaluations=jacobians,
+                seconds=min(found.seconds, taken),
             )
 
         return run
 
     def _in_loops(self, steps: int) -> int | None:
-        """The evaluations of a solver of diffrax, which makes them in loops."""
+        """The evaluations of an explicit solver of diffrax, which makes them in loops."""
         solver = getattr(self.stepper, "solver", None)
         if self.stepper.family != "diffrax" or solver is None:
             return None

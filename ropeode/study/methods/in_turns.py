@@ -6,10 +6,11 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
-from ropeode.errors import InputError
+from ropeode.errors import RopeodeError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.study.methods.method import Attempt, LadderMethod, Run
+from ropeode.validation import counted
 
 T = TypeVar("T")
 
@@ -28,7 +29,7 @@ class Timed(Generic[T]):
         effort: steps per frame, or a tolerance.
         attempt: its first run, without its states.
         measured: what was measured of these.
-        seconds: of the rounds, from short to long; none for a run that was not `ok`.
+        seconds: of the rounds, from short to long; none for a run that was not `ok` each time.
     """
 
     method: LadderMethod
@@ -49,7 +50,8 @@ def run_in_turns(
     """Run each method at each effort.
 
     The first run of each is measured. Then all that went well run again, one after the other, for
-    so many rounds, so that what slows the machine for a while slows them alike.
+    so many rounds, so that what slows the machine for a while slows them alike. One that goes wrong
+    there has no error and no seconds: nothing is known of its next run.
 
     Arguments:
         ready: methods, compiled, with their efforts from cheap to costly.
@@ -64,11 +66,13 @@ def run_in_turns(
 
     def said(method: LadderMethod, effort: float) -> None:
         nonlocal done
-        unit = f"rtol {effort:g}" if method.adaptive else f"{effort:g} steps per frame"
+        steps = f"{counted(round(effort), 'step')} per frame"
+        unit = f"rtol {effort:g}" if method.adaptive else steps
         progress(f"{method.label}: {unit}", done / whole)
         done += 1
 
-    first: list[tuple[LadderMethod, Run, float, Attempt, T]] = []
+    runs: list[tuple[LadderMethod, Run, float]] = []
+    found: list[tuple[Attempt, T]] = []
     for method, run, efforts in ready:
         before: list[tuple[float, Attempt]] = []
         for effort in efforts:
@@ -77,16 +81,27 @@ def run_in_turns(
             attempt, measured = measure(attempt)
             attempt = dataclasses.replace(attempt, states=problem.y0[None])
             before.append((effort, attempt))
-            first.append((method, run, effort, attempt, measured))
-    seconds: list[list[float]] = [[] for _ in first]
+            runs.append((method, run, effort))
+            found.append((attempt, measured))
+    seconds: list[list[float]] = [[] for _ in runs]
     for _ in range(rounds):
-        for taken, (method, run, effort, attempt, _measured) in zip(seconds, first, strict=True):
+        for index, (method, run, effort) in enumerate(runs):
             said(method, effort)
-            if attempt.status == "ok":
-                taken.append(run(effort, float("inf")).seconds)
+            if found[index][0].status != "ok":
+                continue
+            again = _tried(run, effort, float("inf"), problem)
+            if again.status == "ok":
+                seconds[index].append(again.seconds)
+            else:
+                why = f"when it ran again, {again.why}"
+                again = dataclasses.replace(again, why=why, states=problem.y0[None])
+                found[index] = measure(again)
+                seconds[index].clear()
     return [
         Timed(method, effort, attempt, measured, tuple(sorted(taken)))
-        for taken, (method, _, effort, attempt, measured) in zip(seconds, first, strict=True)
+        for (method, _, effort), (attempt, measured), taken in zip(
+            runs, found, seconds, strict=True
+        )
     ]
 
 
@@ -98,17 +113,23 @@ def _first_run(
     problem: Problem,
     limit: float,
 ) -> Attempt:
+    if method.adaptive:
+        expected = _of_tolerances(before)
+    else:
+        expected = _of_steps(run, effort, before, problem, limit)
+    if expected > limit:
+        why = f"it would take about {expected:.2g} s"
+        return Attempt("time limit", why, problem.y0[None], None, None, None, expected)
+    return _tried(run, effort, limit, problem)
+
+
+def _tried(run: Run, effort: float, limit: float, problem: Problem) -> Attempt:
+    """A run, or why it raised."""
     try:
-        if method.adaptive:
-            expected = _of_tolerances(before)
-        else:
-            expected = _of_steps(run, effort, before, problem, limit)
-        if expected > limit:
-            why = f"it would take about {expected:.2g} s"
-            return Attempt("time limit", why, problem.y0[None], None, None, None, expected)
         return run(effort, limit)
-    except InputError as error:
-        return Attempt("failed", error.problems[0], problem.y0[None], None, None, None, 0.0)
+    except RopeodeError as error:
+        why = str(error).splitlines()[0]
+        return Attempt("failed", why, problem.y0[None], None, None, None, 0.0)
 
 
 def _of_steps(
@@ -123,7 +144,11 @@ def _of_steps(
     few, last = ran[-1] if ran else (_FEW, None)
     while True:
         if last is None:
-            last = run(min(few, effort), limit)
+            last = _tried(run, min(few, effort), limit, problem)
+        if last.status == "failed" and few < effort:
+            # It raised, and another number of steps may be all right.
+            few, last = few * _FEW, None
+            continue
         # One that diverged did not make all of its steps.
         expected = last.seconds * effort * problem.frames / max(1, last.steps or 1)
         # A short run takes longer for its steps than a long one: it may only seem too much.

@@ -16,7 +16,7 @@ from ropeode.study.each_once import each_once, repeated
 from ropeode.study.methods.adaptive import EXPLICIT, IMPLICIT, DiffraxAdaptive, ScipyAdaptive
 from ropeode.study.methods.constant_steps import CONSTANT, ConstantSteps
 from ropeode.study.methods.method import LadderMethod
-from ropeode.study.methods.own_solver import OwnSolver, is_solve
+from ropeode.study.methods.own_solver import PARAMETERS, OwnSolver, is_solve, name_of, parameters_of
 from ropeode.validation import bad_value, unknown
 
 _LIBRARIES = ("diffrax", "scipy")
@@ -40,12 +40,25 @@ def as_method(what: Any, folder: str | Path = ".") -> LadderMethod:
     if isinstance(what, str):
         return _named(what.strip(), Path(folder))
     if is_solve(what):
-        return OwnSolver(what, getattr(what, "__name__", type(what).__name__))
+        return OwnSolver(what, name_of(what))
     if inspect.isclass(what):
         library = what.__module__.partition(".")[0]
         if library in _LIBRARIES:
             return _named(f"{library}:{what.__name__}", Path(folder))
+    _refuse_other_parameters(what)
     return _constant(as_stepper(what))
+
+
+def _refuse_other_parameters(what: Any) -> None:
+    """Say what a function of two parameters should be: no step has so few."""
+    names = parameters_of(what)
+    if len(names) == len(PARAMETERS):
+        raise bad_value(
+            "method",
+            f"{name_of(what)}({', '.join(names)})",
+            f"solve({', '.join(PARAMETERS)}), and steps",
+            f"name its parameters {' and '.join(PARAMETERS)}",
+        )
 
 
 def _named(text: str, folder: Path) -> LadderMethod:
@@ -61,6 +74,7 @@ def _named(text: str, folder: Path) -> LadderMethod:
         found = named_in_file(text, folder, what="method")
         if is_solve(found):
             return OwnSolver(found, text)
+        _refuse_other_parameters(found)
     return _constant(as_stepper(text, folder=folder))
 
 
@@ -116,7 +130,9 @@ def chosen_methods(problem: Problem, given: Any, defaults: Sequence[str]) -> lis
 
     def fault(method: LadderMethod, earlier: LadderMethod | None) -> str | None:
         if earlier is not None:
-            return repeated("method", method.label)
+            another = isinstance(method, OwnSolver) and method != earlier
+            fix = "give one of the functions another __name__" if another else "drop one"
+            return repeated("method", method.label, fix)
         return method.refusal(problem)
 
     return each_once("method", given, as_method, "rk4 or diffrax:Tsit5", fault)

@@ -4,31 +4,40 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from ropeode.errors import call_user_code
+from ropeode.errors import InputError, call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solution import finite_samples
-from ropeode.references.solvers.stopwatch import Stopwatch
 from ropeode.study.methods.method import Attempt, Run
-from ropeode.validation import bad_value, whole_number
+from ropeode.validation import shown, whole_number
 
 PARAMETERS = ("problem", "rtol")
 
 
 def is_solve(given: Any) -> bool:
     """Whether something is a function of a problem and a tolerance."""
+    return parameters_of(given)[: len(PARAMETERS)] == PARAMETERS
+
+
+def parameters_of(given: Any) -> tuple[str, ...]:
+    """The names of a function's parameters; none of what is no function, or does not tell."""
     if inspect.isclass(given) or not callable(given):
-        return False
+        return ()
     try:
-        parameters = tuple(inspect.signature(given).parameters)
+        return tuple(inspect.signature(given).parameters)
     except (TypeError, ValueError):
-        return False
-    return parameters[:2] == PARAMETERS
+        return ()
+
+
+def name_of(given: Any) -> str:
+    """The name of a function, or of the type of an object that can be called."""
+    return getattr(given, "__name__", type(given).__name__)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,9 +69,10 @@ class OwnSolver:
         @in_float64
         def run(effort: float, seconds: float) -> Attempt:
             del seconds
-            stopwatch = Stopwatch()
-            returned = call_user_code("solve", self.solve, problem, effort)
-            taken = stopwatch.seconds
+            # By the wall clock: it may wait for a program or a device that computes for it.
+            began = time.perf_counter()
+            returned = call_user_code(self.label, self.solve, problem, effort)
+            taken = time.perf_counter() - began
             states, calls = _checked(self.label, problem, returned)
             reached = finite_samples(states)
             lost = reached < len(problem.ts)
@@ -80,16 +90,30 @@ class OwnSolver:
 
 
 def _checked(label: str, problem: Problem, returned: Any) -> tuple[np.ndarray, int | None]:
-    wanted = (len(problem.ts), *problem.y0.shape)
-    allowed = f"(states, rhs_evaluations), with states of shape {wanted}"
-    fix = "return the states at problem.ts, and a whole number or None"
+    shape = (len(problem.ts), *problem.y0.shape)
+
+    def wrong(what: str) -> InputError:
+        return InputError(
+            f"{label}: it returned {what}; allowed: (states, rhs_evaluations), with real states of "
+            f"shape {shape} and a whole number >= 1 or None. Fix: return the states at problem.ts, "
+            "and how often the right-hand side was evaluated."
+        )
+
     if not isinstance(returned, tuple) or len(returned) != 2:
-        raise bad_value(label, f"{type(returned).__name__} returned", allowed, fix)
+        raise wrong(shown(returned))
+    given, calls = returned
     try:
-        states = np.asarray(returned[0], dtype=np.float64)
-        calls = None if returned[1] is None else whole_number(returned[1], at_least=1)
-    except (TypeError, ValueError) as error:
-        raise bad_value(label, returned, f"{allowed} ({error})", fix) from None
-    if states.shape != wanted:
-        raise bad_value(label, f"states of shape {states.shape} returned", allowed, fix)
-    return states, calls
+        states = np.asarray(given)
+    except ValueError:
+        raise wrong("states of different lengths") from None
+    if states.dtype.kind not in "iuf":
+        raise wrong(f"states of type {states.dtype}")
+    if np.ma.is_masked(given):
+        raise wrong("states that are masked")
+    if states.shape != shape:
+        raise wrong(f"states of shape {states.shape}")
+    try:
+        calls = None if calls is None else whole_number(calls, at_least=1)
+    except ValueError as error:
+        raise wrong(f"{shown(calls)} evaluations ({error})") from None
+    return states.astype(np.float64), calls

@@ -64,7 +64,7 @@ def test_eigenvalues_are_where_dt_puts_them(drawn):
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [
         "nothing grows: |R(z)| ≤ 1",
-        "eigenvalues at 1 steps/frame (1 of 4 outside)",
+        "eigenvalues at 1 step/frame (1 of 4 outside)",
         "eigenvalues at 4 steps/frame (1 of 4 outside)",
     ]
 
