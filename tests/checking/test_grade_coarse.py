@@ -128,7 +128,7 @@ def test_what_round_off_cannot_explain_is_not_left_out():
     assert in_single_precision(plateau).verdict == "undetermined"
     assert in_single_precision(plateau, 1e-9 * ROUNDING).verdict != "converges"
     # So much at the finest step leaves much at the others.
-    assert in_single_precision(DTS + 0.05 * (DTS == DTS[-1])).verdict == "undetermined"
+    assert in_single_precision(DTS + 0.05 * (DTS[-1] == DTS)).verdict == "undetermined"
     # Errors that fall all the way are bent for another reason.
     bent = np.where(DTS > 0.005, DTS**2 / 0.005, DTS)
     assert in_single_precision(bent, 5.0 * ROUNDING).verdict == "undetermined"
