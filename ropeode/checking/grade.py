@@ -24,7 +24,7 @@ from ropeode.checking.trajectories.explanations import (
 )
 from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
-from ropeode.checking.trajectories.run_files import FEWEST, Run, names_of
+from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, names_of
 from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
@@ -108,11 +108,11 @@ def grade(
     runs, off = checked_runs(
         files, own, dts, certified, lambda text, share: progress(text, 0.9 * (share or 0.0))
     )
-    reference = certified()
+    reference, known = certified(), finite(runs)
 
     @functools.cache
     def other() -> Diagnosis | None:
-        return other_rope(reference, runs, lambda problem: reference_for(problem, options))
+        return other_rope(reference, known, lambda problem: reference_for(problem, options))
 
     order, notes = _order(reference, runs, claims, expected, other)
     findings = (
@@ -123,11 +123,11 @@ def grade(
     )
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
-    if diagnose and (wrong or expected is None):
+    if diagnose and len(known) >= FEWEST and (wrong or expected is None):
         progress("diagnosis", 0.95)
-        late = late_samples(reference, runs)
+        late = late_samples(reference, known)
         if wrong:
-            diagnosis = _diagnosed(reference, runs, files, dts, order, late, other)
+            diagnosis = _diagnosed(reference, known, files, dts, order, late, other)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
             notes = (*notes, "; ".join(filter(None, (late.words, late.fix))))
@@ -151,20 +151,22 @@ def _order(
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence; no order is needed if a mistake in the files explains all."""
     finding, notes = order_finding(reference, runs, expected)
-    if finding.status == "undetermined":
-        late = late_samples(reference, runs)
+    if finding.status != "undetermined":
+        return finding, notes
+    known = finite(runs)
+    if len(known) >= FEWEST:
+        late = late_samples(reference, known)
         # Half a step may be the error of a method of order 1.
         if late is not None and late.cause != "sample-time":
             return Finding("order", "fail", f"no order; {late.words}", late.diagnosis.evidence), ()
-        columns = explain_columns(reference, runs, coarse=False)
+        columns = explain_columns(reference, known, coarse=False)
         if columns is not None and not columns.like_another_problem:
             return Finding("order", "fail", f"no order; {columns.words}"), ()
         if other() is not None:
             return Finding("order", "fail", "no order; the files fit another rope"), ()
-        # Not above: it runs steppers, which takes longer than all the rest.
-        advice = functools.partial(more_runs, reference, runs, claims, expected)
-        return order_finding(reference, runs, expected, advice)
-    return finding, notes
+    # Not above: it runs steppers, which takes longer than all the rest.
+    advice = functools.partial(more_runs, reference, runs, claims, expected)
+    return order_finding(reference, runs, expected, advice)
 
 
 def _is_unintended(late: LateSamples, order: Finding) -> bool:
@@ -248,9 +250,15 @@ def _solved(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
 
 def _notes(runs: Sequence[Run], reference: Reference) -> list[str]:
     notes = [
+        f"the run with dt = {run.dt:g} diverged at t = {run.diverged.time:g} "
+        f"({run.diverged.where}: {run.diverged.given:g}), and does not count"
+        for run in runs
+        if run.diverged is not None
+    ]
+    notes += [
         f"{run.path.name}: dt = {run.dt:g} does not divide the {run.interval:g} between samples; "
         "the last step before each sample must be shorter"
-        for run in runs
+        for run in finite(runs)
         if run.uneven
     ]
     if reference.horizon is not None:

@@ -35,7 +35,7 @@ def last_digit(values: np.ndarray) -> float:
     to each number; the larger of the two bounds either.
     """
     digits, decimals = digits_of(values)
-    largest = float(np.max(np.abs(values), initial=0.0))
+    largest = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
     if largest == 0.0 or digits > DIGITS_OF_FLOAT64:
         return 0.0
     return 0.5 * max(10.0**-decimals, 10.0 ** (math.floor(math.log10(largest)) + 1 - digits))
@@ -71,5 +71,5 @@ def rounding_of(values: np.ndarray) -> float:
 
 
 def _some(values: np.ndarray) -> list[float]:
-    flat = values.reshape(-1)
+    flat = values[np.isfinite(values)]
     return flat[:: max(1, len(flat) // _SAMPLE)].tolist()

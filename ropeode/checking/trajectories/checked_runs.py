@@ -18,7 +18,7 @@ from ropeode.checking.trajectories.initial_states import (
     begins_in_single_precision,
     check_initial_states,
 )
-from ropeode.checking.trajectories.run_files import FEWEST, Run, read_runs
+from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, read_runs
 from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.problem import Problem
@@ -66,7 +66,7 @@ def checked_runs(
     try:
         return runs, check_initial_states(runs)
     except InputError:
-        if why := _why(runs, problem, files, dts, certified, fewest):
+        if why := _why(finite(runs) or runs, problem, files, dts, certified, fewest):
             check_initial_states(runs, *why)
         raise
 

@@ -29,7 +29,7 @@ def pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     pinned = np.flatnonzero(np.asarray(free) == 0.0)
     worst, line = 0.0, ""
     for run in runs:
-        places = run.values[:, pinned, :dim]
+        places = run.values[: run.reached, pinned, :dim]
         moved = np.max(np.abs(places - places[0]), axis=2)
         largest = float(np.max(moved))
         if largest > max(worst, _PIN_ROUNDINGS * run.epsilon * problem.scale):

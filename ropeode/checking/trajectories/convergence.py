@@ -8,12 +8,26 @@ from operator import attrgetter
 
 import numpy as np
 
-from ropeode.analysis.order import ROUND_OFF, UNRESOLVED, UNSTABLE, ObservedOrder
+from ropeode.analysis.order import (
+    FEWEST_POINTS,
+    ROUND_OFF,
+    TOLERANCE,
+    UNRESOLVED,
+    UNSTABLE,
+    ObservedOrder,
+)
 from ropeode.checking.convergence import convergence_finding, converging, finest_is_unstable
 from ropeode.checking.report import Convergence, Finding
+from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
 from ropeode.checking.trajectories.instability import before_blow_up
 from ropeode.checking.trajectories.layout import states_of
-from ropeode.checking.trajectories.run_files import Run
+from ropeode.checking.trajectories.resolved import (
+    beginning,
+    fastest_rate,
+    resolved_frames,
+    resolving_step,
+)
+from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.checking.written_precision import digits_of, single_precision
 from ropeode.references.reference import Reference
 
@@ -37,8 +51,9 @@ def order_finding(
     """The verdict on convergence, and notes on its evidence.
 
     The rounding of the written numbers is known, and errors of its size are left out. The
-    round-off of the runs themselves is unknown. Only if the runs seem wrong, the step sizes are
-    left out at which the largest possible round-off could be the reason. The finding is
+    round-off of the runs themselves is unknown. Only if the runs seem wrong, or are in single
+    precision, the step sizes are left out at which the largest possible round-off could be the
+    reason. What is wrong has to show over the frames that the steps resolve. The finding is
     `undetermined`, and says what to add, if the runs show neither that the program is right nor
     that it is wrong.
 
@@ -50,7 +65,11 @@ def order_finding(
             that is left open.
     """
 
-    def with_rounding(rounding: Callable[[Run], np.ndarray]) -> Convergence:
+    def observe(
+        rounding: Callable[[Run], np.ndarray],
+        runs: Sequence[Run] = runs,
+        reference: Reference = reference,
+    ) -> Convergence:
         return converging(
             reference,
             [
@@ -61,22 +80,38 @@ def order_finding(
             quantities=runs[0].quantities,
         )
 
-    as_written = with_rounding(attrgetter("rounding"))
+    def worst(run: Run) -> np.ndarray:
+        return worst_rounding(run, reference)
+
+    written = attrgetter("rounding")
+    as_written = observe(written)
+    single = any(run.single for run in finite(runs))
     finding = convergence_finding("order", as_written)
-    if finding.status == "pass" and all(map(shown, as_written.orders.values())):
+    if not single and _is_right(finding):
         return finding, ()
-    careful = with_rounding(lambda run: worst_rounding(run, reference))
+    careful = observe(worst)
+    if single:
+        careful = by_coarse_steps(lambda count: observe(written, runs[:count]), careful, _SHARE)
     finding = convergence_finding("order", careful)
-    if finding.status == "pass" and all(map(shown, careful.orders.values())):
+    if _is_right(finding):
         note = "the finest step sizes are left out, because round-off could explain their errors"
-        return finding, (note,)
+        orders = careful.orders.values()
+        lost = any(each.reason == ROUND_OFF for order in orders for each in order.left_out)
+        return finding, (note,) if lost else ()
+    coarse = ""
     if _is_refuted(careful):
-        return finding, ()
+        rate, dt = fastest_rate(reference), _third_finest(runs)
+        resolved = beginning(reference, resolved_frames(reference, dt, rate))
+        if _has_lower_order(careful) or (
+            resolved is not None and _is_refuted(observe(worst, reference=resolved))
+        ):
+            return finding, ()
+        coarse = _too_coarse(reference, dt, rate)
     if unstable := unstable_steps(careful):
         line, fix = _unstable(reference, runs, unstable), ""
     else:
-        why, fix = _undecided(careful, as_written, runs)
-        line = f"{finding.line}: {why}"
+        why, fix = (coarse, "") if coarse else _undecided(careful, as_written, runs)
+        line = f"{finding.line}{', but' if coarse else ':'} {why}"
     if not fix and more_runs is not None:
         fix = more_runs(careful)
     line = f"{line}; {fix}" if fix else line
@@ -108,6 +143,12 @@ def _round_off(run: Run, reference: Reference) -> np.ndarray:
     return columns
 
 
+def _is_right(finding: Finding) -> bool:
+    """Whether all quantities converge to the solution, and show it sufficiently."""
+    orders = {} if finding.convergence is None else finding.convergence.orders
+    return finding.status == "pass" and all(map(shown, orders.values()))
+
+
 def _is_refuted(convergence: Convergence) -> bool:
     """Whether the quantities that do show an order are wrong, or the limit certainly is."""
     known = {name: order for name, order in convergence.orders.items() if shown(order)}
@@ -118,6 +159,38 @@ def _is_refuted(convergence: Convergence) -> bool:
         limits = {name: each for name, each in limits.items() if each[0] > _CERTAINLY * each[1]}
     rest = dataclasses.replace(convergence, orders=known, limits=limits)
     return convergence_finding("order", rest).status == "fail"
+
+
+def _has_lower_order(convergence: Convergence) -> bool:
+    """Whether some quantity converges with a whole order that is lower than the claimed one.
+
+    Pre-asymptotic errors fall more slowly than with order 1.
+    """
+    if finest_is_unstable(convergence):
+        return False
+    orders = {
+        name: order
+        for name, order in convergence.orders.items()
+        if shown(order) and order.ci95 is not None and order.ci95[1] >= 1.0 - TOLERANCE
+    }
+    rest = dataclasses.replace(convergence, orders=orders, limits={})
+    return convergence_finding("order", rest).status == "fail"
+
+
+def _third_finest(runs: Sequence[Run]) -> float:
+    """The largest step size of the fewest runs that show whether errors fall."""
+    return runs[-FEWEST_POINTS].dt
+
+
+def _too_coarse(reference: Reference, dt: float, rate: float) -> str:
+    """Why runs that do not converge are no evidence."""
+    frames = resolved_frames(reference, dt, rate)
+    over = f"over the first {frames} frames alone" if frames else "in no frame"
+    return (
+        f"the steps are too coarse to tell: the fastest part of the motion changes at a rate of "
+        f"{rate:.3g}, which dt = {dt:.3g} resolves {over}; three runs with dt <= "
+        f"{resolving_step(reference, rate):.2g} would resolve the first frame"
+    )
 
 
 def shown(order: ObservedOrder) -> bool:

@@ -16,7 +16,13 @@ _BLOCK = 2**22
 _LONGEST_LINE = 2**12
 _COMMAS = bytes.maketrans(b"\n", b",")
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
-_NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|1\.#)", re.IGNORECASE)
+# As the C libraries write them: nan, -nan(ind), inf, Infinity, 1.#INF, -1.#IND, 1.#QNAN.
+_NOT_FINITE = re.compile(
+    r"\s*([+-]?)(nan(?:\(\w*\))?|inf(?:inity)?|1\.#[a-z]+0*)\s*", re.IGNORECASE | re.ASCII
+)
+# The columns of time and node, which are finite in runs that diverged too.
+_PLACE = 2
+_SPACE, _BLANK = re.compile(rb"[ \t\v\f]"), re.compile(rb"(^|[,\n])[ \t\v\f]*[,\n]")
 _STEP = re.compile(r"#\s*dt\s*[=:]\s*(\S+)\s*")
 
 
@@ -120,7 +126,9 @@ class CsvFile:
             text = text.replace(b"\r\n", b"\n")
         characters = np.frombuffer(text, np.uint8)
         marks = characters[(characters == ord("\n")) | (characters == ord(","))]
-        if len(marks) % width == 0:
+        # NumPy reads a blank field as -1.
+        blank = _SPACE.search(text) and _BLANK.search(text)
+        if len(marks) % width == 0 and not blank:
             each = marks.reshape(-1, width)
             if (each[:, -1] == ord("\n")).all() and (each[:, :-1] == ord(",")).all():
                 try:
@@ -143,17 +151,21 @@ class CsvFile:
             self._complain(
                 line, given, f"{len(self.columns)} fields: {','.join(self.columns)}", fix
             )
+        numbers = []
         for i, (name, value) in enumerate(zip(self.columns, fields, strict=True), 1):
             where = f"{self.path}, line {line}, column {i} ({name})"
-            if _NOT_FINITE.match(value) or (
-                _NUMBER.fullmatch(value) and abs(float(value)) == np.inf
-            ):
-                fix = "leave out runs that diverged, or use smaller steps"
-                raise bad_value(where, value.strip(), "a finite number", fix)
-            if not _NUMBER.fullmatch(value):
+            if match := _NOT_FINITE.fullmatch(value):
+                number = float(f"{match[1]}inf" if "inf" in match[2].lower() else "nan")
+            elif _NUMBER.fullmatch(value):
+                number = float(value)
+            else:
                 fix = "write numbers as 1.25 or 1.25e-3"
                 raise bad_value(where, value.strip(), "a number", fix)
-        return [float(value) for value in fields]
+            if i <= _PLACE and not np.isfinite(number):
+                fix = "write a finite number, in runs that diverged too"
+                raise bad_value(where, value.strip(), "a finite number", fix)
+            numbers.append(number)
+        return numbers
 
     def _block(self, rows: np.ndarray, first: int) -> Block:
         """Samples from all lines of some times."""

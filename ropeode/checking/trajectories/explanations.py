@@ -18,7 +18,7 @@ from ropeode.checking.trajectories.initial_states import begins_right, check_ini
 from ropeode.checking.trajectories.layout import Block
 from ropeode.checking.trajectories.likely_clocks import likely_clocks
 from ropeode.checking.trajectories.remainders import RUNS, explains
-from ropeode.checking.trajectories.run_files import Run, opened_files, read_runs
+from ropeode.checking.trajectories.run_files import Run, finite, opened_files, read_runs
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, motion
 from ropeode.problems.problem import Problem
@@ -172,7 +172,11 @@ def explain_times(
     for clock in likely_clocks(problem, _extents(files, problem, dts, fewest)):
         found = _explained(clock, certified, problem, files, dts, fewest)
         if found is not None and (
-            as_written is None or _better(found.reference, found.runs, as_written)
+            as_written is None
+            or (
+                len(found.runs) == len(as_written)
+                and _better(found.reference, found.runs, as_written)
+            )
         ):
             return found
     return None
@@ -204,8 +208,10 @@ def _explained(
         return clock.dts[index], clock.blocks(blocks, index, shown)
 
     try:
-        runs = read_runs(files, shown, dts, fewest=fewest, reading=reading)
+        runs = finite(read_runs(files, shown, dts, fewest=fewest, reading=reading))
     except InputError:
+        return None
+    if len(runs) < fewest:
         return None
     reference = certified() if clock.ends else _without_last(certified(), shown)
     if (agreement := _agreement(reference, runs)) is not None:

@@ -20,7 +20,7 @@ from ropeode.checking.trajectories.convergence import (
 from ropeode.checking.trajectories.instability import advice
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.likely_methods import LIKELY
-from ropeode.checking.trajectories.run_files import Run
+from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.norms import NORMS, motion
 from ropeode.problems.problem import Problem
 from ropeode.progress import silent
@@ -63,11 +63,11 @@ def more_runs(
         expected: the order that follows from them.
         convergence: of the runs.
     """
-    same = _same_steppers(reference, runs)
+    same = _same_steppers(reference, finite(runs))
     names = [actor.name for actor in same]
     words = f"the positions agree with those of {listed(names)}; " if same else ""
     # Runs with few digits have to be made again.
-    exact = all(np.all(run.rounding == 0.0) for run in runs)
+    exact = all(np.all(run.rounding == 0.0) for run in finite(runs))
     found = _fewest(reference, runs if exact else (), same, _counts(runs), _windows(runs), expected)
     if found is not None:
         steps, orders = found
@@ -130,7 +130,9 @@ def _counts(runs: Sequence[Run]) -> list[int]:
 
 
 def _same_steppers(reference: Reference, runs: Sequence[Run]) -> list[_Actor]:
-    """Steppers whose positions are those of all runs."""
+    """Steppers whose positions are those of all runs; none where no run is finite."""
+    if not runs:
+        return []
     problem, counts, one = runs[0].problem, _counts(runs), step_size(runs[0].problem, 1)
     if any(abs(one / run.dt - n) > _WHOLE for run, n in zip(runs, counts, strict=True)):
         return []

@@ -16,7 +16,7 @@ from ropeode.checking.trajectories.layout import Block, Layout, states_of
 from ropeode.checking.trajectories.netcdf_files import NetcdfFile
 from ropeode.checking.trajectories.npz_files import NpzFile
 from ropeode.checking.trajectories.same_faults import each_once
-from ropeode.checking.trajectories.sampling import Sampling
+from ropeode.checking.trajectories.sampling import Diverged, Sampling
 from ropeode.checking.trajectories.steps_in_names import by_names, steps_in_names
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
@@ -46,6 +46,7 @@ class Run:
         values: ``(times, nodes, columns)``: positions and, if the file has them, velocities.
         interval: between the samples in the file.
         named: whether the step size is that of the file's name.
+        diverged: the first number that is not finite, from which on all values are not-a-number.
     """
 
     problem: Problem
@@ -54,6 +55,7 @@ class Run:
     values: np.ndarray
     interval: float
     named: bool = False
+    diverged: Diverged | None = None
 
     @functools.cached_property
     def layout(self) -> Layout:
@@ -83,6 +85,16 @@ class Run:
         return epsilon(self.values)
 
     @property
+    def single(self) -> bool:
+        """Whether the numbers were computed in single precision."""
+        return self.epsilon > float(np.finfo(np.float64).eps)
+
+    @property
+    def reached(self) -> int:
+        """The number of samples before the run diverged."""
+        return int(np.sum(np.all(np.isfinite(self.values), axis=(1, 2))))
+
+    @property
     def label(self) -> str:
         """The file's name and the step size."""
         return f"{self.path.name}, dt = {self.dt:g}"
@@ -92,6 +104,11 @@ class Run:
         """Whether the interval between samples is not a multiple of dt."""
         steps = self.interval / self.dt
         return abs(steps - np.rint(steps)) > _SAME * steps
+
+
+def finite(runs: Sequence[Run]) -> tuple[Run, ...]:
+    """The runs that did not diverge."""
+    return tuple(run for run in runs if run.diverged is None)
 
 
 def names_of(runs: Sequence[Run]) -> str:
@@ -291,6 +308,8 @@ def _read(
     span = float(problem.ts[-1] - problem.ts[0])
     for block in blocks:
         sampling.take(block)
+        if sampling.diverged is not None:
+            break
         report(min(1.0, float(block.times[-1] - problem.ts[0]) / span))
     values = sampling.finish()
     interval = sampling.interval or span
@@ -298,4 +317,4 @@ def _read(
         allowed = f"at most {interval:g}, the time between two samples of the file"
         fix = "check whether this dt belongs to another file"
         raise bad_value(f"{file.path}, dt", dt, allowed, fix)
-    return Run(problem, file.path, dt, values, interval)
+    return Run(problem, file.path, dt, values, interval, diverged=sampling.diverged)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,11 +20,26 @@ _UNEQUAL = 1e-3
 _HALF = 0.5
 
 
+class Diverged(NamedTuple):
+    """The first number of a file that is not finite.
+
+    Fields:
+        time: of its sample.
+        where: the file and the place in it.
+        given: the number.
+    """
+
+    time: float
+    where: str
+    given: float
+
+
 class Sampling:
     """Takes blocks of samples in the order of time, and keeps those at the wanted times.
 
     Samples must be equally spaced, except where the wanted times are not; an interval that
-    ends at a wanted time may be shorter.
+    ends at a wanted time may be shorter. At the first number that is not finite the run
+    diverged, and nothing that follows counts.
 
     Arguments:
         path: of the file, for complaints.
@@ -39,16 +55,17 @@ class Sampling:
         self._last: tuple[float, str] | None = None
         self._into_frame = 0
         self.interval: float | None = None
+        self.diverged: Diverged | None = None
 
     def take(self, block: Block) -> None:
         """Check a block and keep its wanted samples.
 
         Raises:
-            InputError: a number is not finite, or a time is wrong.
+            InputError: a time is wrong, or the first sample is not finite.
         """
+        block = self._finite_part(block)
         if not len(block.times):
             return
-        self._check_finite(block)
         self._check_order(block)
         if self._last is None and not self._same(float(block.times[0]), 0):
             first = float(block.times[0])
@@ -67,6 +84,8 @@ class Sampling:
     def finish(self) -> np.ndarray:
         """The values at all wanted times, ``(times, nodes, columns)``.
 
+        They are not-a-number from where the run diverged.
+
         Raises:
             InputError: the file ends before the last of them.
         """
@@ -75,6 +94,9 @@ class Sampling:
             raise bad_value(
                 str(self.path), "no samples", "a sample at each sample time", "write them"
             )
+        if self.diverged is not None:
+            lost = np.full_like(self._kept[0], np.nan)
+            return np.stack([*self._kept, *[lost] * (len(self.wanted) - missing)])
         if missing < len(self.wanted):
             last, where = self._last
             raise bad_value(
@@ -89,23 +111,23 @@ class Sampling:
     def _at(self, block: Block, sample: int) -> str:
         return f"{self.path}, {block.where(sample, None, None)}"
 
-    def _check_finite(self, block: Block) -> None:
-        finite = np.isfinite(block.values)
-        if finite.all() and np.isfinite(block.times).all():
-            return
-        bad = ~finite.all(axis=(1, 2)) | ~np.isfinite(block.times)
-        sample = int(np.argmax(bad))
-        if not np.isfinite(block.times[sample]):
+    def _finite_part(self, block: Block) -> Block:
+        """The samples up to the first that is not finite, which is remembered."""
+        finite, times = np.isfinite(block.values), np.isfinite(block.times)
+        if finite.all() and times.all():
+            return block
+        sample = int(np.argmin(finite.all(axis=(1, 2)) & times))
+        if not times[sample]:
             given, node, column = block.times[sample], None, None
         else:
             node, column = (int(i[0]) for i in np.nonzero(~finite[sample]))
             given = block.values[sample, node, column]
-        raise bad_value(
-            f"{self.path}, {block.where(sample, node, column)}",
-            float(given),
-            "finite numbers",
-            "leave out runs that diverged, or use smaller steps",
-        )
+        where = f"{self.path}, {block.where(sample, node, column)}"
+        if not times[sample] or (self._last is None and sample == 0):
+            fix = "start from the initial state, and write finite times in runs that diverged too"
+            raise bad_value(where, float(given), "a finite number", fix)
+        self.diverged = Diverged(float(block.times[sample]), where, float(given))
+        return Block(block.times[:sample], block.values[:sample], block.where)
 
     def _check_order(self, block: Block) -> None:
         before = np.empty_like(block.times)

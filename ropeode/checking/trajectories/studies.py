@@ -262,8 +262,16 @@ def _runs(
     runs, _ = checked_runs(
         files, own, dts, lambda: _reference(problem, progress, asked), progress, fewest=1
     )
+    _check_finite(runs)
     _check_quantities(runs, [measure.quantity])
     return runs, measure
+
+
+def _check_finite(runs: Sequence[Run]) -> None:
+    for run in runs:
+        if run.diverged is not None:
+            fix = "leave out runs that diverged, or use smaller steps"
+            raise bad_value(run.diverged.where, run.diverged.given, "a finite number", fix)
 
 
 def _check_quantities(runs: Sequence[Run], needed: Sequence[str]) -> None:
@@ -290,7 +298,8 @@ def _order(
     """The order that the files show.
 
     As `ropeode grade` has it: the rounding of the written digits counts as round-off; where that
-    shows no convergence, so does the worst round-off that a sound program has.
+    shows no convergence, so does the worst round-off that a sound program has. Coarse steps in
+    single precision have no exception here.
     """
 
     def with_rounding(rounding: Callable[[Run], np.ndarray]) -> ObservedOrder:

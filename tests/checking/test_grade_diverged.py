@@ -1,0 +1,92 @@
+"""Files with numbers that are not finite: the run diverged, and the others are judged."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
+
+from ropeode.checking.grade import grade
+from ropeode.checking.trajectories.run_files import read_runs
+from ropeode.checking.trajectories.studies import trajectory_errors
+from ropeode.errors import InputError
+from ropeode.simulation import simulate
+
+STEPS = (16, 24, 32, 48)
+WRITERS = {".csv": write_csv, ".npz": write_npz, ".nc": write_netcdf}
+
+
+def files(tmp_path, problem, bad, write=write_csv, suffix=".csv", number=np.nan):
+    """Runs of velocity Verlet, of which some are not finite from a sample on."""
+    made = []
+    for steps in STEPS:
+        values = node_values(problem, simulate(problem, "velocity-verlet", steps).states)
+        if steps in bad:
+            values[bad[steps] :, 1, 3] = number
+        path = tmp_path / f"{steps}{suffix}"
+        made.append(write(path, problem.ts, values, 1 / steps))
+    return made
+
+
+def order_of(report):
+    return next(each for each in report.findings if each.check == "order")
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("number", [np.nan, -np.inf])
+def test_the_others_are_judged(tmp_path, small_rope, known, suffix, number):
+    made = files(tmp_path, small_rope, {16: 2}, WRITERS[suffix], suffix, number)
+    report = grade(made, known, expected_order=2)
+    assert report.verdict == "right"
+    assert order_of(report).convergence.errors["position"][0] is None
+    (note,) = report.notes
+    assert note.startswith("the run with dt = 0.0625 diverged at t = 2 (")
+    assert f"16{suffix}, " in note
+    assert note.endswith(f": {number:g}), and does not count")
+    assert grade(made, known, expected_order=3, diagnose=False).verdict == "wrong"
+
+
+def test_too_few_that_are_finite_decide_nothing(tmp_path, small_rope, known):
+    report = grade(files(tmp_path, small_rope, {16: 2, 24: 1}), known)
+    assert report.verdict == "undetermined"
+    assert order_of(report).line.startswith("unstable at dt = 0.0625 and 0.04167; ")
+    assert len(report.notes) == 2
+    report = grade(files(tmp_path, small_rope, dict.fromkeys(STEPS, 1)), known)
+    assert report.verdict == "undetermined"
+    assert "add runs with 96, 192 and 384 steps per frame" in order_of(report).line
+
+
+def test_what_follows_does_not_count(tmp_path, small_rope, known):
+    """Many programs end there, in the middle of a sample."""
+    made = files(tmp_path, small_rope, {16: 2})
+    lines = made[0].read_text().splitlines(keepends=True)
+    first = next(i for i, line in enumerate(lines) if line.endswith("nan\n"))
+    made[0].write_text("".join(lines[: first + 3]) + "3,0,")
+    (coarsest, *_) = read_runs(made, small_rope)
+    assert coarsest.reached == 2
+    assert coarsest.diverged.time == 2.0
+    assert f"line {first + 1}, column 6 (vy)" in coarsest.diverged.where
+    assert grade(made, known).verdict == "right"
+    # Without it the file is cut off.
+    made[0].write_text("".join(lines[: first - 2]))
+    with pytest.raises(InputError, match=r"16.csv, line \d+: .* at the end of the file|is missing"):
+        grade(made, known)
+
+
+def test_what_cannot_be_a_run_is_refused(tmp_path, small_rope, known):
+    made = files(tmp_path, small_rope, {16: 0})
+    with pytest.raises(InputError, match=r"16.csv, line 4, column 6 \(vy\): nan given; .*initial"):
+        grade(made, known)
+    with pytest.raises(InputError, match=r"line 8, column 6 \(vy\): nan given.*leave out runs"):
+        trajectory_errors(files(tmp_path, small_rope, {16: 1}), known)
+
+
+def test_pins_before_a_run_diverges(tmp_path, small_rope, known):
+    made = files(tmp_path, small_rope, {16: 3})
+    text = made[0].read_text().splitlines()
+    row = next(i for i, line in enumerate(text) if line.startswith("2,0,"))
+    fields = text[row].split(",")
+    text[row] = ",".join([*fields[:3], repr(float(fields[3]) + 1e-3), *fields[4:]])
+    made[0].write_text("\n".join([*text, ""]))
+    report = grade(made, known, diagnose=False)
+    assert [each.check for each in report.failed] == ["pins"]
