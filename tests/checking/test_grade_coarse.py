@@ -13,6 +13,7 @@ from ropeode.checking.report import Convergence
 from ropeode.checking.trajectories import convergence
 from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
 from ropeode.checking.trajectories.resolved import fastest_rate, resolved_frames, resolving_step
+from ropeode.checking.trajectories.run_files import read_runs
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
@@ -139,3 +140,13 @@ def test_three_steps_on_a_line_may_be_chance_where_round_off_is_as_large():
     assert observed_order(DTS, errors).verdict == "converges"
     assert in_single_precision(errors, 50.0 * ROUNDING).verdict == "undetermined"
     assert in_single_precision(errors, 1e-9 * ROUNDING).verdict == "converges"
+
+
+def test_single_precision_shows_in_velocities_alone(tmp_path):
+    """A program may add an origin in double precision to its positions."""
+    problem = rope()
+    values = node_values(problem, simulate(problem, "velocity-verlet", 60).states)
+    values = values.astype(np.float32) + np.array([0.1, 0.1, 0.0, 0.0])
+    write_npz(tmp_path / "60.npz", problem.ts, values, 1 / 60)
+    (run,) = read_runs([tmp_path / "60.npz"], problem, fewest=1)
+    assert run.single

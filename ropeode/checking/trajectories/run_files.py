@@ -72,17 +72,24 @@ class Run:
         """The quantities of the problem that the file has: velocities may be missing."""
         return self.problem.quantities[: self.values.shape[2] // self.layout.dim]
 
+    @property
+    def _parts(self) -> list[np.ndarray]:
+        """The values of each quantity."""
+        dim = self.layout.dim
+        return np.split(self.values, range(dim, self.values.shape[2], dim), axis=2)
+
     @functools.cached_property
     def rounding(self) -> np.ndarray:
         """The largest rounding error of the written numbers of each column, ``(columns,)``."""
-        dim = self.layout.dim
-        parts = np.split(self.values, range(dim, self.values.shape[2], dim), axis=2)
-        return np.repeat([last_digit(part) for part in parts], dim)
+        return np.repeat([last_digit(part) for part in self._parts], self.layout.dim)
 
     @functools.cached_property
     def epsilon(self) -> float:
-        """The relative rounding of the precision in which the numbers were computed."""
-        return epsilon(self.values)
+        """The relative rounding of the precision in which the numbers were computed.
+
+        One quantity tells: to positions in float32, an origin in float64 may be added.
+        """
+        return max(map(epsilon, self._parts))
 
     @property
     def single(self) -> bool:
