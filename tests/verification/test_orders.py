@@ -7,6 +7,7 @@ frames that are not of length 1, and step sizes whose ratio is 1.5.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any
@@ -27,6 +28,7 @@ from ropeode.problems.rope import Rope
 from ropeode.problems.ropes import ROPES
 from ropeode.simulation.trajectory import Trajectory
 from ropeode.steppers.base import BuiltIn
+from ropeode.steppers.implicit import _Implicit
 from ropeode.study.accuracy_table import problem_class as class_of
 from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import EVERY_VARIANT, SINGLE_OPTIONS
@@ -133,10 +135,15 @@ def riccati_solution(problem: Problem) -> np.ndarray:
 
 # Its transient is over so soon that methods of high order are better than the reference knows.
 BETTER_THAN_THE_REFERENCE = {("library robertson", 4)}
+# Between steps that are too coarse and the reference's bound there are three, on no line.
+ON_NO_LINE = {("library pleiades", "dormand-prince5")}
 # From this order on, round-off may come before the leading term of the error outweighs the next
 # one. An order that stays undetermined then is right if the errors fall as steeply somewhere. That
 # the order conditions hold, tests/steppers/test_tableaus.py says.
 HIGH = 5
+
+# One iteration of Newton's method solves their equations.
+LINEAR = {"library oscillator", "library linear-chain", "library forced"}
 
 CASES: dict[str, Callable[[], Problem]] = {
     "moving rope": moving_rope,
@@ -169,6 +176,12 @@ EVERY_CASE = pytest.mark.parametrize(
 @functools.cache
 def problem_of(case: str) -> Problem:
     return {**CASES, **LIBRARY}[case]()
+
+
+def declared_on(case: str, stepper: BuiltIn) -> int | None:
+    if case in LINEAR and isinstance(stepper, _Implicit):
+        stepper = dataclasses.replace(stepper, newton="converged")
+    return stepper.order(class_of(problem_of(case)))
 
 
 def fitting(case: str, steppers: list[BuiltIn] = EVERY_VARIANT) -> list[BuiltIn]:
@@ -235,7 +248,7 @@ def test_declared_orders(case, steppers):
     wrong = []
     for each in fitting(case, steppers):
         problem_class = class_of(problem_of(case))
-        declared, order = each.order(problem_class), order_of(case, each)
+        declared, order = declared_on(case, each), order_of(case, each)
         if not each.solves(problem_class):
             # The limit is another solution, and far enough away for the order to say so.
             right = declared == 0 and order.verdict == "does not converge"
@@ -249,7 +262,8 @@ def test_declared_orders(case, steppers):
             right = order.verdict == "converges" and low - 0.02 <= declared <= high + 0.02
             if (case, declared) in BETTER_THAN_THE_REFERENCE:
                 right = order.verdict == "undetermined" and "reference" in order.left_out[-1].reason
-            if declared >= HIGH and order.verdict == "undetermined":
+            unclear = order.verdict == "undetermined" and declared >= HIGH
+            if unclear or (case, each.label) in ON_NO_LINE:
                 right = steepest(case, each) > declared - 0.5
             elif declared >= HIGH and order.verdict == "converges":
                 right = right or abs(order.observed - declared) <= 0.25
@@ -263,9 +277,10 @@ def test_velocities_have_the_order_of_positions(case, steppers):
     if problem_of(case).mechanics is None:
         pytest.skip("has no velocities")
     for each in fitting(case, steppers):
-        if (declared := each.order(class_of(problem_of(case)))) >= 2:
+        if (declared := declared_on(case, each)) >= 2:
             order = order_of(case, each, "velocity-max")
-            if declared >= HIGH and order.verdict == "undetermined":
+            unclear = order.verdict == "undetermined" and (declared >= HIGH or case in LIBRARY)
+            if unclear or (case, each.label) in ON_NO_LINE:
                 assert steepest(case, each, "velocity-max") > declared - 0.5, each.label
                 continue
             assert order.verdict == "converges", each.label
@@ -273,7 +288,7 @@ def test_velocities_have_the_order_of_positions(case, steppers):
             also = 4 if each.name == "ruth3" else declared
             low, high = order.ci95
             near = [
-                abs(order.observed - known) <= 0.25 or (declared >= HIGH and low <= known <= high)
+                abs(order.observed - known) <= 0.25 or low <= known <= high
                 for known in (declared, also)
             ]
             assert any(near), (each.label, order)
