@@ -12,7 +12,7 @@ from ropeode.checking.check_ropes import hanging
 from ropeode.checking.report import Finding
 from ropeode.problems.problem import Problem
 from ropeode.simulation.step_map import StepMap
-from ropeode.steppers import STEPPERS
+from ropeode.steppers.base import BuiltIn
 from ropeode.theory.stability_function import StabilityFunction, stability_function
 from ropeode.theory.stability_limits import stable_interval
 
@@ -32,8 +32,8 @@ def stability(examination: Examination) -> Finding:
     evidence = {"limit": limit}
     line = _words(limit)
     method = examination.claims.method
-    # A user's class claims its own name.
-    known = method != examination.stepper.label or str(method).partition(":")[0] in STEPPERS
+    # A user's class claims its own name, which may happen to be that of another method.
+    known = method != examination.stepper.label or isinstance(examination.stepper, BuiltIn)
     theory = _in_theory(method) if method and known else None
     if theory is None:
         return Finding("stability", "note", line, evidence)
