@@ -25,8 +25,9 @@ from ropeode.theory.step_samples import StepSamples
 _RUNGS, _DEGREE = 9, 5
 # How many states the order is read off at.
 _STATES = 8
-# A prediction that is more uncertain is none.
-_MOST_UNCERTAIN = 0.1
+# A prediction that is more uncertain is none. What may be wrong with local errors adds up over the
+# whole span here; in fact a fifth of that was seen at most.
+_MOST_UNCERTAIN, _MOST_UNCERTAIN_RATES = 0.1, 0.5
 # The relative tolerance of the variational equation.
 _RTOL = 1e-7
 
@@ -101,10 +102,12 @@ def predicted_error(
     if along is None:
         return "the solution is stiff: it is smooth over a small part of a frame only"
     zeros = order + 1 if samples.carries_state else order
-    rates = []
+    rates, errors = [], []
     for index, each in enumerate(along.pieces):
         progress("the local error", 0.6 + 0.4 * index / len(along.pieces))
-        rates.append(_local_error(samples, each, order, zeros))
+        rate, error = _local_error(samples, each, order, zeros)
+        rates.append(rate)
+        errors.append(error)
     rate = np.concatenate(rates)[along.index]
     start = begin.start(order).value[0]
     fine, coarse = (
@@ -115,6 +118,8 @@ def predicted_error(
     uncertain = float(np.max(np.abs(fine - coarse))) / size if size else 0.0
     if uncertain > _MOST_UNCERTAIN:
         return f"the prediction is uncertain by {uncertain:.0%}"
+    if max(errors) * float(times[-1] - times[0]) > _MOST_UNCERTAIN_RATES * size:
+        return "what is carried settles too slowly for the local error to show"
     return PredictedError(order, times, fine, uncertain)
 
 
@@ -138,13 +143,19 @@ def _lacks_order(what: str, local: Expansion) -> str | None:
     return None
 
 
-def _local_error(samples: StepSamples, pieces: Pieces, order: int, zeros: int) -> np.ndarray:
-    """The rates at which the error grows by itself, ``(states, *state)``."""
+def _local_error(
+    samples: StepSamples, pieces: Pieces, order: int, zeros: int
+) -> tuple[np.ndarray, float]:
+    """The rates at which the error grows by itself, ``(states, *state)``, and their largest error.
+
+    That of a one-step method's rates is small, or its order would not be known.
+    """
     local = Expansion(samples, pieces.t, pieces.y, pieces.reach, pieces.increments, _RUNGS, zeros)
-    rate = local.rate(order).value
-    if not local.one_step:
-        rate = rate - derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
-    return rate
+    rate = local.rate(order)
+    if local.one_step:
+        return rate.value, 0.0
+    of_start = derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
+    return rate.value - of_start, float(np.max(rate.error))
 
 
 def _propagated(
