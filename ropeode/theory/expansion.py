@@ -28,7 +28,7 @@ _EPS = float(np.finfo(np.float64).eps)
 # after another.
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
 # Steps of a method with memory, and how many of the first are left to its start.
-STEPS, _SETTLED = 10, 3
+STEPS, SETTLED = 10, 3
 # By how much of the right-hand side two steps in a row must differ that are still settling.
 _SETTLING = 1e-2
 # The most terms that are fitted to what the steps show, and how many steps are left out to see what
@@ -69,6 +69,7 @@ class Expansion:
             ``(states, fractions, *state)``.
         rungs: how many of the ladder's are used, from the longest.
         zeros: how many powers of dt are known to be missing from the error of n steps.
+        settled: how many of the first steps of a method with memory are left to its start.
 
     Attributes:
         samples, reach: as given.
@@ -91,6 +92,7 @@ class Expansion:
         increments: Callable[[np.ndarray], np.ndarray],
         rungs: int = RUNGS,
         zeros: int = 0,
+        settled: int = SETTLED,
     ):
         self.samples, self.problem = samples, samples.problem
         self.t, self.y, self.reach = t, y, reach
@@ -108,11 +110,11 @@ class Expansion:
             # One step may be as long as the solution is smooth.
             self.ladder, dt = reach, dt * steps
             states, steps = samples.after(t, y, dt, steps), 1
-        every = range(1, 2) if self.one_step else range(_SETTLED, steps + 1)
+        every = range(1, 2) if self.one_step else range(settled, steps + 1)
         moved = {n: increments(n / steps * LADDER[:rungs]) for n in every}
         errors = {n: (states[:, :, n] - y[:, None]) - moved[n] for n in every}
         noise = _noise(samples, t, y, dt, errors[every[0]]).reshape(-1, rungs)
-        self._missing = zeros
+        self._missing, self._settled = zeros, settled
         self._terms: dict[tuple[int, int], Term] = {}
         self._series = {
             n: _Series(self._functions(errors[n]), self._functions(moved[n]), n * noise, zeros)
@@ -131,7 +133,7 @@ class Expansion:
         """What a settled step does at dt = 0: the states before it, and how it changes them."""
         if self.one_step:
             return self.y, self.rate(-1)
-        before, after = (self._series[n][0] for n in (_SETTLED, _SETTLED + 1))
+        before, after = (self._series[n][0] for n in (self._settled, self._settled + 1))
         shape = (len(self.problem.quantities), len(self.t))
         base, change = map(self._states, (before.value, after.value - before.value))
         error = before.error + after.error

@@ -17,7 +17,7 @@ from ropeode.problems.problem import Problem, Rhs
 from ropeode.progress import Progress, part_of, silent
 from ropeode.references.reference import Reference
 from ropeode.simulation.method import Method
-from ropeode.theory.expansion import STEPS, Expansion, expanded
+from ropeode.theory.expansion import SETTLED, STEPS, Expansion, expanded
 from ropeode.theory.solution_along import Pieces, solution_along
 from ropeode.theory.step_samples import StepSamples
 
@@ -25,9 +25,10 @@ from ropeode.theory.step_samples import StepSamples
 _RUNGS, _DEGREE = 9, 5
 # How many states the order is read off at.
 _STATES = 8
-# A prediction that is more uncertain is none. What may be wrong with local errors adds up over the
-# whole span here; in fact a fifth of that was seen at most.
-_MOST_UNCERTAIN, _MOST_UNCERTAIN_RATES = 0.1, 0.5
+# A prediction that is more uncertain is none.
+_MOST_UNCERTAIN = 0.1
+# So many more steps are left to the start of a method with memory, to see what that changes.
+_LATER = 2
 # The relative tolerance of the variational equation.
 _RTOL = 1e-7
 
@@ -102,24 +103,26 @@ def predicted_error(
     if along is None:
         return "the solution is stiff: it is smooth over a small part of a frame only"
     zeros = order + 1 if samples.carries_state else order
-    rates, errors = [], []
+    later = SETTLED if local.one_step else SETTLED + _LATER
+    rates: dict[int, list[np.ndarray]] = {SETTLED: [], later: []}
     for index, each in enumerate(along.pieces):
         progress("the local error", 0.6 + 0.4 * index / len(along.pieces))
-        rate, error = _local_error(samples, each, order, zeros)
-        rates.append(rate)
-        errors.append(error)
-    rate = np.concatenate(rates)[along.index]
+        for settled, found in rates.items():
+            found.append(_local_error(samples, each, order, zeros, settled))
     start = begin.start(order).value[0]
-    fine, coarse = (
-        _propagated(problem, times, start, *(each[::stride] for each in (along.t, along.y, rate)))
-        for stride in (1, 2)
-    )
+
+    def propagated(settled: int, stride: int) -> np.ndarray:
+        rate = np.concatenate(rates[settled])[along.index]
+        return _propagated(problem, times, start, *(e[::stride] for e in (along.t, along.y, rate)))
+
+    fine, others = propagated(SETTLED, 1), [propagated(SETTLED, 2)]
+    if not local.one_step:
+        others.append(propagated(later, 1))
     size = float(np.max(np.abs(fine)))
-    uncertain = float(np.max(np.abs(fine - coarse))) / size if size else 0.0
+    apart = max(float(np.max(np.abs(fine - other))) for other in others)
+    uncertain = apart / size if size else 0.0
     if uncertain > _MOST_UNCERTAIN:
         return f"the prediction is uncertain by {uncertain:.0%}"
-    if max(errors) * float(times[-1] - times[0]) > _MOST_UNCERTAIN_RATES * size:
-        return "what is carried settles too slowly for the local error to show"
     return PredictedError(order, times, fine, uncertain)
 
 
@@ -144,18 +147,15 @@ def _lacks_order(what: str, local: Expansion) -> str | None:
 
 
 def _local_error(
-    samples: StepSamples, pieces: Pieces, order: int, zeros: int
-) -> tuple[np.ndarray, float]:
-    """The rates at which the error grows by itself, ``(states, *state)``, and their largest error.
-
-    That of a one-step method's rates is small, or its order would not be known.
-    """
-    local = Expansion(samples, pieces.t, pieces.y, pieces.reach, pieces.increments, _RUNGS, zeros)
-    rate = local.rate(order)
-    if local.one_step:
-        return rate.value, 0.0
-    of_start = derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
-    return rate.value - of_start, float(np.max(rate.error))
+    samples: StepSamples, pieces: Pieces, order: int, zeros: int, settled: int
+) -> np.ndarray:
+    """The rates at which the error grows by itself, ``(states, *state)``."""
+    own = pieces.t, pieces.y, pieces.reach, pieces.increments
+    local = Expansion(samples, *own, _RUNGS, zeros, settled)
+    rate = local.rate(order).value
+    if not local.one_step:
+        rate = rate - derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
+    return rate
 
 
 def _propagated(

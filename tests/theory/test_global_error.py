@@ -81,3 +81,11 @@ def test_the_error_of_an_oscillator(stepper, order, positions, velocities):
     expected = np.stack([positions, velocities], axis=1)
     np.testing.assert_allclose(found.states, expected, atol=1e-5)
     assert found.uncertain < 1e-4
+
+
+def test_what_settles_slowly_is_not_predicted():
+    """Slopes from before the start: the first steps' own errors look like growth for long."""
+    found = predicted_error(KNOWN, method_of("adams-bashforth3:start=euler", KNOWN.problem))
+    assert isinstance(found, str)
+    assert "uncertain by" in found
+    assert not isinstance(predicted_error(KNOWN, method_of("adams-bashforth2", KNOWN.problem)), str)

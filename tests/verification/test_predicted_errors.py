@@ -14,6 +14,8 @@ from ropeode.problems.library import PROBLEMS
 UNSETTLED = "constraint-verlet"
 # Rounding hides local errors so small; slopes from before the start settle over many steps.
 MAY_BE_HIDDEN = re.compile("dormand-prince|yoshida6|pefrl|gauss4|adams|bdf2|beeman")
+# What is known of an error that is due to slopes from before the start.
+SETTLING = 0.05
 
 
 @pytest.mark.slow
@@ -35,7 +37,8 @@ def test_the_predicted_error_is_measured(name):
             if "limit" in each:
                 # The limit is extrapolated, and known to a part of its last correction only.
                 apart = min(each["apart"], each["limit"] / 2.0)
-                assert apart <= predicted_errors.AGREE, (stepper.label, each)
+                most = SETTLING if "start=euler" in stepper.label else predicted_errors.AGREE
+                assert apart <= most, (stepper.label, each)
 
 
 @pytest.mark.slow
