@@ -12,11 +12,12 @@ import collections
 import copy
 import dataclasses
 import functools
+import itertools
 import os
 import sys
 import sysconfig
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ import numpy as np
 from ropeode.validation import shown
 
 # Places beyond the first so many, and arrays beyond so many bytes, are not looked at.
-_MOST_PLACES, _MOST_BYTES = 10_000, 2**26
+_MOST_PLACES, _MOST_BYTES = 1000, 2**26
 # A message names so many changes.
 _MOST_NAMED = 3
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, np.generic)
@@ -158,16 +159,15 @@ def _looked_into(name: str, thing: Any) -> tuple[list[_Place], Named]:
         put = functools.partial(thing.__setitem__, ...)
         return [_Place(name, lambda: thing, put, thing.copy)], []
     if isinstance(thing, dict):
-        return [_container(name, thing, "update")], [
-            (f"{name}[{key!r}]", value) for key, value in thing.items()
-        ]
+        own = [_container(name, thing, "update")]
+        return own, [(f"{name}[{key!r}]", each) for key, each in _some(thing.items())]
     if isinstance(thing, list | collections.deque):
         own = [_container(name, thing, "extend")]
-        return own, [(f"{name}[{index}]", value) for index, value in enumerate(thing)]
+        return own, [(f"{name}[{index}]", each) for index, each in _some(enumerate(thing))]
     if isinstance(thing, set):
         return [_container(name, thing, "update")], []
     if isinstance(thing, tuple | frozenset):
-        return [], [(name, value) for value in thing]
+        return [], [(name, each) for each in _some(thing)]
     if isinstance(thing, types.FunctionType):
         return _function(thing)
     if isinstance(thing, types.MethodType):
@@ -180,6 +180,10 @@ def _looked_into(name: str, thing: Any) -> tuple[list[_Place], Named]:
     if isinstance(thing, types.ModuleType):
         return [], []
     return _object(name, thing)
+
+
+def _some(entries: Iterable[Any]) -> Iterable[Any]:
+    return itertools.islice(entries, _MOST_PLACES)
 
 
 def _container(name: str, thing: Any, fill: str) -> _Place:
@@ -246,7 +250,7 @@ def _class(kind: type) -> tuple[list[_Place], Named]:
 def _object(name: str, thing: Any) -> tuple[list[_Place], Named]:
     found = []
     own = getattr(thing, "__dict__", None)
-    inner: Named = [(name, type(thing)), (name, getattr(thing, "__wrapped__", None))]
+    inner: Named = [(name, type(thing))]
     if isinstance(own, dict):
         found.append(_container(f"{name}.", own, "update"))
         inner += [(f"{name}.{key}", value) for key, value in own.items()]

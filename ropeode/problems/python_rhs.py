@@ -162,7 +162,9 @@ class History:
 
     def __init__(self, own: PythonRhs, most: int):
         self._own, self._most = own, most
-        self._before = Memory(own.function, own.bound)
+        # Another thread may be calling it.
+        with _one_at_a_time:
+            self._before = Memory(own.function, own.bound)
         self._first = list(own.evidence)
         self._later: list[KeptCall] = []
         self._calls, self._every = 0, 1
