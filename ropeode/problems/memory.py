@@ -56,14 +56,15 @@ class _Place:
 
 
 class Memory:
-    """What some functions and objects can remember, as it is now.
+    """What a function can remember, as it is now.
 
     Arguments:
-        roots: the functions and objects.
+        function: or an object that can be called.
+        bound: arguments that it is always given.
     """
 
-    def __init__(self, *roots: Any):
-        self._places = _places(roots)
+    def __init__(self, function: Any, bound: Any):
+        self._places = _places(("attribute self", function), ("bound-argument args", bound))
         self._then = [place.take() for place in self._places]
 
     def restore(self) -> Callable[[], None]:
@@ -128,13 +129,13 @@ def _same(a: Any, b: Any) -> bool:
     return isinstance(a, set) and a == b
 
 
-def _places(roots: tuple[Any, ...]) -> list[_Place]:
-    """All places that can be reached, the nearest first."""
+def _places(*roots: tuple[str, Any]) -> list[_Place]:
+    """All places that can be reached from named things, the nearest first."""
     found: list[_Place] = []
     # By identity, and alive, so that no other object has that one.
     seen: dict[int, Any] = {}
     size = 0
-    waiting = collections.deque(("bound-argument args", root) for root in roots)
+    waiting = collections.deque(roots)
     while waiting and len(found) < _MOST_PLACES and len(seen) < 10 * _MOST_PLACES:
         name, thing = waiting.popleft()
         if id(thing) in seen or isinstance(thing, _PLAIN):
