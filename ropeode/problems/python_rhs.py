@@ -8,12 +8,14 @@ wait for itself.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import itertools
 import threading
-from collections.abc import Callable
-from typing import Any, Literal, NoReturn
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Literal, NamedTuple, NoReturn
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +26,7 @@ from jax.experimental.buffer_callback import buffer_callback
 from ropeode import callbacks
 from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import rhs_in_float64
+from ropeode.problems.memory import Memory
 from ropeode.validation import bad_value, is_traced, shortly, shown
 
 # A function may write to arrays of its own before it returns them, which are the same in all
@@ -31,6 +34,12 @@ from ropeode.validation import bad_value, is_traced, shortly, shown
 _one_at_a_time = threading.RLock()
 _serial = itertools.count(1)
 _MOST_KEPT = 64
+# Of calls that are repeated later, so many from the beginning and from all that follow; and of
+# these so many with the memory of the beginning, for so many seconds.
+MOST_CALLS = 512
+_MOST_RENEWED, _SECONDS = 64, 0.5
+# So many calls are the first ones.
+_FIRST = 8
 # Balances the rounding of a central difference against its error.
 _NUDGE = np.finfo(np.float64).eps ** (1 / 3)
 
@@ -51,6 +60,9 @@ class PythonRhs:
 
     def __init__(self, function: Callable, bound: tuple[Any, ...] = ()):
         self.function, self.bound = function, bound
+        self._histories: list[History] = []
+        # A call that shows a memory which could not be put back.
+        self.evidence: list[KeptCall] = []
         self._name = f"{getattr(function, '__name__', type(function).__name__)} #{next(_serial)}"
 
     def __repr__(self) -> str:
@@ -97,7 +109,20 @@ class PythonRhs:
                 "returns numbers wherever the solution goes. Fix: mend the error above, or end "
                 "earlier."
             ) from error
-        return _derivative(value, t, y)
+        value = _derivative(value, t, y)
+        for history in self._histories:
+            history.add(t, y, args, value)
+        return value
+
+    @contextlib.contextmanager
+    def remembered(self, most: int = MOST_CALLS) -> Iterator[History]:
+        """The calls inside the block, of which so many are kept."""
+        history = History(self, most)
+        self._histories.append(history)
+        try:
+            yield history
+        finally:
+            self._histories.remove(history)
 
     def slopes(self, t: float, y: np.ndarray, args: Any) -> np.ndarray:
         """Its derivatives by the components of the state, which are counted by the last axis."""
@@ -115,6 +140,108 @@ class PythonRhs:
         """Its derivative by time."""
         late, early = (t + sign * _NUDGE * max(abs(t), 1.0) for sign in (1.0, -1.0))
         return (self.evaluated(late, y, args) - self.evaluated(early, y, args)) / (late - early)
+
+
+class KeptCall(NamedTuple):
+    """A call of a function, and what it returned."""
+
+    t: float
+    y: np.ndarray
+    args: Any
+    value: np.ndarray
+
+
+class History:
+    """Calls of a function in Python, and the memory that it had before them.
+
+    Arguments:
+        own: the function.
+        most: how many calls are kept from the beginning, and half to all as many from those that
+            follow, spread evenly.
+    """
+
+    def __init__(self, own: PythonRhs, most: int):
+        self._own, self._most = own, most
+        # Another thread may be calling it.
+        with _one_at_a_time:
+            self._before = Memory(own.function, own.bound)
+        self._first = list(own.evidence)
+        self._later: list[KeptCall] = []
+        self._calls, self._every = 0, 1
+
+    def add(self, t: float, y: np.ndarray, args: Any, value: np.ndarray) -> None:
+        """A call, and what it returned."""
+        self._calls += 1
+        kept = self._first if len(self._first) < self._most else self._later
+        if kept is self._later and self._calls % self._every:
+            return
+        # A program's own arrays do not outlive the call.
+        kept.append(KeptCall(t, np.array(y), jax.tree.map(np.array, args), value.copy()))
+        if len(self._later) >= self._most:
+            del self._later[::2]
+            self._every *= 2
+
+    def require_no_memory(self) -> None:
+        """See that the function depends on its arguments alone.
+
+        Each call is made again, the last one first, and must return the same to the last bit. If
+        the memory has changed, some are made again from what it was before all calls: a counter, a
+        cache or an array for results makes no difference then. A function that is found out gets
+        that memory back, or else such a call is kept, so that it is found out again.
+
+        Raises:
+            UserCodeError: it does not.
+        """
+        calls = [*self._first, *self._later][::-1]
+        with _one_at_a_time, np.errstate(all="ignore"):
+            found = self._first_that_differs(calls)
+            changes = self._before.changes()
+            if found is None and changes:
+                found = self._first_that_differs_from_before(calls)
+            if found is None:
+                return
+            self._before.restore()
+            # What is no Python object is as it was left.
+            lasting = self._first_that_differs(self._first[:_FIRST])
+            self._own.evidence = [lasting[0]] if lasting else []
+        _, values = found
+        why = "keeps hidden state from call to call"
+        if changes:
+            why += f" (what has changed: {', '.join(changes)})"
+        else:
+            why += ", draws random numbers, or reads what changes (a clock, a file)"
+        raise UserCodeError(
+            f"rhs: not deterministic: at the same t and y it returned {values}, because it {why}; "
+            "allowed: a function of its arguments alone. Fix: make what it remembers a part of the "
+            "state; end at an event, and go on from there with another problem; draw random "
+            "numbers once, before the problem is made, and hand them over in args."
+        )
+
+    def _differs(self, call: KeptCall) -> str | None:
+        again = self._own.evaluated(call.t, call.y, call.args)
+        if np.array_equal(again, call.value, equal_nan=True):
+            return None
+        values = f"{shown(call.value.tolist())} and later {shown(again.tolist())}"
+        return f"{values} at {_place(call.t, call.y)}"
+
+    def _first_that_differs(self, calls: Iterable[KeptCall]) -> tuple[KeptCall, str] | None:
+        return next(((each, values) for each in calls if (values := self._differs(each))), None)
+
+    def _first_that_differs_from_before(self, calls: list[KeptCall]) -> tuple[KeptCall, str] | None:
+        until = time.perf_counter() + _SECONDS
+        for call in calls[:: -(-len(calls) // _MOST_RENEWED)]:
+            undo = self._before.restore()
+            try:
+                if found := self._first_that_differs([call]):
+                    return found
+            except UserCodeError:
+                # What cannot be put back may be missed.
+                return None
+            finally:
+                undo()
+            if time.perf_counter() > until:
+                break
+        return None
 
 
 # By what they are made of, which they keep alive, so that no other has that identity.

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.errors import UserCodeError
+from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems import checks
+from ropeode.problems.memory import Memory
 from ropeode.problems.numpy_tracing import with_numpy
-from ropeode.problems.python_rhs import PythonRhs, python_rhs
+from ropeode.problems.python_rhs import MOST_CALLS, PythonRhs, python_rhs
 from ropeode.problems.signatures import check_signature, required
 from ropeode.problems.state_structure import is_tree
 from ropeode.validation import bad_value, check_whole
@@ -108,9 +110,13 @@ def scipy_form(
     expected = _values(own, free, probes)
     rhs: Any = own
     ways = itertools.product(((free, bound), (None, given)), (_as_it_is, with_numpy))
+    memory = Memory(fun, bound)
     for (rest, fixed), call in ways:
         tried = _in_jax(fun, fixed, call)
-        if _agrees(tried, rest, probes, expected):
+        agrees = _agrees(tried, rest, probes, expected)
+        # It may remember what JAX traced, which means nothing later.
+        memory.restore()
+        if agrees:
             rhs, free = tried, rest
             break
     name = own_name if own_name.isidentifier() else "problem"
@@ -197,7 +203,7 @@ def _values(own: PythonRhs, args: Any, probes: list[tuple[float, np.ndarray]]) -
         UserCodeError: it raises at the start, returns something that is no derivative, or keeps
             hidden state.
     """
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), own.remembered() as history:
         started = time.perf_counter()
         first = own.evaluated(*probes[0], args)
         if not np.all(np.isfinite(first)):
@@ -205,23 +211,49 @@ def _values(own: PythonRhs, args: Any, probes: list[tuple[float, np.ndarray]]) -
             raise bad_value("rhs result", first, "finite numbers at the initial state", fix)
         values: list[Any] = [first]
         for t, y in probes[1:]:
-            try:
-                late = time.perf_counter() - started > _SECONDS
-                values.append(None if late else own.evaluated(t, y, args))
-            except UserCodeError:
-                values.append(None)
+            late = time.perf_counter() - started > _SECONDS
+            values.append(None if late else _value_or_none(own, t, y, args))
         for _ in range(_CALLS):
-            again = own.evaluated(*probes[0], args)
-            if not np.array_equal(first, again):
-                raise UserCodeError(
-                    f"rhs: not deterministic: at the same t and y it returned {first} and later "
-                    f"{again}, because it keeps hidden state or draws random numbers; allowed: a "
-                    "function of its arguments alone. Fix: draw or compute such numbers once, "
-                    "before the problem is made, and hand them over in args."
-                )
+            own.evaluated(*probes[0], args)
             if time.perf_counter() - started > _SECONDS:
                 break
+    history.require_no_memory()
     return values
+
+
+def _value_or_none(own: PythonRhs, t: float, y: np.ndarray, args: Any) -> np.ndarray | None:
+    try:
+        return own.evaluated(t, y, args)
+    except UserCodeError:
+        return None
+
+
+@contextlib.contextmanager
+def without_memory(problem: Any, most: int = MOST_CALLS) -> Iterator[None]:
+    """Run a problem; a right-hand side in Python must be the same function before and after.
+
+    Arguments:
+        problem: a `Problem`, or the first one of an ensemble.
+        most: so many calls are kept for comparison, as `History` explains.
+
+    Raises:
+        UserCodeError: it is not, because it keeps a memory.
+    """
+    own = problem.rhs
+    if not isinstance(own, PythonRhs):
+        yield
+        return
+    with own.remembered(most) as history:
+        with np.errstate(all="ignore"):
+            for t, y in _probes(problem.ts, problem.y0)[: most // 4]:
+                _value_or_none(own, t, y, problem.args)
+        try:
+            yield
+        except RopeodeError:
+            # It may have raised because of its memory.
+            history.require_no_memory()
+            raise
+    history.require_no_memory()
 
 
 def _as_it_is(function: Callable, *given: Any) -> Any:

@@ -18,7 +18,11 @@ import numpy as np
 from jax.core import Tracer
 
 from ropeode.problems.signatures import check_signature
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, listed
+
+_SAME = "return the same structure with the same shapes, as in jax.tree.map"
+# A message names so many parts.
+_MOST_PARTS = 6
 
 
 def is_tree(state: Any) -> bool:
@@ -87,23 +91,23 @@ class StateStructure:
         ]
         return self.tree.unflatten(leaves)
 
-    def ravel(self, name: str, tree: Any, axes: int = 0) -> Any:
+    def ravel(self, name: str, tree: Any, axes: int = 0, fix: str = _SAME) -> Any:
         """The opposite of `unravel`; in NumPy, unless JAX traces a part of it.
 
         Arguments:
             name: of what this is, for messages.
             tree: a pytree of this structure.
             axes: how many axes its arrays have in front of their shapes.
+            fix: what to do where it is another one.
 
         Raises:
             InputError: it has another structure, or other shapes.
         """
-        fix = "return the same structure with the same shapes, as in jax.tree.map"
+        allowed = f"the structure of the state, {self}"
         try:
             leaves = self.tree.flatten_up_to(tree)
-        except (ValueError, TypeError) as error:
-            allowed = f"the structure of the state, {self} ({' '.join(str(error).split())})"
-            raise bad_value(name, _shapes_in(tree), allowed, fix) from None
+        except (ValueError, TypeError):
+            raise bad_value(name, _described(tree), allowed, fix) from None
         traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(leaves))
         library: Any = jnp if traced else np
         try:
@@ -113,7 +117,8 @@ class StateStructure:
         if any(each.dtype.kind not in "iufb" for each in arrays):
             raise bad_value(name, tree, "real numbers", fix)
         if [each.shape[axes:] for each in arrays] != [*self.shapes] or axes > arrays[0].ndim:
-            raise bad_value(name, _shapes_in(tree), f"the shapes of the state, {self}", fix)
+            allowed = f"the shapes of the state, {self}"
+            raise bad_value(name, _described(tree), allowed, fix)
         lead = arrays[0].shape[:axes]
         return library.concatenate([each.reshape(*lead, -1) for each in arrays], axis=-1)
 
@@ -136,6 +141,30 @@ class StateStructure:
         """A user's exact solution, of pytrees, as one of flat states."""
         return functools.partial(_flat_exact, self, function)
 
+    @property
+    def parts(self) -> str:
+        """Its parts in their order, as in ``y['v'] of shape (2,) and y['x'] of shape (2,)``."""
+        names = [f"y{path}" for path in self._paths()]
+        each = [f"{name} of shape {own}" for name, own in zip(names, self.shapes, strict=True)]
+        more = [f"{len(each) - _MOST_PARTS} more"] if len(each) > _MOST_PARTS else []
+        return listed([*each[:_MOST_PARTS], *more])
+
+    @property
+    def euler(self) -> str:
+        """Euler's step for such states, in Python."""
+        if len(self.shapes) > _MOST_PARTS:
+            new: Any = "jax.tree.map(lambda y, k: y + dt * k, y, k)"
+        else:
+            new = self.tree.unflatten([_Code(f"y{at} + dt * k{at}") for at in self._paths()])
+        return f"`k = rhs(t, y, args)`, `return {new}`"
+
+    def _paths(self) -> list[str]:
+        """How to get at each part, as in ``['x']``."""
+        every = self.tree.unflatten(range(len(self.shapes)))
+        return [
+            jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(every)
+        ]
+
     def __str__(self) -> str:
         return str(_shapes_in(self.unravel(np.zeros(sum(map(math.prod, self.shapes))))))
 
@@ -151,6 +180,18 @@ def _flat_rhs(own: StateStructure, of_flat_states: Callable, t: Any, y: Any, arg
 
 def _flat_exact(own: StateStructure, function: Callable, ts: Any) -> Any:
     return own.ravel("exact result", function(ts), axes=1)
+
+
+class _Code(str):
+    """A piece of Python, which stands for itself in a pytree that is shown."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def _described(tree: Any) -> Any:
+    """A pytree, or the array in its place, for messages."""
+    return f"an array of shape {np.shape(tree)}" if hasattr(tree, "shape") else _shapes_in(tree)
 
 
 def _shapes_in(tree: Any) -> Any:

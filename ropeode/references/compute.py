@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem, require_problem
+from ropeode.problems.scipy_form import without_memory
 from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references.certificate import Level
 from ropeode.references.kept import kept_or_computed
@@ -213,18 +214,19 @@ def _each(
 
 def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) -> Reference:
     problem = problem.up_to_date()
-    if options.level == "extended":
-        # Not above: heyoka is an extra.
-        from ropeode.references.extended.reference import extended_reference
+    with without_memory(problem):
+        if options.level == "extended":
+            # Not above: heyoka is an extra.
+            from ropeode.references.extended.reference import extended_reference
 
-        reference = extended_reference(problem, options, progress)
-    else:
-        from ropeode.references.consensus import consensus_reference
+            reference = extended_reference(problem, options, progress)
+        else:
+            from ropeode.references.consensus import consensus_reference
 
-        reference = consensus_reference(problem, options, progress)
-    if not options.dense:
-        return reference
-    # Not above: few references are dense, and it takes long to import.
-    from ropeode.references.dense.dense_output import with_dense_output
+            reference = consensus_reference(problem, options, progress)
+        if not options.dense:
+            return reference
+        # Not above: few references are dense, and it takes long to import.
+        from ropeode.references.dense.dense_output import with_dense_output
 
-    return with_dense_output(reference, time_limit=options.time_limit, progress=progress)
+        return with_dense_output(reference, time_limit=options.time_limit, progress=progress)

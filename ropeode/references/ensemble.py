@@ -11,6 +11,7 @@ from typing import Any
 from ropeode.errors import ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
+from ropeode.problems.scipy_form import without_memory
 from ropeode.progress import Progress, silent
 from ropeode.references.consensus import Primary, certified, independent_run, primary_runs
 from ropeode.references.ladder import EXPLICIT, independent_rtol, independent_steps
@@ -40,7 +41,8 @@ def side_by_side(
 
     def solve(start: int) -> list[Outcome]:
         members = [ensemble[i] for i in range(start, min(start + at_once, total))]
-        return _references(members, options)
+        with without_memory(first):
+            return _references(members, options)
 
     with threads(workers) as pool:
         running: deque[Future[list[Outcome]]] = deque()

@@ -18,6 +18,7 @@ from ropeode.errors import call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems.ensemble import Ensemble, Numbers
 from ropeode.problems.problem import Problem, require_problem
+from ropeode.problems.scipy_form import without_memory
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation.family import Family, shape_of
 from ropeode.simulation.iterations import Iterations
@@ -34,6 +35,8 @@ from ropeode.validation import bad_value, check_kind, check_whole
 _SEGMENT = 2**23
 _CHUNK = 2**24
 _FEWEST_FRAMES, _MOST_FRAMES, _MOST_BLOCKS = 16, 128, 64
+# Of a right-hand side in Python, to see that it keeps no memory.
+_MOST_CALLS = 32
 
 
 @overload
@@ -86,7 +89,8 @@ def simulate(
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))
     job = _Job(Ensemble.of([given]), method, steps, Layout(1, None), 1)
-    return job.trajectories(0, own, progress)[0]
+    with without_memory(given, _MOST_CALLS):
+        return job.trajectories(0, own, progress)[0]
 
 
 @shows_progress
@@ -200,7 +204,8 @@ class _Job(NamedTuple):
                     shares[start] = (fraction or 0.0) * numbers.y0.shape[-1]
                     progress(text, sum(shares.values()) / size)
 
-            return self.trajectories(start, numbers, seen)
+            with without_memory(self.ensemble.first, _MOST_CALLS):
+                return self.trajectories(start, numbers, seen)
 
         starts = iter(range(0, size, members))
         waiting: collections.deque[Future[Trajectories]] = collections.deque()

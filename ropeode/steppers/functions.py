@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import inspect
 from collections.abc import Callable, Hashable
 from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from ropeode.errors import InputError, UserCodeError
+from ropeode.errors import InputError, RopeodeError, UserCodeError
 from ropeode.problems.state_structure import StateStructure
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
+from ropeode.validation import shortly
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,20 +74,51 @@ class RhsFunction(StepFunction):
 
     def _called(self, system: System, t: Any, y: Any, dt: Any) -> Any:
         rhs, args, structure = system.equations.rhs, system.equations.args, self.structure
-        if structure is None:
-            return self.function(rhs, t, y, dt, args)
+        try:
+            if structure is None:
+                return self.function(rhs, t, y, dt, args)
+            new = self._of_parts(structure, rhs, t, y, dt, args)
+        except RopeodeError:
+            raise
+        except Exception as error:
+            fix = "mend the error above"
+            if structure is not None:
+                comes = f"in parts, {structure.parts} in NumPy, and so does what rhs returns"
+                fix += f"; Euler's step for such states is {structure.euler}"
+            else:
+                halves = ", y[0] the positions and y[1] the velocities" if system.mechanical else ""
+                comes = f"as one NumPy array of shape {np.shape(y)}{halves}"
+            if "numpy.ndarray" in str(error):
+                fix += "; jnp.asarray makes an array of JAX of one of NumPy's"
+            raise UserCodeError(
+                f"step: it raised {shortly(error)}; allowed: code that runs where the state y "
+                f"comes {comes}. Fix: {fix}."
+            ) from error
+        return new
 
-        def rhs_of_tree(t: Any, y: Any, args: Any) -> Any:
-            return structure.unravel(rhs(t, structure.ravel("y", y), args))
+    def _of_parts(
+        self, structure: StateStructure, rhs: Any, t: Any, y: Any, dt: Any, args: Any
+    ) -> Any:
+        """One call of the function with a state in parts; in one array, if it computes with it."""
+
+        def rhs_of_parts(t: Any, y: Any, args: Any) -> Any:
+            fix = "hand over y as it comes, or what jax.tree.map makes of it"
+            return structure.unravel(rhs(t, structure.ravel("y for rhs", y, fix=fix), args))
 
         try:
-            new = self.function(rhs_of_tree, t, structure.unravel(y), dt, args)
+            new = self.function(rhs_of_parts, t, structure.unravel(y), dt, args)
         except TypeError as error:
-            try:
-                return self.function(rhs, t, y, dt, args)
-            except Exception:
-                raise error from None
-        return structure.ravel("step result", new)
+            # A slice is no arithmetic: it would rest on an order of the components.
+            if "unhashable" not in str(error):
+                with contextlib.suppress(Exception):
+                    return self.function(rhs, t, y, dt, args)
+            raise
+        flat = structure.ravel("step result", new, fix=f"end it as Euler's step: {structure.euler}")
+        for path, part in jax.tree_util.tree_flatten_with_path(new)[0]:
+            # Beside parts of float64 it would not show in `flat`.
+            if getattr(part, "dtype", None) in (np.float32, np.float16):
+                checked_array(f"y{jax.tree_util.keystr(path)}", part, np.shape(part))
+        return flat
 
 
 class AccelerationFunction(StepFunction):

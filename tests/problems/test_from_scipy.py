@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import math
+import os
 import random
 import sys
 import threading
@@ -236,6 +238,167 @@ def counting():
         return y if calls[0] < 100 else -y
 
     return rhs
+
+
+class Device:
+    """What `acting` does, so that one compiled function serves many."""
+
+    def __init__(self):
+        self.acts: Any = None
+
+
+device = Device()
+
+
+def acting(t, y):
+    return device.acts(t, y)
+
+
+def acts(function):
+    """A problem that runs in Python; its solution rises from 1 to above 2, and comes down again."""
+    device.acts = function
+    return Problem.from_scipy(acting, (0.0, 2.0), [1.0], frames=2)
+
+
+def rising(t):
+    return 1.5 * math.cos(2.0 * t)
+
+
+def fuse_of_a_closure():
+    tripped = False
+
+    def rhs(t, y):
+        nonlocal tripped
+        tripped = tripped or y[0] > 1.5
+        return [-y[0] if tripped else rising(t)]
+
+    return rhs
+
+
+class FuseOfAnObject:
+    __slots__ = ("tripped",)
+
+    def __init__(self):
+        self.tripped = [False]
+
+    def force(self, t, y):
+        self.tripped[0] = self.tripped[0] or y > 1.5
+        return -y if self.tripped[0] else rising(t)
+
+
+def fuse_of_a_helper():
+    force = FuseOfAnObject().force
+    return lambda t, y: [force(t, y[0])]
+
+
+def fuse_of_a_default():
+    def rhs(t, y, tripped=np.zeros(1)):  # noqa: B008
+        tripped[:] = np.maximum(tripped, y > 1.5)
+        return [-y[0] if tripped[0] else rising(t)]
+
+    return rhs
+
+
+def fuse_that_acts_later():
+    """Where it acts it has always tripped before: on the way every run sees the same."""
+    tripped = set()
+
+    def rhs(t, y):
+        if y[0] > 1.5:
+            tripped.add("fuse")
+        return [-1.0 if tripped and t > 1.4 else rising(t)]
+
+    return rhs
+
+
+def fuse_in_the_environment():
+    os.environ.pop("TRIPPED", None)
+
+    def rhs(t, y):
+        if y[0] > 1.5:
+            os.environ["TRIPPED"] = "1"
+        return [-y[0] if "TRIPPED" in os.environ else rising(t)]
+
+    return rhs
+
+
+def thermostat():
+    heats = [True]
+
+    def rhs(t, y):
+        heats[0] = y[0] < 1.8 if heats[0] else y[0] < 1.2
+        return [3.0 - y[0] if heats[0] else -y[0]]
+
+    return rhs
+
+
+FUSES = {
+    "closure variable `tripped`: False -> True": fuse_of_a_closure,
+    "attribute `self.tripped": fuse_of_a_helper,
+    r"default value `tripped`: array\(\[0.\]\) -> array\(\[1": fuse_of_a_default,
+    "closure variable `tripped`: set\\(\\) -> {'fuse'}": fuse_that_acts_later,
+    "hidden state": thermostat,
+}
+
+
+@pytest.mark.parametrize(("words", "make"), FUSES.items())
+def test_a_memory_between_calls_has_no_reference(words, make):
+    """Not even when asked again, or after a run that has tripped it."""
+    problem = acts(make())
+    for solve in (reference, lambda each: simulate(each, "rk4", 64), reference):
+        with pytest.raises(UserCodeError, match=f"not deterministic: .*{words}"):
+            solve(problem)
+
+
+@pytest.mark.slow
+def test_a_memory_outside_of_python_has_no_reference():
+    problem = Problem.from_scipy(fuse_in_the_environment(), (0.0, 2.0), [1.0], frames=2)
+    for solve in (lambda each: simulate(each, "rk4", 64), reference):
+        with pytest.raises(UserCodeError, match="not deterministic: .* or reads what changes"):
+            solve(problem)
+
+
+def counts():
+    calls, log, last = [0], [], {"t": None}
+
+    def rhs(t, y):
+        calls[0] += 1
+        last["t"] = t
+        log.append((t, y.copy()))
+        return [rising(t) + math.sin(y[0])]
+
+    return rhs
+
+
+def caches():
+    kept = {}
+    table = None
+    out = np.zeros(1)
+
+    @functools.cache
+    def slow(t):
+        return rising(t)
+
+    def rhs(t, y):
+        nonlocal table
+        table = np.linspace(0.0, 1.0, 5) if table is None else table
+        kept.setdefault(t, slow(t))
+        out[0] = kept[t] + math.sin(y[0]) + 0.0 * table[-1]
+        return out
+
+    return rhs
+
+
+def test_a_memory_that_changes_nothing_is_right():
+    """Counters, logs, caches, tables and arrays for results; and what the user changes between."""
+    plain = acts(lambda t, y: [rising(t) + math.sin(y[0])])
+    states = reference(plain).states
+    for make in (counts, caches):
+        problem = acts(make())
+        assert np.array_equal(reference(problem).states, states)
+        simulate(problem, "rk4", 4)
+    device.acts = lambda t, y: [0.0 * math.sin(y[0])]
+    assert reference(plain).states[-1] == 1.0
 
 
 def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):

@@ -121,6 +121,56 @@ def test_a_step_that_returns_another_structure_is_refused(as_dict):
         simulate(as_dict, ones_like_the_state, 4)
 
 
+def in_jax_by_index(rhs, t, y, dt, args):
+    return y.at[0].add(dt * rhs(t, y, args)[0])
+
+
+def by_half(rhs, t, y, dt, args):
+    """Of one array it would take the velocities for positions: the names come sorted."""
+    x, v = y[: len(y) // 2], y[len(y) // 2 :]
+    return jnp.concatenate([x + dt * v, v + dt * rhs(t, y, args)[len(x) :]])
+
+
+def one_part_in_single_precision(rhs, t, y, dt, args):
+    new = in_trees(rhs, t, y, dt, args)
+    return {"x": new["x"].astype(jnp.float32), "v": new["v"]}
+
+
+def joined(rhs, t, y, dt, args):
+    return jnp.concatenate([y["x"], y["v"]])
+
+
+def joined_for_rhs(rhs, t, y, dt, args):
+    return rhs(t, jnp.stack([y["x"], y["v"]]), args)
+
+
+COMES = r"y\['v'\] of shape \(2, 2\) and y\['x'\] of shape \(2, 2\)"
+EULER = r"return \{'v': y\['v'\] \+ dt \* k\['v'\], 'x': y\['x'\] \+ dt \* k\['x'\]\}"
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (in_jax_by_index, rf"no attribute 'at'; .* {COMES}.*{EULER}"),
+        (by_half, rf"step: it raised .* {COMES}.*{EULER}"),
+        (one_part_in_single_precision, r"y\['x'\] of type float32"),
+        (joined, rf"step result: 'an array of shape \(4, 2\)' given;.*{EULER}"),
+        (joined_for_rhs, r"y for rhs: 'an array of shape \(2, 2, 2\)' given; .* {'v': \(2, 2\)"),
+    ],
+)
+def test_a_step_that_takes_the_parts_wrongly_is_told_how_they_come(as_dict, step, words):
+    with pytest.raises(InputError, match=words):
+        simulate(as_dict, step, 4)
+
+
+def test_a_step_is_told_how_positions_and_velocities_come():
+    problem = Problem.second_order(lambda t, x, v, args: -x, X, V, TS)
+    with pytest.raises(InputError, match=r"shape \(2, 2, 2\), y\[0\] the positions and y\[1\]"):
+        simulate(problem, joined, 4)
+    with pytest.raises(InputError, match="no attribute 'at'; .* jnp.asarray"):
+        simulate(problem, in_jax_by_index, 4)
+
+
 @pytest.mark.parametrize(
     ("state", "rhs"),
     [
