@@ -11,9 +11,9 @@ ladder whose true error is small enough; the truth is a stored reference in exte
 A convergence study against NodePy's `ctest`.
 
 Medians of runs that take turns, round by round; ratios are those of the same round. Prints
-Markdown, and writes all single times with `--out` as JSON, anew after each case, so that what ends
-early keeps what it has measured. `--show` prints such a file again, or one table of it. Peers come with `pip install '.[peers]'`; one that is missing is left out, and
-a line says so.
+Markdown, and writes all single times with `--out` as JSON, anew after each case: what ends early
+keeps what it has measured. `--show` prints such a file again, or one table of it. Peers come with
+`pip install '.[peers]'`; one that is missing is left out, and a line says so.
 """
 
 from __future__ import annotations

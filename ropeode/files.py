@@ -91,9 +91,7 @@ def write_whole(path: Path, contents: str | bytes) -> None:
             path.write_bytes(contents)
             return
         target = path.resolve()
-        handle, part = tempfile.mkstemp(
-            dir=target.parent, prefix=f".{path.name}.", suffix=".part"
-        )
+        handle, part = tempfile.mkstemp(dir=target.parent, prefix=f".{path.name}.", suffix=".part")
         with open(handle, "wb") as file:
             file.write(contents)
             file.flush()
