@@ -21,7 +21,6 @@ from jaxlib import lapack
 from ropeode import cache_folder
 from ropeode.identity import is_as_imported, software
 
-
 # The names of LAPACK's functions in a program begin so.
 _LAPACK = b"lapack_"
 
