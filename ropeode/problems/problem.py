@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import functools
 import inspect
+import os
 import types
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -272,6 +273,21 @@ class Problem(Displayed):
         """
         if isinstance(self.rhs, NoEquations):
             self.rhs()
+
+    def require_memory(self, copies: int) -> None:
+        """Raises:
+        InputError: so many copies of the states at all samples need more memory than there is.
+        """
+        needed = copies * len(self.ts) * self.y0.nbytes
+        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        if needed > there:
+            raise bad_value(
+                "frames",
+                self.frames,
+                f"as many as fit into memory, {there / 2**30:.1f} GiB; the states at all samples, "
+                f"held {copies} times, take {needed / 2**30:.1f} GiB",
+                "sample fewer frames, with more steps in each",
+            )
 
     @property
     def functions(self) -> dict[str, Any]:

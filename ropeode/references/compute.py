@@ -212,6 +212,8 @@ def _each(
 
 
 def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) -> Reference:
+    # Of the ladder, of the witnesses, and of the differences between them.
+    problem.require_memory(copies=6)
     problem = problem.up_to_date()
     if options.level == "extended":
         # Not above: heyoka is an extra.

@@ -101,6 +101,7 @@ def simulate(
         limits = {"time_limit": time_limit, "progress": progress}
         return _joined(list(simulate_chunks(given, stepper, steps_per_frame, **limits)))
     require_problem(given)
+    given.require_memory(copies=1)
     steps, given = _check_steps(steps_per_frame), given.up_to_date()
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))

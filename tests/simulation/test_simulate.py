@@ -12,6 +12,7 @@ from ropeode.errors import InputError
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.simulation.program import slot
 from tests.steppers.every_variant import EVERY_PARAMETER
@@ -149,6 +150,14 @@ def test_a_run_without_an_end_is_refused(stepper, ensemble, small_rope, monkeypa
     (fits,) = re.findall(r"(\d+) steps per frame an hour", str(refused.value))
     # Between a hundred nanoseconds and a hundredth of a second for a step.
     assert 3600 / small_rope.frames / 1e-2 < int(fits) < 3600 / small_rope.frames / 1e-8
+
+
+@pytest.mark.parametrize("solve", [reference, lambda problem: simulate(problem, "rk4", 1)])
+def test_states_that_do_not_fit_into_memory_are_refused(solve, monkeypatch):
+    long = Rope(num_nodes=4).problem(frames=10_000)
+    monkeypatch.setattr("os.sysconf", lambda name: 256)
+    with pytest.raises(InputError, match="frames: 10000 given; allowed: as many as fit"):
+        solve(long)
 
 
 def test_the_time_limit_of_a_run(small_rope):
