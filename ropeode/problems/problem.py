@@ -6,7 +6,6 @@ import copy
 import dataclasses
 import functools
 import inspect
-import os
 import types
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -278,16 +277,7 @@ class Problem(Displayed):
         """Raises:
         InputError: so many copies of the states at all samples need more memory than there is.
         """
-        needed = copies * len(self.ts) * self.y0.nbytes
-        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        if needed > there:
-            raise bad_value(
-                "frames",
-                self.frames,
-                f"as many as fit into memory, {there / 2**30:.1f} GiB; the states at all samples, "
-                f"held {copies} times, take {needed / 2**30:.1f} GiB",
-                "sample fewer frames, with more steps in each",
-            )
+        checks.check_memory(self.frames, copies * self.y0.nbytes)
 
     @property
     def functions(self) -> dict[str, Any]:
