@@ -12,7 +12,7 @@ from ropeode.classroom.order_plot import order_plot
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.files import make_folder, write_whole
-from ropeode.render.markup import Block, Code, Grid, html_part, markdown, page
+from ropeode.render.markup import Block, Code, Drawing, Grid, html_part, markdown, page
 
 _STYLE = """\
 .book { overflow-x: auto }
@@ -169,7 +169,7 @@ def _feedback_text(row: Row, rubric: Sequence[Item]) -> str:
 
 def _as_words(block: Block) -> Block:
     """A part of a report in which Markdown finds no link and no HTML."""
-    if isinstance(block, Code):
+    if isinstance(block, Code | Drawing):
         return block
     if isinstance(block, Grid):
         rows = [[_links_apart(cell) for cell in row] for row in block.rows]
