@@ -23,9 +23,9 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from ropeode.files import replacing
+from ropeode.files import write_whole
 from ropeode.references.files import netcdf
-from ropeode.references.files.checksum import append_checksum, verify_checksum
+from ropeode.references.files.checksum import verify_checksum, with_checksum
 from ropeode.references.files.encoding import Array
 
 CHUNK = 2**20
@@ -40,9 +40,7 @@ def plain_write(path: Path, values: np.ndarray) -> None:
 
 def reference_write(path: Path, values: np.ndarray) -> None:
     arrays = {"state": Array(("time", "entry"), values, "state", "1")}
-    with replacing(path) as part:
-        netcdf.write(part, arrays, {"schema": "benchmark"})
-        append_checksum(part)
+    write_whole(path, with_checksum(netcdf.encoded(arrays, {"schema": "benchmark"})))
 
 
 def plain_read(path: Path) -> None:

@@ -11,9 +11,9 @@ ladder whose true error is small enough; the truth is a stored reference in exte
 A convergence study against NodePy's `ctest`.
 
 Medians of runs that take turns, round by round; ratios are those of the same round. Prints
-Markdown, and writes all single times with `--out` as JSON. `--show` prints such a file again, or
-one table of it. Peers come with `pip install '.[peers]'`; one that is missing is left out, and
-a line says so.
+Markdown, and writes all single times with `--out` as JSON, anew after each case: what ends early
+keeps what it has measured. `--show` prints such a file again, or one table of it. Peers come with
+`pip install '.[peers]'`; one that is missing is left out, and a line says so.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import os
 import platform
 import sys
 import tempfile
+from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -64,25 +65,33 @@ def about() -> dict[str, Any]:
     }
 
 
-def measured(parts: list[str]) -> dict[str, Any]:
-    """All results of some parts."""
+def cases_of(parts: list[str], peers: Peers) -> Iterator[dict[str, Any]]:
+    """All cases of some parts."""
     # Not above: `--show` needs no JAX.
     from against import many, references, stepping, studies
     from stepping import SOURCE, compiled
 
-    peers, cases = Peers(), []
     if "stepping" in parts:
         with tempfile.TemporaryDirectory() as folder:
             program = compiled(folder, SOURCE)
             if program is None:
                 peers.leave_out("C++", "there is no compiler (g++) on the search path")
-            cases += stepping.run(stepping.Size(), peers, program)
-            cases += many.run(many.Size(), peers, program)
+            yield from stepping.run(stepping.Size(), peers, program)
+            yield from many.run(many.Size(), peers, program)
     if "references" in parts:
-        cases += references.run(references.Size(), peers)
+        yield from references.run(references.Size(), peers)
     if "study" in parts:
-        cases += studies.run(studies.Size(), peers)
-    return {"made": about(), "left_out": peers.left_out, "cases": cases}
+        yield from studies.run(studies.Size(), peers)
+
+
+def measured(cases: Iterable[dict[str, Any]], peers: Peers, out: Path | None) -> dict[str, Any]:
+    """All results; a file has those that there are so far, after each case."""
+    results: dict[str, Any] = {"made": about(), "left_out": peers.left_out, "cases": []}
+    for case in cases:
+        results["cases"].append(case)
+        if out:
+            write_whole(out, json.dumps(results, indent=1))
+    return results
 
 
 def main() -> None:
@@ -105,9 +114,8 @@ def main() -> None:
             parser.error(f"no part {unknown[0]}; there are: {', '.join(PARTS)}")
         if given.out and not given.out.absolute().parent.is_dir():
             parser.error(f"--out: there is no folder {given.out.absolute().parent}")
-        results = measured(parts)
-        if given.out:
-            write_whole(given.out, json.dumps(results, indent=1).encode())
+        peers = Peers()
+        results = measured(cases_of(parts, peers), peers, given.out)
     # What nobody has explained yet comes last, so that the rest is printed.
     order = names or sorted(TABLES, key=lambda name: name == "losses")
     sys.stdout.write("\n\n".join(text for name in order if (text := TABLES[name](results))) + "\n")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from ropeode.validation import bad_value
@@ -74,6 +74,8 @@ def _is_special(path: Path) -> bool:
 def write_whole(path: Path, contents: str | bytes) -> None:
     """Write a file so that at any moment the old one or the new one is there, whole.
 
+    What a link leads to is replaced, not the link; a pipe or a device is written to.
+
     Arguments:
         path: of the file, which may exist.
         contents: bytes, or text, which is written as UTF-8.
@@ -81,8 +83,34 @@ def write_whole(path: Path, contents: str | bytes) -> None:
     Raises:
         InputError: the operating system refuses; no part of the file is left behind.
     """
-    with replacing(path) as part:
-        part.write_bytes(contents.encode() if isinstance(contents, str) else contents)
+    if isinstance(contents, str):
+        contents = contents.encode()
+    part = None
+    try:
+        if _is_special(path):
+            path.write_bytes(contents)
+            return
+        target = path.resolve()
+        handle, part = tempfile.mkstemp(dir=target.parent, prefix=f".{path.name}.", suffix=".part")
+        with open(handle, "wb") as file:
+            file.write(contents)
+            file.flush()
+            os.fsync(file.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(part, 0o666 & ~mask)
+        os.replace(part, target)
+    except OSError as error:
+        raise bad_value(
+            "out",
+            str(path),
+            f"a file that can be written ({error.strerror or error})",
+            "choose another",
+        ) from error
+    finally:
+        if part is not None:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(part)
 
 
 def make_folder(path: Path) -> None:
@@ -96,47 +124,6 @@ def make_folder(path: Path) -> None:
     except OSError as error:
         allowed = f"a folder that can be created ({error.strerror})"
         raise bad_value("out", str(path), allowed, "choose another") from error
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A new empty file beside `path`, for the block to write; then it replaces `path`.
-
-    At any moment the old file or the new one is there, whole. If the block raises, the new file
-    is removed. What a link leads to is replaced, not the link; a pipe or a device is written to.
-
-    Arguments:
-        path: of the file, which may exist.
-
-    Raises:
-        InputError: the operating system refuses; no part of the file is left behind.
-    """
-    part, special = None, _is_special(path)
-    try:
-        beside = None if special else path.resolve().parent
-        handle, part = tempfile.mkstemp(dir=beside, prefix=f".{path.name}.", suffix=".part")
-        os.close(handle)
-        yield Path(part)
-        if special:
-            path.write_bytes(Path(part).read_bytes())
-            return
-        with open(part, "rb") as file:
-            os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(part, 0o666 & ~mask)
-        os.replace(part, path.resolve())
-    except OSError as error:
-        raise bad_value(
-            "out",
-            str(path),
-            f"a file that can be written ({error.strerror or error})",
-            "choose another",
-        ) from error
-    finally:
-        if part is not None:
-            with contextlib.suppress(FileNotFoundError):
-                os.unlink(part)
 
 
 def read_text(name: str, path: str | Path) -> str:

@@ -14,10 +14,15 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
+import numpy as np
 from jax.experimental import serialize_executable
+from jaxlib import lapack
 
 from ropeode import cache_folder
 from ropeode.identity import is_as_imported, software
+
+# The names of LAPACK's functions in a program begin so.
+_LAPACK = b"lapack_"
 
 
 class Source(NamedTuple):
@@ -92,6 +97,10 @@ def _contents(compiled: jax.stages.Compiled, facts: Any) -> bytes:
 def _loaded(contents: bytes) -> tuple[Callable, Any]:
     head, executable = contents.split(b"\n", 1)
     known = json.loads(head)
+    if _LAPACK in executable:
+        # JAX finds LAPACK's functions when it lowers what calls them; a program that is loaded
+        # would jump to nowhere.
+        lapack.prepare_lapack_call("getrf_ffi", np.dtype(np.float64))
     inputs = jax.tree.structure(((0,) * known["inputs"], {}))
     outputs = jax.tree.structure((0,) * known["outputs"])
     compiled = serialize_executable.deserialize_and_load(

@@ -54,23 +54,28 @@ NORMS: dict[str, Norm] = {
 }
 
 
-def norm_for(problem: Problem, name: str | None = None) -> Norm:
+def norm_for(problem: Problem, given: Norm | str | None = None) -> Norm:
     """The norm of this name, or the default of the problem: its first ``-max`` norm.
+
+    Arguments:
+        problem: in which it measures.
+        given: a name of `NORMS`, or the norm itself.
 
     Raises:
         InputError: there is no such norm, or the problem has no such quantity.
     """
     fitting = [norm for norm in NORMS.values() if norm.quantity in problem.quantities]
-    if name is None:
+    if given is None:
         return fitting[0]
-    if name not in NORMS:
-        raise InputError(unknown("norm", name, NORMS))
-    if NORMS[name] not in fitting:
+    if not isinstance(given, Norm) and (not isinstance(given, str) or given not in NORMS):
+        raise InputError(unknown("norm", str(given), NORMS))
+    norm = given if isinstance(given, Norm) else NORMS[given]
+    if norm.quantity not in problem.quantities:
         allowed = ", ".join(norm.name for norm in fitting)
         raise bad_value(
-            "norm", name, f"those that {problem.name!r} has: {allowed}", "use one of them"
+            "norm", norm.name, f"those that {problem.name!r} has: {allowed}", "use one of them"
         )
-    return NORMS[name]
+    return norm
 
 
 def distance(problem: Problem, norm: Norm, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -142,6 +144,24 @@ def driven_pendulum() -> Problem:
         damping=pendulum_damping,
         name="driven pendulum",
     )
+
+
+@pytest.fixture
+def room_for():
+    """A block in which no file can be longer than so many bytes, as on a disk that gets full."""
+
+    @contextlib.contextmanager
+    def limited(size):
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+            signal.signal(signal.SIGXFSZ, ignored)
+
+    return limited
 
 
 @pytest.fixture(scope="session")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
-import signal
 import stat
 
 import pytest
@@ -29,18 +27,11 @@ def test_writes_bytes(tmp_path):
     assert (tmp_path / "picture.png").read_bytes() == b"\x89PNG\r\n\x1a\n"
 
 
-def test_no_room_leaves_the_old_file(tmp_path):
+def test_no_room_leaves_the_old_file(tmp_path, room_for):
     path = tmp_path / "table.txt"
     write_whole(path, "old")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
-    try:
-        with pytest.raises(InputError, match=r"out: .* \(File too large\)"):
-            write_whole(path, "new" * 1000)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        signal.signal(signal.SIGXFSZ, ignored)
+    with room_for(1000), pytest.raises(InputError, match=r"out: .* \(File too large\)"):
+        write_whole(path, "new" * 1000)
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["table.txt"]
 

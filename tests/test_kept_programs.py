@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -188,3 +191,28 @@ def test_a_kept_stepper_makes_the_same_run(small_rope, folder, monkeypatch):
         simulate(small_rope, "explicit-euler", 16)
     identity.software.cache_clear()
     program.slot.cache_clear()
+
+
+SOLVES = """
+import sys
+from pathlib import Path
+import jax, jax.numpy as jnp, numpy as np
+from ropeode import cache_folder
+from ropeode.kept_programs import Source, program
+cache_folder.keep_in(Path(sys.argv[1]))
+matrix = jax.ShapeDtypeStruct((3, 3), np.float32)
+solve, _ = program("solve", lambda: print("made") or Source(jnp.linalg.inv, (matrix,)))
+print(float(solve(2 * np.eye(3, dtype=np.float32))[0][0, 0]))
+"""
+
+
+@pytest.mark.slow
+def test_a_kept_program_finds_lapack(tmp_path):
+    """In a process that has compiled nothing which calls it."""
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", SOLVES, tmp_path], capture_output=True, text=True, check=False
+        ).stdout.split()
+        for _ in range(2)
+    ]
+    assert said == [["made", "0.5"], ["0.5"]]

@@ -101,3 +101,11 @@ def test_choice():
         norm_for(ROPE, "positon-max")
     with pytest.raises(InputError, match="norm: 'position-max' given; allowed: .* state-max"):
         norm_for(DECAY, "position-max")
+
+
+def test_a_norm_is_named_or_given():
+    for norm in fitting(ROPE):
+        assert norm_for(ROPE, norm.name) == norm_for(ROPE, norm) == norm
+    for wrong in ("velocity", "state-max", NORMS["state-max"], 3, ["velocity-max"], np.zeros(2)):
+        with pytest.raises(InputError, match="norm: .* given"):
+            norm_for(ROPE, wrong)

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import jax
+import numpy as np
 import pytest
 
 from ropeode import Rope
@@ -18,7 +19,8 @@ ROOT = Path(__file__).parents[1]
 def against(monkeypatch):
     """The benchmark's modules, and nobody there but what ropeode itself needs."""
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    from against import many, reasons, references, stepping, tables, timing
+    import peers
+    from against import many, reasons, references, right_hand_sides, stepping, tables, timing
 
     class Nobody(timing.Peers):
         def get(self, module, package):
@@ -26,8 +28,10 @@ def against(monkeypatch):
 
     return SimpleNamespace(
         many=many,
+        peers=peers,
         reasons=reasons,
         references=references,
+        right_hand_sides=right_hand_sides,
         stepping=stepping,
         tables=tables,
         timing=timing,
@@ -84,6 +88,27 @@ def test_references_reach_the_true_error(against):
     assert known.error(solver.solve(looser)) > 1e-5
     certified = next(row for row in rows if row["how"] == module.CERTIFIED)
     assert certified["true_error"] <= certified["bound"]
+
+
+def test_right_hand_sides_of_all_references_are_those_of_the_problems(against):
+    for case in against.references.CASES:
+        problem = against.references.truth(case).problem
+        y = problem.y0.reshape(-1) + 0.25
+        with jax.enable_x64(True):
+            own = problem.rhs(0.0, y.reshape(problem.y0.shape), problem.args)
+        theirs = against.right_hand_sides.plain(problem)(0.0, y)
+        np.testing.assert_allclose(theirs, np.ravel(own), rtol=1e-12)
+
+
+def test_what_was_measured_is_kept_when_the_next_case_fails(against, tmp_path):
+    def cases():
+        yield {"case": "one"}
+        raise ZeroDivisionError
+
+    out = tmp_path / "peers.json"
+    with pytest.raises(ZeroDivisionError):
+        against.peers.measured(cases(), against.nobody, out)
+    assert json.loads(out.read_text())["cases"] == [{"case": "one"}]
 
 
 def results(ours, theirs):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -124,14 +124,13 @@ def by_processes(program: str, method: str, given: Ensemble) -> Callable:
     return run
 
 
-def run(size: Size, peers: Peers, program: str | None) -> list[dict[str, Any]]:
+def run(size: Size, peers: Peers, program: str | None) -> Iterator[dict[str, Any]]:
     """Nanoseconds per rope and step, all cores at work."""
     with jax.enable_x64(True):
-        return _cases(size, peers, program)
+        yield from _cases(size, peers, program)
 
 
-def _cases(size: Size, peers: Peers, program: str | None) -> list[dict[str, Any]]:
-    cases = []
+def _cases(size: Size, peers: Peers, program: str | None) -> Iterator[dict[str, Any]]:
     for ropes in size.ropes:
         given = ensemble(ropes)
         for method in size.methods:
@@ -146,12 +145,9 @@ def _cases(size: Size, peers: Peers, program: str | None) -> list[dict[str, Any]
                 return Contender(work.by, work.how, lambda: work.run(steps)[0] / steps / ropes)
 
             contenders = [contender(work, few if work.slow else steps, ropes) for work in everyone]
-            cases.append(
-                {
-                    "part": "many ropes",
-                    "case": case,
-                    "unit": "ns per rope-step",
-                    "rows": race(contenders, size.rounds, budget=size.budget, scale=1e9),
-                }
-            )
-    return cases
+            yield {
+                "part": "many ropes",
+                "case": case,
+                "unit": "ns per rope-step",
+                "rows": race(contenders, size.rounds, budget=size.budget, scale=1e9),
+            }

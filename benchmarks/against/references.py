@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -212,7 +213,8 @@ def solved(case: Case, size: Size, peers: Peers) -> list[dict[str, Any]]:
     return tables
 
 
-def run(size: Size, peers: Peers) -> list[dict[str, Any]]:
+def run(size: Size, peers: Peers) -> Iterator[dict[str, Any]]:
     """All problems."""
     with jax.enable_x64(True):
-        return [table for case in size.cases for table in solved(case, size, peers)]
+        for case in size.cases:
+            yield from solved(case, size, peers)

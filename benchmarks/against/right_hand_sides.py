@@ -50,7 +50,7 @@ def plain(problem: Problem) -> Rhs:
             return [v0, v1, -x0 / cubed, -x1 / cubed]
 
         return kepler
-    epsilon = float(problem.args.epsilon)
+    epsilon = float(problem.args)
 
     def van_der_pol(t: float, y: np.ndarray) -> list[float]:
         x, v = y.tolist()
@@ -86,7 +86,7 @@ def by_numba(problem: Problem) -> Rhs:
             return np.array([y[2], y[3], -y[0] / cubed, -y[1] / cubed])
 
         return kepler
-    epsilon = float(problem.args.epsilon)
+    epsilon = float(problem.args)
 
     @njit(error_model="numpy")
     def van_der_pol(t, y):

@@ -193,7 +193,7 @@ def heyoka_equations(problem: Problem) -> list[tuple[Any, Any]]:
         cubed = (x * x + y * y) ** 1.5
         return [(x, u), (y, v), (u, -x / cubed), (v, -y / cubed)]
     x, v = heyoka.make_vars("x", "v")
-    return [(x, v), (v, ((1.0 - x * x) * v - x) / float(problem.args.epsilon))]
+    return [(x, v), (v, ((1.0 - x * x) * v - x) / float(problem.args))]
 
 
 def taylor(problem: Problem, peers: Peers) -> Solver:

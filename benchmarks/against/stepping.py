@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import diffrax
@@ -154,9 +154,8 @@ def check(case: str, all_works: list[Work], steps: int) -> None:
             raise SystemExit(f"{case}: {work.by} ({work.how}) ends {apart:.1e} away from ropeode")
 
 
-def same_steps(size: Size, peers: Peers, program: str | None) -> list[dict[str, Any]]:
+def same_steps(size: Size, peers: Peers, program: str | None) -> Iterator[dict[str, Any]]:
     """Nanoseconds per step where all make the same steps."""
-    cases = []
     for nodes in size.nodes:
         for method, damping in size.methods:
             problem = Rope(num_nodes=nodes, damping=damping).problem(FRAMES)
@@ -171,15 +170,12 @@ def same_steps(size: Size, peers: Peers, program: str | None) -> list[dict[str, 
                 return Contender(work.by, work.how, lambda: work.run(steps)[0] / steps)
 
             contenders = [contender(work, few if work.slow else steps) for work in everyone]
-            cases.append(
-                {
-                    "part": "stepping",
-                    "case": case,
-                    "unit": "ns per step",
-                    "rows": race(contenders, size.rounds, budget=size.budget, scale=1e9),
-                }
-            )
-    return cases
+            yield {
+                "part": "stepping",
+                "case": case,
+                "unit": "ns per step",
+                "rows": race(contenders, size.rounds, budget=size.budget, scale=1e9),
+            }
 
 
 def step_counts() -> list[int]:
@@ -223,7 +219,8 @@ def same_error(size: Size) -> dict[str, Any]:
     }
 
 
-def run(size: Size, peers: Peers, program: str | None) -> list[dict[str, Any]]:
+def run(size: Size, peers: Peers, program: str | None) -> Iterator[dict[str, Any]]:
     """All cases of constant steps."""
     with jax.enable_x64(True):
-        return [*same_steps(size, peers, program), same_error(size)]
+        yield from same_steps(size, peers, program)
+        yield same_error(size)

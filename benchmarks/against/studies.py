@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -32,12 +33,12 @@ class Size(NamedTuple):
     budget: float = 10.0
 
 
-def run(size: Size, peers: Peers) -> list[dict[str, Any]]:
+def run(size: Size, peers: Peers) -> Iterator[dict[str, Any]]:
     """The study by both, what each reports, and what is true."""
     # ctest draws a figure, which must not open a window.
     os.environ.setdefault("MPLBACKEND", "Agg")
     with jax.enable_x64(True):
-        return [_study(size, peers)]
+        yield _study(size, peers)
 
 
 def _study(size: Size, peers: Peers) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 from ropeode.checking.report import CheckReport
+from ropeode.classroom.outcome import Status
 
 
 class Limits(NamedTuple):
@@ -36,7 +37,7 @@ class Asked(abc.ABC):
     memory_mib: float
 
     # The status of a submission that is not there, or not of the form that is asked for.
-    refused: ClassVar[str]
+    refused: ClassVar[Status]
     # Modules that are imported when they are first needed; here before the first submission.
     ahead: ClassVar[tuple[str, ...]]
 

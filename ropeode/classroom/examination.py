@@ -12,14 +12,14 @@ from typing import Any
 from ropeode.checking.report import CheckReport
 from ropeode.checking.time_limit import OutOfTime
 from ropeode.classroom.asked import Asked
-from ropeode.classroom.outcome import Outcome
+from ropeode.classroom.outcome import Outcome, Status, parts
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
 from ropeode.render import check as of_check
 from ropeode.render.data import plain
-from ropeode.render.markup import Block, Code, Heading, Paragraph, html_part, markdown
+from ropeode.render.markup import Block, Code, Heading, Paragraph
 
-# A feedback page has headings of its own above the report.
-_LEVEL = 2
+# What an exception says may be as long as its code likes; so many letters are kept.
+_MOST_LETTERS = 20_000
 
 
 def examined(
@@ -60,7 +60,7 @@ def examined(
     return dataclasses.replace(outcome, seconds=time.perf_counter() - started)
 
 
-def outcome_of(name: str, report: CheckReport, status: str = "checked", **more: Any) -> Outcome:
+def outcome_of(name: str, report: CheckReport, status: Status = "checked", **more: Any) -> Outcome:
     """The outcome of a submission that has a report."""
     blocks = of_check.blocks(report)
     return Outcome(
@@ -70,8 +70,7 @@ def outcome_of(name: str, report: CheckReport, status: str = "checked", **more: 
         order=_observed(report),
         message=_reason(report),
         findings={each.check: each.status for each in report.findings},
-        page=html_part(blocks, _LEVEL),
-        text=markdown(blocks, _LEVEL),
+        report=parts(*blocks),
         orders={
             each["check"]: plain(each["convergence"])
             for each in of_check.as_dict(report)["findings"]
@@ -81,20 +80,21 @@ def outcome_of(name: str, report: CheckReport, status: str = "checked", **more: 
     )
 
 
-def without_report(name: str, status: str, error: RopeodeError, folder: Path) -> Outcome:
+def without_report(name: str, status: Status, error: RopeodeError, folder: Path) -> Outcome:
     """The outcome of a submission that could not be checked."""
     here = f"{folder}{os.sep}"
-    lines = [" ".join(line.split()) for line in str(error).replace(here, "").splitlines()]
+    said = str(error).replace(here, "")[:_MOST_LETTERS]
+    lines = [" ".join(line.split()) for line in said.splitlines()]
     blocks: list[Block] = [Heading(f"Check of {name}")]
     if isinstance(error, UserCodeError) and error.__cause__ is not None:
-        blocks.append(Code(users_traceback(error.__cause__).replace(here, "")))
+        traceback = users_traceback(error.__cause__).replace(here, "")
+        blocks.append(Code(traceback[:_MOST_LETTERS]))
     blocks += [Paragraph(f"Not checked: {line}") for line in lines]
     return Outcome(
         name,
         status,
         message=" ".join(lines),
-        page=html_part(blocks, _LEVEL),
-        text=markdown(blocks, _LEVEL),
+        report=parts(*blocks),
     )
 
 

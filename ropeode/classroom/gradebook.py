@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
-from ropeode.classroom.submissions import Submission
+from ropeode.classroom.submissions import Submission, printable
 from ropeode.render.text_layout import WIDTH, columns
 from ropeode.validation import counted
 
@@ -52,7 +52,7 @@ class Row(NamedTuple):
             outcome.verdict,
             order,
             f"{self.points:g}",
-            outcome.message,
+            printable(outcome.message),
             "; ".join(self.marks),
         )
 
@@ -113,7 +113,7 @@ def as_json(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
                 "order": row.outcome.order,
                 "points": row.points,
                 "earned": [round(each, 2) for each in row.earned],
-                "message": row.outcome.message,
+                "message": printable(row.outcome.message),
                 "marks": list(row.marks),
             }
             for row in rows
@@ -135,7 +135,7 @@ def as_text(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
     start = lines[0].rindex("message")
     whole = [lines[0]]
     for line, row in zip(lines[1:], rows, strict=True):
-        words = "; ".join(filter(None, (*row.marks, row.outcome.message)))
+        words = "; ".join(filter(None, (*row.marks, row.cells[5])))
         whole.append(f"{line:{start}}{_cut(words, WIDTH - start)}".rstrip())
     return "\n".join([*whole, "", summary(rows, rubric), ""])
 

@@ -7,6 +7,7 @@ process that is forked after that hangs. So each submission has JAX imported, an
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import dataclasses
 import functools
 import gc
@@ -20,12 +21,13 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from ropeode.classroom.asked import Asked
 from ropeode.classroom.examination import examined
+from ropeode.classroom.outcome import as_json
 from ropeode.classroom.steppers import Steppers
 from ropeode.classroom.trajectories import Trajectories
 from ropeode.references.jax_setup import set_up_jax
@@ -34,6 +36,11 @@ from ropeode.threads import use_cores
 
 _LOOKS_AGAIN_S, _ENDS_IN_S = 0.1, 2.0
 _MEBIBYTE = 2**20
+# Lines from the process of a submission begin with one of these. It may say so much, in bytes, and
+# what it is doing in so many letters; an outcome takes some ten kilobytes.
+_DOES, _OUTCOME = b"does ", b"outcome "
+_MOST_BYTES, _LONGEST_WORDS = 4 * _MEBIBYTE, 200
+_PR_SET_CHILD_SUBREAPER = 36
 _KINDS: dict[str, type[Asked]] = {each.__name__: each for each in (Steppers, Trajectories)}
 
 
@@ -44,17 +51,17 @@ class _Job:
     Arguments:
         name: of the submission.
         keeper: the process that waits for the one that runs it.
+        line: what comes from it is read here; None where it can say no more.
         ends_at: when it must have ended.
-        said: what came from it so far.
-        worker: the process that runs it; 0 until it has said so.
+        said: what came from it so far, of which nothing can be trusted.
         limit: that it broke; empty while it has not.
     """
 
     name: str
     keeper: int
+    line: int | None
     ends_at: float
     said: bytes = b""
-    worker: int = 0
     limit: str = ""
 
 
@@ -69,9 +76,12 @@ def main() -> None:
     gc.collect()
     # What is imported stays: to look for garbage in it takes long, in each process.
     gc.freeze()
+    _adopt_orphans()
+    nursery = _Nursery(told, asked)
     try:
-        _Nursery(told, asked).work()
+        nursery.work()
     finally:
+        nursery.end()
         shutil.rmtree(told["scratch"], ignore_errors=True)
 
 
@@ -88,7 +98,7 @@ class _Nursery:
         self._folder, self._scratch = Path(told["folder"]), Path(told["scratch"])
         self._workers = told["workers"]
         self._waiting = list(reversed(told["submissions"]))
-        self._jobs: dict[int, _Job] = {}
+        self._jobs: list[_Job] = []
         self._selector = selectors.DefaultSelector()
         # It ends when the process ends that wants the results.
         self._selector.register(sys.stdin.fileno(), selectors.EVENT_READ)
@@ -99,79 +109,93 @@ class _Nursery:
             while self._waiting and len(self._jobs) < self._workers:
                 self._begin(*self._waiting.pop())
             for key, _ in self._selector.select(_LOOKS_AGAIN_S):
-                if key.fd == sys.stdin.fileno():
-                    for job in self._jobs.values():
-                        _kill(job)
+                if key.data is None:
                     return
-                self._hear(key.fd)
-            for job in self._jobs.values():
+                self._hear(key.data)
+            for job in list(self._jobs):
                 self._look_at(job)
+            self._end_orphans()
+
+    def end(self) -> None:
+        """End all processes that there are."""
+        for job in self._jobs:
+            _kill(job)
+        self._jobs, until = [], time.monotonic() + _ENDS_IN_S
+        while self._end_orphans() and time.monotonic() < until:
+            time.sleep(_LOOKS_AGAIN_S / 10.0)
+
+    def _end_orphans(self) -> bool:
+        """End what submissions have started and left to itself; says whether there was any."""
+        keepers = {job.keeper for job in self._jobs}
+        orphans = [each for each in _children(os.getpid()) if each not in keepers]
+        for each in orphans:
+            with contextlib.suppress(ProcessLookupError, ChildProcessError):
+                os.kill(each, signal.SIGKILL)
+                os.waitpid(each, os.WNOHANG)
+        return bool(orphans)
 
     def _begin(self, name: str, where: Sequence[str]) -> None:
         ours, theirs = os.pipe()
         keeper = os.fork()
         if keeper == 0:
             work = functools.partial(self._run, name, where, theirs)
-            _keep(work, [ours, *self._jobs], self._limits.processor_s)
+            lines = [ours, *(job.line for job in self._jobs if job.line is not None)]
+            _keep(work, [*lines, self._selector.fileno()], self._limits.processor_s)
         with contextlib.suppress(PermissionError, ProcessLookupError):
             # Here too: it may have to be killed before it has done so itself.
             os.setpgid(keeper, keeper)
         os.close(theirs)
         os.set_blocking(ours, False)
-        self._jobs[ours] = _Job(name, keeper, time.monotonic() + self._limits.wall_s)
-        self._selector.register(ours, selectors.EVENT_READ)
+        job = _Job(name, keeper, ours, time.monotonic() + self._limits.wall_s)
+        self._jobs.append(job)
+        self._selector.register(ours, selectors.EVENT_READ, job)
 
     def _run(self, name: str, where: Sequence[str], line: int) -> None:
         """In the process of a submission."""
-
-        def say(kind: str, value: Any) -> None:
-            os.write(line, _line([kind, value]))
-
         said = ""
 
         def doing(text: str) -> None:
             nonlocal said
             if text != said:
                 said = text
-                say("does", text)
+                _say(line, _DOES, text.encode(errors="replace"))
 
-        say("worker", os.getpid())
         # A working directory of its own.
         os.chdir(tempfile.mkdtemp(dir=self._scratch))
         outcome = examined(name, where, self._folder, self._asked, self._scratch, doing)
-        contents = memoryview(_line(["outcome", vars(outcome)]))
-        while contents:
-            contents = contents[os.write(line, contents) :]
+        _say(line, _OUTCOME, as_json(outcome))
 
-    def _hear(self, line: int) -> None:
-        job = self._jobs[line]
-        more = os.read(line, 2**16)
+    def _hear(self, job: _Job) -> bool:
+        """Read once; says whether there may be more."""
+        if job.line is None:
+            return False
+        try:
+            more = os.read(job.line, 2**16)
+        except BlockingIOError:
+            return False
         job.said += more
-        if not job.worker:
-            job.worker = next((value for kind, value in _lines(job.said) if kind == "worker"), 0)
-        if more:
-            return
-        # All who could write have ended, or closed it.
-        self._selector.unregister(line)
-        os.close(line)
-        del self._jobs[line]
-        self._end(job)
+        if len(job.said) > _MOST_BYTES:
+            job.limit, more = "report", b""
+            _kill(job)
+        if not more:
+            # All who could write have ended, or closed it; or it has said enough.
+            self._selector.unregister(job.line)
+            os.close(job.line)
+            job.line = None
+        return bool(more)
 
-    def _end(self, job: _Job) -> None:
-        said = list(_lines(job.said))
-        does = [value for kind, value in said if kind == "does"]
-        outcomes = [value for kind, value in said if kind == "outcome"]
-        until = time.monotonic() + _ENDS_IN_S
-        ended, status = os.waitpid(job.keeper, os.WNOHANG)
-        while not ended and not outcomes and time.monotonic() < until:
-            time.sleep(_LOOKS_AGAIN_S)
-            ended, status = os.waitpid(job.keeper, os.WNOHANG)
+    def _end(self, job: _Job, status: int) -> None:
+        """Once its keeper has ended. What it has started may go on, and hold the line open."""
         _kill(job)
-        if not ended:
-            # It has done its work, or closed the line and goes on.
-            _, status = os.waitpid(job.keeper, 0)
-        elif os.WIFSIGNALED(status):
-            # Whatever it has found: it has killed its parent.
+        while self._hear(job):
+            pass
+        if job.line is not None:
+            self._selector.unregister(job.line)
+            os.close(job.line)
+        self._jobs.remove(job)
+        does, outcomes = _lines(job.said, _DOES), _lines(job.said, _OUTCOME)
+        if os.WIFSIGNALED(status):
+            # Whatever it has found: it was ended, or has killed its parent.
             outcomes = []
         code = os.waitstatus_to_exitcode(status)
         limit = job.limit
@@ -182,16 +206,19 @@ class _Nursery:
             "outcome": outcomes[-1] if outcomes else None,
             "how": how_it_ended(code, shell=True),
             "limit": limit,
-            "during": does[-1] if does else "",
+            "during": does[-1][:_LONGEST_WORDS] if does else "",
         }
         sys.stdout.write(json.dumps(event) + "\n")
         sys.stdout.flush()
 
     def _look_at(self, job: _Job) -> None:
-        if time.monotonic() > job.ends_at:
+        ended, status = os.waitpid(job.keeper, os.WNOHANG)
+        if ended:
+            self._end(job, status)
+        elif time.monotonic() > job.ends_at:
             job.limit = "wall"
             _kill(job)
-        elif job.worker and _memory(job.worker) > self._limits.memory_mib * _MEBIBYTE:
+        elif sum(map(_memory, _children(job.keeper))) > self._limits.memory_mib * _MEBIBYTE:
             job.limit = "memory"
             _kill(job)
 
@@ -214,7 +241,8 @@ def _keep(work: Callable[[], None], close: list[int], seconds: int) -> NoReturn:
             for each in (0, 1, 2):
                 os.dup2(nothing, each)
             for each in close:
-                os.close(each)
+                with contextlib.suppress(OSError):
+                    os.close(each)
             resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             work()
@@ -234,17 +262,31 @@ def _kill(job: _Job) -> None:
         os.killpg(job.keeper, signal.SIGKILL)
 
 
-def _line(words: list[Any]) -> bytes:
-    """A line of its own, whatever the submission's code has written before."""
-    return b"\n" + json.dumps(words).encode() + b"\n"
+def _adopt_orphans() -> None:
+    """Be the parent of all processes below this one whose own has ended, where this is Linux."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
-def _lines(said: bytes) -> Iterator[tuple[str, Any]]:
+def _children(process: int) -> list[int]:
+    """The children of a process that has one thread; none where the system does not say."""
+    try:
+        return [*map(int, Path(f"/proc/{process}/task/{process}/children").read_text().split())]
+    except OSError:
+        return []
+
+
+def _say(line: int, kind: bytes, words: bytes) -> None:
+    """Write a line of its own, whatever the submission's code has written before."""
+    left = memoryview(b"\n" + kind + b" ".join(words.split(b"\n")) + b"\n")
+    while left:
+        left = left[os.write(line, left) :]
+
+
+def _lines(said: bytes, kind: bytes) -> list[str]:
     """What a submission's process has said; its code may have written into it, or cut it off."""
-    for line in said.split(b"\n"):
-        with contextlib.suppress(ValueError, TypeError):
-            kind, value = json.loads(line)
-            yield kind, value
+    lines = [line[len(kind) :] for line in said.split(b"\n") if line.startswith(kind)]
+    return [line.decode(errors="replace") for line in lines]
 
 
 def _memory(process: int) -> int:

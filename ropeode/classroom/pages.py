@@ -12,7 +12,7 @@ from ropeode.classroom.order_plot import order_plot
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.files import make_folder, write_whole
-from ropeode.render.markup import page
+from ropeode.render.markup import Block, Code, Drawing, Grid, html_part, markdown, page
 
 _STYLE = """\
 .book { overflow-x: auto }
@@ -61,6 +61,8 @@ for (const [column, button] of document.querySelectorAll("thead button").entries
   });
 }
 """
+# A feedback page has headings of its own above the report.
+_LEVEL = 2
 _NUMBERS, _LONG = ("order", "points"), ("message", "marks")
 
 
@@ -95,12 +97,13 @@ def _grade_book(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
         f"<p>{html.escape(summary(rows, rubric))}</p>\n"
         f'<div class="book" tabindex="0" role="region" aria-label="Grade book"><table>\n'
         f'<thead><tr>{heads}<th scope="col">errors</th></tr>'
-        f"</thead>\n<tbody>\n{lines}\n</tbody>\n</table></div>\n<script>{_SORT}</script>",
+        f"</thead>\n<tbody>\n{lines}\n</tbody>\n</table></div>",
+        _SORT,
     )
 
 
-def _page(title: str, body: str) -> str:
-    return page(title, f"<h1>{html.escape(title)}</h1>\n{body}", _STYLE)
+def _page(title: str, body: str, script: str = "") -> str:
+    return page(title, f"<h1>{html.escape(title)}</h1>\n{body}", _STYLE, script)
 
 
 def _kind(head: str) -> str:
@@ -114,7 +117,7 @@ def _row_cells(row: Row) -> str:
         if head == "submission":
             words = f'<a href="feedback/{quote(cell)}.html">{words}</a>'
         elif head == "verdict" and cell:
-            words = f'<span class="{cell}">{words}</span>'
+            words = f'<span class="{words}">{words}</span>'
         elif head == "status" and cell != "checked":
             words = f'<span class="none">{words}</span>'
         elif head == "message":
@@ -129,7 +132,13 @@ def _row_cells(row: Row) -> str:
 def _plot(outcome: Outcome) -> tuple[str, str]:
     """The first check of order that failed, or else the first that there is, and its plot."""
     names = sorted(outcome.orders, key=lambda name: outcome.findings.get(name) != "fail")
-    return (names[0], order_plot(names[0], outcome.orders[names[0]])) if names else ("", "")
+    if not names:
+        return "", ""
+    try:
+        return names[0], order_plot(names[0], outcome.orders[names[0]])
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        # It came from the submission's process, and may be anything.
+        return "", ""
 
 
 def _feedback_page(row: Row, rubric: Sequence[Item]) -> str:
@@ -145,17 +154,35 @@ def _feedback_page(row: Row, rubric: Sequence[Item]) -> str:
         outcome.name,
         f"<p>{html.escape(_points_words(row, rubric))}</p>\n<table>\n<thead><tr><th>part</th>"
         f"<th class=number>points</th><th class=number>of</th></tr></thead>\n"
-        f"<tbody>{points}</tbody>\n</table>\n{outcome.page}\n{errors}",
+        f"<tbody>{points}</tbody>\n</table>\n{html_part(outcome.blocks, _LEVEL)}\n{errors}",
     )
 
 
 def _feedback_text(row: Row, rubric: Sequence[Item]) -> str:
-    lines = [f"# {row.outcome.name}", "", _points_words(row, rubric), ""]
+    lines = [f"# {_inert(row.outcome.name)}", "", _points_words(row, rubric), ""]
     lines += ["| part | points | of |", "|:---|---:|---:|"]
     for item, earned in zip(rubric, row.earned, strict=True):
         name = item.name.replace("|", r"\|").replace("<", "&lt;")
         lines.append(f"| {name} | {earned:g} | {item.points:g} |")
-    return "\n".join([*lines, "", row.outcome.text])
+    return "\n".join([*lines, "", markdown([*map(_as_words, row.outcome.blocks)], _LEVEL)])
+
+
+def _as_words(block: Block) -> Block:
+    """A part of a report in which Markdown finds no link and no HTML."""
+    if isinstance(block, Code | Drawing):
+        return block
+    if isinstance(block, Grid):
+        rows = [[_links_apart(cell) for cell in row] for row in block.rows]
+        return block._replace(headers=[*map(_links_apart, block.headers)], rows=rows)
+    return block._replace(text=_inert(block.text))
+
+
+def _inert(text: str) -> str:
+    return _links_apart(text).replace("<", "&lt;")
+
+
+def _links_apart(text: str) -> str:
+    return text.replace("](", r"]\(").replace("]:", r"]\:")
 
 
 def _points_words(row: Row, rubric: Sequence[Item]) -> str:

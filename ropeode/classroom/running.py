@@ -16,7 +16,7 @@ from typing import Any
 
 from ropeode.classroom.asked import Asked
 from ropeode.classroom.examination import outcome_of, without_report
-from ropeode.classroom.outcome import Outcome, keep, kept
+from ropeode.classroom.outcome import Outcome, Status, from_json, keep, kept
 from ropeode.classroom.submissions import Submission
 from ropeode.classroom.trajectories import REFERENCE
 from ropeode.errors import RopeodeError
@@ -148,18 +148,23 @@ class Class:
 
     def _outcome(self, name: str, where: Sequence[str], event: Mapping[str, Any]) -> Outcome:
         if event["outcome"] is not None:
-            return Outcome(**event["outcome"])
+            if (outcome := from_json(event["outcome"])) is not None:
+                # Whatever it says of itself, it is this one's.
+                return dataclasses.replace(outcome, name=name)
+            error = RopeodeError("its process wrote something in place of its report")
+            return without_report(name, "crashed", error, self._folder)
         during = f", during {event['during']!r}" if event["during"] else ""
         limits = self._asked.limits
         words = {
             "processor": f"within {limits.processor_s} s of processor time",
             "wall": f"within {limits.wall_s:g} s",
             "memory": f"with {limits.memory_mib:g} MiB of memory",
+            "report": "without a flood of words in place of its report",
         }
         if limit := event["limit"]:
-            status = "out of memory" if limit == "memory" else "out of time"
+            known: dict[str, Status] = {"memory": "out of memory", "report": "crashed"}
             error = RopeodeError(f"it did not finish {words[limit]}{during}")
-            return without_report(name, status, error, self._folder)
+            return without_report(name, known.get(limit, "out of time"), error, self._folder)
         report = self._asked.cut_off(where, event["how"], event["during"])
         if report is None:
             error = RopeodeError(f"its process {event['how']}{during}")

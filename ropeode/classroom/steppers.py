@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from ropeode.checking.time_limit import kept_output, within
 from ropeode.classroom.asked import Asked, Limits
 from ropeode.errors import RopeodeError
 from ropeode.precision import in_float64
+from ropeode.problems.files import keep_apart
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
 
@@ -60,10 +60,10 @@ class Steppers(Asked):
         """The report of `check_stepper`, and a digest of single steps."""
         (place,) = where
         if "/" in place:
-            # What stands beside it in its own subfolder can be imported and read.
-            own = (folder / place.rpartition(".py")[0]).parent
-            sys.path.insert(0, str(own))
-            os.chdir(own)
+            # What stands beside it in its own subfolder can be read, and imported.
+            os.chdir((folder / place.rpartition(".py")[0]).parent)
+        else:
+            keep_apart(folder)
         say("the import")
         with kept_output():
             stepper = as_stepper(place, folder=folder)

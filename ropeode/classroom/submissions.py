@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import os
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +15,8 @@ from ropeode.validation import bad_value
 # What a stepper of one's own needs of ropeode, at most.
 _OWN = "ropeode"
 _BASE_CLASS = "Stepper"
+# So many bytes of Python are parsed: it takes a thousand times as much memory.
+_LONGEST = 2**20
 
 
 class Submission(NamedTuple):
@@ -62,8 +65,7 @@ def stepper_submissions(
             where = tuple(f"{each}:{function}" for each in submission.where)
             submission = submission._replace(where=where)
         if submission.digest:
-            texts = [each.read_bytes() for each in files]
-            submission = submission._replace(marks=tuple(_marks(texts)))
+            submission = submission._replace(marks=tuple(_marks(files)))
         found.append(submission)
     if not found:
         fix = "put a file FILE.py, or a subfolder with one, into it for each submission"
@@ -98,7 +100,8 @@ def trajectory_submissions(folder: Path, without: Path | None = None) -> list[Su
 
 def _entries(folder: Path, without: Path | None) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
-        own = without is not None and path.resolve() == without.resolve()
+        # Not by `resolve`, to which a link to itself is a bug.
+        own = without is not None and os.path.realpath(path) == os.path.realpath(without)
         if not (own or path.name.startswith((".", "_"))):
             yield path
 
@@ -124,12 +127,15 @@ def _submission(
     The digest is empty where they cannot be read.
     """
     folder, digest = path.parent, hashlib.sha256()
-    name = path.name if path.is_dir() else path.stem
+    name = printable(path.name if path.is_dir() else path.stem)
     try:
         for each in files:
+            if each.exists() and not each.is_file():
+                # Whoever reads a pipe may wait for ever.
+                return Submission(name, (), f"{each.name} is no regular file", "")
             with each.open("rb") as file:
                 own = hashlib.file_digest(file, "sha256").hexdigest()
-            digest.update(f"{each.relative_to(folder)}\0{own}\0".encode())
+            digest.update(f"{printable(str(each.relative_to(folder)))}\0{own}\0".encode())
     except OSError as error:
         return Submission(name, (), f"{each.name} cannot be read ({error.strerror})", "")
     where = tuple(str(each.relative_to(folder)) for each in taken)
@@ -165,13 +171,24 @@ def _stepper_of(path: Path, files: Sequence[Path], file: str | None) -> tuple[Pa
     )
 
 
-def _marks(texts: Sequence[bytes]) -> Iterator[str]:
+def printable(text: str) -> str:
+    """Text in one line, with escapes for what is no letter, as in a name that is not UTF-8."""
+    return "".join(
+        each if each.isprintable() else each.encode("unicode_escape").decode() for each in text
+    )
+
+
+def _marks(files: Sequence[Path]) -> Iterator[str]:
     """What a submission takes from ropeode: a reader may want to look at it."""
     taken: set[str] = set()
-    for text in texts:
+    for file in files:
+        if file.stat().st_size > _LONGEST:
+            yield f"{printable(file.name)} is too long to be looked through"
+            continue
         try:
-            tree = ast.parse(text)
-        except (SyntaxError, ValueError, RecursionError):
+            tree = ast.parse(file.read_bytes())
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            # Nested too deeply for Python's parser, among others.
             continue
         for node in ast.walk(tree):
             if isinstance(node, ast.Import):

@@ -404,11 +404,15 @@ class Line(Message):
 
 
 class Checked(Message):
-    """Answer to `check`: the lines of `ropeode check`."""
+    """Answer to `check`: the lines of `ropeode check`.
+
+    Where `quick` has left out some of all the checks, no line is a verdict.
+    """
 
     kind: Literal["check"] = "check"
     stepper: str
-    passed: bool
+    made: int
+    checks: int
     lines: tuple[Line, ...]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -20,6 +21,8 @@ from ropeode.validation import (
     shortly,
 )
 
+# Bytes that a sample time takes, in the problem and while it is checked.
+_OF_A_TIME = 64
 # Where else a function with other parameters, or in NumPy, may belong.
 _OTHERS = {"rhs": ", or use Problem.from_scipy(rhs, ts, y0), which takes rhs(t, y, *args) in NumPy"}
 _IN_NUMPY = {"rhs": "; or hand rhs(t, y, *args) to Problem.from_scipy, which takes NumPy"}
@@ -334,3 +337,24 @@ def _traced(
             f"allowed: a function {signature} in JAX. Fix: correct the error above; use "
             f"jax.numpy, and no Python `if` on values{_IN_NUMPY.get(name, '')}."
         ) from error
+
+
+def check_memory(frames: int, each: int = _OF_A_TIME) -> None:
+    """See that there is memory for all samples, before it is taken.
+
+    Arguments:
+        frames: intervals between the samples.
+        each: bytes of a sample; by default those of its time alone.
+
+    Raises:
+        InputError: there is not.
+    """
+    needed, there = frames * each, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > there:
+        raise bad_value(
+            "frames",
+            frames,
+            f"as many as fit into memory, {there / 2**30:.3g} GiB; these take "
+            f"{needed / 2**30:.3g} GiB",
+            "sample fewer frames, with more steps in each",
+        )

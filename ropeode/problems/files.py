@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import ast
+import builtins
+import hashlib
 import importlib.util
 import inspect
+import os
 import sys
+import types
+from collections.abc import Iterator
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +27,9 @@ from ropeode.problems.signatures import TIMES, required
 from ropeode.validation import bad_value, unknown
 
 # What may stand beside a right-hand side in a file.
-_BESIDE = ("y0", "t_span", "ts", "args")
+_GIVEN = ("y0", "t_span", "ts", "args")
+# The packages of what user's files import from their folders begin so.
+_BESIDE = "ropeode_beside_"
 
 
 def load_problem(where: str, *, folder: Path | None = None, frames: int | None = None) -> Problem:
@@ -64,7 +73,7 @@ def problem_in_file(where: str, folder: Path | None = None) -> Any:
     named = {*TIMES} & {*parameters[:2]} or {"y0", times} <= {*beside}
     if len(parameters) < 2 or not named:
         return found
-    refuse_others({name: beside[name] for name in ("event", "events") if name in beside}, _BESIDE)
+    refuse_others({name: beside[name] for name in ("event", "events") if name in beside}, _GIVEN)
     if missing := [name for name in ("y0", times) if name not in beside]:
         lines = {"y0": "y0 = [1.0, 0.0]", "t_span": "t_span = (0.0, 10.0)"}
         raise bad_value(
@@ -156,15 +165,113 @@ def names_in_text(text: str, path: Path, what: str) -> dict[str, Any]:
     if spec is None or spec.loader is None:
         raise bad_value(what, str(path), "a Python file, *.py", "rename it")
     module = importlib.util.module_from_spec(spec)
+    vars(module)["__builtins__"] = _Beside(path.resolve().parent).fresh()
     # Dataclasses and pickles look their module up by its name.
     sys.modules[spec.name] = module
-    # Not by its loader, which takes a compiled file of the same second and size for this one.
+    # Not by Python's loader, which takes a compiled file of the same second and size for this one.
     call_user_code(f"{what}: the file {path}", _run, text, path, vars(module))
     return vars(module)
 
 
-def _run(text: str, path: Path, names: dict[str, Any]) -> None:
+def _run(text: str | bytes, path: Path, names: dict[str, Any]) -> None:
     exec(compile(text, str(path), "exec", dont_inherit=True), names)
+
+
+class _Beside:
+    """What a user's file imports from its own folder, and no other file does.
+
+    The folder is not on `sys.path`: another user's file would find its modules there, and so
+    would ropeode. They are submodules of a package of this folder, and the `import` of the files
+    in it, at any time, is one that looks for them there first.
+
+    Arguments:
+        folder: of the files.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = str(folder)
+        self._package = f"{_BESIDE}{hashlib.sha256(os.fsencode(folder)).hexdigest()[:16]}"
+        self._known: dict[str, bool] = {}
+
+    def fresh(self) -> dict[str, Any]:
+        """The built-in names of a file whose modules are read again, and of these."""
+        for name in [*sys.modules]:
+            if name.partition(".")[0] == self._package:
+                del sys.modules[name]
+        importlib.invalidate_caches()
+        package = sys.modules[self._package] = types.ModuleType(self._package)
+        package.__path__ = [self._folder]
+        names = vars(package)["__builtins__"] = {**vars(builtins), "__import__": self._import}
+        return names
+
+    def _import(
+        self, name: str, names: Any = None, local: Any = None, wanted: Any = (), level: int = 0
+    ) -> Any:
+        """As the built-in function `__import__` does it."""
+        first = name.partition(".")[0]
+        if level or not self._is_there(first):
+            return builtins.__import__(name, names, local, wanted, level)
+        found = builtins.__import__(f"{self._package}.{name}", None, None, wanted or ("",))
+        return found if wanted else sys.modules[f"{self._package}.{first}"]
+
+    def _is_there(self, first: str) -> bool:
+        if first not in self._known:
+            of_others = first == "ropeode" or first in sys.stdlib_module_names
+            spec = None if of_others else PathFinder.find_spec(first, [self._folder])
+            # A folder without `__init__.py` is as likely one of data.
+            self._known[first] = spec is not None and spec.origin is not None
+        return self._known[first] and Path(self._folder) not in _apart
+
+
+class _Loader(SourceFileLoader):
+    """Runs a module beside a user's file."""
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        """It imports what lies there as well."""
+        package = sys.modules[module.__name__.partition(".")[0]]
+        vars(module)["__builtins__"] = vars(package)["__builtins__"]
+        _run(self.get_data(self.path), Path(self.path), vars(module))
+
+
+class _Finder:
+    """Finds the modules of the packages of `_Beside`."""
+
+    @staticmethod
+    def find_spec(fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """As Python asks each finder in `sys.meta_path`."""
+        spec = PathFinder.find_spec(fullname, path) if fullname.startswith(_BESIDE) else None
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = _Loader(fullname, spec.loader.path)
+        return spec
+
+
+sys.meta_path.insert(0, _Finder)
+_apart: set[Path] = set()
+
+
+def keep_apart(folder: Path) -> None:
+    """Let no file in a folder import another one there: they are of different people."""
+    _apart.add(folder.resolve())
+
+
+def file_and_imports(path: Path) -> Iterator[Path]:
+    """A Python file and all that it names in imports from its own folder, and these name."""
+    waiting, seen = [path], set()
+    while waiting:
+        seen.add(path := waiting.pop())
+        yield path
+        try:
+            tree = ast.parse(path.read_bytes()) if path.suffix == ".py" else ast.Module([], [])
+        except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+            # It is told when it is run.
+            continue
+        for node in ast.walk(tree):
+            names = [each.name for each in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                whole = path.parent.joinpath(*name.split("."))
+                beside = [whole.with_suffix(".py"), whole / "__init__.py"]
+                waiting += [each for each in beside if each.is_file() and each not in seen]
 
 
 def is_function(found: Any) -> bool:

@@ -11,6 +11,7 @@ from typing import Any, ParamSpec
 
 from pydantic import create_model
 
+from ropeode.problems.checks import check_memory
 from ropeode.problems.picture import PICTURES, Picture
 from ropeode.problems.problem import Problem
 from ropeode.validation import Input, field
@@ -54,6 +55,7 @@ def library_problem(
         @functools.wraps(build)
         def checked(*values: P.args, **named: P.kwargs) -> Problem:
             given = arguments(*values, **named)
+            check_memory(getattr(given, "frames", 1))
             parameters = {"kind": kind, **given.model_dump(mode="json")}
             return build(**dict(given)).changed(parameters=parameters)  # pyright: ignore[reportCallIssue]
 

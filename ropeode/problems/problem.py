@@ -273,6 +273,12 @@ class Problem(Displayed):
         if isinstance(self.rhs, NoEquations):
             self.rhs()
 
+    def require_memory(self, copies: int) -> None:
+        """Raises:
+        InputError: so many copies of the states at all samples need more memory than there is.
+        """
+        checks.check_memory(self.frames, copies * self.y0.nbytes)
+
     @property
     def functions(self) -> dict[str, Any]:
         """The fields that hold the functions which say how the state moves."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import BeforeValidator, ValidationInfo, field_validator, model_validator
 
+from ropeode.problems.checks import check_memory
 from ropeode.problems.problem import Problem
 from ropeode.validation import (
     Input,
@@ -219,6 +220,7 @@ class RopeInput(Input):
             ((2, 2, 4), array([0., 1., 2., 3.]))
         """
         frames = check_whole("frames", frames, at_least=1, example="20")
+        check_memory(frames)
         x0, v0 = self.y0()
         return Problem.second_order(
             x0=x0,

@@ -213,6 +213,8 @@ def _each(
 
 
 def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) -> Reference:
+    # Of the ladder, of the witnesses, and of the differences between them.
+    problem.require_memory(copies=6)
     problem = problem.up_to_date()
     with without_memory(problem):
         if options.level == "extended":

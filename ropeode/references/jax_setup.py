@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 
 import jax
 import platformdirs
@@ -30,3 +31,5 @@ def keep_programs() -> None:
     jax.config.update("jax_compilation_cache_dir", str(cache / "compiled"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    # On a full disk, which the result does not need.
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")

@@ -71,12 +71,15 @@ class Reference(Sampled):
         """The first sample time outside the trust horizon; None if there is none."""
         return self.certificate.horizon
 
-    def bound(self, norm: Norm | None = None) -> np.ndarray:
+    def bound(self, norm: Norm | str | None = None) -> np.ndarray:
         """The estimated error bound at each sample inside the horizon, ``(trusted,)``.
 
         Arguments:
-            norm: in which the error is measured; the bound is for the largest node, which
-                no norm exceeds. By default the problem's first quantity.
+            norm: in which the error is measured, or its name; the bound is for the largest
+                node, which no norm exceeds. By default the problem's first quantity.
+
+        Raises:
+            InputError: there is no such norm, or the problem has no such quantity.
 
         Examples:
             >>> from ropeode import load
@@ -84,7 +87,7 @@ class Reference(Sampled):
             >>> f"{bound[1]:.0e}, {bound[-1]:.0e}"
             '8e-12, 3e-10'
         """
-        quantity = (norm or norm_for(self.problem)).quantity
+        quantity = norm_for(self.problem, norm).quantity
         return self.certificate.bounds[quantity][: self.trusted]
 
     def at(self, times: Any) -> np.ndarray:
@@ -110,7 +113,7 @@ class Reference(Sampled):
         states = self._dense().at(times)
         return states if np.ndim(times) else states[0]
 
-    def bound_at(self, times: Any, norm: Norm | None = None) -> np.ndarray:
+    def bound_at(self, times: Any, norm: Norm | str | None = None) -> np.ndarray:
         """The estimated error bound of `at`, ``(times,)``; a single number for a single time.
 
         Arguments:
@@ -118,7 +121,8 @@ class Reference(Sampled):
             norm: as for `bound`.
 
         Raises:
-            InputError: the reference has no dense output, or it does not cover a time.
+            InputError: the reference has no dense output, or it does not cover a time, or the
+                norm is as for `bound`.
 
         Examples:
             >>> from ropeode import Rope, reference
@@ -126,7 +130,7 @@ class Reference(Sampled):
             >>> truth.bound_at([0.5, 1.5]) < 1e-9
             array([ True,  True])
         """
-        bounds = self._dense().bound_at(times, (norm or norm_for(self.problem)).quantity)
+        bounds = self._dense().bound_at(times, norm_for(self.problem, norm).quantity)
         return bounds if np.ndim(times) else bounds[0]
 
     def _dense(self) -> Dense:

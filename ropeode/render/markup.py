@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import html
+import re
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import NamedTuple
 
 from tabulate import tabulate
@@ -32,6 +34,7 @@ _PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title>
 <style>{style}</style>
@@ -39,10 +42,13 @@ _PAGE = """<!DOCTYPE html>
 <body>
 <main>
 {body}
-</main>
+</main>{script}
 </body>
 </html>
 """
+
+
+_NO_COLOURS: Mapping[str, str] = {}
 
 
 class Heading(NamedTuple):
@@ -78,7 +84,7 @@ class Grid(NamedTuple):
     rows: Sequence[Sequence[str]]
     left: frozenset[int]
     long: frozenset[int] = frozenset()
-    colours: Mapping[str, str] = MappingProxyType({})
+    colours: Mapping[str, str] = _NO_COLOURS
 
 
 class Code(NamedTuple):
@@ -125,8 +131,15 @@ def markdown(blocks: Sequence[Block], level: int = 1) -> str:
         section=lambda text: f"{'#' * (level + 1)} {text}",
         paragraph=lambda text: text,
         grid=lambda grid: _tabulated(grid, "pipe", cell),
-        code=lambda text: f"```python\n{text.rstrip()}\n```",
+        code=_fenced,
     )
+
+
+def _fenced(text: str) -> str:
+    """Code in Markdown, in a fence that is not in it."""
+    longest = max(map(len, re.findall("`+", text)), default=0)
+    fence = "`" * max(3, longest + 1)
+    return f"{fence}python\n{text.rstrip()}\n{fence}"
 
 
 def latex_part(blocks: Sequence[Block]) -> str:
@@ -157,15 +170,25 @@ def html_page(blocks: Sequence[Block]) -> str:
     return page(title, html_part(blocks, 1))
 
 
-def page(title: str, body: str, style: str = "") -> str:
-    """The frame of all pages.
+def page(title: str, body: str, style: str = "", script: str = "") -> str:
+    """The frame of all pages. They load nothing, and run no script but their own.
 
     Arguments:
         title: as text.
         body: in HTML, with the heading.
         style: CSS beside that of all pages.
+        script: JavaScript.
     """
-    return _PAGE.format(title=html.escape(title), style=_STYLE + style, body=body.rstrip())
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    scripts = f"'sha256-{digest}'" if script else "'none'"
+    return _PAGE.format(
+        title=html.escape(title),
+        style=_STYLE + style,
+        body=body.rstrip(),
+        script=f"\n<script>{script}</script>" if script else "",
+        policy="default-src 'none'; base-uri 'none'; form-action 'none'; "
+        f"img-src data:; style-src 'unsafe-inline'; script-src {scripts}",
+    )
 
 
 def html_part(blocks: Sequence[Block], level: int) -> str:
@@ -185,7 +208,7 @@ def _html_grid(grid: Grid) -> str:
         # Notebooks set all cells flush right.
         styles = [f"text-align: {'left' if column in grid.left else 'right'}"]
         if cell in grid.colours:
-            styles.append(f"color: {grid.colours[cell]}; font-weight: bold")
+            styles.append(f"color: {html.escape(grid.colours[cell])}; font-weight: bold")
         words = ' class="long"' if column in grid.long else ""
         return f'{words} style="{"; ".join(styles)}"'
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -16,6 +17,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
+from ropeode.simulation.time_needed import refuse_longer
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import Stepper, System
@@ -25,6 +27,8 @@ _LOOKS_AGAIN_S = 0.1
 # From states so many times larger than the problem, a step that raises has diverged: unlike NumPy's
 # numbers, Python's overflow with an exception.
 _HUGE = 1e30
+# Steps that take so long, the first of which may compile, tell how long the whole run will.
+_LONG_ENOUGH_S = 2.0
 
 
 class _Turn:
@@ -129,9 +133,16 @@ def _has_blown_up(carried: Any, scale: float) -> bool:
 
 
 def run_in_python(
-    problem: Problem, stepper: Stepper, steps_per_frame: int, progress: Progress
+    problem: Problem, stepper: Stepper, steps_per_frame: int, longest: float, progress: Progress
 ) -> tuple[np.ndarray, int, int, Iterations]:
     """Run a stepper over all frames of a problem; it ends at the first state that is not finite.
+
+    Arguments:
+        problem: to be solved.
+        stepper: with which.
+        steps_per_frame: equal steps.
+        longest: seconds that it may take.
+        progress: called with the stepper's label and the fraction that is done.
 
     Returns:
         States at the sample times, ``(times, *state)``, not-a-number behind the last frame; the
@@ -139,6 +150,7 @@ def run_in_python(
         iterations.
 
     Raises:
+        InputError: it would take longer, as its first steps show.
         UserCodeError: the step raised, other than from a state that had grown huge, or returned
             something that is no state.
     """
@@ -148,12 +160,19 @@ def run_in_python(
 
     def run() -> tuple[int, Iterations]:
         carried = own.init(ts[0], problem.y0, lengths[0] / steps_per_frame)
-        states[0] = problem.y0
+        states[0], done, began, known = problem.y0, 0, time.perf_counter(), False
         for frame in range(problem.frames):
             start, dt = ts[frame], lengths[frame] / steps_per_frame
             try:
                 for i in range(steps_per_frame):
                     carried = own.step(start + i * dt, carried, dt)
+                    done += 1
+                    # At powers of two, until they have taken long enough to tell.
+                    if not (known or done & (done - 1)):
+                        seconds = time.perf_counter() - began
+                        if known := seconds > _LONG_ENOUGH_S:
+                            each = seconds / done
+                            refuse_longer(longest, each, steps_per_frame, problem.frames)
                 y = own.state(ts[frame + 1], carried, dt)
             except UserCodeError:
                 if not _has_blown_up(carried, problem.scale):

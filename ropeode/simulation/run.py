@@ -26,6 +26,7 @@ from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.program import Program, program
 from ropeode.simulation.python_driver import run_in_python
+from ropeode.simulation.time_needed import LONGEST_S, check_longest, refuse_longer
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
 from ropeode.steppers.base import BuiltIn
 from ropeode.threads import cores, threads
@@ -37,15 +38,29 @@ _CHUNK = 2**24
 _FEWEST_FRAMES, _MOST_FRAMES, _MOST_BLOCKS = 16, 128, 64
 # Of a right-hand side in Python, to see that it keeps no memory.
 _MOST_CALLS = 32
+_MOST_STEPS = 2**53
+# A compiled run is tried with so many steps at first, and with no more than a part of its own; what
+# takes so long tells how long the whole run will.
+_FEWEST_STEPS, _SHARE, _LONG_ENOUGH_S = 4096, 0.01, 0.05
 
 
 @overload
 def simulate(
-    given: Problem, stepper: Any, steps_per_frame: SupportsIndex, *, progress: Progress = ...
+    given: Problem,
+    stepper: Any,
+    steps_per_frame: SupportsIndex,
+    *,
+    time_limit: float = ...,
+    progress: Progress = ...,
 ) -> Trajectory: ...
 @overload
 def simulate(
-    given: Ensemble, stepper: Any, steps_per_frame: SupportsIndex, *, progress: Progress = ...
+    given: Ensemble,
+    stepper: Any,
+    steps_per_frame: SupportsIndex,
+    *,
+    time_limit: float = ...,
+    progress: Progress = ...,
 ) -> Trajectories: ...
 @shows_progress
 def simulate(
@@ -53,6 +68,7 @@ def simulate(
     stepper: Any,
     steps_per_frame: SupportsIndex,
     *,
+    time_limit: float = LONGEST_S,
     progress: Progress = bar,
 ) -> Trajectory | Trajectories:
     """Run a stepper over all frames of a problem, or of each member of an ensemble.
@@ -65,11 +81,13 @@ def simulate(
         given: what to solve.
         stepper: whatever `ropeode.as_stepper` takes.
         steps_per_frame: equal steps in each interval between sample times.
+        time_limit: seconds; a run that would take longer, as its first steps show, is refused.
         progress: called with the stepper's label and the fraction that is done.
 
     Raises:
         InputError: the stepper does not exist or cannot run on a problem, `steps_per_frame` is
-            not a whole number >= 1, or the states of an ensemble do not fit into memory.
+            not a whole number >= 1, or so large that a run takes longer than the time limit; or
+            the states do not fit into memory.
         UserCodeError: a user's step raised, returned something that is no state, or keeps hidden
             state.
 
@@ -83,12 +101,15 @@ def simulate(
     """
     if isinstance(given, Ensemble):
         _check_memory(given)
-        return _joined(list(simulate_chunks(given, stepper, steps_per_frame, progress=progress)))
+        limits = {"time_limit": time_limit, "progress": progress}
+        return _joined(list(simulate_chunks(given, stepper, steps_per_frame, **limits)))
     require_problem(given)
+    given.require_memory(copies=1)
     steps, given = _check_steps(steps_per_frame), given.up_to_date()
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))
-    job = _Job(Ensemble.of([given]), method, steps, Layout(1, None), 1)
+    longest = check_longest(time_limit)
+    job = _Job(Ensemble.of([given]), method, steps, Layout(1, None), 1, longest)
     with without_memory(given, _MOST_CALLS):
         return job.trajectories(0, own, progress)[0]
 
@@ -99,6 +120,7 @@ def simulate_chunks(
     stepper: Any,
     steps_per_frame: SupportsIndex,
     *,
+    time_limit: float = LONGEST_S,
     progress: Progress = bar,
 ) -> Iterator[Trajectories]:
     """Run a stepper over an ensemble of any size, some members at a time.
@@ -108,6 +130,7 @@ def simulate_chunks(
     Arguments:
         ensemble: what to solve.
         stepper, steps_per_frame, progress: as for `simulate`.
+        time_limit: of the members that run together, a chunk at most.
 
     Returns:
         Trajectories of the first members, of the next ones, and so on.
@@ -133,12 +156,16 @@ def simulate_chunks(
     block = (first.frames + 1) * first.y0.nbytes * layout.lanes
     # As many as fill a chunk, unless that would leave a core idle.
     blocks = min(max(_CHUNK // block, 1), _MOST_BLOCKS, -(-needed // count))
-    job = _Job(ensemble, method, steps, layout, blocks)
+    job = _Job(ensemble, method, steps, layout, blocks, check_longest(time_limit))
     return job.in_chunks(count, progress)
 
 
 def _check_steps(steps_per_frame: SupportsIndex) -> int:
-    return check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
+    steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
+    if steps > _MOST_STEPS:
+        allowed = f"at most {_MOST_STEPS}, up to which float64 counts"
+        raise bad_value("steps_per_frame", steps, allowed, "for example 64")
+    return steps
 
 
 def _check_memory(ensemble: Ensemble) -> None:
@@ -182,13 +209,17 @@ def _joined(chunks: list[Trajectories]) -> Trajectories:
 
 
 class _Job(NamedTuple):
-    """Members of an ensemble that are to be run, in so many steps per frame and blocks."""
+    """Members of an ensemble that are to be run, in so many steps per frame and blocks.
+
+    A chunk of them may take so many seconds.
+    """
 
     ensemble: Ensemble
     method: Method
     steps: int
     layout: Layout
     blocks: int
+    longest: float
 
     def in_chunks(self, count: int, progress: Progress) -> Iterator[Trajectories]:
         """Trajectories of one chunk after the other, on so many threads."""
@@ -225,6 +256,7 @@ class _Job(NamedTuple):
         if self.method.trial.compiled:
             y0, args = self.layout.fold(numbers, self.blocks)
             made = self._program(y0, args)
+            self._refuse_too_long(made, y0, args, members)
             started = time.perf_counter()
             states, reached, said = self._segments(made, y0, args, members, progress)
             seconds = time.perf_counter() - started
@@ -261,11 +293,28 @@ class _Job(NamedTuple):
                 progress(text, (index + (fraction or 0.0)) / members)
 
             problem = self.ensemble[start + index]
-            return run_in_python(problem, self.method.stepper, self.steps, seen)
+            stepper, longest = self.method.stepper, self.longest / members
+            return run_in_python(problem, stepper, self.steps, longest, seen)
 
         states, reached, calls, said = zip(*map(run, range(members)), strict=True)
         iterations = Iterations(*map(np.array, zip(*said, strict=True)))
         return np.stack(states, axis=-1), np.array(reached), np.array(calls), iterations
+
+    def _refuse_too_long(self, made: Program, y0: np.ndarray, args: Any, members: int) -> None:
+        """Raises:
+        InputError: the run would take too long, as some of its first steps show.
+        """
+        first, count = self.ensemble.first, self.layout.blocks(members)
+        total, steps, start = self.steps * first.frames, _FEWEST_STEPS, first.ts[0]
+        while steps < _SHARE * total:
+            length = steps * (frame_lengths(first)[:1] / self.steps)
+            began = time.perf_counter()
+            made.run(y0, args, np.append(start, start + length), length, steps, None, count)
+            seconds = time.perf_counter() - began
+            if seconds > _LONG_ENOUGH_S:
+                refuse_longer(self.longest, seconds / steps, self.steps, first.frames)
+                return
+            steps *= 4
 
     def _program(self, y0: np.ndarray, args: Any) -> Program:
         first = self.ensemble.first

@@ -91,7 +91,7 @@ def watch(code: str, words: Sequence[str], left: str = NOTHING) -> Ended:
             end()
             process.wait()
     doing = [line[1:] for line in said if line.startswith(_DOES)]
-    codes = [int(line[1:]) for line in said if line.startswith(_ENDS)]
+    codes = [int(line[1:]) for line in said if _is_end(line)]
     return Ended(
         code=codes[-1] if codes else None,
         during=doing[-1] if doing else "",
@@ -109,12 +109,17 @@ def _all_that_is_said(line: socket.socket, process: subprocess.Popen) -> list[st
         readable, _, _ = select.select([line], [], [], waits_s)
         more = line.recv(65536) if readable else b""
         said += more
-        lines = said.decode().splitlines()
-        if (lines and lines[-1].startswith(_ENDS)) or not (more or alive):
+        # A letter may not have come whole; and the user's code may have written here.
+        lines = said.decode(errors="replace").splitlines()
+        if (lines and _is_end(lines[-1])) or not (more or alive):
             return lines
         if readable and not more:
             # It can say no more.
             time.sleep(waits_s)
+
+
+def _is_end(line: str) -> bool:
+    return line.startswith(_ENDS) and line[1:].isdecimal()
 
 
 def how_it_ended(code: int, *, shell: bool = False) -> str:
@@ -154,7 +159,8 @@ def watched(fd: int, command: Callable[[], int]) -> NoReturn:
     sys.stdout.flush()
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.flush()
-    _this.line.sendall(f"{_ENDS}{code}\n".encode())
+    # A line of its own, whatever the user's code has written before.
+    _this.line.sendall(f"\n{_ENDS}{code}\n".encode())
     os._exit(code)
 
 

@@ -167,7 +167,8 @@ def _propagated(
     rate: np.ndarray,
 ) -> np.ndarray:
     """The solution of ``e' = f_y e + rate`` at the sample times, ``(times, *state)``."""
-    along = make_interp_spline(t, np.stack([y, rate], axis=1), _DEGREE)
+    # Every other state of a single frame may be as few as four.
+    along = make_interp_spline(t, np.stack([y, rate], axis=1), min(_DEGREE, len(t) - 1))
     along_tangent, shape = derivative(problem), begin.shape
     scale = max(float(np.max(np.abs(rate))) * float(t[-1] - t[0]), float(np.max(np.abs(begin))))
 

@@ -233,7 +233,9 @@ def test_ctrl_c_keeps_what_is_done_and_ends_all_processes(cache, check, tmp_path
     (tmp_path / "class/b.py").write_text(RIGHT)
     assert check(*words).returncode == 0
     assert done.stat().st_mtime_ns == before
-    assert json.loads((tmp_path / "out/results/b.json").read_text())["verdict"] == "right"
+    assert (
+        json.loads((tmp_path / "out/results/b.json").read_text())["outcome"]["verdict"] == "right"
+    )
 
 
 @pytest.mark.slow

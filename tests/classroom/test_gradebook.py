@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import dataclasses
+import hashlib
 import io
 import json
 import re
@@ -13,10 +15,11 @@ import pytest
 
 from ropeode.classroom.gradebook import as_csv, as_json, as_text, exit_code, grade_book
 from ropeode.classroom.order_plot import order_plot
-from ropeode.classroom.outcome import Outcome, keep, kept
+from ropeode.classroom.outcome import Outcome, keep, kept, parts
 from ropeode.classroom.pages import write_pages
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission
+from ropeode.render.markup import Code, Grid, Heading, Paragraph
 
 PAGE = (Path(__file__).parents[2] / "docs/howto/classroom.md").read_text()
 RUBRIC = (Item("runs", 2.0), Item("pins", 3.0, ("pins",)))
@@ -93,16 +96,32 @@ def test_the_text_fits_a_terminal():
 
 def test_pages_show_what_others_wrote_as_text(tmp_path):
     name = "<b>&'anna'"
-    rows = rows_of(other(name, message="<script>alert(1)</script>", page="<p>report</p>"))
+    text = "<script>alert(1)</script>"
+    bad = f"``` [x](javascript:alert(1))\n[x]: javascript:\n{text}"
+    grid = Grid(["", bad], [[bad, bad]], frozenset({0}), colours={bad: '"><script>'})
+    report = parts(Heading(bad), Paragraph(bad), Code(bad), grid)
+    # What a submission's process says may be anything.
+    orders = {bad: {"dt": [1.0, text], "expected": bad, "quantities": {text: {"errors": bad}}}}
+    changes = {"message": text, "report": report, "orders": orders, "verdict": '"><script>'}
+    rows = rows_of(other(name, **changes))
     write_pages(rows, RUBRIC, tmp_path)
     book = (tmp_path / "gradebook.html").read_text()
     assert "<script>alert" not in book
     assert "<b>" not in book
     assert "&lt;script&gt;alert(1)" in book
+    # The one script is ropeode's own, and the browser runs no other.
+    (script,) = re.findall("(?s)<script>(.*?)</script>", book)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in book
     page = (tmp_path / f"feedback/{name}.html").read_text()
     assert "5 of 5 points" in page
-    assert "<b>" not in page
-    assert (tmp_path / f"feedback/{name}.md").read_text().startswith(f"# {name}\n")
+    assert "script-src 'none'" in page
+    assert not re.search("<(b|script)>", page)
+    text = (tmp_path / f"feedback/{name}.md").read_text()
+    assert text.startswith("# &lt;b>&'anna'\n")
+    code, rest = re.findall("(?s)````python(.*?)\n````", text), text.replace(bad, "")
+    assert code == [f"\n{bad}"]
+    assert not re.search(r"<script|\]\(|\]:", rest)
 
 
 def test_what_is_kept_is_for_the_same_key(tmp_path):
@@ -110,8 +129,10 @@ def test_what_is_kept_is_for_the_same_key(tmp_path):
     assert kept("anna", "key", tmp_path) == RIGHT
     assert kept("anna", "other", tmp_path) is None
     assert kept("bert", "key", tmp_path) is None
-    (tmp_path / "anna.json").write_text("{")
-    assert kept("anna", "key", tmp_path) is None
+    forged = '{"key": "key", "outcome": {"name": "anna", "status": "checked", "order": "high"}}'
+    for damaged in ("{", forged, "[" * 100_000):
+        (tmp_path / "anna.json").write_text(damaged)
+        assert kept("anna", "key", tmp_path) is None
 
 
 def quantities(errors, observed):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 from ropeode.classroom.gradebook import grade_book
-from ropeode.classroom.outcome import Outcome
+from ropeode.classroom.outcome import Outcome, parts
 from ropeode.classroom.pages import write_pages
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission
+from ropeode.render.markup import Grid
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 from tests.laboratory.browser.conftest import axe, chromium, needs_chromium, page  # noqa: F401
@@ -21,7 +22,7 @@ ORDERS = {
         "quantities": {"position": {"errors": [4e-2, 2e-2, 1e-2], "observed": 1.0}},
     }
 }
-REPORT = '<table tabindex="0"><tr><td class="long">words</td></tr></table>'
+REPORT = parts(Grid(["", "finding"], [["ok", "words"]], frozenset({0, 1}), frozenset({1})))
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def book(tmp_path):
     outcomes = [
         Outcome("anna", "checked", "right", 2.0, findings={"order": "pass"}, orders=ORDERS),
         Outcome("bert", "out of time", message="it did not finish " * 20),
-        Outcome("carla", "checked", "wrong", 10.0, findings={"order": "fail"}, page=REPORT),
+        Outcome("carla", "checked", "wrong", 10.0, findings={"order": "fail"}, report=REPORT),
         Outcome("dora", "checked", "undetermined", -0.5, findings={"order": "undetermined"}),
     ]
     submissions = [Submission(each.name, (), "", "") for each in outcomes]

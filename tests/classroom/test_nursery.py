@@ -8,11 +8,12 @@ import shutil
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import pytest
 
 from ropeode.classroom import running
-from ropeode.classroom.outcome import Outcome
+from ropeode.classroom.outcome import Outcome, from_json
 from ropeode.classroom.running import Class
 from ropeode.classroom.steppers import Steppers
 from ropeode.classroom.submissions import Submission
@@ -36,7 +37,8 @@ class Harm(Asked):
 nursery._KINDS["Harm"] = Harm
 nursery.main()
 """
-FORGED = json.dumps(["outcome", {"name": "forges", "status": "checked", "verdict": "right"}])
+FORGED = json.dumps({"name": "forges", "status": "checked", "verdict": "right"})
+SAYS = "for n in range(3, 99):\n try: os.write(n, {!r})\n except OSError: pass\n"
 # By the harm: the limit that it breaks, or how its process ended; or that it has its outcome.
 HARM = {
     "pass": "raised",
@@ -52,19 +54,40 @@ HARM = {
     "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": "killed its parent process (SIGKILL)",
     "os.kill(0, signal.SIGKILL)": "killed its parent process (SIGKILL)",
     # Whatever it says of itself.
-    f"for n in range(3, 99):\n try: os.write(n, b'{FORGED}\\n')\n except OSError: pass\n"
-    "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": "killed its parent process (SIGKILL)",
+    SAYS.format(b"\noutcome " + FORGED.encode() + b"\n")
+    + "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": "killed its parent process (SIGKILL)",
+    # It may not be listened to for ever, and neither may what it leaves.
+    SAYS.format(b"x" * 2**20).replace("try: ", "try:\n  while True: "): "report",
+    "if os.fork() == 0:\n os.setsid()\n STAYS": "raised",
+    "if os.fork() == 0:\n os.setsid()\n if os.fork() == 0:\n  STAYS\n os._exit(0)": "raised",
+    "os.setsid()\nif os.fork() == 0:\n STAYS\nos._exit(7)": "ended its process (exit code 7)",
+}
+# By what is in the line of a report: a whole report, half a one, none.
+REPORTS = {
+    FORGED: "checked",
+    FORGED[:-9]: "crashed",
+    FORGED.replace("right", "<b>"): "crashed",
+    json.dumps({**json.loads(FORGED), "order": 10**400}): "crashed",
+    json.dumps({**json.loads(FORGED), "page": "<script>"}): "crashed",
+    json.dumps({**json.loads(FORGED), "report": [["Drawing", ["<svg>"]]]}): "crashed",
+    "[" * 100_000: "crashed",
+    "\udcff": "crashed",
+    "3": "crashed",
 }
 
 
 def test_harm_reaches_no_other(tmp_path):
     scratch = tmp_path / "scratch"
     scratch.mkdir()
+    stays, last = (
+        f"open(f'{tmp_path}/pid-{{os.getpid()}}', 'w'); time.sleep(1000)",
+        ("last", ["pass"]),
+    )
     told = {
         "kind": "Harm",
         "asked": {"memory_mib": 300.0},
         # The last one begins when the others have done what they do.
-        "submissions": [*((harm, [harm]) for harm in HARM), ("last", ["pass"])],
+        "submissions": [*((harm, [harm.replace("STAYS", stays)]) for harm in HARM), last],
         "folder": str(tmp_path),
         "scratch": str(scratch),
         "workers": 4,
@@ -78,14 +101,32 @@ def test_harm_reaches_no_other(tmp_path):
         process.stdin.flush()
         events = {each["name"]: each for each in map(json.loads, process.stdout)}
     found = {
-        name: (event["outcome"] or {}).get("status") or event["limit"] or event["how"]
+        name: (of(event) and of(event).status) or event["limit"] or event["how"]
         for name, event in events.items()
     }
     assert found == {**HARM, "last": "raised"}
     # What another one has written is in a folder of its own.
-    assert events["last"]["outcome"]["message"] == "it lives, in 0 files"
+    assert of(events["last"]).message == "it lives, in 0 files"
     assert all(event["during"] == "harm" for event in events.values())
     assert not scratch.exists()
+    left = [int(each.name.removeprefix("pid-")) for each in tmp_path.glob("pid-*")]
+    assert len(left) == 3
+    if sys.platform == "linux":
+        assert not [each for each in left if Path(f"/proc/{each}").exists()]
+
+
+def of(event):
+    return event["outcome"] and from_json(event["outcome"])
+
+
+@pytest.mark.parametrize("said", REPORTS)
+def test_a_report_is_one_or_none(tmp_path, monkeypatch, said):
+    """Whatever a submission's process says, it has an outcome, and it has no other's name."""
+    event = {"name": "a", "outcome": said, "how": "", "limit": "", "during": ""}
+    monkeypatch.setattr(running, "_CODE", f"input(); print({json.dumps(event)!r})")
+    own = Class(tmp_path, [Submission("a", ("a.py",), "", "")], Steppers(100.0, {}), tmp_path)
+    (outcome,) = own.outcomes(lambda *_: None)
+    assert (outcome.name, outcome.status) == ("a", REPORTS[said])
 
 
 @pytest.fixture
@@ -129,7 +170,7 @@ def test_what_is_done_is_kept_for_the_same_question(tmp_path, examined):
 
 def test_nothing_stays_open(tmp_path, monkeypatch):
     """Python warns of each pipe that it has to close itself."""
-    event = {"name": "a", "outcome": {"name": "a", "status": "checked"}}
+    event = {"name": "a", "outcome": FORGED}
     monkeypatch.setattr(running, "_CODE", f"input(); print({json.dumps(event)!r})")
     own = Class(tmp_path, [Submission("a", ("a.py",), "", "")], Steppers(100.0, {}), None)
     with warnings.catch_warnings(record=True) as seen:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from ropeode.classroom.submissions import stepper_submissions, trajectory_submissions
@@ -68,6 +70,26 @@ def test_what_cannot_be_read_has_a_row(folder):
     assert "emil.py cannot be read (No such file" in found.trouble
 
 
+def test_what_is_no_file_is_not_waited_for(folder):
+    os.mkfifo(folder / "pipe.py")
+    (folder / "loop.py").symlink_to("loop.py")
+    (folder / "endless.py").symlink_to("/dev/zero")
+    (folder / "folder.py").mkdir()
+    found = {each.name: each for each in stepper_submissions(folder, without=folder / "dora")}
+    for name in ("pipe", "loop", "endless", "folder.py"):
+        assert (found[name].where, bool(found[name].trouble)) == ((), True)
+
+
+def test_a_name_that_is_not_utf_8_can_be_written(folder):
+    for name in (b"m\xfcller.py", b"m\xf6ller.py", b"a\x1b[31m\nb.py"):
+        with open(os.fsencode(folder) + b"/" + name, "w"):
+            pass
+    found = by_name(folder)
+    names = {"m\\udcfcller", "m\\udcf6ller", "a\\x1b[31m\\nb"}
+    assert names < set(found)
+    assert all((folder / found[name].where[0]).exists() for name in names)
+
+
 def test_the_digest_is_that_of_all_files_of_a_submission(folder):
     before = {name: each.digest for name, each in by_name(folder).items()}
     (folder / "carla/b.py").write_text("x = 1\n")
@@ -83,7 +105,13 @@ def test_the_digest_is_that_of_all_files_of_a_submission(folder):
         ("def f():\n    import ropeode.steppers\n", ("imports ropeode.steppers of ropeode",)),
         ("import ropeodes, numpy\n", ()),
         ("def\n", ()),
+        ("x = " + "-" * 200_000 + "1\n", ()),
+        ("x = " + "(" * 100_000 + "1\n", ()),
+        ("x = a" + ".a" * 200_000 + "\n", ()),
+        ("x = '\0'\n", ()),
+        ("#" * 2_000_000 + "\n", ("anna.py is too long to be looked through",)),
     ],
+    ids=range(10),
 )
 def test_what_is_taken_from_ropeode_is_marked(folder, text, marks):
     (folder / "anna.py").write_text(text)

@@ -45,6 +45,8 @@ EXIT = "ended its process (exit code {})"
         ("sum(range(10**15))", None, "did not return"),
         ("os.closerange(0, 100); time.sleep(0.1)", None, "ended its process"),
         ("os.close(1); sys.stdout.write('')", 5, ""),
+        # Half a line, and no letters.
+        ("os.write(FD, b'\\xff\\n=x\\n=')", 5, ""),
         # The process does not wait for what still computes in it.
         ("threading.Thread(target=time.sleep, args=(99,)).start()", 5, ""),
     ],

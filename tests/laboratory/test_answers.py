@@ -16,6 +16,7 @@ from PIL import Image
 
 from ropeode import accuracy_table, check_stepper, grade, hanging_equilibrium, simulate
 from ropeode.analysis.equilibrium import frequencies, normal_modes
+from ropeode.checking.checks import CHECKS
 from ropeode.errors import InputError
 from ropeode.laboratory import answers, messages
 from ropeode.laboratory.messages import (
@@ -256,8 +257,12 @@ def test_a_check_has_the_words_of_check(ask):
     report = check_stepper("rk4", quick=True, progress=silent)
     wanted = [f"{each.check}: {each.line}" for each in report.findings]
     assert [line.text for line in found.lines[1 : 1 + len(wanted)]] == wanted
-    assert found.passed == report.passed
-    assert found.lines[-1].status == "right"
+    # There is no verdict before the last check.
+    assert (found.made, found.checks) == (len(wanted), len(CHECKS))
+    assert not {line.status for line in found.lines} & {"right", "wrong"}
+    whole, _ = ask(AskCheck(kind="check", stepper="rk4"))
+    assert whole.made == whole.checks
+    assert whole.lines[-1].status == "right"
 
 
 COMMANDS = {

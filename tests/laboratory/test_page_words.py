@@ -7,7 +7,7 @@ from typing import get_args
 
 import ropeode.laboratory
 from ropeode.analysis import order
-from ropeode.checking.report import Status
+from ropeode.checking.report import Status, Verdict
 from ropeode.laboratory.controls import parameters_of
 from ropeode.norms import norm_for
 from ropeode.problems.library import PROBLEMS
@@ -51,6 +51,7 @@ def test_fixed_words_of_python_are_translated():
         *(f"plots.verdict.{verdict}" for verdict in get_args(order.Verdict)),
         *(f"plots.why.{why}" for why in REASONS),
         *(f"found.{status}" for status in get_args(Status) if status != "note"),
+        *(f"own.{verdict}" for verdict in get_args(Verdict)),
     }
     assert sorted(said - set(ENGLISH)) == []
 

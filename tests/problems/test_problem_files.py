@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import random
+import sys
+
 import pytest
 
-from ropeode.errors import InputError
-from ropeode.problems.files import load_problem
+from ropeode import as_stepper
+from ropeode.errors import InputError, UserCodeError
+from ropeode.problems import files
+from ropeode.problems.files import keep_apart, load_problem
+from ropeode.sweep.design.content_hash import file_digest
 
 FILE = """
 from ropeode import InextensibleRope, Rope
@@ -110,3 +116,63 @@ def test_commands_take_right_hand_sides(tmp_path, run):
     ran = run("table", "--problem", "own.py:odeint_order")
     assert ran.returncode == 2
     assert ran.stderr.startswith("ropeode: fun: a function of (y, t) given, the order of odeint")
+
+
+BESIDE = {
+    "steps.py": """
+import parts.gravity
+import random
+from helper import NAME, other
+from parts import gravity
+import ropeode
+
+assert random.random() >= 0 and ropeode.Rope
+assert parts.gravity is gravity
+
+def step(rhs, t, y, dt, args):
+    from late import late
+    return NAME, other.NAME, gravity.NAME, late
+""",
+    "helper.py": "import other\nNAME = 'PLACE'\n",
+    "other.py": "NAME = 'other PLACE'\n",
+    "late.py": "from helper import NAME as late\n",
+    "parts/__init__.py": "from . import gravity\n",
+    "parts/gravity.py": "from other import NAME\n",
+    # Neither of these stands for the one that everybody knows.
+    "random.py": "raise SystemExit",
+    "ropeode.py": "raise SystemExit",
+}
+
+
+def beside(folder):
+    for name, text in BESIDE.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text.replace("PLACE", folder.name))
+    return folder / "steps.py"
+
+
+def test_a_file_imports_what_lies_beside_it_and_no_other_does(tmp_path):
+    paths = [beside(tmp_path / name) for name in ("anna", "bert")]
+    before = [*sys.path]
+    steps = [as_stepper(f"{path}:step").function for path in paths]
+    for path, step in zip(paths, steps, strict=True):
+        own = path.parent.name
+        assert step(None, 0.0, 0.0, 0.1, None) == (own, f"other {own}", f"other {own}", own)
+    assert sys.path == before
+    assert not {"helper", "other", "late", "parts"} & {*sys.modules}
+    assert sys.modules["random"] is random
+    # What it imports is read again with it, and nothing is left in the folder.
+    digest = file_digest("stepper", paths[0])
+    (tmp_path / "anna/other.py").write_text("NAME = 'other bert'\n")
+    assert as_stepper(f"{paths[0]}:step").function(None, 0.0, 0.0, 0.1, None)[1] == "other bert"
+    assert file_digest("stepper", paths[0]) != digest != file_digest("stepper", paths[1])
+    assert not [*tmp_path.rglob("__pycache__")]
+
+
+def test_files_of_different_people_import_none_of_each_other(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_apart", set())
+    keep_apart(tmp_path)
+    (tmp_path / "bert.py").write_text("def step(rhs, t, y, dt, args): return y\n")
+    (tmp_path / "anna.py").write_text("from bert import step\n")
+    with pytest.raises(UserCodeError, match="No module named 'bert'"):
+        as_stepper(f"{tmp_path}/anna.py:step")

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from ropeode.errors import InputError
+from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
+from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.simulation.program import slot
 from tests.steppers.every_variant import EVERY_PARAMETER
@@ -129,6 +133,42 @@ def test_states_of_any_shape():
 def test_bad_steps(steps, small_rope):
     with pytest.raises(InputError, match="steps_per_frame: .* given; allowed: a whole number >= 1"):
         simulate(small_rope, "rk4", steps)
+
+
+def in_numpy(acceleration, t, x, v, dt, args):
+    v = v + dt * np.asarray(acceleration(t, x, v, args))
+    return np.array(x + dt * v), np.array(v)
+
+
+@pytest.mark.parametrize("stepper", ["rk4", in_numpy])
+@pytest.mark.parametrize("ensemble", [False, True])
+def test_a_run_without_an_end_is_refused(stepper, ensemble, small_rope, monkeypatch):
+    monkeypatch.setattr("ropeode.simulation.python_driver._LONG_ENOUGH_S", 0.2)
+    ropes = Ensemble.of([small_rope] * 2) if ensemble else small_rope
+    with pytest.raises(InputError, match="steps_per_frame: 1000000000000 given") as refused:
+        simulate(ropes, stepper, 10**12)
+    (fits,) = re.findall(r"(\d+) steps per frame an hour", str(refused.value))
+    # Between a hundred nanoseconds and a hundredth of a second for a step.
+    assert 3600 / small_rope.frames / 1e-2 < int(fits) < 3600 / small_rope.frames / 1e-8
+
+
+@pytest.mark.parametrize("solve", [reference, lambda problem: simulate(problem, "rk4", 1)])
+def test_states_that_do_not_fit_into_memory_are_refused(solve, monkeypatch):
+    long = Rope(num_nodes=4).problem(frames=10_000)
+    monkeypatch.setattr("os.sysconf", lambda name: 256)
+    with pytest.raises(InputError, match="frames: 10000 given; allowed: as many as fit"):
+        solve(long)
+
+
+def test_the_time_limit_of_a_run(small_rope):
+    with pytest.raises(InputError, match="at most 0.001 s"):
+        simulate(small_rope, "rk4", 10**8, time_limit=1e-3)
+    assert simulate(small_rope, "rk4", 4, time_limit=np.inf).status == "ok"
+    for wrong in (0.0, -1, np.nan, "soon", None):
+        with pytest.raises(InputError, match="time_limit: .* given"):
+            simulate(small_rope, "rk4", 4, time_limit=wrong)
+    with pytest.raises(InputError, match="steps_per_frame: .* float64 counts"):
+        simulate(small_rope, "rk4", 10**30, time_limit=np.inf)
 
 
 def test_stepper_and_problem_must_fit():

@@ -89,3 +89,15 @@ def test_what_settles_slowly_is_not_predicted():
     assert isinstance(found, str)
     assert "uncertain by" in found
     assert not isinstance(predicted_error(KNOWN, method_of("adams-bashforth2", KNOWN.problem)), str)
+
+
+def test_a_single_frame_has_a_prediction():
+    """Its solution may be known at seven states only."""
+    once = exact_reference(KNOWN.problem.changed(ts=TIMES[:2]), KNOWN.states[:2])
+    for stepper in ("explicit-euler", "rk4"):
+        whole, one = (
+            predicted_error(each, method_of(stepper, each.problem)) for each in (KNOWN, once)
+        )
+        assert not isinstance(whole, str)
+        assert not isinstance(one, str), one
+        np.testing.assert_allclose(one.states, whole.states[:2], rtol=1e-3, atol=1e-6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ropeode.checking.check import check_stepper
+from ropeode.checking.checks import CHECKS
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.messages import AskCheck, Checked
 from ropeode.laboratory.report_lines import lines_of
@@ -17,4 +18,7 @@ def answer(ask: AskCheck, laboratory: Laboratory, progress: Progress) -> Answer:
     """See `ropeode.laboratory.answers.answer_to`."""
     stepper = laboratory.stepper(ask.stepper, ask.version)
     report = check_stepper(stepper, quick=ask.quick, time_limit=_SECONDS, progress=progress)
-    return Checked(stepper=stepper.label, passed=report.passed, lines=lines_of(report)), {}
+    made, checks, lines = len(report.findings), len(CHECKS), lines_of(report)
+    # The verdict is the last line; there is none before the last check.
+    lines = lines if made == checks else lines[:-1]
+    return Checked(stepper=stepper.label, made=made, checks=checks, lines=lines), {}

@@ -138,11 +138,14 @@ export interface AskTruth {
 
 /**
  * Answer to `check`: the lines of `ropeode check`.
+ *
+ * Where `quick` has left out some of all the checks, no line is a verdict.
  */
 export interface Checked {
   kind: "check";
   stepper: string;
-  passed: boolean;
+  made: number;
+  checks: number;
   lines: Line[];
 }
 

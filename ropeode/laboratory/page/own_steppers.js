@@ -51,18 +51,25 @@ export class OwnSteppers extends Controls {
     if (checked?.kind === "refused") parts.push(make("p", { class: "fault", lang: "en" }, checked.message));
     else if (checked)
       parts.push(make("details", { open: true },
-        make("summary", {}, `${name}: ${say(checked.passed ? "own.passed" : "own.failed")}`),
-        lines(checked.lines)));
+        make("summary", {}, `${name}: ${inShort(checked)}`),
+        lines(checked.lines, checked.made === checked.checks)));
     else if (this.store.lacks(askCheck(this.state.now, name, true))) parts.push(make("p", {}, say("needs")));
     else if (version) parts.push(make("p", {}, say("own.checking", { name })));
     return parts;
   }
 }
 
-/** The lines of a report: a title, findings with what became of them, and a verdict. @param {import("./messages").Line[]} list @returns {HTMLElement} */
-export function lines(list) {
+/** What a check has found; before its end, how far it is. @param {import("./messages").Checked} checked */
+function inShort({ made, checks, lines }) {
+  if (made === checks) return say(`own.${lines[lines.length - 1].status}`);
+  const failed = lines.some(({ status }) => status === "fail");
+  return [say("own.part", { made, checks }), ...(failed ? [say("own.wrong")] : [])].join("; ");
+}
+
+/** The lines of a report: a title, findings with what became of them, and a verdict if it has ended. @param {import("./messages").Line[]} list @returns {HTMLElement} */
+export function lines(list, ended = true) {
   return make("ul", { class: "report" }, ...list.map(({ status, text }, i) => {
-    const finding = FOUND.includes(status) && i + 1 < list.length;
+    const finding = FOUND.includes(status) && !(ended && i + 1 === list.length);
     return make("li", { class: status }, ...(finding ? [make("b", {}, say(`found.${status}`)), " "] : []), english(text));
   }));
 }

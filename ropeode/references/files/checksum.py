@@ -7,7 +7,6 @@ change anywhere in the file is detected here, before HDF5 reads any of it.
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 
 from ropeode.validation import bad_value
@@ -17,14 +16,9 @@ _LENGTH = len(_MARK) + 64 + 1
 _CHUNK_BYTES = 2**20
 
 
-def append_checksum(path: Path) -> str:
-    """Append its checksum to a file, and return it."""
-    digest = _digest(path, path.stat().st_size)
-    with path.open("ab") as file:
-        file.write(_MARK + digest.encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
-    return digest
+def with_checksum(contents: bytes) -> bytes:
+    """The contents of a file with their checksum at the end."""
+    return b"".join([contents, _MARK, hashlib.sha256(contents).hexdigest().encode(), b"\n"])
 
 
 def verify_checksum(path: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,12 +21,14 @@ _TYPES = ("<f8", "|i1")
 _HASH = "sha256"
 
 
-def write(path: Path, arrays: Mapping[str, Array], texts: Mapping[str, str]) -> None:
-    """Write a file of variables and global attributes, without the checksum at its end.
+def encoded(arrays: Mapping[str, Array], texts: Mapping[str, str]) -> bytes:
+    """A file of variables and global attributes, without the checksum at its end.
 
-    A sha256 of the variables and the attributes is one more attribute.
+    A sha256 of the variables and the attributes is one more attribute. HDF5 meets no disk: one
+    that is full may end the process.
     """
-    with h5netcdf.File(path, "w") as file:
+    contents = io.BytesIO()
+    with h5netcdf.File(contents, "w") as file:
         for array in arrays.values():
             for dim, size in zip(array.dims, array.values.shape, strict=True):
                 if dim not in file.dimensions:
@@ -37,6 +40,7 @@ def write(path: Path, arrays: Mapping[str, Array], texts: Mapping[str, str]) -> 
         for name, text in texts.items():
             file.attrs[name] = text
         file.attrs[_HASH] = content_hash(arrays, texts)
+    return contents.getvalue()
 
 
 def read(path: Path) -> tuple[dict[str, Array], dict[str, str]]:

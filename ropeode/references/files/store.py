@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.files import check_suffix, replacing
+from ropeode.files import check_suffix, write_whole
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
-from ropeode.references.files.checksum import append_checksum, verify_checksum
+from ropeode.references.files.checksum import verify_checksum, with_checksum
 from ropeode.references.files.encoding import (
     ROPE_ARRAYS,
     SCHEMA,
@@ -56,9 +56,7 @@ def save_reference(reference: Reference, path: str | Path) -> Path:
     from ropeode.references.files import netcdf
 
     arrays, texts = arrays_of(reference), texts_of(reference)
-    with replacing(path) as part:
-        netcdf.write(part, arrays, texts)
-        append_checksum(part)
+    write_whole(path, with_checksum(netcdf.encoded(arrays, texts)))
     return path
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import dataclasses
 import functools
 import io
@@ -247,8 +248,16 @@ def _mp4(pictures: Iterator[Image.Image], fps: float) -> bytes:
         part = Path(folder) / "film.mp4"
         # Not by imageio_ffmpeg.write_frames, which forks: that hangs after JAX has started.
         command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", *given, "-i", "-", *made, part]
-        with subprocess.Popen(command, stdin=subprocess.PIPE) as ffmpeg:
+        pipe = subprocess.PIPE
+        with subprocess.Popen(command, stdin=pipe, stderr=pipe) as ffmpeg:
             assert ffmpeg.stdin is not None
-            for each in itertools.chain([first], pictures):
-                ffmpeg.stdin.write(each.crop((0, 0, width, height)).tobytes())
+            assert ffmpeg.stderr is not None
+            # Where it has ended, it says why.
+            with contextlib.suppress(BrokenPipeError), ffmpeg.stdin:
+                for each in itertools.chain([first], pictures):
+                    ffmpeg.stdin.write(each.crop((0, 0, width, height)).tobytes())
+            said = ffmpeg.stderr.read().decode(errors="replace").split("\n")[0]
+        if ffmpeg.returncode:
+            allowed = f"a folder for temporary files that ffmpeg can write a film to ({said})"
+            raise bad_value("out", folder, allowed, "make room there, or set TMPDIR to another")
         return part.read_bytes()

@@ -31,7 +31,8 @@ def take_turns(lines: Sequence[Line2D]) -> bool:
     Returns:
         Whether any two lie on one another.
     """
-    lines = [line for line in lines if len(_points(line))]
+    # Of a single frame there may be a single point.
+    lines = [line for line in lines if len(_points(line)) > 1]
     if len(lines) < 2:
         return False
     paths = [_points(line) for line in lines]

@@ -15,6 +15,7 @@ import jax
 
 from ropeode.files import read_bytes
 from ropeode.identity import source_digest
+from ropeode.problems.files import file_and_imports
 
 # The packages that compute a row; diffrax's solvers come from the last three.
 PACKAGES = (
@@ -67,7 +68,7 @@ def digest(value: Any) -> str:
 
 
 def file_digest(what: str, path: Path) -> str:
-    """The sha256 of a user's file.
+    """The sha256 of a user's file, and of those that it imports from its folder.
 
     Arguments:
         what: it defines, for the message.
@@ -76,7 +77,10 @@ def file_digest(what: str, path: Path) -> str:
     Raises:
         InputError: it cannot be read.
     """
-    return hashlib.sha256(read_bytes(what, path)).hexdigest()
+    contents = hashlib.sha256(read_bytes(what, path))
+    for each in sorted({*file_and_imports(path)} - {path}):
+        contents.update(hashlib.sha256(read_bytes(what, each)).digest())
+    return contents.hexdigest()
 
 
 @functools.cache

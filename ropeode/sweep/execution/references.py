@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -12,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import InputError, ReferenceRefused
-from ropeode.files import make_folder, replacing
+from ropeode.files import make_folder, write_whole
 from ropeode.problems.ensemble import Ensemble, family
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.compute import each_reference
-from ropeode.references.files.checksum import append_checksum, verify_checksum
+from ropeode.references.files.checksum import verify_checksum, with_checksum
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import Solver
 from ropeode.sweep.execution.parts import in_time
@@ -128,10 +129,9 @@ def _write(path: Path, key: str, reference: Reference | str) -> None:
     else:
         words["refused"] = reference
     make_folder(path.parent)
-    with replacing(path) as part:
-        with part.open("wb") as file:
-            np.savez(file, words=np.array(json.dumps(words, default=dict)), **arrays)
-        append_checksum(part)
+    contents = io.BytesIO()
+    np.savez(contents, words=np.array(json.dumps(words, default=dict)), **arrays)
+    write_whole(path, with_checksum(contents.getvalue()))
 
 
 def _read(path: Path, key: str, problem: Problem) -> Reference | str | None:

@@ -289,16 +289,16 @@ def test_ones_own_stepper_its_verdict_and_its_faults(page, address):
     own = {"name": "mine", "version": "a1", "fault": None, "line": None}
     python.answers["library"] = library(own=[own])
     lines = [{"status": "pass", "text": "order: 2.0"}, {"status": "right", "text": "converges"}]
-    python.answers["check mine"] = {
-        "kind": "check",
-        "stepper": "mine",
-        "passed": True,
-        "lines": lines,
-    }
+    part = {"kind": "check", "stepper": "mine", "made": 20, "checks": 21, "lines": lines[:1]}
+    python.answers["check mine"] = part
     opened(page, address, **STILL)
     page.wait_for_function("document.querySelector('#own .report')")
     assert page.input_value("#stepper-0") == "mine"
     assert "order: 2.0" in page.inner_text("#own")
+    # No summary of a check before its end.
+    assert "20 of 21" in page.inner_text("#own")
+    assert "all checks passed" not in page.inner_text("#own")
+    python.answers["check mine"] = {**part, "made": 21, "lines": lines}
     assert {"a1"} == {each["version"] for each in python.asked if each.get("stepper") == "mine"}
     python.say(kind="reloaded", own=[{**own, "fault": "SyntaxError: invalid syntax", "line": 7}])
     page.wait_for_function("document.querySelector('#own .fault')")
@@ -307,6 +307,7 @@ def test_ones_own_stepper_its_verdict_and_its_faults(page, address):
     python.say(kind="reloaded", own=[{**own, "version": "b2"}])
     page.wait_for_function("!document.querySelector('#own .fault')")
     assert any(each.get("version") == "b2" for each in python.asked)
+    page.wait_for_function("document.querySelector('#own').innerText.includes('all checks passed')")
 
 
 def test_dropped_files_are_graded(page, address):

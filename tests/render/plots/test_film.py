@@ -230,6 +230,17 @@ def test_mp4_has_a_picture_for_each_sample(short, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", animation.FILMS)
+def test_no_room_leaves_the_old_film(suffix, short, tmp_path, room_for):
+    out = tmp_path / f"a{suffix}"
+    out.write_bytes(b"old")
+    film = animate(short)
+    with room_for(1000), pytest.raises(InputError, match="out: .* given"):
+        film.save(out)
+    assert out.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == [out.name]
+
+
+@pytest.mark.parametrize("suffix", animation.FILMS)
 def test_what_fails_half_way_leaves_the_old_file(suffix, short, tmp_path, monkeypatch):
     out = tmp_path / f"a{suffix}"
     out.write_bytes(b"old")

@@ -90,3 +90,9 @@ def test_steppers_that_do_the_same_are_all_seen(study):
     assert len(places) == len(set(places)) == len(twice.rows)
     words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert TURNS in words
+
+
+def test_single_points_take_no_turns(axes):
+    """As of the errors of a single frame."""
+    lines = [axes.plot([0.1], [height])[0] for height in (1e-2, 1e-2, 1e-3)]
+    assert not take_turns(lines)
