@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ropeode.analysis.errors import error_sizes
-from ropeode.analysis.order import UNSTABLE, ObservedOrder
+from ropeode.analysis.order import FEWEST_POINTS, NARROW, UNSTABLE, ObservedOrder
 from ropeode.analysis.roundoff import least_clear_error
 from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # Theory and runs agree to this part, or closely.
 AGREE, AGREE_CLOSELY = 0.1, 0.01
+# Runs whose finer steps come no closer to the predicted line, over such a factor in dt, refute it.
+_SPAN = 8.0
 # A predicted size that is not so many times its uncertainty may be zero.
 _CERTAIN = 10.0
 
@@ -112,6 +114,46 @@ def error_constant(
         and error >= least_clear_error(reference, norm, dt, rounding)
     }
     return ErrorConstant(power, predicted, why, measured)
+
+
+def believed(
+    order: ObservedOrder, declared: int | None, constant: ErrorConstant | None, frame: float
+) -> ObservedOrder:
+    """The observed order; undetermined where another one is known and the runs may be too coarse.
+
+    A higher term of the error may outweigh the leading one over many step sizes, and then errors
+    lie on a line that has another slope. Whether they are asymptotic, the predicted line tells:
+    they are close to it. Runs that go away from it the finer they are show that theory does not
+    describe them. Where there is no line, only a narrow interval decides against a declared order.
+
+    Arguments:
+        order: from the runs alone.
+        declared: by the stepper; None or 0 where it declares none.
+        constant: of the error; None where nobody asked for it.
+        frame: the longest.
+    """
+    if order.ci95 is None:
+        return order
+    (low, high), ratios = order.ci95, {} if constant is None else constant.ratios
+    apart = {dt: abs(ratio - 1.0) for dt, ratio in ratios.items() if dt in order.used}
+    known = constant.order if constant is not None and apart else declared
+    if not known or low <= known <= high:
+        return order
+    if constant is None or not apart:
+        if order.verdict == "does not converge" or high - low <= NARROW:
+            return order
+        return order.withheld(f"{order.slope_words}, too wide to refute the declared order {known}")
+    off = [(dt, far) for dt, far in [*apart.items()][:FEWEST_POINTS] if far > AGREE]
+    away = all(fine > coarse for fine, coarse in itertools.pairwise(apart.values()))
+    if not off or (away and max(apart) >= _SPAN * min(apart)):
+        return order
+    why = f"not yet asymptotic: {order.slope_words}, and theory says order {known}"
+    if not constant.approaches:
+        return order.withheld(f"{why}, but finer steps come no closer to its error")
+    # The next term of the error has one more power of dt.
+    dt, far = off[0]
+    steps = float(f"{frame / dt * far / AGREE:.2g}")
+    return order.withheld(f"{why} from about {steps:.0f} steps per frame on")
 
 
 def _predicted(
