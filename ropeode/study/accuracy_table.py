@@ -428,7 +428,8 @@ def order_of(
 
     of_class = problem_class(problem)
     declared = None if problem.jump_times else stepper.order(of_class)
-    order = observed_order(
+    observed = partial(
+        observed_order,
         [run.dt for run in runs],
         [error_of(run) for run in runs],
         resolution=resolution,
@@ -436,7 +437,10 @@ def order_of(
         motion=size,
         solved=[run.status != "unsolved" for run in runs],
     )
+    order = observed()
     constant = None if constant_of is None else constant_of(order)
+    if constant is not None and constant.confirmed:
+        order = observed(claimed=constant.order)
     return StepperOrder(
         stepper=stepper.label,
         expected=declared,

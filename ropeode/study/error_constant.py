@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ropeode.analysis.errors import error_sizes
-from ropeode.analysis.order import FEWEST_POINTS, NARROW, UNSTABLE, ObservedOrder
+from ropeode.analysis.order import NARROW, UNSTABLE, ObservedOrder
 from ropeode.analysis.roundoff import least_clear_error
 from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 # Theory and runs agree to this part, or closely.
 AGREE, AGREE_CLOSELY = 0.1, 0.01
-# Runs whose finer steps come no closer to the predicted line, over such a factor in dt, refute it.
-_SPAN = 8.0
+# Over more than the first factor in dt runs agree with theory by no accident; over more than the
+# second they refute it, if finer ones are further from it.
+_LASTING, _SPAN = 1.99, 7.99
 # A predicted size that is not so many times its uncertainty may be zero.
 _CERTAIN = 10.0
 
@@ -81,6 +82,12 @@ class ErrorConstant:
         return found
 
     @property
+    def confirmed(self) -> bool:
+        """Whether the finest step sizes agree with theory, over a factor of two in dt."""
+        coarsest = self.agree_from(AGREE)
+        return coarsest is not None and self.dt is not None and coarsest > _LASTING * self.dt
+
+    @property
     def approaches(self) -> bool:
         """Whether the ratio comes closer to 1 with each of the three finest step sizes."""
         apart = [abs(ratio - 1.0) for ratio in self.ratios.values()][:3]
@@ -122,9 +129,9 @@ def believed(
     """The observed order; undetermined where another one is known and the runs may be too coarse.
 
     A higher term of the error may outweigh the leading one over many step sizes, and then errors
-    lie on a line that has another slope. Whether they are asymptotic, the predicted line tells:
-    they are close to it. Runs that go away from it the finer they are show that theory does not
-    describe them. Where there is no line, only a narrow interval decides against a declared order.
+    lie on a line that has another slope. The predicted line tells whether they are asymptotic: then
+    they are close to it. Runs that go away from it the finer they are refute the prediction. Where
+    there is no line, a narrow interval decides against the declared order, and a wide one does not.
 
     Arguments:
         order: from the runs alone.
@@ -132,28 +139,38 @@ def believed(
         constant: of the error; None where nobody asked for it.
         frame: the longest.
     """
-    if order.ci95 is None:
-        return order
-    (low, high), ratios = order.ci95, {} if constant is None else constant.ratios
-    apart = {dt: abs(ratio - 1.0) for dt, ratio in ratios.items() if dt in order.used}
-    known = constant.order if constant is not None and apart else declared
-    if not known or low <= known <= high:
-        return order
-    if constant is None or not apart:
-        if order.verdict == "does not converge" or high - low <= NARROW:
+    low, high = order.ci95 or (-np.inf, np.inf)
+    dt = None if constant is None else constant.dt
+    if constant is None or dt is None or constant.predicted is None:
+        wide = order.verdict == "converges" and high - low > NARROW
+        if not declared or low <= declared <= high or not wide:
             return order
-        return order.withheld(f"{order.slope_words}, too wide to refute the declared order {known}")
-    off = [(dt, far) for dt, far in [*apart.items()][:FEWEST_POINTS] if far > AGREE]
-    away = all(fine > coarse for fine, coarse in itertools.pairwise(apart.values()))
-    if not off or (away and max(apart) >= _SPAN * min(apart)):
+        why = f"{order.slope_words}, too wide to refute the declared order {declared}"
+        return order.withheld(why)
+    apart = {dt: abs(ratio - 1.0) for dt, ratio in constant.ratios.items()}
+    used = {dt: far for dt, far in apart.items() if dt in order.used}
+    if constant.confirmed or _refuted(used):
         return order
-    why = f"not yet asymptotic: {order.slope_words}, and theory says order {known}"
+    theory = f"theory says order {constant.order}"
     if not constant.approaches:
-        return order.withheld(f"{why}, but finer steps come no closer to its error")
-    # The next term of the error has one more power of dt.
-    dt, far = off[0]
-    steps = float(f"{frame / dt * far / AGREE:.2g}")
-    return order.withheld(f"{why} from about {steps:.0f} steps per frame on")
+        theory += ", but finer steps come no closer to its error"
+    elif apart[dt] > AGREE:
+        # The next term of the error has one more power of dt.
+        steps = float(f"{frame / dt * apart[dt] / AGREE:.2g}")
+        theory = f"not yet asymptotic: {theory} from about {steps:.0f} steps per frame on"
+    else:
+        theory = f"not yet asymptotic: {theory}"
+    if order.ci95 is None:
+        return dataclasses.replace(order, why=f"{order.why}; {theory}")
+    if constant.order is None or low <= constant.order <= high:
+        return order
+    return order.withheld(f"{order.slope_words}; {theory}")
+
+
+def _refuted(apart: Mapping[float, float]) -> bool:
+    """Whether runs are the further from the predicted line the finer they are, over a long way."""
+    away = all(fine > coarse for fine, coarse in itertools.pairwise(apart.values()))
+    return away and len(apart) > 1 and max(apart) > _SPAN * min(apart)
 
 
 def _predicted(
