@@ -136,8 +136,13 @@ def observed_order(
     The interval starts as Student's for the fitted slope. Student's interval assumes that the
     points scatter, but the rest of the pre-asymptotic part bends them. So it is widened to
     contain the local slope at the fine end, plus or minus twice what that slope lacks of its
-    limit at dt = 0. It is never narrower than 0.01 to each side.
+    limit at dt = 0: the more, the more slowly its changes shrink. It is never narrower than 0.01 to
+    each side.
     docs/reference/table.md says how often it contains the order.
+
+    Of many points a few lie on one line by chance. Where coarser ones do not, four are needed, or
+    five if the local slope changes by more than 2 from the line to the next point. With a claim,
+    three are enough.
 
     An interval with two whole orders in it decides nothing: the order is undetermined. Neither
     does a wide one with none, for errors bend so where they are about as large as they can get;
