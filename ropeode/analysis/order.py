@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -22,20 +23,25 @@ PRE_ASYMPTOTIC = "pre-asymptotic"
 TOO_FEW = "too few to fit"
 
 FEWEST_POINTS = 3
+# Of many points a few lie on a line by chance. Where coarser ones lie off it, so many are needed,
+# and one more where the local slope breaks off by more than this, as it does where errors scatter.
+_ENOUGH, _ENOUGH_BROKEN, _BREAK = 4, 5, 2.0
 # Where an error is larger than this many times the motion itself, the run has blown up.
 UNSTABLE_FROM = 2.0
 # Round-off adds to the error; from this factor on it changes no digit that matters.
 _ROUND_OFF_FACTOR = 30.0
 # Points belong to one power law if none is further from it than this, in log(error).
 _LARGEST_RESIDUAL = 0.1
-# Bounds on 1/(ratio - 1) for ratios of step sizes that are very small or very large.
-_EXTRAPOLATION = (1.0, 3.0)
+# Bounds on 1/(ratio - 1) for ratios of step sizes that are very small or very large; and on what
+# part of a change of local slopes is left at the next step size.
+_EXTRAPOLATION, _SLOWEST = (1.0, 3.0), 0.8
 # Three points may happen to lie on a line; that does not make the slope more certain than this.
 _LEAST_HALF_WIDTH = 0.01
 # A slope that may be below this is not convergence of any use.
 _LEAST_ORDER = 0.5
-# An interval without a whole order is evidence of a fractional one up to this width.
-_FRACTIONAL_WIDTH = 0.25
+# An interval without the order that it should have is evidence up to this width: without a whole
+# one, of a fractional one; without the declared one, of another.
+NARROW = 0.25
 # An observed order may be lower than the claimed one by this.
 TOLERANCE = 0.25
 # Student's t at 97.5% for 1, 2, ... degrees of freedom, as `scipy.special.stdtrit` computes it. To
@@ -95,6 +101,19 @@ class ObservedOrder:
     why: str | None = None
     add: tuple[float, ...] = ()
 
+    @property
+    def slope_words(self) -> str:
+        """The slope with its interval, of an order that is not undetermined."""
+        assert self.ci95 is not None
+        low, high = self.ci95
+        return f"the slope {self.observed:.2f} has the interval [{low:.2f}, {high:.2f}]"
+
+    def withheld(self, why: str) -> ObservedOrder:
+        """Undetermined: what was observed is not the order for small steps."""
+        left_out = (*self.left_out, *(LeftOut(dt, PRE_ASYMPTOTIC) for dt in self.used))
+        add = _runs_to_add(left_out, max(FEWEST_POINTS - len(self.used), 2))
+        return ObservedOrder(None, None, "undetermined", (), left_out, why, add)
+
 
 def observed_order(
     dts: ArrayLike,
@@ -117,8 +136,13 @@ def observed_order(
     The interval starts as Student's for the fitted slope. Student's interval assumes that the
     points scatter, but the rest of the pre-asymptotic part bends them. So it is widened to
     contain the local slope at the fine end, plus or minus twice what that slope lacks of its
-    limit at dt = 0. It is never narrower than 0.01 to each side.
+    limit at dt = 0: the more, the more slowly its changes shrink. It is never narrower than 0.01 to
+    each side.
     docs/reference/table.md says how often it contains the order.
+
+    Of many points a few lie on one line by chance. Where coarser ones do not, four are needed, or
+    five if the local slope changes by more than 2 from the line to the next point. With a claim,
+    three are enough.
 
     An interval with two whole orders in it decides nothing: the order is undetermined. Neither
     does a wide one with none, for errors bend so where they are about as large as they can get;
@@ -175,28 +199,44 @@ def observed_order(
         reasons[i] = PRE_ASYMPTOTIC if len(usable) >= FEWEST_POINTS else TOO_FEW
     left_out = tuple(LeftOut(float(dt[i]), str(reasons[i])) for i in np.argsort(-dt) if reasons[i])
     kept = usable[:used]
-
-    def undetermined(why: str, left_out: tuple[LeftOut, ...]) -> ObservedOrder:
-        add = _runs_to_add(dt, reasons, FEWEST_POINTS - min(used, len(usable)))
-        return ObservedOrder(None, None, "undetermined", (), left_out, why, add)
-
-    if used < FEWEST_POINTS:
+    nothing = ObservedOrder(None, None, "undetermined", (), left_out)
+    if len(usable) < FEWEST_POINTS:
         few = f"{len(usable)} of {len(dt)} step sizes can be used, {FEWEST_POINTS} are needed"
+        return nothing.withheld(few)
+    local = np.diff(np.log(error[usable])) / np.diff(np.log(dt[usable]))
+    scattered = ""
+    if _scatters(local):
+        scattered = "; the errors scatter, as where the right-hand side is not smooth"
+    if not kept:
         bent = "the three finest usable step sizes do not lie on one power law"
-        return undetermined(few if len(usable) < FEWEST_POINTS else bent, left_out)
+        return nothing.withheld(bent + scattered)
 
     slope, low, high = _slope(dt[kept], error[kept])
-    if high >= _LEAST_ORDER and not _decides(low, high, claimed):
-        bent = (LeftOut(float(dt[i]), PRE_ASYMPTOTIC) for i in reversed(kept))
-        why = f"the slope {slope:.2f} has the interval [{low:.2f}, {high:.2f}], which holds "
-        return undetermined(why + _orders_in(low, high), (*left_out, *bent))
-    return ObservedOrder(
+    order = ObservedOrder(
         observed=slope,
         ci95=(low, high),
         verdict="converges" if high >= _LEAST_ORDER else "does not converge",
         used=tuple(float(dt[i]) for i in reversed(kept)),
         left_out=left_out,
     )
+    if claimed is None and used < len(usable) and used < _enough(local[used - 2 :]):
+        few = f"only the {used} finest of {len(usable)} usable step sizes lie on one power law"
+        return order.withheld(few + scattered)
+    if high >= _LEAST_ORDER and not _decides(low, high, claimed):
+        return order.withheld(f"{order.slope_words}, which holds {_orders_in(low, high)}")
+    return order
+
+
+def _enough(local: np.ndarray) -> int:
+    """How many points on a line show an order; local slopes from its coarse end to the rest."""
+    return _ENOUGH_BROKEN if abs(local[1] - local[0]) > _BREAK else _ENOUGH
+
+
+def _scatters(local: np.ndarray) -> bool:
+    """Whether local slopes rise and fall by turns."""
+    changes = np.diff(local)
+    turns = changes[1:] * changes[:-1] < 0.0
+    return len(turns) > 1 and bool(np.mean(turns) > 0.5)
 
 
 def _whole_orders(low: float, high: float) -> range:
@@ -207,7 +247,7 @@ def _decides(low: float, high: float, claimed: int | None) -> bool:
     """Whether an interval decides what the order is, or whether it is the claimed one at least."""
     if claimed is None:
         orders = len(_whole_orders(low, high))
-        return low > 0 and (orders == 1 or (orders == 0 and high - low <= _FRACTIONAL_WIDTH))
+        return low > 0 and (orders == 1 or (orders == 0 and high - low <= NARROW))
     return high < claimed - TOLERANCE or low > claimed - 1
 
 
@@ -220,19 +260,18 @@ def _orders_in(low: float, high: float) -> str:
     return f"the orders {first} to {others[-1]}" if others else f"the order {first}"
 
 
-def _runs_to_add(dt: np.ndarray, reasons: np.ndarray, missing: int) -> tuple[float, ...]:
-    """Step sizes of further runs, from the reasons for which the others could not be used."""
-    count, (coarsest, finest) = max(missing, 2), (int(np.argmax(dt)), int(np.argmin(dt)))
-    if reasons[finest] not in (UNRESOLVED, ROUND_OFF):
-        return tuple(float(dt[finest] * _FINER**k) for k in range(1, count + 1))
+def _runs_to_add(left_out: Sequence[LeftOut], count: int) -> tuple[float, ...]:
+    """Step sizes of further runs, from the reasons for which none of the others could be used."""
+    reasons = {each.dt: each.reason for each in left_out}
+    lost = [dt for dt, reason in reasons.items() if reason in (UNRESOLVED, ROUND_OFF)]
+    coarsest, finest = max(reasons), min(reasons)
+    if finest not in lost:
+        return tuple(finest * _FINER**k for k in range(1, count + 1))
     if reasons[coarsest] not in (UNSTABLE, UNSOLVED, PRE_ASYMPTOTIC):
-        return tuple(float(dt[coarsest] * _COARSER**k) for k in range(count, 0, -1))
+        return tuple(coarsest * _COARSER**k for k in range(count, 0, -1))
     # What is finer is lost in rounding and what is coarser is unstable: between the two.
-    ends = [dt[i] for i in range(len(dt)) if reasons[i] not in (UNRESOLVED, ROUND_OFF)]
-    low = max(dt[i] for i in range(len(dt)) if dt[i] < min(ends))
-    high = max((d for d in dt if d > min(ends)), default=min(ends))
-    between = np.geomspace(max(high, min(ends)), low, count + 2)[1:-1]
-    return tuple(float(each) for each in between)
+    finer = max(dt for dt in lost if dt < min(reasons.keys() - lost))
+    return tuple(float(each) for each in np.geomspace(coarsest, finer, count + 2)[1:-1])
 
 
 def _asymptotic_range(log_dt: np.ndarray, log_error: np.ndarray) -> int:
@@ -276,9 +315,13 @@ def _slope(dt: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
     # Where local slopes approach the order like dt, the finest one still lacks its last change
     # times 1/(ratio - 1).
     ratio = np.exp(np.mean(np.diff(log_dt)))
-    missing = np.clip(1.0 / (ratio - 1.0), *_EXTRAPOLATION) * np.max(
-        np.abs(local[1:3] - local[0]) / (1.0, 2.0)[: len(local) - 1]
-    )
+    lasting = np.clip(1.0 / (ratio - 1.0), *_EXTRAPOLATION)
+    changes = np.diff(local)[:2]
+    if len(changes) > 1 and changes[0] * changes[1] > 0.0:
+        # Where they drift, and their changes shrink more slowly than that, it lacks more.
+        shrink = min(changes[0] / changes[1], _SLOWEST)
+        lasting = max(lasting, shrink / (1.0 - shrink))
+    missing = lasting * np.max(np.abs(local[1:3] - local[0]) / (1.0, 2.0)[: len(local) - 1])
     return (
         slope,
         float(min(slope - half, local[0] - 2.0 * missing)),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -22,14 +23,14 @@ from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references.compute import reference_for
 from ropeode.references.options import Asked, ReferenceOptions
 from ropeode.references.reference import Reference, problem_of
-from ropeode.simulation import Trajectory, simulate
+from ropeode.simulation import Trajectory, simulate, step_size
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.trajectory import Status
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import ProblemClass, Stepper
 from ropeode.steppers.functions import StepFunction
 from ropeode.study.each_once import each_once, repeated
-from ropeode.study.error_constant import ErrorConstant, error_constant
+from ropeode.study.error_constant import ErrorConstant, believed, error_constant
 from ropeode.threads import cores, threads
 from ropeode.validation import bad_value, counted, whole_number
 
@@ -260,12 +261,11 @@ def table_of_rows(
     orders = []
     for stepper, prediction in zip(chosen, predictions, strict=True):
         runs = [row for row in rows if row.stepper == stepper.label]
-        order = order_of(problem, stepper, runs, resolution, size)
+        constant_of = None
         if prediction is not None:
             errors = {row.dt: (row.error_max, row.round_off) for row in runs}
-            constant = error_constant(reference, norm, errors, order.order, prediction)
-            order = dataclasses.replace(order, constant=constant)
-        orders.append(order)
+            constant_of = partial(error_constant, reference, norm, errors, prediction=prediction)
+        orders.append(order_of(problem, stepper, runs, resolution, size, constant_of))
     return AccuracyTable(problem, reference, norm, tuple(rows), tuple(orders))
 
 
@@ -400,7 +400,12 @@ def _row(run: Trajectory, rounding: float | None, reference: Reference, norm: No
 
 
 def order_of(
-    problem: Problem, stepper: Stepper, runs: Sequence[Any], resolution: float, size: float
+    problem: Problem,
+    stepper: Stepper,
+    runs: Sequence[Any],
+    resolution: float,
+    size: float,
+    constant_of: Callable[[ObservedOrder], ErrorConstant] | None = None,
 ) -> StepperOrder:
     """The order of a stepper, from its runs with several step sizes.
 
@@ -411,6 +416,8 @@ def order_of(
             `round_off` of a `Row`.
         resolution: below which an error is unresolved.
         size: how far the solution moves.
+        constant_of: holds the runs against theory, given the order that they show; None where
+            nothing is predicted.
     """
 
     def error_of(run: Any) -> float:
@@ -420,18 +427,26 @@ def order_of(
         return run.error_max if run.error_max is not None else 0.0
 
     of_class = problem_class(problem)
+    declared = None if problem.jump_times else stepper.order(of_class)
+    observed = partial(
+        observed_order,
+        [run.dt for run in runs],
+        [error_of(run) for run in runs],
+        resolution=resolution,
+        rounding=[run.round_off or 0.0 for run in runs],
+        motion=size,
+        solved=[run.status != "unsolved" for run in runs],
+    )
+    order = observed()
+    constant = None if constant_of is None else constant_of(order)
+    if constant is not None and constant.confirmed:
+        order = observed(claimed=constant.order)
     return StepperOrder(
         stepper=stepper.label,
-        expected=None if problem.jump_times else stepper.order(of_class),
-        order=observed_order(
-            [run.dt for run in runs],
-            [error_of(run) for run in runs],
-            resolution=resolution,
-            rounding=[run.round_off or 0.0 for run in runs],
-            motion=size,
-            solved=[run.status != "unsolved" for run in runs],
-        ),
+        expected=declared,
+        order=believed(order, declared, constant, step_size(problem, 1)),
         solves=stepper.solves(of_class),
+        constant=constant,
     )
 
 

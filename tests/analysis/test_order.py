@@ -207,6 +207,39 @@ def test_a_fractional_order_is_one_where_the_points_lie_on_a_line(order):
     assert found.observed == pytest.approx(order)
 
 
+# Of rk4 on y' = |t - 0.737| - y, which is of order 2 there, with 16 to 4096 steps.
+KINK = (7.989e-5, 2.559e-5, 5.195e-6, 4.655e-8, 2.109e-8, 1.083e-8, 4.888e-9, 2.941e-9)
+
+
+@pytest.mark.parametrize("last", [6, 7, 8])
+def test_a_few_of_many_points_on_a_line_decide_nothing(last):
+    found = observed_order(DTS[:last], KINK[:last])
+    assert found.verdict == "undetermined"
+    assert f"of {last} usable step sizes" in found.why
+    assert ("not smooth" in found.why) == (last == 8)
+    assert {point.dt for point in found.left_out} == set(DTS[:last])
+
+
+def test_points_on_a_line_after_a_smooth_bend_are_an_order():
+    """Four, if the coarser ones are bent away; five, if they break off."""
+    bent = DTS[:5] ** 2 * (1 + 100 * DTS[:5] ** 2)
+    assert observed_order(DTS[:5], bent).used == tuple(DTS[1:5])
+    assert observed_order(DTS[:4], bent[:4]).verdict == "undetermined"
+    for kept, verdict in ((3, "undetermined"), (4, "undetermined"), (5, "converges")):
+        broken = np.append(1.0, DTS[1 : kept + 1] ** 2)
+        assert observed_order(DTS[: kept + 1], broken).verdict == verdict
+    # Where an order is claimed, three points that have it are enough.
+    assert observed_order(DTS[:4], [1.0, *DTS[1:4] ** 2], claimed=2).verdict == "converges"
+
+
+def test_slopes_that_drift_widen_the_interval():
+    """Of rk4 on Lorenz's equations: of order 4, and the local slopes go up and up to 5.2."""
+    found = observed_order(DTS[:4], [4.002e-1, 1.289e-2, 3.814e-4, 1.027e-5])
+    assert found.verdict == "undetermined"
+    settling = observed_order(DTS[:4], DTS[:4] ** 4 * (1 + 3 * DTS[:4]))
+    assert settling.ci95[0] <= 4 <= settling.ci95[1]
+
+
 def test_growing_errors_do_not_converge_however_wide_the_interval():
     found = observed_order(DTS[:3], [1.0, 8.0, 80.0])
     assert found.ci95[1] - found.ci95[0] > 1

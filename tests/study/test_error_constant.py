@@ -10,9 +10,11 @@ import pytest
 
 from ropeode.analysis.order import observed_order
 from ropeode.norms import norm_for
+from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
+from ropeode.references.compute import reference
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.error_constant import ErrorConstant, error_constant
+from ropeode.study.error_constant import ErrorConstant, believed, error_constant
 from ropeode.theory.global_error import PredictedError
 
 
@@ -74,3 +76,60 @@ def test_runs_that_cannot_be_used_count_for_nothing():
     zero = error_constant(exact, norm_for(problem), runs, order, zero)
     assert zero.predicted is None
     assert zero.why == "the term with dt^1 vanishes"
+
+
+DTS = 0.1 / 2.0 ** np.arange(5)
+
+
+def held(errors, predicted, order=4, declared=4):
+    """The verdict on errors whose leading term theory predicts as ``predicted * dt**order``."""
+    measured = dict(zip(DTS[::-1], (errors / DTS**order)[::-1], strict=True))
+    theory = ErrorConstant(order, np.array([predicted]), None, measured)
+    return believed(observed_order(DTS, errors), declared, theory, 1.0)
+
+
+def test_a_line_that_is_not_theorys_is_not_yet_asymptotic():
+    """Order 4 with a small constant, beside a large term of order 5: a line of slope 5."""
+    errors = DTS**4 * (1 + 5000 * DTS)
+    assert observed_order(DTS, errors).observed == pytest.approx(5, abs=0.02)
+    found = held(errors, 1.0)
+    assert found.verdict == "undetermined"
+    assert found.observed is found.ci95 is None
+    # There the two terms differ by a factor of ten.
+    assert "not yet asymptotic: theory says order 4 from about 50000 steps" in found.why
+    assert found.add == (DTS[-1] / 2, DTS[-1] / 4)
+    # Coarse errors may cross the predicted line, and be close to it at one step size by accident.
+    crossing = DTS**5 / DTS[-1]
+    assert "not yet asymptotic" in held(crossing, 1.0).why
+
+
+def test_theory_excuses_no_wrong_stepper():
+    """Its own theory says what order it has, whatever it declares."""
+    found = held(3 * DTS, 3.0, order=1)
+    assert (found.verdict, round(found.observed, 3)) == ("converges", 1.0)
+    # Runs that go away from the predicted line the finer they are refute it.
+    found = held(DTS, 1.0)
+    assert (found.verdict, round(found.observed, 3)) == ("converges", 1.0)
+
+
+@pytest.mark.parametrize(("bend", "verdict"), [(0.0, "converges"), (0.6, "undetermined")])
+def test_without_theory_a_wide_interval_refutes_no_declared_order(bend, verdict):
+    order = observed_order(DTS, DTS**2 * (1 + bend * DTS / DTS[0]))
+    assert order.verdict == "converges"
+    none = ErrorConstant(None, None, "nobody knows", {})
+    for theory in (None, none):
+        assert believed(order, 3, theory, 1.0).verdict == verdict
+        assert believed(order, 2, theory, 1.0) == believed(order, None, theory, 1.0) == order
+
+
+@pytest.mark.slow
+def test_three_points_that_theory_confirms_are_an_order():
+    """Of rk4 on Lorenz's equations; coarser ones only look like order 5."""
+    truth = reference(PROBLEMS["lorenz"]())
+    table = accuracy_table(truth, ["rk4"], (64, 128, 256, 512, 1024), predict=True)
+    (found,) = table.orders
+    assert (found.order.verdict, len(found.order.used)) == ("converges", 3)
+    assert found.order.observed == pytest.approx(4, abs=0.05)
+    (found,) = accuracy_table(truth, ["rk4"], (16, 32, 64, 128), predict=True).orders
+    assert found.order.verdict == "undetermined"
+    assert "theory says order 4 from about" in found.order.why
