@@ -229,10 +229,11 @@ def certified(
             raise ReferenceRefused(
                 f"no reference for {problem.name!r}: {reason}.", reason, witnesses
             )
-    estimated = {
-        quantity: _with_looser_runs(series, quantity, witnesses, trusted)
-        for quantity, series in estimated.items()
-    }
+    if reason == Reason.UNSETTLED:
+        estimated = {
+            quantity: _with_looser_runs(series, quantity, witnesses, trusted)
+            for quantity, series in estimated.items()
+        }
     if trusted < len(problem.ts) and (coarse := coarse_times(problem, run.steps, run.reached)):
         reason = f"{reason}. {coarse.rstrip('.')}"
     return Reference(
@@ -265,7 +266,7 @@ def _with_looser_runs(
 ) -> np.ndarray:
     """A bound that beyond the horizon covers what any run says.
 
-    That the looser runs are further from the truth is known only as far as the ladder is trusted.
+    Where the ladder does not settle, nothing says that the looser runs are the less accurate ones.
     """
     apart = np.max([w.differences[quantity] for w in witnesses], axis=0)
     every = np.maximum(bound, np.maximum.accumulate(SAFETY_FACTOR * apart))
