@@ -13,6 +13,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import (
+    SAFETY_FACTOR,
     Certificate,
     Reason,
     Witness,
@@ -34,6 +35,7 @@ from ropeode.references.ladder import (
     climb,
     other_runs,
     recall,
+    rough_path,
     short_steps,
     solve_closely,
     solve_independent,
@@ -121,7 +123,8 @@ def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress
         raise ReferenceRefused(
             f"no reference for {problem.name!r}: {last.solver} at rtol {last.rtol:.0e} "
             f"{why}. Start where the right-hand side is smooth, declare its jump times, sample "
-            f"earlier, or ask for a looser rtol.{hints(problem, rungs[0])}",
+            f"earlier, or ask for a looser rtol."
+            f"{hints(problem, rungs[0], rough_path(solved, method, budget), rtol)}",
             Reason.STOPPED,
         )
     primary, tightest = recall(solved, method, rungs[primary_index], budget), rungs[-1]
@@ -196,7 +199,7 @@ def certified(
             f"{bound[1]:.1e}, accuracy {accuracy:.1e}). "
             "Ask for less accuracy, declare jump times if the right-hand side has jumps, "
             f"or see whether it is smooth and in float64.{unresolved}"
-            f"{hints(problem, primary.rungs[0])}",
+            f"{hints(problem, primary.rungs[0], independent.path, options.rtol)}",
             why,
             witnesses,
         )
@@ -226,6 +229,11 @@ def certified(
             raise ReferenceRefused(
                 f"no reference for {problem.name!r}: {reason}.", reason, witnesses
             )
+    if reason == Reason.UNSETTLED:
+        estimated = {
+            quantity: _with_looser_runs(series, quantity, witnesses, trusted)
+            for quantity, series in estimated.items()
+        }
     if trusted < len(problem.ts) and (coarse := coarse_times(problem, run.steps, run.reached)):
         reason = f"{reason}. {coarse.rstrip('.')}"
     return Reference(
@@ -251,6 +259,18 @@ def certified(
             sampling=findings.sampling,
         ),
     )
+
+
+def _with_looser_runs(
+    bound: np.ndarray, quantity: str, witnesses: Sequence[Witness], trusted: int
+) -> np.ndarray:
+    """A bound that beyond the horizon covers what any run says.
+
+    Where the ladder does not settle, nothing says that the looser runs are the less accurate ones.
+    """
+    apart = np.max([w.differences[quantity] for w in witnesses], axis=0)
+    every = np.maximum(bound, np.maximum.accumulate(SAFETY_FACTOR * apart))
+    return np.append(bound[:trusted], every[trusted:])
 
 
 def _first_failure(primary: Primary, runs: Sequence[Solution]) -> str:

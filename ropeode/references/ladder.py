@@ -16,10 +16,11 @@ from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.defect import Findings
 from ropeode.references.solvers import diffrax_solver
-from ropeode.references.solvers.solution import Solution
+from ropeode.references.solvers.solution import Path, Solution
 from ropeode.references.solvers.solver import (
     DOPRI8,
     KVAERNO5,
+    MOST_DENSE,
     OWN_DOP853,
     SCIPY_BDF,
     SCIPY_DOP853,
@@ -47,6 +48,8 @@ _RUNS_AFTER_THE_LADDER = 8
 _ROUNDING_SEEDS = (1, 2)
 _LOOSEST_ROUNDING = 1e-9
 _LOOSEST_PATH = 1e-10
+# Of a run that shows no more than how large the components are.
+_ROUGH, _ROUGH_STEPS = 1e-3, 2000
 # On the heat equation Radau's error at this tolerance is a hundredth of that of BDF at 1e-12.
 _TIGHTEST_BESIDE_BDF = 1e-10
 # A ladder that needs more memory than this keeps the states of two rungs only.
@@ -316,6 +319,17 @@ def solve_independent(
         if run.failure is None or budget.left == 0.0:
             break
     return run
+
+
+def rough_path(problem: Problem, method: Method, budget: Budget) -> Path | None:
+    """The steps of a loose run of the independent solver, where the ladder has failed."""
+    if problem.y0.size > MOST_DENSE:
+        return None
+    from ropeode.references.solvers import scipy_solver
+
+    tolerances = _ROUGH, _ROUGH * budget.scale
+    limits = {"max_steps": _ROUGH_STEPS, "seconds": budget.left}
+    return scipy_solver.solve(problem, method.independent, *tolerances, **limits).path
 
 
 def is_long(problem: Problem, method: Method, like: Solution) -> bool:

@@ -5,21 +5,25 @@ between them. Here it is evaluated at many more times, and compared with the pol
 values at the Chebyshev nodes of the step: inside a step a smooth one is that polynomial, to
 rounding.
 
-The solution between two ends of a step is the cubic through the states and slopes there. It need
-not be accurate: the same one is used for the nodes and for the other times. The defect y' - f would
-show the cubic's error instead, above all where a problem is stiff.
+What acts only while the state is in some place is met only by a path that passes there. The
+solution between two ends of a step begins as the polynomial through the states and slopes, and is
+improved until it is nearer to the solution than it moves from one time to the next: the right-hand
+side at the nodes, integrated, is the next path (Picard's iteration). Where a problem is stiff these
+grow apart, and the first one is kept; its steps are short. The defect y' - f would show the error
+of the path, above all there, instead of what is not smooth.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from ropeode.problems.problem import Problem
 from ropeode.problems.python_rhs import PythonRhs
@@ -39,6 +43,14 @@ _MOST_ROWS = 1024
 # At order 16 a step of three radians is a polynomial to rounding; an accurate one takes half a
 # radian.
 _NODES = 16
+# Of the path in a step. At a step of a radian it is within 1e-10 of the solution.
+_DEGREE = 8
+# The path may be off by so much of the way from one time to the next. Where a number turns around,
+# its way is a part of the longest in the step.
+_OFF, _TURNING = 1 / 16, 1 / 16
+_MOST_ROUNDS = 12
+# The last coefficients of a series, which are small if it is the right-hand side.
+_TAIL = 4
 _TRIPLES = np.array([0.127, 0.311, 0.487, 0.693, 0.871])
 # Of a step: how far the times of a triple are apart. What is smooth is straight there.
 _APART = 2.0**-26
@@ -86,7 +98,7 @@ class Sampler:
     many as if they were spread evenly over the steps.
 
     The first half of a mechanical problem's right-hand side is the velocities themselves. Along
-    the cubics these are polynomials, whatever the problem does, so that only the accelerations
+    the path these are polynomials, whatever the problem does, so that only the accelerations
     are looked at.
 
     Arguments:
@@ -156,8 +168,7 @@ class Sampler:
         return np.concatenate(allowed, axis=1)[:, self._first :]
 
     def _look_into(self, steps: np.ndarray, negligible: np.ndarray) -> Block:
-        curves = self._curves(steps)
-        coefficients, allowed, bend, largest = self._smooth_part(steps, curves)
+        curves, coefficients, allowed, bend, largest = self._smooth_part(steps)
         found: list[tuple[np.ndarray, ...]] = [(steps[:0], self.low[:0], self.low[:0])]
         rows = np.repeat(np.arange(len(steps)), self.parts[steps])
         part = np.concatenate([np.arange(count) for count in self.parts[steps]])
@@ -172,7 +183,7 @@ class Sampler:
             place = (part[block] * _ROW + phase)[:, None] + np.arange(_ROW)
             s = place / (self.parts[step] * _ROW)[:, None]
             t = self._inside(step, s)
-            values = self._values(t, s, *(each[row] for each in curves), self._leaves)
+            values = self._values(t, s, curves[row], self._leaves)
             smooth = coefficients[row]
             beyond = np.asarray(_beyond(values, smooth, s, allowed[row]))
             beyond = np.flatnonzero(beyond & real & self._looked_into[step])
@@ -193,23 +204,13 @@ class Sampler:
         every = (np.pad(each, before) for each in (bend, largest))
         return Block(share, step[order], t[order], size[order], *every)
 
-    def _curves(self, steps: np.ndarray) -> tuple[np.ndarray, ...]:
-        """The cubics through states and slopes at the ends of steps, by powers of s."""
-        y, rise = self._path.states[steps], self._path.states[steps + 1] - self._path.states[steps]
-        out, arriving = np.moveaxis(
-            self._length[steps, None, None] * self._path.slopes[steps], 1, 0
-        )
-        return y, out, 3 * rise - 2 * out - arriving, out + arriving - 2 * rise
-
-    def _smooth_part(
-        self, steps: np.ndarray, curves: tuple[np.ndarray, ...]
-    ) -> tuple[np.ndarray, ...]:
+    def _smooth_part(self, steps: np.ndarray) -> tuple[np.ndarray, ...]:
         """The polynomials through the values at the nodes, and what is no difference from them.
 
         Returns:
-            Chebyshev coefficients, ``(steps, nodes, numbers)``, of the numbers that are looked
-            at; the rest is ``(steps, numbers)``: what is no difference, and `bend` and `largest`
-            of `Block`.
+            The path, ``(steps, powers of s, numbers)``; Chebyshev coefficients, ``(steps, nodes,
+            numbers)``, of the numbers that are looked at; the rest is ``(steps, numbers)``: what
+            is no difference, and `bend` and `largest` of `Block`.
         """
         # Apart in floating-point numbers as well.
         apart = np.maximum(_APART, 4.0 / self._numbers_in[steps])[:, None, None]
@@ -218,28 +219,116 @@ class Sampler:
         s[:, :_NODES], s[:, _NODES:] = _CHEBYSHEV, 0.5
         s[:, _NODES : _NODES + triples[0].size] = triples.reshape(len(steps), -1)
         t = self._inside(steps, s)
-        values = self._evaluate(t, s, curves)
+        curves, values = self._along_the_solution(steps, t, s)
         nodes, rest = values[:, :_NODES], slice(_NODES, _NODES + triples[0].size)
         coefficients = np.einsum("kj,ijn->ikn", _TO_COEFFICIENTS, nodes)
         before, at, after = (s[:, rest][:, k::3, None] for k in range(3))
         a, b, c = (values[:, rest][:, k::3] for k in range(3))
         bend = np.max(np.abs(b - a - (at - before) / (after - before) * (c - a)), axis=1)
         # The same from a rounding error away: what differences of large numbers lose.
-        draws = np.random.default_rng(steps[0]).normal(size=(3, *curves[0].shape))
-        shifts = 2.0 * _EPS * curves[0] * draws
-        nudged = [*(curve + shift for curve, shift in zip(curves, shifts, strict=False)), curves[3]]
+        nudged = curves.copy()
+        draws = np.random.default_rng(steps[0]).normal(size=nudged[:, :3].shape)
+        nudged[:, :3] += 2.0 * _EPS * curves[:, :1] * draws
         moved = np.abs(self._evaluate(np.nextafter(t, -np.inf), s, nudged) - values)
         noise = np.maximum(bend, np.max(moved, axis=1))
         largest = np.max(np.abs(nodes), axis=1)
         allowed = _NOISE * noise + _ROUNDING * _EPS * largest
-        return coefficients, allowed, self._bent(steps, t, s, curves, values), largest
+        bent = self._bent(steps, t, s, curves, values)
+        return curves, coefficients, allowed, bent, largest
+
+    def _along_the_solution(
+        self, steps: np.ndarray, t: np.ndarray, s: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The path, ``(steps, powers of s, numbers)``, and the right-hand side along it.
+
+        Arguments:
+            steps: by index.
+            t: times in each, those of the nodes first.
+            s: the same, as parts of the step.
+        """
+        curves = self._between_the_ends(steps)
+        values = np.array(self._evaluate(t, s, curves))
+        off, better = self._improved(steps, curves, values[:, :_NODES])
+        going_on = np.flatnonzero(off > 1.0)
+        for _ in range(_MOST_ROUNDS):
+            if not len(going_on):
+                break
+            tried = better[going_on]
+            found = self._evaluate(t[going_on], s[going_on], tried)
+            off_now, next_ones = self._improved(steps[going_on], tried, found[:, :_NODES])
+            nearer = off_now < off[going_on]
+            kept = going_on[nearer]
+            curves[kept], values[kept] = tried[nearer], found[nearer]
+            off[kept], better[kept] = off_now[nearer], next_ones[nearer]
+            going_on = kept[off[kept] > 1.0]
+        return curves, values
+
+    def _between_the_ends(self, steps: np.ndarray) -> np.ndarray:
+        """The path through what is known at the ends of steps: states, slopes, accelerations."""
+        y, rise = self._path.states[steps], self._path.states[steps + 1] - self._path.states[steps]
+        length = self._length[steps, None]
+        out, arriving = np.moveaxis(length[:, None] * self._path.slopes[steps], 1, 0)
+        curves = np.zeros((len(steps), _DEGREE + 1, y.shape[1]))
+        curves[:, :4] = np.stack(
+            [y, out, 3 * rise - 2 * out - arriving, out + arriving - 2 * rise], axis=1
+        )
+        half = self._first
+        if half:
+            # How far the cubics' second derivatives are off, at the start and at the end.
+            square, cube = curves[:, 2, :half], curves[:, 3, :half]
+            first = length * out[:, half:] / 2 - square
+            last = length * arriving[:, half:] / 2 - square - 3 * cube
+            # Both are added as s^2 (1 - s)^2 times a straight line.
+            for power, part in zip(range(2, 6), _RIGHT_BEND, strict=True):
+                curves[:, power, :half] += part[0] * first + part[1] * last
+            powers = np.arange(1.0, 6.0)[:, None]
+            curves[:, :5, half:] = powers * curves[:, 1:6, :half] / length[:, None]
+        return curves
+
+    def _improved(
+        self, steps: np.ndarray, curves: np.ndarray, values: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Paths whose slopes are the right-hand side along others.
+
+        Arguments:
+            steps: by index.
+            curves: the other paths.
+            values: the right-hand side at the nodes along them.
+
+        Returns:
+            How far the two are apart, in units of what they may be, ``(steps,)``, and the paths.
+            Where the right-hand side is no polynomial, nothing is gained, and they are not apart.
+        """
+        length, half = self._length[steps, None, None], self._first
+        start, end = self._path.states[steps, None], self._path.states[steps + 1, None]
+        change = np.empty((len(steps), _NODES, start.shape[2]))
+        change[..., half:] = _integrated(length * values, (end - start)[..., half:])
+        slopes = values
+        if half:
+            velocities = start[..., half:] + change[..., half:]
+            change[..., :half] = _integrated(length * velocities, (end - start)[..., :half])
+            slopes = np.concatenate([velocities, values], axis=2)
+        apart = np.abs(change - _POWERS @ curves + start)
+        largest = np.maximum(np.abs(start), np.abs(end))
+        for quantity in np.split(largest, len(self._bounds), axis=2):
+            quantity[...] = np.max(quantity, axis=2, keepdims=True)
+        rounding = _ROUNDINGS * _EPS * largest
+        allowed = _OFF * self.spacing[steps, None, None] * np.abs(slopes)
+        most = np.max(allowed, axis=1, keepdims=True)
+        off = np.max(apart / (np.maximum(allowed, _TURNING * most) + rounding), axis=(1, 2))
+        tail = np.sum(np.abs(_TO_COEFFICIENTS[-_TAIL:] @ values), axis=1, keepdims=True)
+        smooth = length * tail / _NODES <= (most + rounding)[..., half:]
+        off = np.where(np.all(smooth, axis=(1, 2)), off, 0.0)
+        better = _TO_POWERS @ change
+        better[:, 0] += start[:, 0]
+        return off, better
 
     def _bent(
         self,
         steps: np.ndarray,
         t: np.ndarray,
         s: np.ndarray,
-        curves: tuple[np.ndarray, ...],
+        curves: np.ndarray,
         values: np.ndarray,
     ) -> np.ndarray:
         """How far values are from a straight line within a few rounding errors, for each step.
@@ -251,12 +340,14 @@ class Sampler:
             draw = np.random.default_rng(steps[0])
             # Of many sizes: what turns around between two floating-point numbers may look still.
             units = 2.0 ** draw.uniform(0.0, _MOST_DOUBLINGS, size=(len(some), 1))
-            shift = units * _EPS * curves[0][some] * draw.choice([-1.0, 1.0], curves[0][some].shape)
+            y = curves[some, 0]
+            shift = units * _EPS * y * draw.choice([-1.0, 1.0], y.shape)
             late = units * np.spacing(np.abs(t[some]))
             low, high = self.low[steps[some], None], self.high[steps[some], None]
 
             def nudged(by: float) -> np.ndarray:
-                here = [curves[0][some] + by * shift, *(each[some] for each in curves[1:])]
+                here = curves[some]
+                here[:, 0] += by * shift
                 return self._evaluate(np.clip(t[some] + by * late, low, high), s[some], here)
 
             # Not the largest: a corner or a jump may be near one of the times.
@@ -276,12 +367,18 @@ class Sampler:
         t = self._path.times[step, None] + s * self._length[step, None]
         return np.clip(t, self.low[step, None], self.high[step, None])
 
-    def _evaluate(self, t: np.ndarray, s: np.ndarray, curves: Sequence[np.ndarray]) -> np.ndarray:
+    def _evaluate(self, t: np.ndarray, s: np.ndarray, curves: np.ndarray) -> np.ndarray:
         """The right-hand side on the curves, ``(rows, times, numbers)``."""
         # The last row fills the block up, so that one compilation serves all.
         rows = np.minimum(np.arange(self._rows), len(t) - 1)
-        values = self._values(*(each[rows] for each in (t, s, *curves)), self._leaves)
+        values = self._values(t[rows], s[rows], curves[rows], self._leaves)
         return np.asarray(values)[: len(t)].swapaxes(1, 2)
+
+
+def _by_powers(series: np.ndarray) -> np.ndarray:
+    """A Chebyshev series from 0 to 1, by powers."""
+    shifted = np.polynomial.Chebyshev(series, domain=[0.0, 1.0])
+    return shifted.convert(kind=np.polynomial.Polynomial).coef
 
 
 _ANGLES = (np.arange(_NODES) + 0.5) * np.pi / _NODES
@@ -289,6 +386,25 @@ _CHEBYSHEV = (1.0 - np.cos(_ANGLES)) / 2.0
 # From values at the nodes to the coefficients of the polynomial through them.
 _TO_COEFFICIENTS = np.cos(np.outer(np.arange(_NODES), np.pi - _ANGLES)) * 2.0 / _NODES
 _TO_COEFFICIENTS[0] /= 2.0
+# From values at the nodes to the integrals of the polynomial from 0 to each node, and to 1.
+_INTEGRALS = np.stack(
+    [
+        chebyshev.chebval(2.0 * np.append(_CHEBYSHEV, 1.0) - 1.0, chebyshev.chebint(one, lbnd=-1))
+        for one in _TO_COEFFICIENTS.T / 2.0
+    ],
+    axis=1,
+)
+_POWERS = _CHEBYSHEV[:, None] ** np.arange(_DEGREE + 1)
+_TO_POWERS = np.stack([_by_powers(one[: _DEGREE + 1]) for one in _TO_COEFFICIENTS.T], axis=1)
+# The polynomials from 0 to 1 that are 0 at both ends with their slopes, and whose second
+# derivatives, halved, are 1 at one end and 0 at the other: coefficients of s^2 to s^5.
+_RIGHT_BEND = np.array([[1.0, 0.0], [-3.0, 1.0], [3.0, -2.0], [-1.0, 1.0]])
+
+
+def _integrated(slopes: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Integrals to the nodes, and a straight line that brings the last one to what it must be."""
+    whole = _INTEGRALS @ slopes
+    return whole[:, :-1] + _CHEBYSHEV[:, None] * (rise - whole[:, -1:])
 
 
 @jax.jit
@@ -320,16 +436,20 @@ def _beyond(values: Any, coefficients: Any, s: Any, allowed: Any) -> Any:
 
 @functools.lru_cache(maxsize=64)
 def _compiled(family: Family, rows: int, first: int) -> Callable:
-    """The right-hand side along cubics, from a number on: ``(rows, numbers, times)``.
+    """The right-hand side along polynomials, from a number on: ``(rows, numbers, times)``.
 
     Times are the last axis, along which processors compute several numbers at once.
     """
 
-    def value(t: Any, s: Any, a0: Any, a1: Any, a2: Any, a3: Any, leaves: Any) -> Any:
-        return family.field(t, a0 + s * (a1 + s * (a2 + s * a3)), leaves)[first:]
+    def value(t: Any, s: Any, curve: Any, leaves: Any) -> Any:
+        y = curve[_DEGREE]
+        for power in reversed(range(_DEGREE)):
+            y = curve[power] + s * y
+        return family.field(t, y, leaves)[first:]
 
-    row = jax.vmap(value, (0, 0, *5 * [None]), out_axes=-1)
-    every = jax.vmap(row, (*6 * [0], None))
+    row = jax.vmap(value, (0, 0, None, None), out_axes=-1)
+    every = jax.vmap(row, (0, 0, 0, None))
     _, leaves, *_ = family.inputs()
-    times, state = abstract((rows, _ROW)), abstract((rows, int(np.prod(family.shape))))
-    return jax.jit(every).lower(times, times, *4 * [state], leaves).compile()
+    times = abstract((rows, _ROW))
+    curves = abstract((rows, _DEGREE + 1, int(np.prod(family.shape))))
+    return jax.jit(every).lower(times, times, curves, leaves).compile()

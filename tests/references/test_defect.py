@@ -279,3 +279,20 @@ def test_what_changes_between_two_numbers_of_the_state_is_not_known(clock, rate,
         return
     apart = np.abs(known.states[:, 1] - 0.1 - np.sin(rate * problem.ts[: len(known.states)]))
     assert np.all(apart[: known.trusted] <= known.bound())
+
+
+def _disc_on_the_way(t, x, v, args):
+    """The path is (t, t^4), and a soft disc lies on it."""
+    centre, radius = args
+    push = jnp.maximum(0.0, 1.0 - jnp.sum((x - centre) ** 2) / radius**2)
+    return jnp.stack([jnp.zeros(()), 12.0 * t**2 + 1e4 * push])[None]
+
+
+def test_a_body_on_a_curved_path_is_met():
+    """Steps are so long that a cubic between their ends is a hundred radii beside the disc."""
+    for at, radius in ((0.3871, 1e-5), (0.71, 3e-6)):
+        problem = Problem.second_order(
+            _disc_on_the_way, [[0.0, 0.0]], [[1.0, 0.0]], [0.0, 1.0], (np.array([at, at**4]), radius)
+        )
+        with pytest.raises(ReferenceRefused, match=f"near t = {at:.3f}"):
+            reference(problem)

