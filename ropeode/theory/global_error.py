@@ -100,8 +100,8 @@ def predicted_error(
         return lacking
     order = min(each.order for each in (local, begin) if each.order is not None)
     along = solution_along(reference, part_of(progress, 0.2, 0.6))
-    if along is None:
-        return "the solution is stiff: it is smooth over a small part of a frame only"
+    if isinstance(along, str):
+        return along
     zeros = order + 1 if samples.carries_state else order
     later = SETTLED if local.one_step else SETTLED + _LATER
     rates: dict[int, list[np.ndarray]] = {SETTLED: [], later: []}
@@ -112,6 +112,7 @@ def predicted_error(
     start = begin.start(order).value[0]
 
     def propagated(settled: int, stride: int) -> np.ndarray:
+        progress("the error's equation", 1.0)
         rate = np.concatenate(rates[settled])[along.index]
         return _propagated(problem, times, start, *(e[::stride] for e in (along.t, along.y, rate)))
 
