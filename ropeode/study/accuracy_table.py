@@ -49,7 +49,7 @@ DEFAULT_STEPPERS = (
 DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
 
 # Seconds that predictions "in time" may take where runs take less.
-_LEAST_TIME = 2.0
+_LEAST_TIME = 5.0
 # Of the states of runs that run side by side.
 _MOST_BYTES = 2**28
 
@@ -164,7 +164,7 @@ def accuracy_table(
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
         predict: predict the error constants from single steps, and compare them with the runs.
-            "in time": those that take no longer than the runs, or 2 seconds if that is more; so
+            "in time": those that take no longer than the runs, or 5 seconds if that is more; so
             it depends on the machine which they are.
         progress: called with what is being done and the fraction that is done.
         asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.

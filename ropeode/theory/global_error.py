@@ -29,6 +29,8 @@ _STATES = 8
 _MOST_UNCERTAIN = 0.1
 # So many more steps are left to the start of a method with memory, to see what that changes.
 _LATER = 2
+# What may be left of a rate that is explained.
+_EXPLAINED = 1e-2
 # The relative tolerance of the variational equation.
 _RTOL = 1e-7
 
@@ -187,6 +189,31 @@ def _propagated(
         atol=_RTOL * scale,
     )
     return solution.y.T.reshape(-1, *shape)
+
+
+@in_float64
+def order_once_started(local: Expansion) -> int | None:
+    """The least order of the steps by themselves, where the start is of a lower one.
+
+    An error of the start moves on as a disturbance of the state does: its rate is f_y times itself,
+    up to twice its order, where its square comes in.
+
+    Arguments:
+        local: whose order is 1 or more.
+
+    Returns:
+        None where the start is not what the order is owed to.
+    """
+    if local.one_step or local.order is None or local.order < 1:
+        return None
+    least = max(local.order + 1, min(2 * local.order, local.seen + 1))
+    for order in range(local.order, least):
+        moved = derivative(local.problem)(local.t, local.y, local.start(order).value)
+        if not np.max(np.abs(local.rate(order).value - moved)) <= _EXPLAINED * np.max(
+            np.abs(moved)
+        ):
+            return order if order > local.order else None
+    return least
 
 
 def derivative(problem: Problem) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
