@@ -209,9 +209,8 @@ def order_once_started(local: Expansion) -> int | None:
     least = max(local.order + 1, min(2 * local.order, local.seen + 1))
     for order in range(local.order, least):
         moved = derivative(local.problem)(local.t, local.y, local.start(order).value)
-        if not np.max(np.abs(local.rate(order).value - moved)) <= _EXPLAINED * np.max(
-            np.abs(moved)
-        ):
+        rest = np.max(np.abs(local.rate(order).value - moved))
+        if not rest <= _EXPLAINED * np.max(np.abs(moved)):
             return order if order > local.order else None
     return least
 
