@@ -162,12 +162,13 @@ def _is_stiff(rates: Rates, times: np.ndarray, states: np.ndarray) -> bool:
         h = _column(nudge * size, y)
         v = np.random.default_rng(7).normal(size=y.shape)
         with np.errstate(all="ignore"):
+            unit = v
             for _ in range(_ITERATIONS):
-                v = v / _column(np.sqrt(_product(v, v)), y)
-                after = (rates(t, y + h * v) - slopes) / h
-                found, v = _product(v, after), after
+                unit = v / _column(np.sqrt(_product(v, v)), y)
+                v = (rates(t, y + h * unit) - slopes) / h
+            along = _product(unit, v)
             # Of what turns, this is small.
-            decay.append(np.where(found < -0.5 * np.sqrt(_product(v, v)), -found, 0.0))
+            decay.append(np.where(along < -0.5 * np.sqrt(_product(v, v)), -along, 0.0))
     small, large = decay
     steady = (small < 2.0 * large) & (large < 2.0 * small)
     return float(np.sum((small * frames)[steady])) > _STIFF
