@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ropeode.cli.job import job_from
-from ropeode.cli.options import table_options
+from ropeode.cli.options import predict_option, table_options
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
@@ -26,6 +26,7 @@ from ropeode.validation import bad_value
 )
 @click.option("--caption", metavar="TEXT", help="LaTeX: the caption, in LaTeX. [the problem]")
 @click.option("--label", metavar="NAME", help="LaTeX: what \\ref refers to.")
+@predict_option
 @out_option("table")
 def table(
     spec: Path | None,
@@ -34,6 +35,7 @@ def table(
     columns: list[str] | None,
     caption: str | None,
     label: str | None,
+    predict: bool | None,
     **options: str | None,
 ) -> None:
     """Print the accuracy table of a rope, or of another problem.
@@ -57,7 +59,10 @@ def table(
     if layout:
         check_layout(columns or COLUMNS[:1], label)
     job = job_from(spec, options)
-    put_out(with_progress(lambda progress: format_table(job.run(progress), form, **layout)), out)
+    put_out(
+        with_progress(lambda progress: format_table(job.run(progress, predict), form, **layout)),
+        out,
+    )
 
 
 @click.command()

@@ -112,6 +112,15 @@ dt_option = click.option(
 )
 
 
+# Of commands that compare runs with theory.
+predict_option = click.option(
+    "--predict/--no-predict",
+    default=None,
+    help="Predict the errors of all steppers, however long it takes, or of none. [of those in "
+    "--steppers, while it takes no longer than their runs]",
+)
+
+
 def _allow_no_code(ctx: click.Context, param: click.Parameter, chosen: bool) -> None:
     if chosen:
         os.environ[NO_CODE] = "1"

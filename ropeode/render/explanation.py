@@ -162,6 +162,12 @@ def _order_words(local: LocalStep) -> list[str]:
     words = [
         f"The error of a step begins with dt^{local.order + 1}: the step is of order {local.order}."
     ]
+    if local.later is not None:
+        words = [
+            f"Its start leaves an error of dt^{local.order}, which the steps that follow carry on: "
+            f"so runs are of order {local.order}. These steps are of order {local.later} or higher "
+            "by themselves."
+        ]
     better = [each for each in local.quantities if each.order is None or each.order > local.order]
     for each in better:
         verb = "is" if each.quantity == "state" else "are"

@@ -24,6 +24,9 @@ from ropeode.steppers.base import BuiltIn, Stepper
 # as quickly, then spoil it no more than rounding does.
 _H = 2.0**-15
 _WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+# How many steps a user's stepper may take to begin, and those whose derivatives must then be the
+# same, to this part of them.
+_BEGINNINGS, _AFTER, _SAME = (0, 1, 2, 4, 8, 16), (17, 18), 1e-6
 
 
 class StepMap:
@@ -48,6 +51,8 @@ class StepMap:
                 for function in (own.init, own.step, own.state)
             ]
         self._init, self._step, self._state = bound[:3]
+        own = type(stepper)
+        self._may_begin = own.init is not Stepper.init and not isinstance(stepper, BuiltIn)
 
     def moving(self, carried: Any, free: np.ndarray) -> np.ndarray:
         """Which numbers of what is carried can move, ``(numbers,)``.
@@ -70,10 +75,42 @@ class StepMap:
             ]
         )
 
+    def beginning(self, y: np.ndarray, dt: float, free: np.ndarray) -> int | None:
+        """After how many steps all that follow are the same, as a method that starts as another.
+
+        Arguments:
+            y: a state at rest.
+            dt: a short step size.
+            free: which coordinates of the problem's positions can move.
+
+        Returns:
+            None where steps still change after 16.
+        """
+        if not self._may_begin:
+            return 0
+        every = [self.start(y, dt)]
+        while len(every) <= _AFTER[-1]:
+            every.append(self.step(every[-1], dt))
+
+        def derivative(steps: int) -> np.ndarray | None:
+            before, after = every[steps], every[min(steps + 1, _AFTER[-1])]
+            if len(_flat(before)[0]) != len(_flat(after)[0]):
+                # What is carried still grows.
+                return None
+            return self.derivative(before, dt, self.moving(before, free))
+
+        expected = derivative(_BEGINNINGS[-1])
+        if expected is None or not all(_is_same(derivative(n), expected) for n in _AFTER):
+            return None
+        return next(n for n in _BEGINNINGS if _is_same(derivative(n), expected))
+
     @in_float64
-    def start(self, y: np.ndarray, dt: float) -> Any:
-        """What is carried into the first step from a state, as NumPy arrays."""
-        return jax.tree.map(np.array, self._init(y, dt))
+    def start(self, y: np.ndarray, dt: float, steps: int = 0) -> Any:
+        """What is carried into the first step from a state, or after some, as NumPy arrays."""
+        carried = jax.tree.map(np.array, self._init(y, dt))
+        for _ in range(steps):
+            carried = self._after(carried, dt)
+        return carried
 
     def first_sample(self, y: np.ndarray, dt: float) -> np.ndarray:
         """The state at the start, as the stepper hands it out before the first step."""
@@ -152,6 +189,14 @@ class StepMap:
             for i in (range(len(flat)) if chosen is None else chosen)
         ]
         return np.stack(found, axis=1)
+
+
+def _is_same(derivative: np.ndarray | None, expected: np.ndarray) -> bool:
+    if derivative is None or derivative.shape != expected.shape:
+        return False
+    # Where both are not finite, so is what follows.
+    apart = np.abs(derivative - expected)
+    return not np.any(apart > _SAME * np.max(np.abs(expected)))
 
 
 def _flat(carried: Any) -> tuple[np.ndarray, Callable]:

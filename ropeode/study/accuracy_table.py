@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,8 +49,13 @@ DEFAULT_STEPPERS = (
 )
 DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
 
+# Seconds that predictions "in time" may take where runs take less.
+_LEAST_TIME = 5.0
 # Of the states of runs that run side by side.
 _MOST_BYTES = 2**28
+
+IN_TIME: Literal["in time"] = "in time"
+Predict = bool | Literal["in time"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,7 +149,7 @@ def accuracy_table(
     steps_per_frame: ArrayLike = DEFAULT_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
-    predict: bool = False,
+    predict: Predict = False,
     progress: Progress = bar,
     **asked: Unpack[Asked],
 ) -> AccuracyTable:
@@ -159,6 +165,8 @@ def accuracy_table(
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
         predict: predict the error constants from single steps, and compare them with the runs.
+            "in time": those that take no longer than the runs, or 5 seconds if that is more; so
+            it depends on the machine which they are.
         progress: called with what is being done and the fraction that is done.
         asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
@@ -188,7 +196,7 @@ def tables_in_norms(
     steppers: Any,
     steps_per_frame: ArrayLike,
     norms: Sequence[Norm],
-    predict: bool,
+    predict: Predict,
     options: ReferenceOptions,
     progress: Progress,
 ) -> tuple[AccuracyTable, ...]:
@@ -208,9 +216,7 @@ def tables_in_norms(
         reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
         for each in compiled:
             each.result()
-        predicting = [
-            pool.submit(_predicted_error, reference, method) for method in methods if predict
-        ]
+        began = monotonic()
         # Those that take longest first, so that no processor is left without work at the end.
         running = {
             pool.submit(rows_of_run, problem, rescaled, method, steps, reference, norms): steps
@@ -223,6 +229,14 @@ def tables_in_norms(
             finished[rows[0].stepper, rows[0].steps_per_frame] = rows
             text = f"{rows[0].stepper}: {counted(rows[0].steps_per_frame, 'step')} per frame"
             progress(text, done / (len(chosen) * sum(steps_per_frame)))
+        latest = None
+        if predict == IN_TIME:
+            latest = monotonic() + max(_LEAST_TIME, monotonic() - began)
+        predicting = [
+            pool.submit(_predicted_error, reference, method, latest)
+            for method in methods
+            if predict
+        ]
         predictions = [each.result() for each in predicting] or [None] * len(chosen)
     progress("done", 1.0)
     every = [finished[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
@@ -232,11 +246,30 @@ def tables_in_norms(
     )
 
 
-def _predicted_error(reference: Reference, method: Method) -> PredictedError | str:
+class _TooLate(Exception):
+    """A prediction would take longer than it may."""
+
+
+def _predicted_error(
+    reference: Reference, method: Method, latest: float | None
+) -> PredictedError | str:
+    """What theory predicts, or why it predicts nothing.
+
+    Arguments:
+        latest: the time at which it is given up, between two of its parts; None for no limit.
+    """
     # Not above: it takes as long to import as JAX, and most tables predict nothing.
     from ropeode.theory.global_error import predicted_error
 
-    return predicted_error(reference, method)
+    def in_time(text: str, done: float | None) -> None:
+        del text, done
+        if latest is not None and monotonic() > latest:
+            raise _TooLate
+
+    try:
+        return predicted_error(reference, method, in_time)
+    except _TooLate:
+        return "that would have taken longer than the runs"
 
 
 def table_of_rows(

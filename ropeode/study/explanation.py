@@ -38,6 +38,7 @@ from ropeode.theory.changed_parameters import diagnose_parameters
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.equal_steps import StepDifference, equal_steppers, step_difference
 from ropeode.theory.expansion import Expansion, Term, expanded
+from ropeode.theory.global_error import order_once_started
 from ropeode.theory.linear_stability import LinearStability, linear_stability
 from ropeode.theory.modified_energy import ModifiedEnergy, modified_energy
 from ropeode.theory.nodes_first import nodes_first
@@ -125,6 +126,8 @@ class LocalStep:
         quantities: one for each.
         times: of the states.
         longest: step of the expansion, as the smallest and largest of these states.
+        later: the order, at least, of the steps by themselves, where the start is of a lower one;
+            else None.
         wrong: what it is at dt = 0, where it is not the identity; or which equation it solves
             in place of the problem's; None where it is right, or where nobody can say.
     """
@@ -135,6 +138,7 @@ class LocalStep:
     quantities: tuple[LocalQuantity, ...]
     times: tuple[float, ...]
     longest: tuple[float, float]
+    later: int | None
     wrong: Diagnosis | None
 
 
@@ -392,6 +396,7 @@ def _local_step(at: Expansion, wrong: Diagnosis | None) -> LocalStep:
         ),
         times=tuple(at.t.tolist()),
         longest=(float(np.nanmin(at.reach)), float(np.nanmax(at.reach))),
+        later=order_once_started(at),
         wrong=wrong,
     )
 

@@ -25,6 +25,7 @@ from ropeode.references.certificate import Level
 from ropeode.references.reference import Reference, problem_of
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
+    IN_TIME,
     AccuracyTable,
     StepsPerFrame,
     accuracy_table,
@@ -251,8 +252,14 @@ class TableJob:
         """What is solved."""
         return problem_of(self.given)
 
-    def run(self, progress: Progress) -> AccuracyTable:
-        """Make the table; raises as `accuracy_table` does."""
+    def run(self, progress: Progress, predict: bool | None = None) -> AccuracyTable:
+        """Make the table; raises as `accuracy_table` does.
+
+        Arguments:
+            progress: called with what is being done and the fraction that is done.
+            predict: the errors of all steppers, or of none; by default of those that somebody
+                named, where that takes no longer than the runs.
+        """
         spec = self.spec
         return accuracy_table(
             self.given,
@@ -260,7 +267,7 @@ class TableJob:
             spec.steps_per_frame,
             norm=spec.norm,
             # That of all default steppers would take longer than their runs.
-            predict=spec.steppers is not None,
+            predict=(spec.steppers is not None and IN_TIME) if predict is None else predict,
             progress=progress,
             **spec.asked,
         )

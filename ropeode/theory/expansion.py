@@ -29,6 +29,8 @@ _EPS = float(np.finfo(np.float64).eps)
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
 # Steps of a method with memory, and how many of the first are left to its start.
 STEPS, SETTLED = 10, 3
+# So many more of a user's, which may begin as another method than it goes on as.
+_BEGINNING = 3
 # By how much of the right-hand side two steps in a row must differ that are still settling.
 _SETTLING = 1e-2
 # The most terms that are fitted to what the steps show, and how many steps are left out to see what
@@ -100,6 +102,8 @@ class Expansion:
         # What a step that projects leaves of the constraints is in the state, and it settles as
         # memory does.
         steps = 1 if samples.carries_state and not self.problem.rigid else STEPS
+        if samples.may_begin:
+            settled, steps = settled + _BEGINNING, steps + _BEGINNING
         self.ladder = reach / steps
         dt = self.ladder[:, None] * LADDER[:rungs]
         states = samples.after(t, y, dt, steps)
@@ -395,20 +399,27 @@ def _fits(steps: tuple[int, ...]) -> list[_Fit]:
 def _is_one_step(
     samples: StepSamples, t: np.ndarray, y: np.ndarray, dt: np.ndarray, states: np.ndarray
 ) -> bool:
-    """Whether the stepper may be stopped and started again at any state that it hands out."""
-    rungs = [0, dt.shape[1] // 2]
-    start, once, twice = (states[:, rungs, n] for n in range(3))
+    """Whether the stepper may be stopped and started again at any state that it hands out.
+
+    That is tried after the first step, and after all but the last: it may begin as another method.
+    """
+    rungs, stops = [0, dt.shape[1] // 2], [1, states.shape[2] - 2]
+    start, after = states[:, rungs, 0], np.stack([states[:, rungs, n + 1] for n in stops])
     again = np.stack(
         [
-            samples.after(t + dt[:, rung], once[:, i], dt[:, rung : rung + 1], 1)[:, 0, 1]
-            for i, rung in enumerate(rungs)
-        ],
-        axis=1,
-    )
+            [
+                samples.after(t + n * dt[:, rung], states[:, rung, n], dt[:, rung : rung + 1], 1)[
+                    :, 0, 1
+                ]
+                for rung in rungs
+            ]
+            for n in stops
+        ]
+    ).swapaxes(1, 2)
     # Velocities that are differences of positions have their rounding, divided by dt.
     size = _EPS * float(np.max(np.abs(y)))
     close = _SAME * size + _DISTURBANCE * size / dt[:, rungs].reshape(-1, 2, *(1,) * (y.ndim - 1))
-    return bool(np.all(np.abs(start - y[:, None]) <= close) and np.all(abs(again - twice) <= close))
+    return bool(np.all(np.abs(start - y[:, None]) <= close) and np.all(abs(again - after) <= close))
 
 
 def _settles(samples: StepSamples, t: np.ndarray, dt: np.ndarray, states: np.ndarray) -> bool:

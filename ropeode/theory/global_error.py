@@ -29,6 +29,8 @@ _STATES = 8
 _MOST_UNCERTAIN = 0.1
 # So many more steps are left to the start of a method with memory, to see what that changes.
 _LATER = 2
+# What may be left of a rate that is explained.
+_EXPLAINED = 1e-2
 # The relative tolerance of the variational equation.
 _RTOL = 1e-7
 
@@ -100,8 +102,8 @@ def predicted_error(
         return lacking
     order = min(each.order for each in (local, begin) if each.order is not None)
     along = solution_along(reference, part_of(progress, 0.2, 0.6))
-    if along is None:
-        return "the solution is stiff: it is smooth over a small part of a frame only"
+    if isinstance(along, str):
+        return along
     zeros = order + 1 if samples.carries_state else order
     later = SETTLED if local.one_step else SETTLED + _LATER
     rates: dict[int, list[np.ndarray]] = {SETTLED: [], later: []}
@@ -112,6 +114,7 @@ def predicted_error(
     start = begin.start(order).value[0]
 
     def propagated(settled: int, stride: int) -> np.ndarray:
+        progress("the error's equation", 1.0)
         rate = np.concatenate(rates[settled])[along.index]
         return _propagated(problem, times, start, *(e[::stride] for e in (along.t, along.y, rate)))
 
@@ -187,6 +190,30 @@ def _propagated(
         atol=_RTOL * scale,
     )
     return solution.y.T.reshape(-1, *shape)
+
+
+@in_float64
+def order_once_started(local: Expansion) -> int | None:
+    """The least order of the steps by themselves, where the start is of a lower one.
+
+    An error of the start moves on as a disturbance of the state does: its rate is f_y times itself,
+    up to twice its order, where its square comes in.
+
+    Arguments:
+        local: whose order is 1 or more.
+
+    Returns:
+        None where the start is not what the order is owed to.
+    """
+    if local.one_step or local.order is None or local.order < 1:
+        return None
+    least = max(local.order + 1, min(2 * local.order, local.seen + 1))
+    for order in range(local.order, least):
+        moved = derivative(local.problem)(local.t, local.y, local.start(order).value)
+        rest = np.max(np.abs(local.rate(order).value - moved))
+        if not rest <= _EXPLAINED * np.max(np.abs(moved)):
+            return order if order > local.order else None
+    return least
 
 
 def derivative(problem: Problem) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:

@@ -35,6 +35,8 @@ _STILL_ROUNDINGS = 64.0
 _MOST_CORRECTIONS = 20
 # Of a step size: how closely a limit is found, and how closely a predicted one is tried.
 _PRECISION, _CONFIRMED = 1e-6, 1e-3
+# Of a frame: a step with which nothing blows up while a stepper begins.
+_SHORT = 2.0**-10
 
 
 @dataclasses.dataclass(frozen=True)
@@ -272,6 +274,16 @@ class _Linearised:
         self._rounding = _EPS if self._map.exact else _DIFFERENCE
         self._free = free_coordinates(problem)
         self.frame = step_size(problem, 1)
+        begin = self._map.beginning(self._y, _SHORT * self.frame, self._free)
+        if begin is None and self._stands_still:
+            raise bad_value(
+                "stepper",
+                self._name,
+                "one that has settled after 16 steps: each step of this one is another",
+                "choose another one",
+            )
+        # From a state that moves, no two steps are the same.
+        self._begin = begin or 0
 
     def growth(self, steps: float) -> Growth:
         """The `Growth` at so many steps per frame, which need be no whole number."""
@@ -305,7 +317,7 @@ class _Linearised:
 
     def _matrix(self, dt: float) -> np.ndarray:
         """The derivative of one step, over what can move of what is carried."""
-        carried = self._map.start(self._y, dt)
+        carried = self._map.start(self._y, dt, self._begin)
         free = self._map.moving(carried, self._free)
         flattened, unravel = ravel_pytree(carried)
         flat: Any = np.asarray(flattened)

@@ -16,21 +16,25 @@ from ropeode.simulation.method import Method
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.user_clock import on_user_clock
+from ropeode.steppers.base import BuiltIn, Stepper
 from ropeode.theory.linear_equations import Spring
 
 # Rows that a compiled program takes at once, and springs side by side in NumPy.
 _CHUNK, _TOGETHER = 1024, 256
-_RUN = 3
+# Steps of a run that shows what a step does; and of one that shows whether a user's step, which may
+# begin as another method than it goes on as, does the same at each step; and how many of these it
+# may take to begin. Its matrix must give all samples that follow.
+_RUN, _LONG_RUN, BEGINNINGS = 3, 32, (1, 2, 4, 8, 16)
 # Of the largest entry: what is no zero, and by how much powers of a matrix may be others. An
 # implicit step solves its equations to a tolerance.
 _ZERO, _SAME = 1e-12, 1e-8
 
 
 class _Memory(NamedTuple):
-    """The second step as a map of what is carried; a start may take the first in another way.
+    """A step as a map of what is carried, once the stepper no longer begins.
 
     Fields:
-        start: from states to what is carried into it, ``(cases, carried, state)``.
+        start: from states at the start to what is carried into it, ``(cases, carried, state)``.
         step: to what is carried after it, ``(cases, carried, carried)``.
         state: to samples, ``(cases, state, carried)``.
     """
@@ -55,31 +59,57 @@ class LinearMethod:
         self._shape = equation.y0.shape
         self._stepper = method.stepper.on(None)
         self.equation = equation
+        own = type(method.stepper)
+        self._may_begin = own.init is not Stepper.init and not issubclass(own, BuiltIn)
+        self._beginning = BEGINNINGS[0]
         self.is_compiled = method.trial.compiled
 
-    def settle(self, args: np.ndarray) -> None:
+    def settle(self, args: np.ndarray) -> bool:
         """Find out whether memory counts, from generic cases, ``(cases, numbers)``.
 
         And for springs in Python, whether many of them can be one state.
+
+        Returns:
+            Whether all steps of a run are one linear map of what is carried, after the first ones.
         """
         samples = self.powers(args)
         if not self.is_compiled and self.kind is Spring:
             self.is_together = True
             with contextlib.suppress(Exception):
                 self.is_together = _same(self.powers(args), samples)
+        if self._may_begin:
+            samples = self.powers(args, _LONG_RUN)
         once = samples[:, 1]
-        expected = np.broadcast_to(np.eye(self.size), once.shape), once, once @ once
-        self.is_one_step = _same(samples[:, 0], expected[0]) and all(
-            _same(samples[:, k + 1], expected[k] @ once) for k in (1, 2)
+        self.is_one_step = _same(samples[:, 0], np.broadcast_to(np.eye(self.size), once.shape))
+        self.is_one_step &= all(
+            _same(samples[:, k + 1], samples[:, k] @ once) for k in range(1, samples.shape[1] - 1)
         )
         if self.is_one_step:
-            return
+            return True
+        if self._may_begin and not self._goes_on(args, samples):
+            return False
         # Those numbers of what is carried that the state moves, and that move the state. Where
         # the two components go their own ways, what belongs to the first will do.
         real = args.copy()
         real[:, 1] = 0.0
         self._kept = self._that_counts(args, slice(None))
         self._kept_if_real = self._that_counts(real, slice(None, None, 2))
+        return True
+
+    def _goes_on(self, args: np.ndarray, samples: np.ndarray) -> bool:
+        """Find after how many steps the matrix of one gives all samples that follow."""
+        for self._beginning in BEGINNINGS:
+            start, step, state = self._memory(args)
+            if step.shape[1] != step.shape[2]:
+                # What is carried still grows.
+                continue
+            for sample in np.moveaxis(samples[:, self._beginning :], 1, 0):
+                if not _same(state @ start, sample):
+                    break
+                start = step @ start
+            else:
+                return True
+        return False
 
     def _that_counts(self, args: np.ndarray, numbers: slice) -> np.ndarray:
         """The indices of what is carried that some numbers of the state move and are moved by."""
@@ -110,13 +140,10 @@ class LinearMethod:
         found = np.stack(columns, axis=2)
         return found[:, ::2] + 1j * found[:, 1::2]
 
-    def powers(self, args: np.ndarray) -> np.ndarray:
+    def powers(self, args: np.ndarray, steps: int = _RUN) -> np.ndarray:
         """From a state at the start to the samples of a run, ``(cases, samples, size, size)``."""
-        units = np.eye(self.size)
-        return np.stack(
-            [self.runs(args, np.broadcast_to(unit, (len(args), self.size))) for unit in units],
-            axis=3,
-        )
+        units = np.broadcast_to(np.eye(self.size)[:, None], (self.size, len(args), self.size))
+        return np.stack([self.runs(args, unit, steps=steps) for unit in units], axis=3)
 
     def runs(
         self,
@@ -132,10 +159,10 @@ class LinearMethod:
             args: ``(cases, numbers)``.
             y: where they start, ``(cases, size)``.
             t, dt: when they start, and their step size.
-            steps: 3 at most.
+            steps: 32 at most.
         """
         if self.is_compiled:
-            return self._chunks(self._compiled_run, args, t, dt, y)[:, : steps + 1]
+            return self._chunks(self._compiled_run, args, t, dt, steps, y)[:, : steps + 1]
         if self.is_together and len(args) > 1:
             return self._together(args, y, t, dt, steps)
         with one_at_a_time(), np.errstate(all="ignore"):
@@ -171,10 +198,11 @@ class LinearMethod:
 
     def _memory(self, args: np.ndarray) -> _Memory:
         if self.is_compiled:
-            return _Memory(*self._chunks(self._compiled_memory, args, 0.0, 1.0))
+            return _Memory(*self._chunks(self._compiled_memory, args, 0.0, 1.0, self._beginning))
+        zero, steps = np.zeros(self.size), self._beginning
         with one_at_a_time(), np.errstate(all="ignore"):
             rows = [
-                on_user_clock(_expanded, *self._in_python(row, 0.0, 1.0), np.zeros(self.size))
+                on_user_clock(_expanded, *self._in_python(row, 0.0, 1.0), zero, steps)
                 for row in args
             ]
         return _Memory(*map(np.stack, zip(*rows, strict=True)))
@@ -190,7 +218,13 @@ class LinearMethod:
         )
 
     def _chunks(
-        self, program: Callable, args: np.ndarray, t: float, dt: float, y: np.ndarray | None = None
+        self,
+        program: Callable,
+        args: np.ndarray,
+        t: float,
+        dt: float,
+        steps: int,
+        y: np.ndarray | None = None,
     ) -> Any:
         """What a compiled program makes of all rows, in pieces that are equally long."""
         given = [args] if y is None else [args, y]
@@ -199,7 +233,8 @@ class LinearMethod:
             rows = [each[first : first + _CHUNK] for each in given]
             count = len(rows[0])
             padded = [np.pad(each, [(0, _CHUNK - count), (0, 0)], mode="edge") for each in rows]
-            found = on_user_clock(jax.block_until_ready, on_user_clock(program, t, dt, *padded))
+            result = on_user_clock(program, t, dt, steps, *padded)
+            found = on_user_clock(jax.block_until_ready, result)
             pieces.append(jax.tree.map(lambda each, count=count: np.asarray(each)[:count], found))
         return jax.tree.map(lambda *each: np.concatenate(each), *pieces)
 
@@ -210,30 +245,39 @@ class LinearMethod:
 
     @functools.cached_property
     def _compiled_run(self) -> Callable:
-        def run(t: Any, dt: Any, row: Any, y: Any) -> Any:
+        def run(t: Any, dt: Any, steps: Any, row: Any, y: Any) -> Any:
             init, step, state = self._in_jax(row, t, dt)
-            return _run(init, step, state, y, _RUN)
+
+            def advance(i: Any, progress: tuple[Any, Any]) -> tuple[Any, Any]:
+                carried = step(i, progress[0])
+                return carried, progress[1].at[i + 1].set(state(i + 1, carried))
+
+            carried = init(y)
+            samples = jnp.zeros((_LONG_RUN + 1, self.size)).at[0].set(state(0, carried))
+            return jax.lax.fori_loop(0, steps, advance, (carried, samples))[1]
 
         return self._compile(run, (_CHUNK, len(self.kind._fields)), (_CHUNK, self.size))
 
     @functools.cached_property
     def _compiled_memory(self) -> Callable:
-        def memory(t: Any, dt: Any, row: Any) -> Any:
+        def memory(t: Any, dt: Any, steps: Any, row: Any) -> Any:
             init, step, state = self._in_jax(row, t, dt)
-            return _expanded(init, step, state, jnp.zeros(self.size))
+            return _expanded(init, step, state, jnp.zeros(self.size), steps)
 
         return self._compile(memory, (_CHUNK, len(self.kind._fields)))
 
     def _compile(self, function: Callable, *rows: tuple[int, ...]) -> Callable:
         """Before the user's clock runs."""
-        given = [jax.ShapeDtypeStruct(shape, np.float64) for shape in ((), (), *rows)]
-        batch = jax.vmap(function, in_axes=(None, None, *(0 for _ in rows)))
-        return jax.jit(batch).lower(*given).compile()
+        number = jax.ShapeDtypeStruct((), np.float64)
+        given = [jax.ShapeDtypeStruct(shape, np.float64) for shape in rows]
+        steps = jax.ShapeDtypeStruct((), np.int64)
+        batch = jax.vmap(function, in_axes=(None, None, None, *(0 for _ in rows)))
+        return jax.jit(batch).lower(number, number, steps, *given).compile()
 
     def _in_jax(self, row: Any, t: Any, dt: Any) -> tuple[Callable, ...]:
         equation, args = self.equation, self.kind(*row)
         init, step, state = on_stored_states(self._stepper, equation.rhs, equation.mechanics)
-        # Traced once, for all steps of a run.
+        # Traced once, for all steps.
         once = jax.jit(step)
         return (
             lambda y: init(args, t, y.reshape(self._shape), dt),
@@ -242,17 +286,19 @@ class LinearMethod:
         )
 
 
-def _run(init: Callable, step: Callable, state: Callable, y: Any, steps: int) -> Any:
+def _run(init: Callable, step: Callable, state: Callable, y: np.ndarray, steps: int) -> np.ndarray:
     """The samples of a run, ``(steps + 1, size)``."""
     carried = init(y)
-    samples = [state(0.0, carried)]
+    samples = [state(0, carried)]
     for i in range(steps):
-        carried = step(float(i), carried)
-        samples.append(state(i + 1.0, carried))
-    return (np if isinstance(y, np.ndarray) else jnp).stack(samples)
+        carried = step(i, carried)
+        samples.append(state(i + 1, carried))
+    return np.stack(samples)
 
 
-def _expanded(init: Callable, step: Callable, state: Callable, zero: Any) -> _Memory:
+def _expanded(
+    init: Callable, step: Callable, state: Callable, zero: Any, beginning: Any
+) -> _Memory:
     """By values alone: what is affine shows its matrices so, to rounding.
 
     Arguments:
@@ -260,23 +306,34 @@ def _expanded(init: Callable, step: Callable, state: Callable, zero: Any) -> _Me
         step: ``step(i, carried)``, from the time of step i.
         state: ``state(i, carried)``, at the time of step i.
         zero: the state zero.
+        beginning: how many steps come before the one that is looked at.
     """
-    still = step(0.0, init(zero))
+    in_numpy = isinstance(zero, np.ndarray)
+
+    def begun(y: Any) -> Any:
+        if not in_numpy:
+            return jax.lax.fori_loop(0, beginning, step, init(y))
+        carried = init(y)
+        for i in range(beginning):
+            carried = step(i, carried)
+        return carried
+
+    still = begun(zero)
     origin = _numbers(still)
-    after, shown = _numbers(step(1.0, still)), state(1.0, still)
+    after, shown = _numbers(step(beginning, still)), state(beginning, still)
 
     def near(direction: Any) -> Any:
         return _with_numbers(still, origin + direction)
 
     def columns(function: Callable, size: int) -> Any:
-        if isinstance(zero, np.ndarray):
+        if in_numpy:
             return np.stack([function(unit) for unit in np.eye(size)], axis=1)
         return jax.vmap(function)(jnp.eye(size)).T
 
     return _Memory(
-        columns(lambda e: _numbers(step(0.0, init(e))) - origin, len(zero)),
-        columns(lambda e: _numbers(step(1.0, near(e))) - after, len(origin)),
-        columns(lambda e: state(1.0, near(e)) - shown, len(origin)),
+        columns(lambda e: _numbers(begun(e)) - origin, len(zero)),
+        columns(lambda e: _numbers(step(beginning, near(e))) - after, len(origin)),
+        columns(lambda e: state(beginning, near(e)) - shown, len(origin)),
     )
 
 

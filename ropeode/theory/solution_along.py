@@ -9,7 +9,7 @@ import numpy as np
 
 from ropeode.progress import Progress, silent
 from ropeode.references.reference import Reference
-from ropeode.theory.flow import Flow, short_flow
+from ropeode.theory.flow import Flow, Rates, short_flow
 from ropeode.theory.step_samples import rates_of
 
 # States at which a piece is looked at; pieces may be so many; states that are taken at once.
@@ -17,6 +17,15 @@ _PLACES, _MOST_PIECES, _AT_ONCE = 6, 3000, 512
 # The states lie in the first half of the time over which the flow is known: from each of them it
 # is known for the other half.
 _FRACTIONS = np.arange(_PLACES + 1) / (2 * _PLACES)
+
+# A piece that is shorter than this part of the usual one stops at something that is not smooth.
+_ABRUPT = 1e-2
+# Differences that show the derivative of the right-hand side, beside the size of a state: one that
+# depends on how far is a root's. Iterations towards its fastest direction. Where a problem is
+# stiff, all of it decays so many times.
+_NUDGES, _ITERATIONS, _STIFF = (1e-7, 1e-5), 6, 300.0
+# The disturbance of time, in units of its last place, that shows a jump, and how large that is.
+_DISTURBANCE, _JUMP = 64.0, 1e-6
 
 
 class Pieces(NamedTuple):
@@ -64,7 +73,7 @@ class Along(NamedTuple):
         return np.concatenate([each.y for each in self.pieces])[self.index]
 
 
-def solution_along(reference: Reference, progress: Progress = silent) -> Along | None:
+def solution_along(reference: Reference, progress: Progress = silent) -> Along | str:
     """The solution of a reference between its samples, to rounding, from sample to sample.
 
     Arguments:
@@ -72,7 +81,7 @@ def solution_along(reference: Reference, progress: Progress = silent) -> Along |
         progress: called with what is being done and the fraction that is done.
 
     Returns:
-        None where it is smooth in very short pieces only: the problem is stiff.
+        A reason in place of it where it is smooth in very short pieces only.
     """
     kept = _kept(reference)
     if not kept:
@@ -81,17 +90,23 @@ def solution_along(reference: Reference, progress: Progress = silent) -> Along |
 
 
 @functools.lru_cache(maxsize=4)
-def _kept(reference: Reference) -> list[Along | None]:
+def _kept(reference: Reference) -> list[Along | str]:
     del reference
     return []
 
 
-def _followed(reference: Reference, progress: Progress) -> Along | None:
+def _followed(reference: Reference, progress: Progress) -> Along | str:
     times, states = reference.times[: reference.trusted], reference.states[: reference.trusted]
     own_rates, found, count = rates_of(reference.problem), [], 0
     # All frames are begun at once, and each is followed to its end.
     t, y, left = times[:-1], states[:-1], np.diff(times)
     length = 2.0 * left
+    # Where a frame ends no piece shows it.
+    late = _DISTURBANCE * np.spacing(np.max(np.abs(times)))
+    before, after = (own_rates(times + way * late, states) for way in (-1.0, 1.0))
+    jump = _largest(after - before)[1:-1] > _JUMP * np.max(np.abs(after), initial=0.0)
+    if np.any(jump):
+        return f"the right-hand side jumps at t = {times[1:-1][jump][0]:.6g}"
 
     def rates(t: np.ndarray, y: np.ndarray) -> np.ndarray:
         progress("following the solution", done)
@@ -104,7 +119,16 @@ def _followed(reference: Reference, progress: Progress) -> Along | None:
         with np.errstate(invalid="ignore"):
             needed = count + np.sum(np.maximum(1.0, 2.0 * left / length))
         if not needed < _MOST_PIECES:
-            return None
+            short = int(np.argmin(np.nan_to_num(length)))
+            if _is_stiff(own_rates, times, states):
+                return "the solution is stiff: it is smooth over a small part of a frame only"
+            usual = np.median(np.concatenate([length, *(each[2].length for each in found)]))
+            if not length[short] > _ABRUPT * usual:
+                return (
+                    f"near t = {t[short]:.4g} the right-hand side is not smooth, or changes very "
+                    "fast"
+                )
+            return "the solution is smooth over a small part of a frame only"
         count += len(t)
         found.append((t[:, None] + _FRACTIONS * length[:, None], y[:, None] + moved, flow))
         more = length < 2.0 * left
@@ -126,3 +150,37 @@ def _followed(reference: Reference, progress: Progress) -> Along | None:
     last[np.argmax(every)] = False
     inner = np.flatnonzero(~last)
     return Along(pieces, inner[np.argsort(every[inner])])
+
+
+def _is_stiff(rates: Rates, times: np.ndarray, states: np.ndarray) -> bool:
+    """Whether something decays much faster than a frame is long, all along the solution."""
+    # The last state is followed no further.
+    t, y, frames = times[:-1], states[:-1], np.diff(times)
+    size = np.maximum(_largest(y), float(np.max(np.abs(states))) * _NUDGES[0])
+    slopes, decay = rates(t, y), []
+    for nudge in _NUDGES:
+        h = _column(nudge * size, y)
+        v = np.random.default_rng(7).normal(size=y.shape)
+        with np.errstate(all="ignore"):
+            unit = v
+            for _ in range(_ITERATIONS):
+                unit = v / _column(np.sqrt(_product(v, v)), y)
+                v = (rates(t, y + h * unit) - slopes) / h
+            along = _product(unit, v)
+            # Of what turns, this is small.
+            decay.append(np.where(along < -0.5 * np.sqrt(_product(v, v)), -along, 0.0))
+    small, large = decay
+    steady = (small < 2.0 * large) & (large < 2.0 * small)
+    return float(np.sum((small * frames)[steady])) > _STIFF
+
+
+def _column(values: np.ndarray, like: np.ndarray) -> np.ndarray:
+    return values.reshape(-1, *(1,) * (like.ndim - 1))
+
+
+def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.sum((a * b).reshape(len(a), -1), axis=1)
+
+
+def _largest(states: np.ndarray) -> np.ndarray:
+    return np.max(np.abs(states).reshape(len(states), -1), axis=1, initial=0.0)

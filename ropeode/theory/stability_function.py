@@ -12,7 +12,7 @@ from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.simulation.method import Method, method_of
 from ropeode.theory import linear_equations
-from ropeode.theory.linear_method import LinearMethod
+from ropeode.theory.linear_method import BEGINNINGS, LinearMethod
 
 # Points on circles about zero: small ones for leading terms, a larger one for polynomials, whose
 # degree stays below a quarter of the number of points.
@@ -32,6 +32,10 @@ _CASES = (
     (37.25, 1.0, 1.0),
     (0.0, 2.0**-12, 1.0),
     (0.0, 2.0**6, 1.0),
+)
+_UNSETTLED = (
+    f"it has not settled after {BEGINNINGS[-1]} steps: later steps are not one matrix of what is "
+    "carried"
 )
 
 Equation = Literal["y' = lambda y", "x'' = -omega^2 x - 2 gamma x'"]
@@ -174,7 +178,8 @@ def _on_rates(method: Method) -> StabilityFunction | NoStabilityFunction:
     why = _refusal(found, method, args, powers)
     if why:
         return NoStabilityFunction(f"On {name} {why}.")
-    found.settle(args)
+    if not found.settle(args):
+        return NoStabilityFunction(f"On {name} {_UNSETTLED}.")
     return _described(method, name, found, damped=True)
 
 
@@ -189,7 +194,8 @@ def _on_springs(method: Method) -> StabilityFunction | NoStabilityFunction:
         found, method, with_damping, powers
     )
     # What is a one-step method without damping may have memory with it.
-    found.settle(np.concatenate([args, with_damping]) if damped else args)
+    if not found.settle(np.concatenate([args, with_damping]) if damped else args):
+        return NoStabilityFunction(f"On {name} {_UNSETTLED}.")
     return _described(method, name, found, damped)
 
 

@@ -20,7 +20,7 @@ from ropeode.simulation.method import Method
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import Stepper
+from ropeode.steppers.base import BuiltIn, Stepper
 
 # A compiled program takes so many cases at once; the last of them are repeated to fill it.
 _BATCH = 512
@@ -58,6 +58,11 @@ class StepSamples:
         """Whether a step is a function of state, time and step size by the way it is written."""
         own = type(self._method.stepper)
         return own.init is Stepper.init and own.state is Stepper.state
+
+    @property
+    def may_begin(self) -> bool:
+        """Whether it may begin as another method than it goes on as: those of ropeode do not."""
+        return not (self.carries_state or isinstance(self._method.stepper, BuiltIn))
 
     @in_float64
     def after(self, t: np.ndarray, y: np.ndarray, dt: np.ndarray, steps: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from ropeode.checking.diagnosis.stepper import diagnose_stepper
 from ropeode.checking.report import Claims
 from tests.checking.mutants.all import MUTANTS
 from tests.checking.right_steppers import RIGHT
+from tests.theory.test_stability_function import Ramp
 
 slow = pytest.mark.slow
 
@@ -248,6 +249,7 @@ def test_a_parameter_in_float32_is_named(name):
         (mean_velocity, 2, ["equation"], "velocity, which is (x_new - x)/dt"),
         (weights_of_11_tenths, 2, ["pace"], "its slopes times 11/10"),
         ("stormer-verlet:start=rest", 2, ["start", "start"], "forgets the initial velocity"),
+        (Ramp, 4, ["start"], "start of the method is of order 2"),
         ("stormer-verlet:damping=lagged", 2, ["lagged-damping"], "of the beginning of the step"),
         ("stormer-verlet:damping=per-step", 2, ["damping-per-step"], "whatever dt is"),
         ("explicit-euler", 2, ["order"], "this is explicit-euler"),

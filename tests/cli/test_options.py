@@ -123,3 +123,9 @@ def test_a_reference_is_looked_for_where_it_was_typed(tmp_path, monkeypatch):
     values = job_from(Path("specs/spec.toml"), {"reference": "rope.nc"})
     assert values == {"reference": str(tmp_path / "rope.nc")}
     assert job_from(None, {"reference": "kepler"}) == {"reference": "kepler"}
+
+
+@pytest.mark.parametrize(("option", "predicted"), [("--predict", True), ("--no-predict", False)])
+def test_errors_are_predicted_where_somebody_asks(run, option, predicted):
+    words = ["table", "--steppers", "explicit-euler", "--num-nodes", "3", "--frames", "2"]
+    assert ("predicted" in run(*words, "--steps", "16,32", option).stdout) is predicted

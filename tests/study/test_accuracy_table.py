@@ -184,3 +184,12 @@ def test_progress_reaches_the_end(small_rope):
 def test_bad_input(change, words, small_rope):
     with pytest.raises(InputError, match=words):
         accuracy_table(small_rope, **{"steps_per_frame": (4, 8), **change})
+
+
+def test_predictions_in_time_are_given_up_where_they_take_longer(monkeypatch):
+    rope = Rope(num_nodes=4).problem(frames=2)
+    monkeypatch.setattr("ropeode.study.accuracy_table._LEAST_TIME", 0.0)
+    table = accuracy_table(rope, ["explicit-euler"], [16, 32], predict="in time")
+    constant = table.orders[0].constant
+    assert constant.predicted is None
+    assert "longer" in constant.why

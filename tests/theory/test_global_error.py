@@ -13,6 +13,7 @@ from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase
 from ropeode.theory.global_error import predicted_error
+from ropeode.theory.solution_along import solution_along
 from tests.exact_reference import exact_reference
 
 TIMES = np.linspace(0.0, 3.0, 7)
@@ -101,3 +102,41 @@ def test_a_single_frame_has_a_prediction():
         assert not isinstance(whole, str)
         assert not isinstance(one, str), one
         np.testing.assert_allclose(one.states, whole.states[:2], rtol=1e-3, atol=1e-6)
+
+
+def followed(rhs, y, times=TIMES):
+    """A problem with a state of one number, and its solution in closed form."""
+    problem = Problem(rhs, y(times[:1]), times)
+    return exact_reference(problem, y(times)[:, None])
+
+
+CORNERS = {
+    # y' = |t - c|
+    "corner": (
+        lambda t, y, args: jnp.abs(t - 0.737) + 0.0 * y,
+        lambda t: (t - 0.737) * abs(t - 0.737) / 2,
+    ),
+    "root": (lambda t, y, args: jnp.sqrt(t) + 0.0 * y, lambda t: t**1.5 / 1.5),
+    "jump": (
+        lambda t, y, args: jnp.where(t < 1.234, 0.0, 1.0) - 0.0 * y,
+        lambda t: np.maximum(0.0, t - 1.234),
+    ),
+    # Where a frame ends.
+    "floor": (
+        lambda t, y, args: jnp.floor(t) + 0.0 * y,
+        lambda t: np.floor(t) * (np.floor(t) - 1) / 2 + np.floor(t) * (t - np.floor(t)),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_corners_are_not_called_stiff(name):
+    reference = followed(*CORNERS[name])
+    assert "t =" in solution_along(reference)
+
+
+def test_what_decays_fast_all_along_is_called_stiff():
+    fast = followed(lambda t, y, args: -1e6 * (y - jnp.cos(t)) - jnp.sin(t), np.cos)
+    assert "stiff" in solution_along(fast)
+    slow = followed(lambda t, y, args: -(y - jnp.cos(t)) - jnp.sin(t), np.cos)
+    assert not isinstance(solution_along(slow), str)

@@ -20,6 +20,7 @@ from ropeode.simulation import simulate
 from ropeode.theory import growth
 from ropeode.theory.growth import growth_per_frame, stability_limit
 from tests.steppers.every_variant import every_name
+from tests.theory.test_stability_function import EulerAndHeunInTurns, Ramp
 
 MASS, STIFFNESS = np.array([1.0, 2.0, 0.5, 1.5]), np.array([80.0, 150.0, 60.0])
 
@@ -320,3 +321,10 @@ def test_a_step_in_numpy_at_rest_at_zero():
 
     found = growth_per_frame(oscillator(stiffness=4.0, damping=0.0), euler, 10)
     assert found.rate == pytest.approx(euler_rate(10, 2.0, 0.0), rel=1e-9)
+
+
+def test_a_method_that_starts_as_another_grows_as_it_goes_on():
+    rope = Rope(num_nodes=4).problem(frames=3)
+    assert stability_limit(rope, Ramp) == stability_limit(rope, "adams-bashforth4")
+    with pytest.raises(InputError, match="settled"):
+        stability_limit(rope, EulerAndHeunInTurns)

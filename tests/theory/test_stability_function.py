@@ -330,3 +330,70 @@ def test_registered_steppers_have_limits(name):
     expected = {**STAGES, **STEPS, **COMPOSITIONS, **a_stable}.get(name, 2.0)
     # Of order 5 little more than 1e-13 is left of the growth so near the limit.
     assert found.limit == pytest.approx(expected, rel=1e-7 if name == "dormand-prince5" else 1e-9)
+
+
+WEIGHTS = np.array(
+    [
+        [1, 0, 0, 0],
+        [3 / 2, -1 / 2, 0, 0],
+        [23 / 12, -16 / 12, 5 / 12, 0],
+        [55 / 24, -59 / 24, 37 / 24, -9 / 24],
+    ]
+)
+
+
+class Ramp(Stepper):
+    """Adams-Bashforth of order 1, 2, 3, and then 4, by a counter."""
+
+    equal_frames = True
+
+    def init(self, system, t, y, dt):
+        return y, (0.0 * y,) * 3, jnp.asarray(0)
+
+    def step(self, system, t, carried, dt):
+        y, old, count = carried
+        slopes = (system.rhs(t, y), *old)
+        weights = jnp.asarray(WEIGHTS)[jnp.minimum(count, 3)]
+        y = y + dt * sum((w * f for w, f in zip(weights, slopes, strict=True)), 0.0 * y)
+        return y, slopes[:3], count + 1
+
+    def state(self, system, t, carried, dt):
+        return carried[0]
+
+
+class GrowingHistory(Ramp):
+    """The same in Python: the list of slopes grows."""
+
+    def init(self, system, t, y, dt):
+        return y, (), 0
+
+    def step(self, system, t, carried, dt):
+        y, old, count = carried
+        slopes = (system.rhs(t, y), *old[:3])
+        for w, f in zip(WEIGHTS[len(slopes) - 1].tolist(), slopes, strict=False):
+            y = y + dt * w * f
+        return y, slopes, count + 1
+
+
+class EulerAndHeunInTurns(Ramp):
+    def step(self, system, t, carried, dt):
+        y, old, count = carried
+        slope = system.rhs(t, y)
+        again = system.rhs(t + dt, y + dt * slope)
+        share = jnp.where(count % 2 == 0, 0.0, 0.5)
+        return y + dt * ((1.0 - share) * slope + share * again), old, count + 1
+
+
+@pytest.mark.parametrize("stepper", [Ramp, GrowingHistory])
+def test_a_method_that_starts_as_another_is_judged_by_how_it_goes_on(stepper):
+    found = stability_function(FIRST, stepper)
+    limits = stability_limits(found)
+    # Of the fourth-order method: HNW III.1, HW V.1.
+    assert limits.imaginary.limit == pytest.approx(0.42998708, abs=1e-6)
+    assert limits.real.limit == pytest.approx(0.3, abs=1e-9)
+    assert found.error.power == 5
+    assert found.error.coefficient == pytest.approx(-251 / 720, rel=1e-6)
+
+
+def test_a_method_that_never_settles_has_no_stability_function():
+    assert "settled" in stability_function(FIRST, EulerAndHeunInTurns).reason

@@ -36,7 +36,14 @@ def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis 
     of_x, of_v = (project(starts[:, half].ravel(), np.stack([v, a])) for half in (0, 1))
     size = float(np.max(np.abs(starts)))
     if max(of_x.rest, of_v.rest) > _EXPLAINED * size:
-        return None
+        if order < 1 or _is_handed_out(expansions, order):
+            return None
+        line = (
+            f"the start of the method is of order {order}: it leaves an error of dt^{order}, which "
+            "the steps that follow only carry on; by themselves they are of a higher order"
+        )
+        remedy = f"make the first steps by a method of order {expected - 1} or higher"
+        return Diagnosis("start", line, {"order": order}, remedy)
     evidence = {
         "order": order,
         **{
