@@ -1,7 +1,9 @@
 """Compiled programs that a command finds in its cache folder.
 
 JAX keeps programs too, but finds them by what they were lowered to; and to trace and lower a
-stepper takes several times as long as to load it.
+stepper takes several times as long as to load it. Programs that call functions outside of
+themselves (LAPACK, say) are left to JAX: when it lowers a program it makes these functions ready,
+and without that a call of one crashes the process.
 """
 
 from __future__ import annotations
@@ -15,9 +17,13 @@ from typing import Any, NamedTuple
 
 import jax
 from jax.experimental import serialize_executable
+from jax.interpreters.mlir import ir
 
 from ropeode import cache_folder
 from ropeode.identity import is_as_imported, software
+
+# A call of a function that is not part of the program, in the text that it is lowered to.
+_CALLS_OUT = "custom_call"
 
 
 class Source(NamedTuple):
@@ -47,7 +53,7 @@ def program(description: str | None, source: Callable[[], Source]) -> tuple[Call
     """
     if description is None or not cache_folder.is_used() or software() is None:
         made = source()
-        return _on_leaves(_lowered(made, "program").compile()), made.facts
+        return _on_leaves(_lowered(made).compile()), made.facts
     # Of JAX's settings those that hold in this thread, and those that hold everywhere.
     settings = [jax.config.jax_enable_x64, sorted(jax.config.values.items())]  # type: ignore[attr-defined]
     words = f"{description}\0{software()}\0{settings}"
@@ -58,24 +64,28 @@ def program(description: str | None, source: Callable[[], Source]) -> tuple[Call
         if contents is not None:
             return _loaded(contents)
     made = source()
+    lowered = _lowered(made)
+    if _CALLS_OUT in lowered.as_text():
+        return _on_leaves(lowered.compile()), made.facts
+    module = lowered.compiler_ir().operation
     # Under another name each time, so that JAX does not find it in its own cache: what it loads
     # from there lacks functions when it is written again.
-    compiled = _lowered(made, f"program_{uuid.uuid4().hex}").compile()
+    with module.context:
+        module.attributes["sym_name"] = ir.StringAttr.get(f"program_{uuid.uuid4().hex}")
+    compiled = lowered.compile()
     if is_as_imported():
-        # What calls Python back cannot be serialised; it is compiled each time.
         with contextlib.suppress(Exception):
             cache_folder.write(name, _contents(compiled, made.facts))
     return _on_leaves(compiled), made.facts
 
 
-def _lowered(source: Source, name: str) -> jax.stages.Lowered:
+def _lowered(source: Source) -> jax.stages.Lowered:
     leaves, tree = jax.tree.flatten(source.inputs)
 
     # Files have no pytrees, whose classes only a pickle knows.
     def flat(*leaves: Any) -> tuple:
         return tuple(jax.tree.leaves(source.function(*jax.tree.unflatten(tree, leaves))))
 
-    flat.__name__ = name
     return jax.jit(flat).lower(*leaves)
 
 
