@@ -77,7 +77,9 @@ def _lowered(name: str, primitive: Any, rule: Any, ctx: Any, *operands: Any, **p
 def _most_at_once(name: str, operands: Any, batched: int) -> int:
     """So many matrices are few enough; one always is."""
     largest = max(max(each.shape[batched:], default=1) for each in operands)
-    complexity = 3 if any(jnp.issubdtype(each.dtype, jnp.complexfloating) for each in operands) else 1
+    complexity = (
+        3 if any(jnp.issubdtype(each.dtype, jnp.complexfloating) for each in operands) else 1
+    )
     operations = complexity * _OPERATIONS.get(name, _MOST_OPERATIONS) * max(largest, 1) ** 3
     return max((_HANDED_OUT - 1) // operations, 1)
 

@@ -189,6 +189,13 @@ def _run_watched(command: str) -> int:
     if not ended.during:
         why = f"the command {ended.how} before it began; please report it."
         return _fail(BROKEN, [why], debug=False)
+    if ended.crashed:
+        why = (
+            f"the command {ended.how} in compiled code, during: {ended.during}. If your code calls "
+            "compiled functions of its own, look there; else this is a fault of ropeode, please "
+            "report it."
+        )
+        return _fail(BROKEN, [why], debug=False)
     if command == _JUDGES:
         return main(ended=ended)
     allowed = "code that returns, and leaves its process alone"

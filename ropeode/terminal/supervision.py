@@ -7,7 +7,9 @@ it cannot do to the process that watches, which runs none of it.
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import os
+import re
 import select
 import signal
 import socket
@@ -18,7 +20,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, NoReturn
 
-from ropeode.terminal.running import NOTHING, end_on_ctrl_c
+from ropeode.terminal.running import NOTHING, end_on_ctrl_c, is_users
 
 # How often the processes look whether the other one is alive.
 _LOOKS_AGAIN_S = 0.25
@@ -33,6 +35,8 @@ _HANGS = (signal.SIGPROF, signal.SIGALRM)
 
 # Lines between the two processes begin with one of these.
 _DOES, _ENDS = ">", "="
+# With this line begins what Python says there when it crashes: where the thread was.
+_CRASH = "Fatal Python error: "
 
 
 class Ended(NamedTuple):
@@ -42,11 +46,13 @@ class Ended(NamedTuple):
         code: its exit code, where it reached its own end; None where something ended it.
         during: what it was doing; empty where it had not begun.
         how: in words, as of the code that it ran: it "ended its process (exit code 0)".
+        crashed: whether it crashed in compiled code that none of the user's Python code called.
     """
 
     code: int | None
     during: str
     how: str
+    crashed: bool = False
 
 
 class _Watched:
@@ -96,7 +102,14 @@ def watch(code: str, words: Sequence[str], left: str = NOTHING) -> Ended:
         code=codes[-1] if codes else None,
         during=doing[-1] if doing else "",
         how=how_it_ended(process.returncode, shell=True),
+        crashed=any(_CRASH in line for line in said) and not any(map(_is_users, said)),
     )
+
+
+def _is_users(line: str) -> bool:
+    """Whether a line of a traceback names a file of the user's."""
+    named = re.match(r'  File "(.*)", line ', line)
+    return named is not None and is_users(named[1])
 
 
 def _all_that_is_said(line: socket.socket, process: subprocess.Popen) -> list[str]:
@@ -145,6 +158,7 @@ def watched(fd: int, command: Callable[[], int]) -> NoReturn:
         command: is run; it returns the exit code.
     """
     _this.line = socket.socket(fileno=fd)
+    faulthandler.enable(_this.line.fileno(), all_threads=False)
     sys.stdout = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding, errors="backslashreplace")
     os.dup2(2, 1)
     # Ctrl-C is for the other process; here it can only be the user's code that sends it.
