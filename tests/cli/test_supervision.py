@@ -110,8 +110,8 @@ PROGRAM = "jax.block_until_ready(jax.jit(lambda: jax.pure_callback({}, jax.numpy
     ("does", "ends"),
     [
         (PROGRAM.format("lambda: threading.Event().wait()"), True),
-        (PROGRAM.format("lambda: sum(range(2 * 10**8)) * 0.0"), False),
-        ("time.sleep(3.0)", False),
+        (PROGRAM.format("lambda: sum(range(6 * 10**7)) * 0.0"), False),
+        ("time.sleep(2.0)", False),
     ],
     ids=["a program that waits", "a program that computes", "no program"],
 )
