@@ -61,7 +61,7 @@ import jax, jax.numpy as jnp, numpy as np
 import ropeode.threads
 def solve(a):
     return [jnp.linalg.solve(a + i, a) for i in range({each})]
-a = np.random.default_rng(0).standard_normal((64, 31, 31))
+a = np.random.default_rng(0).standard_normal((64, {size}, {size}))
 program = jax.jit(solve).lower(a).compile()
 def work():
     for _ in range({times}):
@@ -95,8 +95,8 @@ assert [each.order.verdict for each in table.orders] == ["converges", "converges
 @pytest.mark.parametrize(
     "code",
     [
-        SOLVES.format(each=8, threads=1, times=3),
-        pytest.param(SOLVES.format(each=1, threads=2, times=3000), marks=pytest.mark.slow),
+        SOLVES.format(size=16, each=8, threads=1, times=100),
+        pytest.param(SOLVES.format(size=31, each=1, threads=2, times=3000), marks=pytest.mark.slow),
         pytest.param(HEAT, marks=pytest.mark.slow),
     ],
     ids=["in one program", "in two programs", "in a table"],

@@ -61,7 +61,7 @@ def call(*arguments):
 
 def test_a_sweep_whose_workers_died_has_not_succeeded(swept, monkeypatch, capsys):
     whole = summarize(swept / "out")
-    first, *others = whole.steppers
+    first = next(iter(whole.steppers))
     counts = {**whole.steppers[first].counts, "status": Counter({"worker-died": 2})}
     dead = dataclasses.replace(whole.steppers[first], counts=counts)
     died = dataclasses.replace(whole, steppers={**whole.steppers, first: dead})
