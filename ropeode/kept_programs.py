@@ -67,11 +67,11 @@ def program(description: str | None, source: Callable[[], Source]) -> tuple[Call
     lowered = _lowered(made)
     if _CALLS_OUT in lowered.as_text():
         return _on_leaves(lowered.compile()), made.facts
-    module = lowered.compiler_ir().operation
+    module: Any = lowered.compiler_ir()
     # Under another name each time, so that JAX does not find it in its own cache: what it loads
     # from there lacks functions when it is written again.
     with module.context:
-        module.attributes["sym_name"] = ir.StringAttr.get(f"program_{uuid.uuid4().hex}")
+        module.operation.attributes["sym_name"] = ir.StringAttr.get(f"program_{uuid.uuid4().hex}")
     compiled = lowered.compile()
     if is_as_imported():
         with contextlib.suppress(Exception):
