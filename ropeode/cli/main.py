@@ -26,8 +26,8 @@ from ropeode.cli.reference import reference
 from ropeode.cli.sweep import sweep
 from ropeode.cli.work_precision import work_precision
 from ropeode.errors import InputError, InputWarning, RopeodeError, UserCodeError, users_traceback
-from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c
-from ropeode.terminal.supervision import Ended, say, watch
+from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c, say
+from ropeode.terminal.supervision import Ended, watch
 
 # What is wrong with ropeode itself is none of the answers that a command may give.
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3

@@ -8,6 +8,7 @@ import faulthandler
 import gc
 import os
 import signal
+import socket
 import sys
 import sysconfig
 import threading
@@ -34,6 +35,28 @@ _WAITS_S, _LOOK_AT_THREADS_EVERY_S = 120.0, 10.0
 # Clock ticks in a second, a hundredth of its time, of a process that waits.
 _IDLE = 1.0
 _CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
+
+
+# A line to the process that watches this one, of what this one does, begins with it.
+DOES = ">"
+
+
+class _Watched:
+    """What this process knows of the one that watches it."""
+
+    def __init__(self) -> None:
+        self.line: socket.socket | None = None
+        self.doing = ""
+
+
+this = _Watched()
+
+
+def say(doing: str) -> None:
+    """Tell the process that watches this one what it does; nothing where none watches."""
+    if this.line is not None and doing != this.doing:
+        this.doing = doing
+        this.line.sendall(f"{DOES}{doing}\n".encode())
 
 
 def end_on_ctrl_c(left: str = NOTHING, *, before: Callable[[], None] = lambda: None) -> None:
@@ -124,9 +147,6 @@ def with_progress(work: Callable[[Progress], T], *, time_left: bool = False) -> 
         work: called with what shows progress.
         time_left: as for `show_progress`.
     """
-    # Not above: that module imports this one.
-    from ropeode.terminal.supervision import say
-
     with show_progress(time_left=time_left) as progress:
         doing = "the start"
 

@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, NoReturn
 
-from ropeode.terminal.running import NOTHING, end_on_ctrl_c, is_users
+from ropeode.terminal.running import DOES, NOTHING, end_on_ctrl_c, is_users, this
 
 # How often the processes look whether the other one is alive.
 _LOOKS_AGAIN_S = 0.25
@@ -34,7 +34,7 @@ _HANGS = (signal.SIGPROF, signal.SIGALRM)
 
 
 # Lines between the two processes begin with one of these.
-_DOES, _ENDS = ">", "="
+_ENDS = "="
 # With this line begins what Python says there when it crashes: where the thread was.
 _CRASH = "Fatal Python error: "
 
@@ -53,17 +53,6 @@ class Ended(NamedTuple):
     during: str
     how: str
     crashed: bool = False
-
-
-class _Watched:
-    """What this process knows of the one that watches it."""
-
-    def __init__(self) -> None:
-        self.line: socket.socket | None = None
-        self.doing = ""
-
-
-_this = _Watched()
 
 
 def watch(code: str, words: Sequence[str], left: str = NOTHING) -> Ended:
@@ -96,7 +85,7 @@ def watch(code: str, words: Sequence[str], left: str = NOTHING) -> Ended:
         finally:
             end()
             process.wait()
-    doing = [line[1:] for line in said if line.startswith(_DOES)]
+    doing = [line[1:] for line in said if line.startswith(DOES)]
     codes = [int(line[1:]) for line in said if line.startswith(_ENDS)]
     return Ended(
         code=codes[-1] if codes else None,
@@ -157,18 +146,18 @@ def watched(fd: int, command: Callable[[], int]) -> NoReturn:
         fd: the file that it was handed.
         command: is run; it returns the exit code.
     """
-    _this.line = socket.socket(fileno=fd)
-    faulthandler.enable(_this.line.fileno(), all_threads=False)
+    this.line = socket.socket(fileno=fd)
+    faulthandler.enable(this.line.fileno(), all_threads=False)
     sys.stdout = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding, errors="backslashreplace")
     os.dup2(2, 1)
     # Ctrl-C is for the other process; here it can only be the user's code that sends it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    threading.Thread(target=_end_with_the_other, args=(_this.line,), daemon=True).start()
+    threading.Thread(target=_end_with_the_other, args=(this.line,), daemon=True).start()
     code = command()
     sys.stdout.flush()
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.flush()
-    _this.line.sendall(f"{_ENDS}{code}\n".encode())
+    this.line.sendall(f"{_ENDS}{code}\n".encode())
     os._exit(code)
 
 
@@ -176,13 +165,6 @@ def _end_with_the_other(line: socket.socket) -> None:
     while line.recv(1):
         pass
     os._exit(1)
-
-
-def say(doing: str) -> None:
-    """Tell the process that watches this one what it does; nothing where none watches."""
-    if _this.line is not None and doing != _this.doing:
-        _this.doing = doing
-        _this.line.sendall(f"{_DOES}{doing}\n".encode())
 
 
 def end_if_nothing_runs(seconds: float) -> None:
@@ -193,7 +175,7 @@ def end_if_nothing_runs(seconds: float) -> None:
     Arguments:
         seconds: of processor time; of wall time ten times as many.
     """
-    if _this.line is not None:
+    if this.line is not None:
         end_if_python_stops(seconds)
 
 

@@ -20,7 +20,8 @@ from tests.time_limit import HANGS_AFTER_S
 # Of a process that says what it does, and then runs this.
 BEGINS = """
 import ctypes, os, signal, sys, threading, time
-from ropeode.terminal.supervision import end_if_nothing_runs, say, watched
+from ropeode.terminal.running import say
+from ropeode.terminal.supervision import end_if_nothing_runs, watched
 def command():
     say("the trial")
     say("pins")
