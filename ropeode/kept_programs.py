@@ -1,7 +1,9 @@
 """Compiled programs that a command finds in its cache folder.
 
 JAX keeps programs too, but finds them by what they were lowered to; and to trace and lower a
-stepper takes several times as long as to load it.
+stepper takes several times as long as to load it. Programs that call functions outside of
+themselves (LAPACK, say) are left to JAX: when it lowers a program it makes these functions ready,
+and without that a call of one crashes the process.
 """
 
 from __future__ import annotations
@@ -14,15 +16,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
-import numpy as np
 from jax.experimental import serialize_executable
-from jaxlib import lapack
+from jax.interpreters.mlir import ir
 
 from ropeode import cache_folder
 from ropeode.identity import is_as_imported, software
 
-# The names of LAPACK's functions in a program begin so.
-_LAPACK = b"lapack_"
+# A call of a function that is not part of the program, in the text that it is lowered to.
+_CALLS_OUT = "custom_call"
 
 
 class Source(NamedTuple):
@@ -52,7 +53,7 @@ def program(description: str | None, source: Callable[[], Source]) -> tuple[Call
     """
     if description is None or not cache_folder.is_used() or software() is None:
         made = source()
-        return _on_leaves(_lowered(made, "program").compile()), made.facts
+        return _on_leaves(_lowered(made).compile()), made.facts
     # Of JAX's settings those that hold in this thread, and those that hold everywhere.
     settings = [jax.config.jax_enable_x64, sorted(jax.config.values.items())]  # type: ignore[attr-defined]
     words = f"{description}\0{software()}\0{settings}"
@@ -63,24 +64,28 @@ def program(description: str | None, source: Callable[[], Source]) -> tuple[Call
         if contents is not None:
             return _loaded(contents)
     made = source()
+    lowered = _lowered(made)
+    if _CALLS_OUT in lowered.as_text():
+        return _on_leaves(lowered.compile()), made.facts
+    module: Any = lowered.compiler_ir()
     # Under another name each time, so that JAX does not find it in its own cache: what it loads
     # from there lacks functions when it is written again.
-    compiled = _lowered(made, f"program_{uuid.uuid4().hex}").compile()
+    with module.context:
+        module.operation.attributes["sym_name"] = ir.StringAttr.get(f"program_{uuid.uuid4().hex}")
+    compiled = lowered.compile()
     if is_as_imported():
-        # What calls Python back cannot be serialised; it is compiled each time.
         with contextlib.suppress(Exception):
             cache_folder.write(name, _contents(compiled, made.facts))
     return _on_leaves(compiled), made.facts
 
 
-def _lowered(source: Source, name: str) -> jax.stages.Lowered:
+def _lowered(source: Source) -> jax.stages.Lowered:
     leaves, tree = jax.tree.flatten(source.inputs)
 
     # Files have no pytrees, whose classes only a pickle knows.
     def flat(*leaves: Any) -> tuple:
         return tuple(jax.tree.leaves(source.function(*jax.tree.unflatten(tree, leaves))))
 
-    flat.__name__ = name
     return jax.jit(flat).lower(*leaves)
 
 
@@ -97,10 +102,6 @@ def _contents(compiled: jax.stages.Compiled, facts: Any) -> bytes:
 def _loaded(contents: bytes) -> tuple[Callable, Any]:
     head, executable = contents.split(b"\n", 1)
     known = json.loads(head)
-    if _LAPACK in executable:
-        # JAX finds LAPACK's functions when it lowers what calls them; a program that is loaded
-        # would jump to nowhere.
-        lapack.prepare_lapack_call("getrf_ffi", np.dtype(np.float64))
     inputs = jax.tree.structure(((0,) * known["inputs"], {}))
     outputs = jax.tree.structure((0,) * known["outputs"])
     compiled = serialize_executable.deserialize_and_load(

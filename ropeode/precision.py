@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode import callbacks
+from ropeode import callbacks, lapack  # noqa: F401  (for what it does to JAX)
 from ropeode.validation import is_traced, traced_value
 
 _FLOAT32 = (

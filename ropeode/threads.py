@@ -13,6 +13,8 @@ import jax
 # importing, finds `jax` without it.
 import jax.extend
 
+from ropeode import lapack  # noqa: F401  (for what it does to JAX)
+
 _most: int | None = None
 
 

@@ -30,6 +30,7 @@ GROUND = {
     "files",
     "identity",
     "kept_programs",
+    "lapack",
     "precision",
     "progress",
     "threads",

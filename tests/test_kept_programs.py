@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import csv
+import io
+import os
 import subprocess
 import sys
 
@@ -12,12 +16,16 @@ import pytest
 
 from ropeode import cache_folder, identity, kept_programs
 from ropeode.analysis.roundoff import in_other_units
+from ropeode.errors import InputError
 from ropeode.kept_programs import Source
+from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.rope import Rope
 from ropeode.simulation import program, simulate
 from ropeode.steppers import RungeKutta4
+from ropeode.steppers.registry import STEPPERS
+from tests.time_limit import HANGS_AFTER_S
 
 POINT = np.array([0.1, 0.7])
 
@@ -121,6 +129,48 @@ def test_what_calls_python_is_not_kept(folder):
     assert not folder.exists()
 
 
+@pytest.mark.parametrize("call", [jnp.linalg.solve, lambda a, b: jnp.linalg.qr(a)[0] @ b])
+def test_what_calls_lapack_is_not_kept(folder, call):
+    """Nobody makes LAPACK ready in a process that does not lower the program."""
+    sources = Sources(lambda y: call(jnp.diag(y["x"]), y["x"]))
+    first = results_of("one", sources)
+    assert results_of("one", sources) == (first[0], {"number": 2})
+    assert not folder.exists()
+
+
+# On these run all steppers that need no chain of links, and those that do.
+@pytest.mark.slow
+@pytest.mark.parametrize("problem", ["van-der-pol", "hires", "kepler", "inextensible-rope"])
+def test_a_command_says_the_same_three_times_with_one_cache(problem, tmp_path):
+    solved = PROBLEMS[problem]()
+    names = [name for name, stepper in STEPPERS.items() if can_run(stepper(), solved)]
+    words = ["table", "--problem", problem, "--steppers", ",".join(names), "--steps", "8,16,32"]
+    said = [
+        subprocess.run(
+            [sys.executable, "-m", "ropeode", *words, "--format", "csv"],
+            capture_output=True,
+            text=True,
+            timeout=HANGS_AFTER_S,
+            env={**os.environ, "XDG_CACHE_HOME": str(tmp_path)},
+        )
+        for _ in range(3)
+    ]
+    assert [each.returncode for each in said] == [0, 0, 0], said[-1].stderr
+    assert len({without_times(each.stdout) for each in said}) == 1
+
+
+def can_run(stepper, problem):
+    with contextlib.suppress(InputError):
+        stepper.require(problem)
+        return True
+    return False
+
+
+def without_times(table):
+    rows = [*csv.DictReader(io.StringIO(table))]
+    return repr([{name: row[name] for name in row if "seconds" not in name} for row in rows])
+
+
 class Derived(RungeKutta4):
     """A user's own, which computes nobody knows what."""
 
@@ -191,28 +241,3 @@ def test_a_kept_stepper_makes_the_same_run(small_rope, folder, monkeypatch):
         simulate(small_rope, "explicit-euler", 16)
     identity.software.cache_clear()
     program.slot.cache_clear()
-
-
-SOLVES = """
-import sys
-from pathlib import Path
-import jax, jax.numpy as jnp, numpy as np
-from ropeode import cache_folder
-from ropeode.kept_programs import Source, program
-cache_folder.keep_in(Path(sys.argv[1]))
-matrix = jax.ShapeDtypeStruct((3, 3), np.float32)
-solve, _ = program("solve", lambda: print("made") or Source(jnp.linalg.inv, (matrix,)))
-print(float(solve(2 * np.eye(3, dtype=np.float32))[0][0, 0]))
-"""
-
-
-@pytest.mark.slow
-def test_a_kept_program_finds_lapack(tmp_path):
-    """In a process that has compiled nothing which calls it."""
-    said = [
-        subprocess.run(
-            [sys.executable, "-c", SOLVES, tmp_path], capture_output=True, text=True, check=False
-        ).stdout.split()
-        for _ in range(2)
-    ]
-    assert said == [["made", "0.5"], ["0.5"]]

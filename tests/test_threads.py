@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import subprocess
+import sys
 import threading
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from ropeode.sweep.execution import engines
@@ -46,3 +51,85 @@ def test_as_many_threads_as_are_asked_for():
     with threads(3) as pool:
         for each in [pool.submit(together.wait, HANGS_AFTER_S) for _ in range(3)]:
             each.result()
+
+
+# Batches that JAX divides among the threads of XLA's pool: eight in one program, or one in each of
+# two threads.
+SOLVES = """
+import sys, threading
+import jax, jax.numpy as jnp, numpy as np
+import ropeode.threads
+def solve(a):
+    return [jnp.linalg.solve(a + i, a) for i in range({each})]
+a = np.random.default_rng(0).standard_normal((64, {size}, {size}))
+program = jax.jit(solve).lower(a).compile()
+def work():
+    for _ in range({times}):
+        jax.block_until_ready(program(a))
+threads = [threading.Thread(target=work) for _ in range({threads})]
+for each in threads:
+    each.start()
+for each in threads:
+    each.join()
+"""
+HEAT = """
+import jax, jax.numpy as jnp, numpy as np
+from ropeode import Problem, accuracy_table
+def heat(t, y, args):
+    padded = jnp.pad(y, 1)
+    return 10.0 * (padded[2:] - 2.0 * y + padded[:-2]) - y**3
+def rosenbrock(gamma):
+    def step(rhs, t, y, dt, args):
+        jacobian = jax.jacfwd(lambda y: rhs(t, y, args))(y)
+        return y + dt * jnp.linalg.solve(jnp.eye(y.size) - gamma * dt * jacobian, rhs(t, y, args))
+    step.__name__ = f"rosenbrock_{int(100 * gamma)}"
+    return step
+problem = Problem(heat, np.sin(np.pi * np.arange(1, 32) / 32), np.linspace(0.0, 1.0, 5))
+for _ in range(20):
+    steps = [rosenbrock(1.0), rosenbrock(0.5)]
+    table = accuracy_table(problem, steps, [4, 8, 16], predict=True)
+assert [each.order.verdict for each in table.orders] == ["converges", "converges"]
+"""
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        SOLVES.format(size=16, each=8, threads=1, times=100),
+        pytest.param(SOLVES.format(size=31, each=1, threads=2, times=3000), marks=pytest.mark.slow),
+        pytest.param(HEAT, marks=pytest.mark.slow),
+    ],
+    ids=["in one program", "in two programs", "in a table"],
+)
+def test_batches_of_matrices_do_not_wait_for_one_another(code):
+    # In a process of its own: what hangs keeps the threads of XLA.
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=HANGS_AFTER_S)
+
+
+def small(rng, *shape):
+    return rng.standard_normal(shape) + 5.0 * np.eye(*shape[-2:])
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        jnp.linalg.solve,
+        lambda a, b: jnp.linalg.cholesky(a @ a.mT) @ b,
+        lambda a, b: jnp.linalg.eigh(a + a.mT),
+        lambda a, b: jnp.linalg.qr(a),
+        lambda a, b: jnp.linalg.svd(a + 1j * a.mT),
+        lambda a, b: jax.lax.linalg.tridiagonal_solve(a[..., 0], 9.0 + a[..., 1], a[..., 0], b),
+    ],
+    ids=["lu", "cholesky", "eigh", "qr", "svd", "tridiagonal"],
+)
+def test_a_batch_is_solved_as_each_matrix_alone(function):
+    """To the last bit; of 45 matrices some are left over when equal parts are made."""
+    rng = np.random.default_rng(1)
+    with jax.enable_x64(True):
+        solve = jax.jit(function)
+        a, b = small(rng, 5, 9, 20, 20), small(rng, 5, 9, 20, 3)
+        every = jax.tree.leaves(solve(a, b))
+        for index in np.ndindex(5, 9):
+            alone = jax.tree.leaves(solve(a[index], b[index]))
+            for one, other in zip(every, alone, strict=True):
+                np.testing.assert_array_equal(one[index], other)

@@ -18,7 +18,7 @@ from ropeode.cli.options import (
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option_with, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
-from ropeode.terminal.supervision import Ended, end_if_nothing_runs, say
+from ropeode.terminal.supervision import Ended, end_if_nothing_runs
 from ropeode.validation import check_positive
 
 if TYPE_CHECKING:
@@ -146,12 +146,8 @@ def check(
         return check_class(folder, arguments, mebibytes, stepper_name, rubric, form, path)
 
     def checked(progress: Progress) -> CheckReport:
-        def seen(text: str, fraction: float | None) -> None:
-            say(text)
-            progress(text, fraction)
-
         end_if_nothing_runs(limit)
-        return check_stepper(step, **arguments, progress=seen)
+        return check_stepper(step, **arguments, progress=progress)
 
     if ended is None:
         report = with_progress(checked)

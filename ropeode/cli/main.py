@@ -26,8 +26,8 @@ from ropeode.cli.reference import reference
 from ropeode.cli.sweep import sweep
 from ropeode.cli.work_precision import work_precision
 from ropeode.errors import InputError, InputWarning, RopeodeError, UserCodeError, users_traceback
-from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c
-from ropeode.terminal.supervision import Ended, say, watch
+from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c, say
+from ropeode.terminal.supervision import Ended, watch
 
 # What is wrong with ropeode itself is none of the answers that a command may give.
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3
@@ -188,6 +188,13 @@ def _run_watched(command: str) -> int:
         return ended.code
     if not ended.during:
         why = f"the command {ended.how} before it began; please report it."
+        return _fail(BROKEN, [why], debug=False)
+    if ended.crashed:
+        why = (
+            f"the command {ended.how} in compiled code, during: {ended.during}. If your code calls "
+            "compiled functions of its own, look there; else this is a fault of ropeode, please "
+            "report it."
+        )
         return _fail(BROKEN, [why], debug=False)
     if command == _JUDGES:
         return main(ended=ended)

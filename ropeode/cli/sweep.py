@@ -10,8 +10,10 @@ import click
 
 from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.options import no_code_option
+from ropeode.errors import RopeodeError
 from ropeode.terminal.output import out_option_with
 from ropeode.terminal.running import KEPT, end_on_ctrl_c, set_up_jax, with_progress
+from ropeode.validation import counted
 
 
 @click.group(cls=DefaultGroup, default="run")
@@ -50,6 +52,11 @@ def run(spec: Path, out: str, **options: Any) -> None:
             lambda progress: run_in(out, lock, spec, progress=progress, **options), time_left=True
         )
     click.echo(as_text(summary), nl=False)
+    if died := summary.statuses["worker-died"]:
+        raise RopeodeError(
+            f"{counted(died, 'case')} killed the process that ran it, each time; the rows "
+            "`worker-died` name them, and the same command with --workers tries them again."
+        )
 
 
 @sweep.command()

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import faulthandler
 import gc
 import os
 import signal
+import socket
 import sys
+import sysconfig
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -25,7 +30,33 @@ INTERRUPTED = 130
 # What Ctrl-C leaves.
 NOTHING = "nothing was written"
 KEPT = "finished cases are kept; run the same command to resume"
+# A compiled program that has computed nothing for so long does not return.
+_WAITS_S, _LOOK_AT_THREADS_EVERY_S = 120.0, 10.0
+# Clock ticks in a second, a hundredth of its time, of a process that waits.
+_IDLE = 1.0
 _CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
+
+
+# A line to the process that watches this one, of what this one does, begins with it.
+DOES = ">"
+
+
+class _Watched:
+    """What this process knows of the one that watches it."""
+
+    def __init__(self) -> None:
+        self.line: socket.socket | None = None
+        self.doing = ""
+
+
+this = _Watched()
+
+
+def say(doing: str) -> None:
+    """Tell the process that watches this one what it does; nothing where none watches."""
+    if this.line is not None and doing != this.doing:
+        this.doing = doing
+        this.line.sendall(f"{DOES}{doing}\n".encode())
 
 
 def end_on_ctrl_c(left: str = NOTHING, *, before: Callable[[], None] = lambda: None) -> None:
@@ -117,14 +148,29 @@ def with_progress(work: Callable[[Progress], T], *, time_left: bool = False) -> 
         time_left: as for `show_progress`.
     """
     with show_progress(time_left=time_left) as progress:
-        return interruptible(lambda: work(progress))
+        doing = "the start"
+
+        def seen(text: str, fraction: float | None) -> None:
+            nonlocal doing
+            doing = text
+            say(text)
+            progress(text, fraction)
+
+        return _interruptible(lambda: work(seen), lambda: doing)
 
 
-def interruptible(work: Callable[[], T]) -> T:
+def _interruptible(work: Callable[[], T], doing: Callable[[], str]) -> T:
     """Do the work in a way that Ctrl-C ends at once.
 
     Python handles a signal only between its own instructions, and one call into compiled code
     may last minutes. So the work runs in a thread that the process does not wait for.
+
+    Arguments:
+        work: to do.
+        doing: says what it does.
+
+    Raises:
+        RuntimeError: a compiled program does not return, and has not computed for two minutes.
     """
     result: dict[str, Any] = {}
 
@@ -136,8 +182,69 @@ def interruptible(work: Callable[[], T]) -> T:
 
     worker = threading.Thread(target=run, daemon=True)
     worker.start()
+    waits = _Waits()
     while worker.is_alive():
         worker.join(_LOOK_EVERY_S)
+        if waits.for_ever():
+            if "--debug" in sys.argv:
+                faulthandler.dump_traceback()
+            raise RuntimeError(
+                f"a compiled program has waited for {_WAITS_S:g} s and computed nothing; "
+                f"the last that was said of the work: {doing()}"
+            )
     if "error" in result:
         raise result["error"]
     return result["value"]
+
+
+class _Waits:
+    """Whether a compiled program waits for what never comes."""
+
+    def __init__(self) -> None:
+        self._looked_at = time.monotonic()
+        self._used: dict[str, int] = {}
+        self._times = 0
+
+    def for_ever(self) -> bool:
+        """To be asked again and again.
+
+        Looks are counted: no time passes for a process that is stopped.
+        """
+        if time.monotonic() - self._looked_at < _LOOK_AT_THREADS_EVERY_S:
+            return False
+        self._looked_at = time.monotonic()
+        before, self._used = self._used, _processor_times()
+        used = sum(now - before.get(each, 0) for each, now in self._used.items())
+        # Without threads to be counted, nobody knows.
+        waits = (
+            bool(self._used) and used <= _IDLE * _LOOK_AT_THREADS_EVERY_S and _only_jax_is_at_work()
+        )
+        self._times = self._times + 1 if waits else 0
+        return self._times * _LOOK_AT_THREADS_EVERY_S >= _WAITS_S
+
+
+def _processor_times() -> dict[str, int]:
+    """Clock ticks of each thread, but the main one and that which draws a bar."""
+    used = {}
+    for stat in Path("/proc/self/task").glob("*/stat"):
+        # Threads end meanwhile.
+        with contextlib.suppress(OSError):
+            fields = stat.read_text().rpartition(")")[2].split()
+            used[stat.parent.name] = int(fields[11]) + int(fields[12])
+    for each in threading.enumerate():
+        if each is threading.main_thread() or type(each).__module__ == "rich.live":
+            used.pop(str(each.native_id), None)
+    return used
+
+
+def _only_jax_is_at_work() -> bool:
+    """Whether a thread has called JAX, and none the user's code, which may wait for anything."""
+    tops = sys._current_frames().values()
+    files = {each.f_code.co_filename for top in tops for each, _ in traceback.walk_stack(top)}
+    return any("/jax/" in file for file in files) and not any(map(is_users, files))
+
+
+def is_users(file: str) -> bool:
+    """Whether a file of Python code is neither ropeode's nor installed."""
+    installed = [str(Path(__file__).parents[1]), *sysconfig.get_paths().values()]
+    return not file.startswith(("<", *installed))

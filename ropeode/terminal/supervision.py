@@ -7,7 +7,9 @@ it cannot do to the process that watches, which runs none of it.
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import os
+import re
 import select
 import signal
 import socket
@@ -18,7 +20,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, NoReturn
 
-from ropeode.terminal.running import NOTHING, end_on_ctrl_c
+from ropeode.terminal.running import DOES, NOTHING, end_on_ctrl_c, is_users, this
 
 # How often the processes look whether the other one is alive.
 _LOOKS_AGAIN_S = 0.25
@@ -32,7 +34,9 @@ _HANGS = (signal.SIGPROF, signal.SIGALRM)
 
 
 # Lines between the two processes begin with one of these.
-_DOES, _ENDS = ">", "="
+_ENDS = "="
+# With this line begins what Python says there when it crashes: where the thread was.
+_CRASH = "Fatal Python error: "
 
 
 class Ended(NamedTuple):
@@ -42,22 +46,13 @@ class Ended(NamedTuple):
         code: its exit code, where it reached its own end; None where something ended it.
         during: what it was doing; empty where it had not begun.
         how: in words, as of the code that it ran: it "ended its process (exit code 0)".
+        crashed: whether it crashed in compiled code that none of the user's Python code called.
     """
 
     code: int | None
     during: str
     how: str
-
-
-class _Watched:
-    """What this process knows of the one that watches it."""
-
-    def __init__(self) -> None:
-        self.line: socket.socket | None = None
-        self.doing = ""
-
-
-_this = _Watched()
+    crashed: bool = False
 
 
 def watch(code: str, words: Sequence[str], left: str = NOTHING) -> Ended:
@@ -90,13 +85,20 @@ def watch(code: str, words: Sequence[str], left: str = NOTHING) -> Ended:
         finally:
             end()
             process.wait()
-    doing = [line[1:] for line in said if line.startswith(_DOES)]
+    doing = [line[1:] for line in said if line.startswith(DOES)]
     codes = [int(line[1:]) for line in said if _is_end(line)]
     return Ended(
         code=codes[-1] if codes else None,
         during=doing[-1] if doing else "",
         how=how_it_ended(process.returncode, shell=True),
+        crashed=any(_CRASH in line for line in said) and not any(map(_is_users, said)),
     )
+
+
+def _is_users(line: str) -> bool:
+    """Whether a line of a traceback names a file of the user's."""
+    named = re.match(r'  File "(.*)", line ', line)
+    return named is not None and is_users(named[1])
 
 
 def _all_that_is_said(line: socket.socket, process: subprocess.Popen) -> list[str]:
@@ -149,18 +151,19 @@ def watched(fd: int, command: Callable[[], int]) -> NoReturn:
         fd: the file that it was handed.
         command: is run; it returns the exit code.
     """
-    _this.line = socket.socket(fileno=fd)
+    this.line = socket.socket(fileno=fd)
+    faulthandler.enable(this.line.fileno(), all_threads=False)
     sys.stdout = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding, errors="backslashreplace")
     os.dup2(2, 1)
     # Ctrl-C is for the other process; here it can only be the user's code that sends it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    threading.Thread(target=_end_with_the_other, args=(_this.line,), daemon=True).start()
+    threading.Thread(target=_end_with_the_other, args=(this.line,), daemon=True).start()
     code = command()
     sys.stdout.flush()
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.flush()
     # A line of its own, whatever the user's code has written before.
-    _this.line.sendall(f"\n{_ENDS}{code}\n".encode())
+    this.line.sendall(f"\n{_ENDS}{code}\n".encode())
     os._exit(code)
 
 
@@ -168,13 +171,6 @@ def _end_with_the_other(line: socket.socket) -> None:
     while line.recv(1):
         pass
     os._exit(1)
-
-
-def say(doing: str) -> None:
-    """Tell the process that watches this one what it does; nothing where none watches."""
-    if _this.line is not None and doing != _this.doing:
-        _this.doing = doing
-        _this.line.sendall(f"{_DOES}{doing}\n".encode())
 
 
 def end_if_nothing_runs(seconds: float) -> None:
@@ -185,7 +181,7 @@ def end_if_nothing_runs(seconds: float) -> None:
     Arguments:
         seconds: of processor time; of wall time ten times as many.
     """
-    if _this.line is not None:
+    if this.line is not None:
         end_if_python_stops(seconds)
 
 

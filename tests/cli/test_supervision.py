@@ -20,7 +20,8 @@ from tests.time_limit import HANGS_AFTER_S
 # Of a process that says what it does, and then runs this.
 BEGINS = """
 import ctypes, os, signal, sys, threading, time
-from ropeode.terminal.supervision import end_if_nothing_runs, say, watched
+from ropeode.terminal.running import say
+from ropeode.terminal.supervision import end_if_nothing_runs, watched
 def command():
     say("the trial")
     say("pins")
@@ -59,6 +60,68 @@ def test_what_ends_a_process_is_seen_by_another_one(does, code, how):
         signal.signal(signal.SIGINT, before)
     assert (ended.code, ended.during) == (code, "pins")
     assert how in ended.how
+
+
+@pytest.mark.parametrize("users", [True, False])
+def test_a_crash_is_the_users_where_their_code_ran(users, tmp_path):
+    (tmp_path / "mine.py").write_text("import ctypes\ndef step():\n    ctypes.string_at(0)\n")
+    calls = f"sys.path[:0] = [{str(tmp_path)!r}]; import mine; mine.step()"
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        ended = watch(BEGINS.format(calls if users else "ctypes.string_at(0)"), [])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (ended.code, ended.crashed) == (None, not users)
+
+
+@pytest.mark.parametrize("command", ["check", "reference"])
+def test_a_crash_of_other_code_is_no_verdict(command, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["ropeode", command, "mine.py"])
+    ended = Ended(None, "pins", "ended its process (SIGSEGV)", crashed=True)
+    monkeypatch.setattr(ropeode.cli.main, "watch", lambda *_: ended)
+    monkeypatch.setattr(ropeode.cli.main, "end_on_ctrl_c", lambda: None)
+    monkeypatch.setattr(os, "_exit", sys.exit)
+    with pytest.raises(SystemExit, match="3"):
+        run_process()
+    said = capsys.readouterr().err
+    assert "SIGSEGV" in said
+    assert "pins" in said
+    assert "your code ended" not in said
+
+
+# Of a command that waits for a program, which waits for what `how` says; its own files are not the
+# user's.
+WAITS = """
+import os, sys, threading, time
+import jax
+import ropeode.terminal.running as running
+from ropeode.terminal.supervision import watch
+running._WAITS_S, running._LOOK_AT_THREADS_EVERY_S = 1.0, 0.25
+def work(progress):
+    progress("rk4: 16 steps per frame", 0.5)
+    {}
+try:
+    running.with_progress(work)
+except RuntimeError as error:
+    print(error, flush=True)
+os._exit(0)
+"""
+PROGRAM = "jax.block_until_ready(jax.jit(lambda: jax.pure_callback({}, jax.numpy.ones(())))())"
+
+
+@pytest.mark.parametrize(
+    ("does", "ends"),
+    [
+        (PROGRAM.format("lambda: threading.Event().wait()"), True),
+        (PROGRAM.format("lambda: sum(range(6 * 10**7)) * 0.0"), False),
+        ("time.sleep(2.0)", False),
+    ],
+    ids=["a program that waits", "a program that computes", "no program"],
+)
+def test_a_program_that_waits_for_ever_ends_the_command(does, ends):
+    command = [sys.executable, "-c", WAITS.format(does)]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=HANGS_AFTER_S).stdout
+    assert ("rk4: 16 steps per frame" in said) == ends
 
 
 def test_output_is_there_though_it_was_closed(capfd):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,10 @@ from click.testing import CliRunner
 from PIL import Image
 
 from ropeode.cli import sweep as command
-from ropeode.cli.main import cli
+from ropeode.cli.main import cli, main
 from ropeode.errors import InputError
 from ropeode.sweep.design.spec import commented_sweep
+from ropeode.sweep.storage.summary import summarize
 
 PAGE = (Path(__file__).parents[2] / "docs/howto/sweep.md").read_text()
 # The first lines of the page: write a spec, run it, show what is done, draw a map.
@@ -54,6 +57,22 @@ def swept(tmp_path_factory):
 
 def call(*arguments):
     return CliRunner().invoke(cli, arguments)
+
+
+def test_a_sweep_whose_workers_died_has_not_succeeded(swept, monkeypatch, capsys):
+    whole = summarize(swept / "out")
+    first = next(iter(whole.steppers))
+    counts = {**whole.steppers[first].counts, "status": Counter({"worker-died": 2})}
+    dead = dataclasses.replace(whole.steppers[first], counts=counts)
+    died = dataclasses.replace(whole, steppers={**whole.steppers, first: dead})
+    monkeypatch.setattr("ropeode.sweep.run.run_in", lambda *_, **__: died)
+    monkeypatch.setattr(command, "set_up_jax", lambda: None)
+    monkeypatch.setattr(command, "end_on_ctrl_c", lambda left: None)
+    monkeypatch.chdir(swept)
+    assert main(["sweep", "sweep.toml", "-o", "out"]) == 1
+    said = capsys.readouterr()
+    assert "worker-died" in said.out
+    assert "2 cases" in said.err
 
 
 @pytest.mark.slow

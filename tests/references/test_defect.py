@@ -292,7 +292,11 @@ def test_a_body_on_a_curved_path_is_met():
     """Steps are so long that a cubic between their ends is a hundred radii beside the disc."""
     for at, radius in ((0.3871, 1e-5), (0.71, 3e-6)):
         problem = Problem.second_order(
-            _disc_on_the_way, [[0.0, 0.0]], [[1.0, 0.0]], [0.0, 1.0], (np.array([at, at**4]), radius)
+            _disc_on_the_way,
+            [[0.0, 0.0]],
+            [[1.0, 0.0]],
+            [0.0, 1.0],
+            (np.array([at, at**4]), radius),
         )
         with pytest.raises(ReferenceRefused, match=f"near t = {at:.3f}"):
             reference(problem)

@@ -34,6 +34,7 @@ SOURCES = (
     "files.py",
     "identity.py",
     "kept_programs.py",
+    "lapack.py",
     "norms.py",
     "precision.py",
     "problems",
