@@ -191,8 +191,8 @@ def _numpy_version(function: Callable) -> Callable:
 
     Inside a loop of JAX's own it is traced, as such a loop wants it.
     """
-    if isinstance(function, PythonRhs):
-        return function.in_numpy
+    if (in_numpy := getattr(function, "in_numpy", None)) is not None:
+        return in_numpy
     compiled = jax.jit(function)
 
     def plain(*given: Any) -> Any:

@@ -57,6 +57,7 @@ _FORMS = (
     ),
     ("the driving force", "there is the driving force ", " is the one"),
 )
+_SINE = "the driving force with a sine in place of the cosine"
 # How many states must be on each side of a threshold.
 _SOME = 3
 
@@ -346,7 +347,13 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
             for term, value, spread in zip(terms, found.coefficients, spreads, strict=True)
         ]
     own = [each for each in factors if each.kind not in laws]
-    faults = mistakes_in(own)
+    if _SINE in laws and (late := _late(factors)) is not None:
+        # The driving force of another time is a sum of a cosine and a sine.
+        others = [each for each in own if each.kind != "drive"]
+        faults = [*mistakes_in(others), Fault(late, remedy=RIGHT["drive"])]
+        laws = tuple(law for law in laws if law != _SINE)
+    else:
+        faults = mistakes_in(own)
     for law in laws:
         # Where a spring is never slack, say, the force of slack springs has no coefficient.
         present = [each for each in factors if each.kind == law and each.value]
@@ -354,6 +361,27 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
             return None
         faults.append(_law(law, present))
     return _Explanation(_merged(faults), own, worst, len(laws))
+
+
+def _late(factors: list[Factor]) -> str | None:
+    """By how much the time in the driving force is late, if it is by the same on all ropes."""
+    pairs: dict[tuple[int, int], list[complex]] = {}
+    spread = 0.0
+    for each in factors:
+        if each.kind in ("drive", _SINE):
+            spread = max(spread, each.spread)
+            part = each.value if each.kind == "drive" else -1j * each.value
+            sums = pairs.setdefault((id(each.place.args), each.place.node), [0j, each.place.args])
+            if each.kind == _SINE or not sums[0].real:
+                sums[0] += part
+    turns = [(number, float(args.frequency)) for number, args in pairs.values()]
+    later = [float(np.angle(number)) / frequency for number, frequency in turns if frequency]
+    if not later or any(abs(abs(number) - 1.0) > 10.0 * spread for number, _ in turns):
+        return None
+    if np.ptp(later) > 10.0 * spread or abs(later[0]) <= 10.0 * spread:
+        return None
+    off = float(np.mean(later))
+    return f"the driving force is that of t {'+' if off > 0 else '-'} {abs(off):.6g}"
 
 
 def _law(law: str, factors: list[Factor]) -> Fault:
