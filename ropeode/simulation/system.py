@@ -15,7 +15,6 @@ from jax.tree_util import Partial
 
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Mechanics
-from ropeode.problems.python_rhs import PythonRhs
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import Equations, Stepper, System
 from ropeode.steppers.phase import Phase

@@ -115,6 +115,8 @@ def _of_nodes(factors: list[Factor], right: bool) -> Fault | None:
         return None
     firsts = [of[0] for of in nodes.values()]
     wrong = [each for each in firsts if not each.equals(1.0)]
+    if not wrong:
+        return None
     if all(each.equals(wrong[0].value) for each in wrong):
         where = f"at node {listed(sorted({each.place.node for each in wrong}))}"
         if right:
@@ -124,7 +126,7 @@ def _of_nodes(factors: list[Factor], right: bool) -> Fault | None:
     if not _of_several_ropes(factors):
         return None
     own = _own_numbers([(each.place.node, mass(each.place) / each.value) for each in firsts], wrong)
-    return own and Fault(f"the mass is {own}", remedy=RIGHT["mass"])
+    return None if own is None else Fault(f"the mass is {own}", remedy=RIGHT["mass"])
 
 
 def _nodes_that_stand_still(factors: Sequence[Factor]) -> list[int]:
@@ -147,6 +149,7 @@ def _of_kind(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
         if _explains(mistake, factors):
             return [Fault(f"{subject} {mistake.words}")]
     if several and (own := _own_number(kind, factors)) is not None:
+        subject = "the stiffness" if subject == SUBJECTS["spring"] else subject
         return [Fault(f"{subject} is {own}")]
     if several and kind == "damping" and (growth := _growth(factors)) is not None:
         return [Fault(f"there is an acceleration of {growth:.6g} times the velocity too much")]
@@ -252,8 +255,9 @@ def _own_numbers(
     everywhere = "on every rope, whatever the problem says"
     if len(numbers) == 1 or (one and not differ(means)):
         return f"{numbers[0]} {everywhere}"
-    kept = ", as where those of the first rope are kept" if one else ""
-    return f"({', '.join(numbers)}) {everywhere}{kept}"
+    if one:
+        everywhere = f"at {listed(sorted(by_part))} {everywhere}, as if kept from the first rope"
+    return f"({', '.join(numbers)}) {everywhere}"
 
 
 def _own_in_words(value: float, spread: float) -> str:

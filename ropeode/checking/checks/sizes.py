@@ -72,12 +72,12 @@ def sizes(examination: Examination) -> Finding:
         wrong = too_large(found, usual[1:])
         if np.any(wrong):
             state, size = np.argwhere(wrong)[0]
-            error, node = found.errors[state, size], int(found.node[state, size])
+            error, node = float(found.errors[state, size]), int(found.node[state, size])
             line = (
                 f"on a rope of {what} a step {errs_by(error)}, most at node {node}, "
                 f"where {usual[1 + size]:.1e} is usual; is a number of nodes or dimensions fixed?"
             )
-            return Finding("sizes", "fail", line, {"error": float(error), "node": node})
+            return Finding("sizes", "fail", line, {"error": error, "node": node})
         done += 1
     line = f"on ropes of {done} numbers of nodes, from 2 to 300, a step errs as on five nodes"
     if done < len(_SIZES) - len(refusals):
