@@ -219,7 +219,7 @@ def in_parts(longest, step):
     """Right: steps are divided into parts."""
 
     def divided(rhs, t, y, dt, args):
-        parts = max(1, min(int(np.ceil(dt / longest)), 10**5))
+        parts = min(int(np.ceil(dt / longest)), 64)
         for i in range(parts):
             y = step(rhs, t + i * dt / parts, y, dt / parts, args)
         return y
