@@ -11,7 +11,6 @@ from ropeode.checking.diagnosis.stepper import diagnose_stepper
 from ropeode.checking.report import Claims
 from ropeode.steppers.base import Stepper
 from tests.checking.mutants.all import MUTANTS
-from tests.checking.no_time_limit import check_stepper
 from tests.checking.right_steppers import RIGHT
 
 slow = pytest.mark.slow
@@ -393,5 +392,5 @@ class OfItsRun(Stepper):
     ],
 )
 def test_another_time_in_the_driving_force_is_found(step, words):
-    report = check_stepper(step, 1, only=["order-driven"])
-    assert words in report.diagnosis[0].line
+    (diagnosis,) = diagnose_stepper(Examination(step, Claims(order=1)))
+    assert words in diagnosis.line
