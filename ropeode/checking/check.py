@@ -122,13 +122,17 @@ def check_stepper(
                 # Enters float64 again, which is a thread's own.
                 check = in_float64(CHECKS[name])
                 work = functools.partial(check, examination)
+                examination.lost = ""
                 try:
                     finding = within_limit(work)
                     if finding.status == "fail" and name in _THRESHOLDS:
                         again = within_limit(work)
                         if again.line != finding.line:
                             finding = dataclasses.replace(finding, line=HIDDEN_STATE)
-                    findings.append(finding)
+                    findings.append(examination.with_nan(finding))
+                    if name == "determinism" and finding.status == "fail":
+                        findings = _only(name, finding.line, names, "not deterministic")
+                        break
                 except OutOfTime as error:
                     if name not in EDGE_CASES:
                         raise

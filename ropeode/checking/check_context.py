@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
+import re
 import threading
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -18,7 +20,7 @@ from ropeode.checking.check_ropes import (
     undamped,
 )
 from ropeode.checking.convergence import RunAndDouble, converging, ladder
-from ropeode.checking.report import Claims, Convergence
+from ropeode.checking.report import Claims, Convergence, Finding
 from ropeode.errors import ReferenceRefused, RopeodeError
 from ropeode.problems.problem import Problem
 from ropeode.references.compute import reference_for
@@ -36,6 +38,8 @@ from ropeode.threads import cores
 _ROUNDING = 1e-10
 _LIBRARIES = tuple(f"{library}:" for library in LIBRARIES)
 _MOST_KEPT = 256
+# Where a line of a finding has such a number.
+_NOT_FINITE = re.compile(r"\b(nan|inf)\b")
 
 
 class Examination:
@@ -62,6 +66,8 @@ class Examination:
         if method not in (None, self.stepper.label):
             self._declared = as_stepper(method)
         self._convergences: dict[str, Convergence] = {}
+        # The last run that did not stay finite, in words.
+        self.lost = ""
 
     @property
     def own_forces(self) -> bool:
@@ -85,7 +91,21 @@ class Examination:
         Raises:
             UserCodeError: the user's code raised, or returned something that is no state.
         """
-        return padded_states(problem, self.method, steps_per_frame)
+        states = padded_states(problem, self.method, steps_per_frame)
+        if not np.all(np.isfinite(states[-1])):
+            ends = int(np.argmin(np.isfinite(states).reshape(len(states), -1).all(axis=1)))
+            self.lost = (
+                f"the step returns numbers that are not finite (nan or infinite): on the rope "
+                f"{problem.name!r} with dt = {step_size(problem, steps_per_frame):.3g}, before "
+                f"t = {problem.ts[ends]:.6g}"
+            )
+        return states
+
+    def with_nan(self, finding: Finding) -> Finding:
+        """A finding, which calls what is not a number by its name and says where it came up."""
+        if finding.status != "fail" or not self.lost or not _NOT_FINITE.search(finding.line):
+            return finding
+        return dataclasses.replace(finding, line=self.lost)
 
     def one_step(self, problem: Problem, dt: float) -> np.ndarray:
         """The state after one step of a given length, ``state``.

@@ -15,7 +15,6 @@ from jax.tree_util import Partial
 
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Mechanics
-from ropeode.problems.python_rhs import PythonRhs
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import Equations, Stepper, System
 from ropeode.steppers.phase import Phase
@@ -191,8 +190,8 @@ def _numpy_version(function: Callable) -> Callable:
 
     Inside a loop of JAX's own it is traced, as such a loop wants it.
     """
-    if isinstance(function, PythonRhs):
-        return function.in_numpy
+    if (in_numpy := getattr(function, "in_numpy", None)) is not None:
+        return in_numpy
     compiled = jax.jit(function)
 
     def plain(*given: Any) -> Any:

@@ -57,6 +57,8 @@ _FORMS = (
     ),
     ("the driving force", "there is the driving force ", " is the one"),
 )
+_SINE = "the driving force with a sine in place of the cosine"
+_OF_ZERO = "the driving force is the one of t = 0"
 # How many states must be on each side of a threshold.
 _SOME = 3
 
@@ -92,7 +94,7 @@ def diagnose_equation(
         ):
             faults += by_velocity
     if accelerated:
-        faults += _velocities(expansions, evidence)
+        faults += [_at_run_time(fault, expansions) for fault in _velocities(expansions, evidence)]
     if kept is not None and not all(fault.named for fault in faults):
         # What it loses at each step is mixed with what it adds.
         return None
@@ -105,6 +107,23 @@ def diagnose_equation(
     line = SOLVES_ANOTHER + "; ".join(texts)
     remedies = dict.fromkeys(fault.remedy for fault in faults if fault.remedy)
     return Diagnosis("equation", line, evidence, "; ".join(remedies))
+
+
+def _at_run_time(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
+    """Where the driving force is that of t = 0: whether it is so in the first step of a run only.
+
+    Two steps in a row then end elsewhere than one after another, of which each is the first.
+    """
+    if fault.words != _OF_ZERO:
+        return fault
+    for each in expansions:
+        dt = each.ladder / 8.0
+        after = each.samples.after(each.t, each.y, dt[:, None], 2)[:, 0]
+        once, twice = after[:, 1], after[:, 2]
+        again = each.samples.after(each.t + dt, once, dt[:, None], 1)[:, 0, 1]
+        if np.max(np.abs(again - twice)) > _SPREAD * np.max(np.abs(twice)):
+            return fault._replace(words=f"{_OF_ZERO} at the start of each run")
+    return fault
 
 
 def _free(expansions: Sequence[Expansion], kept: np.ndarray) -> np.ndarray:
@@ -346,7 +365,13 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
             for term, value, spread in zip(terms, found.coefficients, spreads, strict=True)
         ]
     own = [each for each in factors if each.kind not in laws]
-    faults = mistakes_in(own)
+    if _SINE in laws and (late := _late(factors)) is not None:
+        # The driving force of another time is a sum of a cosine and a sine.
+        others = [each for each in own if each.kind != "drive"]
+        faults = [*mistakes_in(others), Fault(late, remedy=RIGHT["drive"])]
+        laws = tuple(law for law in laws if law != _SINE)
+    else:
+        faults = mistakes_in(own)
     for law in laws:
         # Where a spring is never slack, say, the force of slack springs has no coefficient.
         present = [each for each in factors if each.kind == law and each.value]
@@ -354,6 +379,27 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
             return None
         faults.append(_law(law, present))
     return _Explanation(_merged(faults), own, worst, len(laws))
+
+
+def _late(factors: list[Factor]) -> str | None:
+    """By how much the time in the driving force is late, if it is by the same on all ropes."""
+    turns: dict[tuple[int, int], complex] = {}
+    args = {id(each.place.args): each.place.args for each in factors}
+    present = [each for each in factors if each.kind in ("drive", _SINE)]
+    for each in present:
+        place = id(each.place.args), each.place.node
+        own = turns.get(place, 0j)
+        # Each axis has the same.
+        cosine, sine = (each.value, own.imag) if each.kind == "drive" else (own.real, -each.value)
+        turns[place] = complex(cosine, sine)
+    spread = max((each.spread for each in present), default=0.0)
+    later = [np.angle(turn) / float(args[rope].frequency) for (rope, _), turn in turns.items()]
+    if not later or any(abs(abs(turn) - 1.0) > 10.0 * spread for turn in turns.values()):
+        return None
+    if np.ptp(later) > 10.0 * spread or abs(later[0]) <= 10.0 * spread:
+        return None
+    off = float(np.mean(later))
+    return f"the driving force is that of t {'+' if off > 0 else '-'} {abs(off):.6g}"
 
 
 def _law(law: str, factors: list[Factor]) -> Fault:

@@ -96,7 +96,37 @@ def _of_all(by_kind: dict[str, list[Factor]]) -> Fault | None:
             return Fault(f"the mass {_times(inverse)}", remedy=RIGHT["mass"])
         if all(each.equals(forces[0].value) for each in accelerations):
             return Fault(f"the acceleration {_times(forces[0])}")
-    return None
+    return _of_nodes(forces if right else every, right)
+
+
+def _of_nodes(factors: list[Factor], right: bool) -> Fault | None:
+    """A mass that is off at some nodes, or not the rope's; None if a node's terms disagree.
+
+    Arguments:
+        factors: of all forces, or of all terms.
+        right: whether those that are left out are right.
+    """
+    nodes: dict[tuple[int, int], list[Factor]] = {}
+    for each in factors:
+        nodes.setdefault((each.place.node, id(each.place.args)), []).append(each)
+    if any(
+        each.equals(0.0) or not each.equals(of[0].value) for of in nodes.values() for each in of
+    ):
+        return None
+    firsts = [of[0] for of in nodes.values()]
+    wrong = [each for each in firsts if not each.equals(1.0)]
+    if not wrong:
+        return None
+    if all(each.equals(wrong[0].value) for each in wrong):
+        where = f"at node {listed(sorted({each.place.node for each in wrong}))}"
+        if right:
+            inverse = wrong[0]._replace(value=1.0 / wrong[0].value)
+            return Fault(f"the mass {_times(inverse)} {where}", remedy=RIGHT["mass"])
+        return Fault(f"the acceleration {_times(wrong[0])} {where}")
+    if not _of_several_ropes(factors):
+        return None
+    own = _own_numbers([(each.place.node, mass(each.place) / each.value) for each in firsts], wrong)
+    return None if own is None else Fault(f"the mass is {own}", remedy=RIGHT["mass"])
 
 
 def _nodes_that_stand_still(factors: Sequence[Factor]) -> list[int]:
@@ -119,7 +149,8 @@ def _of_kind(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
         if _explains(mistake, factors):
             return [Fault(f"{subject} {mistake.words}")]
     if several and (own := _own_number(kind, factors)) is not None:
-        return [Fault(f"{subject} is {own} on every rope, whatever the problem says")]
+        subject = "the stiffness" if subject == SUBJECTS["spring"] else subject
+        return [Fault(f"{subject} is {own}")]
     if several and kind == "damping" and (growth := _growth(factors)) is not None:
         return [Fault(f"there is an acceleration of {growth:.6g} times the velocity too much")]
     axes = sorted({each.place.element for each in wrong})
@@ -195,16 +226,38 @@ def _own_number(kind: str, factors: list[Factor]) -> str | None:
     }
     if kind not in claimed:
         return None
+    parts = [(each.place.element, each.value * claimed[kind](each.place)) for each in factors]
+    return _own_numbers(parts, factors, kind != "gravity")
+
+
+def _own_numbers(
+    parts: list[tuple[int, float]], factors: list[Factor], one: bool = True
+) -> str | None:
+    """Numbers that are the same on all ropes, in words; None if they are not.
+
+    Arguments:
+        parts: of which part each is, and the number.
+        factors: that they are from.
+        one: whether a single number stands for equal ones.
+    """
     by_part: dict[int, list[float]] = {}
-    for each in factors:
-        part = each.place.element if kind == "gravity" else 0
-        by_part.setdefault(part, []).append(each.value * claimed[kind](each.place))
-    spread = factors[0].spread
-    if any(np.ptp(values) > spread * (1.0 + abs(values[0])) for values in by_part.values()):
+    for part, value in parts:
+        by_part.setdefault(part, []).append(value)
+    spread = max(each.spread for each in factors)
+
+    def differ(values: list[float]) -> bool:
+        return bool(np.ptp(values) > 4.0 * spread * (1.0 + abs(values[0])))
+
+    if any(differ(values) for values in by_part.values()):
         return None
     means = [float(np.mean(values)) for _, values in sorted(by_part.items())]
     numbers = [_own_in_words(mean, spread) for mean in means]
-    return numbers[0] if len(numbers) == 1 else f"({', '.join(numbers)})"
+    everywhere = "on every rope, whatever the problem says"
+    if len(numbers) == 1 or (one and not differ(means)):
+        return f"{numbers[0]} {everywhere}"
+    if one:
+        everywhere = f"at {listed(sorted(by_part))} {everywhere}, as if kept from the first rope"
+    return f"({', '.join(numbers)}) {everywhere}"
 
 
 def _own_in_words(value: float, spread: float) -> str:

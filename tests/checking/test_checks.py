@@ -6,6 +6,8 @@ import dataclasses
 import functools
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -159,6 +161,150 @@ def test_each_check_fails_a_wrong_stepper(check):
     (finding,) = report.findings
     assert (finding.check, finding.status) == (check, "fail"), finding.line
     assert not report.passed
+
+
+def counting(most):
+    """Heun for so many calls, then Euler."""
+    calls = 0
+
+    def step(rhs, t, y, dt, args):
+        nonlocal calls
+        calls += 1
+        k = rhs(t, y, args)
+        return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args)) if calls <= most else y + dt * k
+
+    return step
+
+
+@pytest.mark.parametrize("most", [1000, 9000])
+def test_a_step_that_changes_after_many_calls_is_not_deterministic(most):
+    report = check_stepper(counting(most), 2, only=["determinism", "units"])
+    assert [finding.check for finding in report.failed] == ["determinism"]
+    assert report.findings[1].status == "skip"
+
+
+@pytest.mark.parametrize("nodes", [3, 5 + 12, 100, 257])
+def test_another_formula_for_one_number_of_nodes_is_found(nodes):
+    def step(rhs, t, y, dt, args):
+        k = rhs(t, y, args)
+        if y.shape[1] == nodes:
+            return y + dt * k
+        return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args))
+
+    (finding,) = check_stepper(step, 2, only=["sizes"]).failed
+    assert f"of {nodes} nodes" in finding.line
+
+
+@pytest.mark.parametrize("digits", [10, 12, 13])
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_states_of_few_digits_are_found(digits, which):
+    def step(acceleration, t, x, v, dt, args):
+        x, v = steps.velocity_verlet(acceleration, t, x, v, dt, args)
+        return x if which == 0 else np.round(x, digits), v if which == 1 else np.round(v, digits)
+
+    (finding,) = check_stepper(step, 2, only=["float32"], diagnose=False).failed
+    assert ("velocities" if which == 0 else "positions") in finding.line
+
+
+def differences(acceleration, t, x, v, dt, args):
+    """Right, of order 1, with the velocity as a difference of positions."""
+    new = x + dt * v + dt**2 * acceleration(t, x, v, args)
+    return new, (new - x) / dt
+
+
+@pytest.mark.parametrize("step", [steps.velocity_verlet, differences, "stormer-verlet"])
+def test_all_digits_are_not_few(step):
+    assert not check_stepper(step, only=["float32"], diagnose=False).failed
+
+
+def in_parts(longest, step):
+    """Right: steps are divided into parts."""
+
+    def divided(rhs, t, y, dt, args):
+        parts = min(int(np.ceil(dt / longest)), 64)
+        for i in range(parts):
+            y = step(rhs, t + i * dt / parts, y, dt / parts, args)
+        return y
+
+    return divided
+
+
+def in_compiled_parts(rhs, t, y, dt, args):
+    """Right: the same in JAX."""
+    parts = jnp.clip(jnp.ceil(dt / 0.02), 1, 8).astype(int)
+    h = dt / parts
+    return jax.lax.fori_loop(0, parts, lambda i, y: steps.rk4(rhs, t + i * h, y, h, args), y)
+
+
+def in_parts_of_its_own(rhs, t, y, dt, args):
+    """Right: Heun's method, in parts whose error is at most 1e-5."""
+    end, part = t + dt, dt
+    while t < end:
+        part = min(part, end - t)
+        k = rhs(t, y, args)
+        change = part / 2 * (rhs(t + part, y + part * k, args) - k)
+        if np.max(np.abs(change)) <= 1e-5 or part <= dt / 64:
+            t, y = (end if part == end - t else t + part), y + part * k + change
+            part *= 2
+        else:
+            part /= 2
+    return y
+
+
+@pytest.mark.parametrize(
+    ("step", "order"),
+    [
+        (in_compiled_parts, 4),
+        pytest.param(in_parts(0.02, steps.rk4), 4, marks=pytest.mark.slow),
+        pytest.param(in_parts(0.05, steps.euler), 1, marks=pytest.mark.slow),
+        pytest.param(in_parts(0.001, steps.rk4), None, marks=pytest.mark.slow),
+        pytest.param(in_parts_of_its_own, None, marks=pytest.mark.slow),
+    ],
+)
+def test_steps_in_parts_are_right_in_all_units(step, order):
+    assert not check_stepper(step, order, only=["scales"], time_limit=600.0).failed
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda dt, v: dt < 1e-5,
+        lambda dt, v: 3e-4 < dt < 6e-4,
+        lambda dt, v: dt > 5.0 and np.max(np.abs(v)) < 0.1,
+    ],
+)
+def test_another_formula_is_not_a_part_of_a_step(wrong):
+    def step(rhs, t, y, dt, args):
+        return (steps.euler if wrong(dt, y[1]) else steps.rk4)(rhs, t, y, dt, args)
+
+    assert check_stepper(step, 4, only=["scales"]).failed
+
+
+def nan_for_long_steps(acceleration, t, x, v, dt, args):
+    x, v = steps.velocity_verlet(acceleration, t, x, v, dt, args)
+    return (x, v) if dt < 0.3 else (x + np.nan, v)
+
+
+def nan_far_away(acceleration, t, x, v, dt, args):
+    x, v = steps.velocity_verlet(acceleration, t, x, v, dt, args)
+    return np.where(np.abs(x) < 100.0, x, np.nan), v
+
+
+@pytest.mark.parametrize(
+    ("step", "check"),
+    [
+        (nan_for_long_steps, "free-flight"),
+        (nan_for_long_steps, "scales"),
+        (nan_far_away, "translation"),
+        (nan_far_away, "far-states"),
+    ],
+)
+def test_a_nan_is_called_by_its_name(step, check):
+    (finding,) = check_stepper(step, only=[check]).failed
+    assert "not finite (nan" in finding.line
+    assert "dt = " in finding.line
+    assert "by nan" not in finding.line
+    assert "by inf" not in finding.line
 
 
 def nowhere_far_away(acceleration, t, x, v, dt, args):

@@ -9,6 +9,7 @@ import pytest
 from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.stepper import diagnose_stepper
 from ropeode.checking.report import Claims
+from ropeode.steppers.base import Stepper
 from tests.checking.mutants.all import MUTANTS
 from tests.checking.right_steppers import RIGHT
 from tests.theory.test_stability_function import Ramp
@@ -101,6 +102,18 @@ EQUATIONS = {
     "one mass for all": (
         with_args(mass=lambda a: np.full_like(a.mass, a.mass[0]), gravity=lambda a: a.gravity),
         "the mass of the first node is taken for all",
+    ),
+    "half a mass at the end": (
+        with_args(mass=lambda a: a.mass * np.where(np.arange(len(a.mass)) == 4, 0.5, 1.0)),
+        "the mass is counted half at node 4 (",
+    ),
+    "masses of the first rope": (
+        with_args(mass=lambda a: np.array([1.3, 0.8, 0.6, 1.7, 0.9])),
+        "the mass is (1.3, 0.6, 1.7, 0.9) at 0, 2, 3 and 4 on every rope",
+    ),
+    "stiffnesses of the first rope": (
+        with_args(stiffness=lambda a: np.array([3.0, 5.5, 4.2, 2.6])),
+        "the stiffness is (3, 5.5, 4.2, 2.6) at 0, 1, 2 and 3 on every rope",
     ),
     "whole rest lengths": (
         with_args(rest_length=lambda a: np.trunc(a.rest_length)),
@@ -345,3 +358,41 @@ def test_nothing_is_said_of_right_steppers(name):
     (found,) = diagnosed(step, claims.get("expected_order"))
     assert found.cause == "unknown"
     assert "the step solves the right equation" in found.line
+
+
+def late_by(off):
+    def step(acceleration, t, x, v, dt, args):
+        v = v + dt * acceleration(t + off, x, v, args)
+        return x + dt * v, v
+
+    return step
+
+
+class OfItsRun(Stepper):
+    """Explicit Euler, whose time starts from 0 in each run."""
+
+    def init(self, system, t, y, dt):
+        return y, 0.0 * dt
+
+    def step(self, system, t, carried, dt):
+        y, own = carried
+        return y + dt * system.rhs(own, y), own + dt
+
+    def state(self, system, t, carried, dt):
+        return carried[0]
+
+    def order(self, problem_class):
+        return 1
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (late_by(1e-3), "the driving force is that of t + 0.001 ("),
+        (late_by(-0.25), "the driving force is that of t - 0.25 ("),
+        (OfItsRun, "the driving force is the one of t = 0 at the start of each run"),
+    ],
+)
+def test_another_time_in_the_driving_force_is_found(step, words):
+    (diagnosis,) = diagnose_stepper(Examination(step, Claims(order=1)))
+    assert words in diagnosis.line

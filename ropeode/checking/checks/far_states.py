@@ -16,6 +16,7 @@ from ropeode.checking.check_ropes import generic
 from ropeode.checking.checks.local_errors import (
     LENGTHS,
     LocalErrors,
+    errs_by,
     has_usual_errors,
     local_errors,
     too_large,
@@ -91,7 +92,7 @@ def far_states(examination: Examination) -> Finding:
 def _words(found: LocalErrors, usual: np.ndarray, state: int, size: int, where: str) -> str:
     error, dt = found.errors[state, size], found.dt[state, size]
     return (
-        f"{where}, a step (dt = {dt:.2g}) errs by {error:.1e} of its way, most at node "
+        f"{where}, a step (dt = {dt:.2g}) {errs_by(error)}, most at node "
         f"{found.node[state, size]}, where {usual[size]:.1e} is usual"
     )
 

@@ -23,6 +23,8 @@ _MORE = 15.0
 _USUAL = 12
 # Steps of the classical Runge-Kutta method that stand for the exact motion.
 _PARTS = 8
+# Of such a motion, into how many a frame is divided.
+_CHUNKS = 32
 # What a solver that iterates up to an absolute tolerance may leave, as a part of the state.
 _TOLERANCE = 1e-7
 
@@ -109,6 +111,13 @@ def too_large(found: LocalErrors, usual: np.ndarray) -> np.ndarray:
     return ~(found.errors <= _MORE * usual + found.left)
 
 
+def errs_by(error: float) -> str:
+    """By how much a step errs, in words."""
+    if not np.isfinite(error):
+        return "returns a number that is not finite (nan or infinite)"
+    return f"errs by {error:.1e} of its way"
+
+
 def why_unknown(error: UserCodeError) -> str:
     """Why a step shows nothing where it raises: it may refuse what is far from usual.
 
@@ -120,7 +129,7 @@ def why_unknown(error: UserCodeError) -> str:
     return error.problems[0].removeprefix("step: ").split("; allowed")[0]
 
 
-def _rates(y: np.ndarray, args: Any) -> np.ndarray:
+def rates(y: np.ndarray, args: Any) -> np.ndarray:
     """The right-hand side of the rope, of many states ``(..., 2, nodes, dim)``."""
     x, v = y[..., 0, :, :], y[..., 1, :, :]
     d = np.diff(x, axis=-2)
@@ -138,12 +147,24 @@ def _moved(y: np.ndarray, args: Any, dt: np.ndarray) -> np.ndarray:
     moved = np.zeros((*dt.shape, *y.shape[1:]))
     for _ in range(_PARTS):
         start = y[:, None] + moved
-        k1 = _rates(start, args)
-        k2 = _rates(start + h / 2 * k1, args)
-        k3 = _rates(start + h / 2 * k2, args)
-        k4 = _rates(start + h * k3, args)
+        k1 = rates(start, args)
+        k2 = rates(start + h / 2 * k1, args)
+        k3 = rates(start + h / 2 * k2, args)
+        k4 = rates(start + h * k3, args)
         moved = moved + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return moved
+
+
+def exact_states(problem: Problem) -> np.ndarray:
+    """The states of a rope without a drive at its sample times, ``(times, *state)``."""
+    states = [problem.y0]
+    for span in np.diff(problem.ts):
+        y = states[-1]
+        for _ in range(_CHUNKS):
+            dt = np.full((1, 1), span / _CHUNKS)
+            y = y + _moved(y[None], problem.args, dt)[0, 0]
+        states.append(y)
+    return np.stack(states)
 
 
 def _longest(states: np.ndarray) -> np.ndarray:
@@ -156,7 +177,7 @@ def _speeds(y: np.ndarray, args: Any, fastest: np.ndarray) -> np.ndarray:
 
     For a pinned node it is what the fastest one's do.
     """
-    speed, pull = np.moveaxis(_longest(_rates(y, args)), 1, 0)
+    speed, pull = np.moveaxis(_longest(rates(y, args)), 1, 0)
     stiffness = _stiffness(y, args) / fastest[:, None] ** 2
     first, last = ((0, 0), (0, 1)), ((0, 0), (1, 0))
 

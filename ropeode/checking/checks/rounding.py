@@ -11,6 +11,7 @@ import numpy as np
 from ropeode.checking.check_context import Examination, padded_states
 from ropeode.checking.check_ropes import check_rope, convergence_problems, generic
 from ropeode.checking.report import Finding
+from ropeode.checking.written_precision import DIGITS_OF_FLOAT64, digits_of
 from ropeode.errors import UserCodeError
 from ropeode.problems.problem import Problem
 from ropeode.simulation.method import Method
@@ -24,6 +25,10 @@ _CHANGE = 1e-10
 # method are differences over a step, whose rounding shows in the third digit; with float32 no
 # digit is right.
 _NONLINEARITY = 3e-2
+# A step of this length moves with a change of positions of 16 roundings of 1, and with one of
+# velocities of 256 (a velocity may be a difference of positions, over dt): no more than a few
+# numbers may stay the same to the last bit.
+_DT, _TINY, _SAME = 0.25, (2.0**-48, 2.0**-44), 0.2
 
 
 def float32(examination: Examination) -> Finding:
@@ -36,6 +41,8 @@ def float32(examination: Examination) -> Finding:
         near = problem.changed(y0=problem.y0 + size * direction)
         return (run(near, _STEPS) - run(problem, _STEPS))[1:]
 
+    if lost := _unmoved(examination, problem):
+        return Finding("float32", "fail", lost)
     once, twice = response(_CHANGE), response(2.0 * _CHANGE)
     largest = float(np.max(np.abs(once)))
     # A response that is rounded away is off by all of it.
@@ -45,12 +52,39 @@ def float32(examination: Examination) -> Finding:
             "float32",
             "fail",
             f"a change of {_CHANGE:.0e} of the initial state is lost (the response is off by "
-            f"{off:.0e} of itself): the step rounds numbers to float32",
+            f"{off:.0e} of itself): the step rounds numbers, as to float32",
             {"nonlinearity": off},
         )
     cost = _cost_of_storing(examination, problem)
     line = f"computes in float64; float32 states would add errors of {cost:.0e} of the rope's size"
     return Finding("float32", "pass", line, {"nonlinearity": off, "cost": cost})
+
+
+def _unmoved(examination: Examination, problem: Problem) -> str:
+    """Which half of the state does not respond to a tiny change, in words; "" if both do."""
+    free = problem.args.free > 0.0
+    for half, name in enumerate(("positions", "velocities")):
+        if half and not _is_function(examination.stepper):
+            # A velocity may be a difference of positions that are carried, and have its rounding.
+            continue
+        nudge = np.zeros_like(problem.y0)
+        nudge[half, free] = _TINY[half]
+        near = problem.changed(y0=problem.y0 + nudge)
+        own, moved = (examination.one_step(each, _DT)[half, free] for each in (problem, near))
+        same = float(np.mean(own == moved))
+        if same > _SAME:
+            digits = digits_of(own)[1]
+            kept = f", and has no more than {digits} decimals" if digits < DIGITS_OF_FLOAT64 else ""
+            return (
+                f"a change of {_TINY[half]:.0e} of the {name} leaves {100 * same:.0f}% of them the "
+                f"same to the last bit after a step{kept}: the step rounds {name}, to fewer digits "
+                "than float64 has"
+            )
+    return ""
+
+
+def _is_function(stepper: Stepper) -> bool:
+    return type(stepper).init is Stepper.init and type(stepper).state is Stepper.state
 
 
 def _cost_of_storing(examination: Examination, problem: Problem) -> float:

@@ -2,18 +2,21 @@
 
 A speed below which a node is put to rest, a step size from which on another formula holds, a limit
 on forces, a floor far below: each is a number with a unit, and in other units that number means
-something else. No truth is needed to see it, and numbers of every size are tried.
+something else. Most right steps do the same in all units. One that divides dt into parts, or adapts
+them to a tolerance, does not; it is held against the exact motion.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import DIM, Units, generic
-from ropeode.checking.checks.local_errors import why_unknown
+from ropeode.checking.checks.local_errors import exact_states, why_unknown
 from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import within
 from ropeode.errors import UserCodeError
@@ -25,7 +28,8 @@ _STEPS = 2
 # size in each interval of a third.
 _FRAMES = (0.5, 0.40625, 0.3125)
 # Powers of two, in which the right result is the same to the last digit.
-_FAST = [2.0**-power for power in range(1, 25)]
+# The shortest steps come first, which nobody divides into parts.
+_FAST = [2.0**-power for power in range(24, 0, -1)]
 _SLOW = [2.0**power for power in range(1, 25)]
 _HEAVY = [2.0**power for power in range(-30, 31, 5) if power]
 _SMALL = 2.0**-8
@@ -43,6 +47,10 @@ _TOLERANCE, _MOST, _LARGE = 1e-5, 0.05, 2.0**10
 _SECONDS = 2.0
 # After so many of these nothing more is tried.
 _MOST_UNKNOWN = 3
+# A run that differs may be more exact: then its error is at most this part of that in the usual
+# units. If not, it is made with so many times as many steps, too. The error may then be so many
+# times as large as in the usual units, or must fall with the order of the method less a margin.
+_SMALLER, _FINER, _LARGER, _MARGIN = 0.75, (8, 32), 2.0, 0.5
 
 
 def _ladder() -> Iterator[tuple[Units, np.ndarray]]:
@@ -71,7 +79,7 @@ def _one_by_one() -> Iterator[Units]:
 
 def scales(examination: Examination) -> Finding:
     """A rope in very large or small units of length, mass or time moves in the same way."""
-    problem = generic()
+    problem = examination.told(generic())
     if not examination.stepper.equal_frames:
         problem = problem.changed(ts=np.concatenate([[0.0], np.cumsum(_FRAMES)]))
     # Before and after the time 0.
@@ -79,40 +87,108 @@ def scales(examination: Examination) -> Finding:
     own = examination.run(problem, _STEPS)
     size = np.max(np.abs(own), axis=(0, 2, 3))[:, None, None]
     random = np.random.default_rng(3)
-    worst, done, unknown = 0.0, 0, []
+
+    def distance(states: np.ndarray, others: np.ndarray) -> float:
+        return float(np.max(np.abs(states - others) / size))
+
+    # Errors of the finest runs that are right.
+    right: list[float] = []
+
+    @functools.cache
+    def usual() -> tuple[np.ndarray, list[float]]:
+        """The exact motion, and the errors of runs."""
+        exact = exact_states(problem)
+        runs = own, *(examination.run(problem, _STEPS * n) for n in _FINER)
+        errors = [distance(states, exact) for states in runs]
+        right.append(errors[-1])
+        return exact, errors
+
+    def is_as_exact(states: np.ndarray, units: Units, away: np.ndarray, later: float) -> bool:
+        """Whether a run in other units, or short steps there, are as exact as in the usual ones."""
+        exact, (longest, *usual_errors) = usual()
+        if distance(states, exact) <= _SMALLER * longest:
+            return True
+        order = max(examination.expected(problem) or 0.0, _power(usual_errors)) - _MARGIN
+        # Steps become shorter in two ways, so that no number leaves its threshold in both: dt does,
+        # or dt and all speeds stay and the rope grows.
+        for grows in (0, 1):
+            errors = []
+            for n in _FINER:
+                part = units._replace(length=units.length * n**grows, time=units.time * n**grows)
+                other = _in_units(problem, part, away, later)
+                finer = examination.run(other, _STEPS * n) / part.state - away
+                errors.append(distance(finer, exact))
+            if errors[-1] <= _LARGER * max(right) + _allowed(part, away):
+                continue
+            if not _power(errors) >= order:
+                return False
+            right.append(errors[-1])
+        return True
+
+    worst, done, more_exact, unknown = 0.0, 0, 0, []
     for units, place in _ladder():
         away = np.stack([place, 0.0 * place])[:, None]
-        other = units.of(problem.changed(y0=problem.y0 + away))
-        later = random.choice([-1.0, 1.0]) * 2.0 ** random.integers(_LATE) * units.time
-        other = other.changed(ts=other.ts + later)
+        later = random.choice([-1.0, 1.0]) * 2.0 ** random.integers(_LATE)
+        other = _in_units(problem, units, away, later)
+
+        def work(
+            units: Units = units, away: np.ndarray = away, later: float = later, other=other
+        ) -> tuple[float, bool]:
+            states = examination.run(other, _STEPS) / units.state - away
+            off = distance(states, own)
+            same = off <= _allowed(units, away)
+            return off, same or is_as_exact(states, units, away, later)
+
         try:
-            work = in_float64(lambda other=other: examination.run(other, _STEPS))
-            states = within(_SECONDS, "a run in other units", work) / units.state - away
+            off, fine = within(_SECONDS, "a run in other units", in_float64(work))
         except UserCodeError as error:
             unknown.append(f"not known {_where(other)}: {why_unknown(error)}")
             if len(unknown) > _MOST_UNKNOWN:
                 break
             continue
-        off = float(np.max(np.abs(states - own) / size))
-        speed = units.length / units.time
-        small, large = min(units.length, speed), max(units.length, speed)
-        # A tolerance may be one for parts of the state.
-        part = max(1.0, np.max(np.abs(place)))
-        allowed = max(part, 1.0 / small, large / _LARGE) * _TOLERANCE
-        if not off <= min(allowed, _MOST):
+        if not fine:
             line = (
-                f"in other units a rope moves differently, by {off:.1e} of its size, "
-                f"{_where(other)}; is there a threshold or a limit, a constant with a unit?"
+                f"in other units a rope moves differently, by {off:.1e} of its size, and its short "
+                f"steps err more, {_where(other)}; is there a threshold or a limit, a constant "
+                "with a unit?"
             )
             return Finding("scales", "fail", line, {"difference": off, "units": units._asdict()})
-        worst, done = max(worst, off), done + 1
+        if off <= _allowed(units, away):
+            worst, done = max(worst, off), done + 1
+        else:
+            more_exact += 1
     if unknown:
         return Finding("scales", "note", unknown[0])
     line = (
         f"in {done} units, with step sizes from 1e-8 to 1e6, speeds from 1e-7 to 1e7 and forces "
         f"from 1e-9 to 1e9, a rope moves in the same way, to {worst:.1e} of its size"
     )
+    if more_exact:
+        line += f"; in {more_exact} others it moves differently, and steps err no more"
     return Finding("scales", "pass", line, {"difference": worst})
+
+
+def _in_units(problem: Problem, units: Units, away: np.ndarray, later: float) -> Problem:
+    """A rope in other units, so far away and so much later in these."""
+    other = units.of(problem.changed(y0=problem.y0 + away))
+    return other.changed(ts=other.ts + later * units.time)
+
+
+def _allowed(units: Units, away: np.ndarray) -> float:
+    """What a run may differ by, as a part of the rope's size."""
+    speed = units.length / units.time
+    small, large = min(units.length, speed), max(units.length, speed)
+    # A tolerance may be one for parts of the state.
+    part = max(1.0, float(np.max(np.abs(away))))
+    return min(max(part, 1.0 / small, large / _LARGE) * _TOLERANCE, _MOST)
+
+
+def _power(errors: list[float]) -> float:
+    """Of the step size, with which errors at `_FINER` steps fall; -inf where they do not."""
+    coarse, fine = errors
+    if not (math.isfinite(coarse) and math.isfinite(fine)) or coarse == 0.0:
+        return -math.inf
+    return math.log(coarse / max(fine, 1e-300)) / math.log(_FINER[1] / _FINER[0])
 
 
 def _where(problem: Problem) -> str:

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import functools
+import time
+
+import jax
 import numpy as np
 
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import generic
 from ropeode.checking.report import Finding, exactly, passed_if
 from ropeode.simulation import step_size
+from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
 from ropeode.simulation.step_map import StepMap
+from ropeode.simulation.trial import HIDDEN_STATE
+from ropeode.simulation.user_clock import on_user_clock
 
 # Steps per frame: so many, that a step which counts its calls has counted to a hundred.
 _STEPS = 48
+# How often one step is made again, and the processor time of all.
+_CALLS, _SECONDS = 12_000, 3.0
+# Its length: together they last longer than any run.
+_DT = 0.01
 # Units of rounding by which the first sample may differ from the initial state.
 _ROUNDINGS = 4.0
 
@@ -26,9 +37,40 @@ def determinism(examination: Examination) -> Finding:
         difference = float(np.nanmax(np.abs(first - again)))
         line = f"not deterministic: two runs of the same problem differ by {difference:.1e}"
         return Finding("determinism", "fail", line, {"difference": difference})
-    return Finding(
-        "determinism", "pass", "deterministic: repeated runs are identical to the last bit"
-    )
+    calls, same = _repeated(examination)
+    if not same:
+        line = f"{HIDDEN_STATE}: the same step gives another result when it is made {calls} times"
+        return Finding("determinism", "fail", line, {"calls": calls})
+    line = "deterministic: repeated runs are identical to the last bit"
+    if calls:
+        line += f", and so is a step that is made {calls} times"
+    return Finding("determinism", "pass", line)
+
+
+def _repeated(examination: Examination) -> tuple[int, bool]:
+    """How often the same step was made, in Python, and whether it always gave the same."""
+    stepper, problem = examination.stepper, generic()
+    if stepper.compiled is not None:
+        return 0, True
+    own = PythonStepper(problem, stepper)
+    t, started = float(problem.ts[0]), time.process_time()
+
+    def steps() -> tuple[int, bool]:
+        carried = own.init(t, problem.y0, _DT)
+        first = None
+        for call in range(1, _CALLS + 1):
+            # It may write to what it is handed.
+            given = jax.tree.map(lambda leaf: np.array(leaf, order="C"), carried)
+            result = [np.array(each) for each in jax.tree.leaves(own.step(t, given, _DT))]
+            first = first or result
+            if not all(map(functools.partial(np.array_equal, equal_nan=True), first, result)):
+                return call, False
+            if call % 1000 == 0 and time.process_time() - started > _SECONDS:
+                break
+        return call, True
+
+    with one_at_a_time(), np.errstate(all="ignore"):
+        return on_user_clock(steps)
 
 
 def purity(examination: Examination) -> Finding:
