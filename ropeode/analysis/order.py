@@ -109,7 +109,17 @@ class ObservedOrder:
         return f"the slope {self.observed:.2f} has the interval [{low:.2f}, {high:.2f}]"
 
     def withheld(self, why: str) -> ObservedOrder:
-        """Undetermined: what was observed is not the order for small steps."""
+        """Undetermined: what was observed is not the order for small steps.
+
+        Arguments:
+            why: is said with it.
+
+        Examples:
+            >>> from ropeode.analysis.order import observed_order
+            >>> order = observed_order([0.1, 0.05, 0.025], [4e-2, 1e-2, 2.5e-3])
+            >>> order.verdict, order.withheld("the runs are too coarse").verdict
+            ('converges', 'undetermined')
+        """
         left_out = (*self.left_out, *(LeftOut(dt, PRE_ASYMPTOTIC) for dt in self.used))
         add = _runs_to_add(left_out, max(FEWEST_POINTS - len(self.used), 2))
         return ObservedOrder(None, None, "undetermined", (), left_out, why, add)

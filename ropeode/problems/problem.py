@@ -273,12 +273,6 @@ class Problem(Displayed):
         if isinstance(self.rhs, NoEquations):
             self.rhs()
 
-    def require_memory(self, copies: int) -> None:
-        """Raises:
-        InputError: so many copies of the states at all samples need more memory than there is.
-        """
-        checks.check_memory(self.frames, copies * self.y0.nbytes)
-
     @property
     def functions(self) -> dict[str, Any]:
         """The fields that hold the functions which say how the state moves."""
@@ -682,6 +676,19 @@ def require_problem(given: Any) -> None:
     elif callable(given):
         fix += ", or Problem.from_scipy(fun, (t0, t1), y0) for one in NumPy"
     raise bad_value("problem", given, "a Problem", fix)
+
+
+def require_memory(problem: Problem, copies: int) -> None:
+    """Refuse a problem whose states at all samples do not fit into memory.
+
+    Arguments:
+        problem: is to be solved.
+        copies: how many of all these states there are at the same time.
+
+    Raises:
+        InputError: they need more memory than there is.
+    """
+    checks.check_memory(problem.frames, copies * problem.y0.nbytes)
 
 
 def _again(functions: Any) -> Any:

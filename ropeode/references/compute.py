@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem, require_problem
+from ropeode.problems.problem import Problem, require_memory, require_problem
 from ropeode.problems.scipy_form import without_memory
 from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references.certificate import Level
@@ -214,7 +214,7 @@ def _each(
 
 def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) -> Reference:
     # Of the ladder, of the witnesses, and of the differences between them.
-    problem.require_memory(copies=6)
+    require_memory(problem, copies=6)
     problem = problem.up_to_date()
     with without_memory(problem):
         if options.level == "extended":

@@ -17,7 +17,7 @@ import numpy as np
 from ropeode.errors import call_user_code
 from ropeode.precision import in_float64
 from ropeode.problems.ensemble import Ensemble, Numbers
-from ropeode.problems.problem import Problem, require_problem
+from ropeode.problems.problem import Problem, require_memory, require_problem
 from ropeode.problems.scipy_form import without_memory
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation.family import Family, shape_of
@@ -104,7 +104,7 @@ def simulate(
         limits = {"time_limit": time_limit, "progress": progress}
         return _joined(list(simulate_chunks(given, stepper, steps_per_frame, **limits)))
     require_problem(given)
-    given.require_memory(copies=1)
+    require_memory(given, copies=1)
     steps, given = _check_steps(steps_per_frame), given.up_to_date()
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))

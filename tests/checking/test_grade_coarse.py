@@ -94,11 +94,12 @@ DTS = 0.02 / 1.5 ** np.arange(7)
 ROUNDING = 2e-5 * DTS**-1.5
 
 
-def in_single_precision(errors, rounding=ROUNDING, limits=None):
+def in_single_precision(errors, rounding=ROUNDING, limits=None, claimed=None):
     """The order that `by_coarse_steps` finds in errors with so much round-off."""
 
     def observe(count, floor=0.0 * ROUNDING):
-        orders = {"position": observed_order(DTS[:count], errors[:count], rounding=floor[:count])}
+        order = observed_order(DTS[:count], errors[:count], claimed=claimed, rounding=floor[:count])
+        orders = {"position": order}
         return Convergence(
             problem="made up",
             dts=tuple(DTS[:count]),
@@ -137,9 +138,9 @@ def test_what_round_off_cannot_explain_is_not_left_out():
 
 def test_three_steps_on_a_line_may_be_chance_where_round_off_is_as_large():
     errors = DTS**2 * np.array([1.0, 1.5, 1.0, 1.5, 1.0, 1.0, 1.0])
-    assert observed_order(DTS, errors).verdict == "converges"
-    assert in_single_precision(errors, 50.0 * ROUNDING).verdict == "undetermined"
-    assert in_single_precision(errors, 1e-9 * ROUNDING).verdict == "converges"
+    assert observed_order(DTS, errors, claimed=2).verdict == "converges"
+    assert in_single_precision(errors, 50.0 * ROUNDING, claimed=2).verdict == "undetermined"
+    assert in_single_precision(errors, 1e-9 * ROUNDING, claimed=2).verdict == "converges"
 
 
 def test_single_precision_shows_in_velocities_alone(tmp_path):

@@ -55,7 +55,8 @@ def test_help_and_completion_import_nothing_that_computes(environment):
     assert lines[-3:] == [
         "COMPLETED ('plain', 'table')",
         "COMPLETED ('file', 'r') ('plain', 'run')",
-        "COMPLETED ('plain', '--no-code') ('plain', '--node-mass') ('plain', '--norm')",
+        "COMPLETED ('plain', '--no-code') ('plain', '--no-predict') ('plain', '--node-mass') "
+        "('plain', '--norm')",
     ]
     assert lines[0].startswith("Usage: ")
     assert max(len(line) for line in lines[:-3]) <= 80
@@ -123,7 +124,7 @@ def test_every_rope_option(run, monkeypatch):
     """What would be computed; computing it takes seconds and shows no more of the options."""
     jobs = []
 
-    def noted(job, progress):
+    def noted(job, *_):
         jobs.append(job)
         raise InputError(["noted"])
 
