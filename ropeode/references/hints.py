@@ -114,16 +114,17 @@ def _shrunk(reference: Reference) -> str:
     problem, inside = reference.problem, reference.states[: reference.trusted]
     if problem.mechanics is not None:
         return ""
-    values, least = inside.reshape(len(inside), -1), _DIGITS * reference.bound()[-1]
+    values, bound = inside.reshape(len(inside), -1), reference.bound()[-1]
+    least = _DIGITS * bound
     last = np.abs(values[-1])
     shrunk = (last > 0.0) & (last < least) & (np.max(np.abs(values), axis=0) > least)
-    shrunk &= np.all(values >= 0.0, axis=0) | np.all(values <= 0.0, axis=0)
+    shrunk &= np.all(values >= -bound, axis=0) | np.all(values <= bound, axis=0)
     which = np.flatnonzero(shrunk)
     if not len(which):
         return ""
     listed = ", ".join(f"number {index} ({last[index]:.1e})" for index in which[:_LISTED])
     return (
-        f"At t = {problem.ts[len(inside) - 1]:g} the bound, {least / _DIGITS:.1e}, leaves fewer "
+        f"At t = {problem.ts[len(inside) - 1]:g} the bound, {bound:.1e}, leaves fewer "
         f"than three digits of some of the state's numbers, counted from 0: {listed}"
         f"{', ...' if len(which) > _LISTED else ''}. Give each a tolerance of its own (atol, an "
         "array of the state's shape)."

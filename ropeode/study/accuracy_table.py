@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from functools import partial
 from pathlib import Path
-from time import monotonic
+from time import process_time
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
@@ -49,8 +49,9 @@ DEFAULT_STEPPERS = (
 )
 DEFAULT_STEPS_PER_FRAME = tuple(2**k for k in range(4, 15))
 
-# Seconds that predictions "in time" may take where runs take less.
-_LEAST_TIME = 5.0
+# Seconds of processor time that predictions "in time" may take where runs take less. Not wall time:
+# what a table says may not depend on what else the machine does.
+_LEAST_TIME = 15.0
 # Of the states of runs that run side by side.
 _MOST_BYTES = 2**28
 
@@ -165,8 +166,8 @@ def accuracy_table(
         steps_per_frame: whole numbers, each once.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
         predict: predict the error constants from single steps, and compare them with the runs.
-            "in time": those that take no longer than the runs, or 5 seconds if that is more; so
-            it depends on the machine which they are.
+            "in time": those that take no more processor time than the runs, or 15 seconds if that
+            is more; so it depends on the machine which they are.
         progress: called with what is being done and the fraction that is done.
         asked: options of `ropeode.reference`: accuracy, rtol, level, digits and time_limit.
 
@@ -216,7 +217,7 @@ def tables_in_norms(
         reference = reference_for(given, options, lambda text, _: progress(text, 0.0))
         for each in compiled:
             each.result()
-        began = monotonic()
+        began = process_time()
         # Those that take longest first, so that no processor is left without work at the end.
         running = {
             pool.submit(rows_of_run, problem, rescaled, method, steps, reference, norms): steps
@@ -231,7 +232,7 @@ def tables_in_norms(
             progress(text, done / (len(chosen) * sum(steps_per_frame)))
         latest = None
         if predict == IN_TIME:
-            latest = monotonic() + max(_LEAST_TIME, monotonic() - began)
+            latest = process_time() + max(_LEAST_TIME, process_time() - began)
         predicting = [
             pool.submit(_predicted_error, reference, method, latest)
             for method in methods
@@ -256,14 +257,15 @@ def _predicted_error(
     """What theory predicts, or why it predicts nothing.
 
     Arguments:
-        latest: the time at which it is given up, between two of its parts; None for no limit.
+        latest: the processor time at which it is given up, between two of its parts; None for
+            no limit.
     """
     # Not above: it takes as long to import as JAX, and most tables predict nothing.
     from ropeode.theory.global_error import predicted_error
 
     def in_time(text: str, done: float | None) -> None:
         del text, done
-        if latest is not None and monotonic() > latest:
+        if latest is not None and process_time() > latest:
             raise _TooLate
 
     try:

@@ -393,7 +393,17 @@ def _robertson(t, y, args):
     return jnp.stack([back - slow, slow - back - fast, fast])
 
 
-def test_components_too_small_for_the_bound_are_named():
+def test_a_component_too_small_for_the_bound_is_named():
+    def decays(t, y, args):
+        return -jnp.array([1.0, 0.01]) * y
+
+    (remark,) = remarks(reference(Problem(decays, [1.0, 1.0], [0.0, 20.0, 30.0])))
+    assert "number 0 (9.4e-14)." in remark
+    assert "atol" in remark
+
+
+@pytest.mark.slow
+def test_components_of_a_stiff_problem_too_small_for_the_bound_are_named():
     known = reference(Problem(_robertson, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5, 1e11]))
     (remark,) = remarks(known)
     assert "number 0 (2.1e-08), number 1 (8.3e-14)" in remark
