@@ -145,18 +145,51 @@ def test_a_command_says_the_same_three_times_with_one_cache(problem, tmp_path):
     solved = PROBLEMS[problem]()
     names = [name for name, stepper in STEPPERS.items() if can_run(stepper(), solved)]
     words = ["table", "--problem", problem, "--steppers", ",".join(names), "--steps", "8,16,32"]
+    assert (
+        len({without_times(said) for said in three_times([*words, "--format", "csv"], tmp_path)})
+        == 1
+    )
+
+
+STIFF = """
+import jax.numpy as jnp
+from ropeode import Problem
+def rhs(t, y, args):
+    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] ** 2
+    return jnp.stack([back - slow, slow - back - fast, fast])
+problem = Problem(rhs, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5])
+"""
+
+
+@pytest.mark.slow
+def test_a_stiff_reference_is_the_same_three_times_with_one_cache(tmp_path):
+    file = tmp_path / "stiff.py"
+    file.write_text(STIFF)
+    words = [
+        "reference",
+        "compute",
+        "--problem",
+        f"{file}:problem",
+        "--out",
+        f"{tmp_path}/truth.nc",
+    ]
+    assert len(set(three_times(words, tmp_path))) == 1
+
+
+def three_times(words, cache):
+    """What a command prints, in three processes with one cache folder."""
     said = [
         subprocess.run(
-            [sys.executable, "-m", "ropeode", *words, "--format", "csv"],
+            [sys.executable, "-m", "ropeode", *words],
             capture_output=True,
             text=True,
             timeout=HANGS_AFTER_S,
-            env={**os.environ, "XDG_CACHE_HOME": str(tmp_path)},
+            env={**os.environ, "XDG_CACHE_HOME": str(cache)},
         )
         for _ in range(3)
     ]
     assert [each.returncode for each in said] == [0, 0, 0], said[-1].stderr
-    assert len({without_times(each.stdout) for each in said}) == 1
+    return [each.stdout for each in said]
 
 
 def can_run(stepper, problem):

@@ -398,7 +398,8 @@ def test_a_component_too_small_for_the_bound_is_named():
         return -jnp.array([1.0, 0.01]) * y
 
     (remark,) = remarks(reference(Problem(decays, [1.0, 1.0], [0.0, 20.0, 30.0])))
-    assert "number 0 (" in remark and "number 1 (" not in remark
+    assert "number 0 (" in remark
+    assert "number 1 (" not in remark
     assert "atol" in remark
 
 
