@@ -144,7 +144,9 @@ def test_what_calls_lapack_is_not_kept(folder, call):
 def test_a_command_says_the_same_three_times_with_one_cache(problem, tmp_path):
     solved = PROBLEMS[problem]()
     names = [name for name, stepper in STEPPERS.items() if can_run(stepper(), solved)]
-    words = ["table", "--problem", problem, "--steppers", ",".join(names), "--steps", "8,16,32"]
+    # Which errors are predicted is a matter of time.
+    words = ["table", "--problem", problem, "--no-predict", "--steps", "8,16,32"]
+    words += ["--steppers", ",".join(names)]
     assert (
         len({without_times(said) for said in three_times([*words, "--format", "csv"], tmp_path)})
         == 1
