@@ -138,19 +138,16 @@ def test_what_calls_lapack_is_not_kept(folder, call):
     assert not folder.exists()
 
 
-# On these run all steppers that need no chain of links, and those that do.
 @pytest.mark.slow
-@pytest.mark.parametrize("problem", ["van-der-pol", "hires", "kepler", "inextensible-rope"])
+@pytest.mark.parametrize("problem", ["van-der-pol", "hires", "rope"])
 def test_a_command_says_the_same_three_times_with_one_cache(problem, tmp_path):
     solved = PROBLEMS[problem]()
     names = [name for name, stepper in STEPPERS.items() if can_run(stepper(), solved)]
+    assert problem != "rope" or names == [*STEPPERS]
     # Which errors are predicted is a matter of time.
-    words = ["table", "--problem", problem, "--no-predict", "--steps", "8,16,32"]
-    words += ["--steppers", ",".join(names)]
-    assert (
-        len({without_times(said) for said in three_times([*words, "--format", "csv"], tmp_path)})
-        == 1
-    )
+    words = ["table", "--problem", problem, "--no-predict", "--steps", "8,16,32", "--format", "csv"]
+    said = three_times([*words, "--steppers", ",".join(names)], tmp_path)
+    assert len(set(map(without_times, said))) == 1
 
 
 STIFF = """
