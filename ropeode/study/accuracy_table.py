@@ -233,6 +233,8 @@ def tables_in_norms(
         latest = None
         if predict == IN_TIME:
             latest = process_time() + max(_LEAST_TIME, process_time() - began)
+        if predict:
+            progress("predicting the errors", 1.0)
         predicting = [
             pool.submit(_predicted_error, reference, method, latest)
             for method in methods
@@ -269,6 +271,7 @@ def _predicted_error(
             raise _TooLate
 
     try:
+        in_time("", None)
         return predicted_error(reference, method, in_time)
     except _TooLate:
         return "that would have taken longer than the runs"
