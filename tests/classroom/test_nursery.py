@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 import warnings
-from pathlib import Path
 
 import pytest
 
@@ -58,9 +57,9 @@ HARM = {
     + "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": "killed its parent process (SIGKILL)",
     # It may not be listened to for ever, and neither may what it leaves.
     SAYS.format(b"x" * 2**20).replace("try: ", "try:\n  while True: "): "report",
-    "if os.fork() == 0:\n os.setsid()\n STAYS": "raised",
-    "if os.fork() == 0:\n os.setsid()\n if os.fork() == 0:\n  STAYS\n os._exit(0)": "raised",
-    "os.setsid()\nif os.fork() == 0:\n STAYS\nos._exit(7)": "ended its process (exit code 7)",
+    "if os.fork() == 0:\n os.setsid()\n STAYS\nWAIT": "raised",
+    "if os.fork() == 0:\n os.setsid()\n if os.fork() == 0:\n  STAYS\n os._exit(0)\nWAIT": "raised",
+    "os.setsid()\nif os.fork() == 0:\n STAYS\nWAIT\nos._exit(7)": "ended its process (exit code 7)",
 }
 # By what is in the line of a report: a whole report, half a one, none.
 REPORTS = {
@@ -79,15 +78,22 @@ REPORTS = {
 def test_harm_reaches_no_other(tmp_path):
     scratch = tmp_path / "scratch"
     scratch.mkdir()
-    stays, last = (
-        f"open(f'{tmp_path}/pid-{{os.getpid()}}', 'w'); time.sleep(1000)",
-        ("last", ["pass"]),
-    )
+
+    def harmed(n, harm):
+        """Its code: STAYS leaves a process, and WAIT waits until that has begun."""
+        file = repr(str(tmp_path / f"pid-{n}"))
+        stays = f"os.symlink(str(os.getpid()), {file}); time.sleep(1000)"
+        wait = f"while not os.path.lexists({file}): time.sleep(0.01)"
+        return harm.replace("STAYS", stays).replace("WAIT", wait)
+
     told = {
         "kind": "Harm",
         "asked": {"memory_mib": 300.0},
         # The last one begins when the others have done what they do.
-        "submissions": [*((harm, [harm.replace("STAYS", stays)]) for harm in HARM), last],
+        "submissions": [
+            *((harm, [harmed(n, harm)]) for n, harm in enumerate(HARM)),
+            ("last", ["pass"]),
+        ],
         "folder": str(tmp_path),
         "scratch": str(scratch),
         "workers": 4,
@@ -109,10 +115,10 @@ def test_harm_reaches_no_other(tmp_path):
     assert of(events["last"]).message == "it lives, in 0 files"
     assert all(event["during"] == "harm" for event in events.values())
     assert not scratch.exists()
-    left = [int(each.name.removeprefix("pid-")) for each in tmp_path.glob("pid-*")]
+    left = [each.readlink() for each in tmp_path.glob("pid-*")]
     assert len(left) == 3
     if sys.platform == "linux":
-        assert not [each for each in left if Path(f"/proc/{each}").exists()]
+        assert not [each for each in left if ("/proc" / each).exists()]
 
 
 def of(event):

@@ -91,24 +91,25 @@ def scales(examination: Examination) -> Finding:
     def distance(states: np.ndarray, others: np.ndarray) -> float:
         return float(np.max(np.abs(states - others) / size))
 
-    # Errors of the finest runs that are right.
+    # Errors of runs with short steps that are right.
     right: list[float] = []
 
     @functools.cache
-    def usual() -> tuple[np.ndarray, list[float]]:
-        """The exact motion, and the errors of runs."""
+    def usual() -> tuple[np.ndarray, float, float]:
+        """The exact motion, the error of the longest steps, and the order of the method."""
         exact = exact_states(problem)
         runs = own, *(examination.run(problem, _STEPS * n) for n in _FINER)
         errors = [distance(states, exact) for states in runs]
-        right.append(errors[-1])
-        return exact, errors
+        # Not those of the shortest steps: they may be so short that another formula holds.
+        right.append(min(errors))
+        powers = map(_power, errors, errors[1:], (_FINER[0], _FINER[1] / _FINER[0]))
+        return exact, errors[0], max(examination.expected(problem) or 0.0, *powers)
 
     def is_as_exact(states: np.ndarray, units: Units, away: np.ndarray, later: float) -> bool:
         """Whether a run in other units, or short steps there, are as exact as in the usual ones."""
-        exact, (longest, *usual_errors) = usual()
+        exact, longest, order = usual()
         if distance(states, exact) <= _SMALLER * longest:
             return True
-        order = max(examination.expected(problem) or 0.0, _power(usual_errors)) - _MARGIN
         # Steps become shorter in two ways, so that no number leaves its threshold in both: dt does,
         # or dt and all speeds stay and the rope grows.
         for grows in (0, 1):
@@ -120,7 +121,7 @@ def scales(examination: Examination) -> Finding:
                 errors.append(distance(finer, exact))
             if errors[-1] <= _LARGER * max(right) + _allowed(part, away):
                 continue
-            if not _power(errors) >= order:
+            if not _power(*errors, _FINER[1] / _FINER[0]) >= order - _MARGIN:
                 return False
             right.append(errors[-1])
         return True
@@ -183,12 +184,11 @@ def _allowed(units: Units, away: np.ndarray) -> float:
     return min(max(part, 1.0 / small, large / _LARGE) * _TOLERANCE, _MOST)
 
 
-def _power(errors: list[float]) -> float:
-    """Of the step size, with which errors at `_FINER` steps fall; -inf where they do not."""
-    coarse, fine = errors
+def _power(coarse: float, fine: float, ratio: float) -> float:
+    """Of the step size, with which an error falls; -inf where one is not a number, or 0."""
     if not (math.isfinite(coarse) and math.isfinite(fine)) or coarse == 0.0:
         return -math.inf
-    return math.log(coarse / max(fine, 1e-300)) / math.log(_FINER[1] / _FINER[0])
+    return math.log(coarse / max(fine, 1e-300)) / math.log(ratio)
 
 
 def _where(problem: Problem) -> str:
