@@ -385,7 +385,9 @@ def _late(factors: list[Factor]) -> str | None:
     """By how much the time in the driving force is late, if it is by the same on all ropes."""
     turns: dict[tuple[int, int], complex] = {}
     args = {id(each.place.args): each.place.args for each in factors}
-    present = [each for each in factors if each.kind in ("drive", _SINE)]
+    # A rope may have no drive.
+    driven = (each for each in factors if hasattr(each.place.args, "drive"))
+    present = [each for each in driven if each.kind in ("drive", _SINE)]
     for each in present:
         place = id(each.place.args), each.place.node
         own = turns.get(place, 0j)
