@@ -32,9 +32,10 @@ from ropeode.validation import listed
 
 # Positions are those of a stepper if they differ by this part of their errors, or by rounding.
 _SAME = 0.01
-# The most runs that are advised; and the most work in one of them, as steps times numbers in a
-# state: less than a second. States with fewer numbers take as long as this many.
-_MOST_RUNS, _MOST_WORK, _SMALL_STATE = 4, 2**25, 64
+# The most runs that are advised, as many as an order takes beside runs that are off; and the most
+# work in one of them, as steps times numbers in a state: less than a second. States with fewer
+# numbers take as long as this many.
+_MOST_RUNS, _MOST_WORK, _SMALL_STATE = 5, 2**25, 64
 # The ratio of runs between those that there are.
 _CLOSE = 1.25
 # The widest interval of an order that is clear, as a part of its upper end.
