@@ -339,22 +339,28 @@ def _traced(
         ) from error
 
 
-def check_memory(frames: int, each: int = _OF_A_TIME) -> None:
+def check_memory(
+    count: int,
+    each: int = _OF_A_TIME,
+    field: str = "frames",
+    fix: str = "sample fewer frames, with more steps in each",
+) -> None:
     """See that there is memory for all samples, before it is taken.
 
     Arguments:
-        frames: intervals between the samples.
-        each: bytes of a sample; by default those of its time alone.
+        count: intervals between the samples, or what `field` counts.
+        each: bytes of one; by default those of a sample's time.
+        field, fix: of the message.
 
     Raises:
         InputError: there is not.
     """
-    needed, there = frames * each, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    needed, there = count * each, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > there:
         raise bad_value(
-            "frames",
-            frames,
+            field,
+            count,
             f"as many as fit into memory, {there / 2**30:.3g} GiB; these take "
             f"{needed / 2**30:.3g} GiB",
-            "sample fewer frames, with more steps in each",
+            fix,
         )

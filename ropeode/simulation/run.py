@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import collections
 import dataclasses
-import os
 import threading
 import time
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ import numpy as np
 
 from ropeode.errors import call_user_code
 from ropeode.precision import in_float64
+from ropeode.problems.checks import check_memory
 from ropeode.problems.ensemble import Ensemble, Numbers
 from ropeode.problems.problem import Problem, require_memory, require_problem
 from ropeode.problems.scipy_form import without_memory
@@ -100,7 +100,10 @@ def simulate(
         array([-399.93,  195.54])
     """
     if isinstance(given, Ensemble):
-        _check_memory(given)
+        # Twice: in chunks, and joined.
+        each = 2 * (given.first.frames + 1) * given.first.y0.nbytes
+        turns = "take them in turn with simulate_chunks, or sample fewer frames"
+        check_memory(len(given), each, "ensemble", turns)
         limits = {"time_limit": time_limit, "progress": progress}
         return _joined(list(simulate_chunks(given, stepper, steps_per_frame, **limits)))
     require_problem(given)
@@ -166,23 +169,6 @@ def _check_steps(steps_per_frame: SupportsIndex) -> int:
         allowed = f"at most {_MOST_STEPS}, up to which float64 counts"
         raise bad_value("steps_per_frame", steps, allowed, "for example 64")
     return steps
-
-
-def _check_memory(ensemble: Ensemble) -> None:
-    """Raises:
-    InputError: the states of all members need more memory than there is.
-    """
-    first = ensemble.first
-    needed = len(ensemble) * (first.frames + 1) * first.y0.nbytes
-    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    # Twice: in chunks, and joined.
-    if 2 * needed > there:
-        raise bad_value(
-            "ensemble",
-            f"{len(ensemble)} members, whose states take {needed / 2**30:.1f} GiB",
-            f"half of this machine's memory, {there / 2**31:.1f} GiB",
-            "take them in turn with simulate_chunks, or sample fewer frames",
-        )
 
 
 def _joined(chunks: list[Trajectories]) -> Trajectories:

@@ -406,7 +406,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_runs():
     size = 2**26
     y0 = np.broadcast_to(problem.y0, (size, *problem.y0.shape))
     ensemble = Ensemble(problem, size, lambda a, b: y0[a:b], lambda index: problem)
-    with pytest.raises(InputError, match="ensemble: .* members, .*simulate_chunks"):
+    with pytest.raises(InputError, match="ensemble: .*fit into memory, .*simulate_chunks"):
         simulate(ensemble, "rk4", 10)
 
 
