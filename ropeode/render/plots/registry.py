@@ -15,7 +15,7 @@ from ropeode.checking.trajectories.studies import (
 from ropeode.render.plots.convergence import plot_convergence
 from ropeode.render.plots.energy import plot_energies
 from ropeode.render.plots.error import plot_errors
-from ropeode.study.accuracy_table import accuracy_table
+from ropeode.study.accuracy_table import IN_TIME, Predict, accuracy_table
 from ropeode.study.curves import error_curves
 from ropeode.study.energy import energy_curves
 
@@ -44,18 +44,18 @@ def _without_norm(study: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-def _with_theory(study: Callable[..., Any]) -> Callable[..., Any]:
+def _with_theory(study: Callable[..., Any], predict: Predict) -> Callable[..., Any]:
     """Errors of steppers that somebody named are predicted too; of all defaults it takes long."""
 
     def call(problem: Any, steppers: Any, **options: Any) -> Any:
-        return study(problem, steppers, predict=steppers is not None, **options)
+        return study(problem, steppers, predict=steppers is not None and predict, **options)
 
     return call
 
 
 PLOTS: dict[str, Plot] = {
-    "convergence": Plot(_with_theory(accuracy_table), trajectory_errors, plot_convergence),
-    "error": Plot(_with_theory(error_curves), trajectory_error_curves, plot_errors),
+    "convergence": Plot(_with_theory(accuracy_table, IN_TIME), trajectory_errors, plot_convergence),
+    "error": Plot(_with_theory(error_curves, True), trajectory_error_curves, plot_errors),
     "energy": Plot(
         _without_norm(energy_curves), _without_norm(trajectory_energy_curves), plot_energies
     ),
