@@ -152,6 +152,8 @@ def unlike_words(constant: ErrorConstant) -> str:
     """What it means that the finest step size does not show the leading term to 10%."""
     if constant.approaches:
         return "pre-asymptotic, for finer steps come closer to the prediction"
+    if len(constant.ratios) == 1:
+        return "finer steps would tell whether they come closer to the prediction"
     return "theory and runs disagree, for finer steps come no closer to the prediction"
 
 

@@ -230,17 +230,18 @@ def tables_in_norms(
             finished[rows[0].stepper, rows[0].steps_per_frame] = rows
             text = f"{rows[0].stepper}: {counted(rows[0].steps_per_frame, 'step')} per frame"
             progress(text, done / (len(chosen) * sum(steps_per_frame)))
-        latest = None
-        if predict == IN_TIME:
-            latest = process_time() + max(_LEAST_TIME, process_time() - began)
+        predictions: list[PredictedError | str | None] = [None] * len(chosen)
         if predict:
             progress("predicting the errors", 1.0)
-        predicting = [
-            pool.submit(_predicted_error, reference, method, latest)
-            for method in methods
-            if predict
-        ]
-        predictions = [each.result() for each in predicting] or [None] * len(chosen)
+            in_time, ran = predict == IN_TIME, process_time() - began
+            latest = process_time() + max(_LEAST_TIME, ran) if in_time else None
+            # The fastest first: as many as there is time for.
+            seconds = [finished[each.label, max(steps_per_frame)][0].seconds for each in chosen]
+            predicting = {
+                i: pool.submit(_predicted_error, reference, methods[i], latest)
+                for i in np.argsort(seconds)
+            }
+            predictions = [predicting[i].result() for i in range(len(chosen))]
     progress("done", 1.0)
     every = [finished[stepper.label, steps] for stepper in chosen for steps in steps_per_frame]
     return tuple(

@@ -153,7 +153,8 @@ def believed(
         return order
     theory = f"theory says order {constant.order}"
     if not constant.approaches:
-        theory += ", but finer steps come no closer to its error"
+        # Of a single run nobody knows.
+        theory += ", but finer steps come no closer to its error" if len(apart) > 1 else ""
     elif apart[dt] > AGREE:
         # The next term of the error has one more power of dt.
         steps = float(f"{frame / dt * apart[dt] / AGREE:.2g}")

@@ -72,6 +72,7 @@ class Expansion:
         rungs: how many of the ladder's are used, from the longest.
         zeros: how many powers of dt are known to be missing from the error of n steps.
         settled: how many of the first steps of a method with memory are left to its start.
+        one_step: whether n steps are known to be n times one step; otherwise it is found out.
 
     Attributes:
         samples, reach: as given.
@@ -95,14 +96,16 @@ class Expansion:
         rungs: int = RUNGS,
         zeros: int = 0,
         settled: int = SETTLED,
+        one_step: bool = False,
     ):
         self.samples, self.problem = samples, samples.problem
         self.t, self.y, self.reach = t, y, reach
         self.slopes = samples.rates(t, y)
         # What a step that projects leaves of the constraints is in the state, and it settles as
         # memory does.
-        steps = 1 if samples.carries_state and not self.problem.rigid else STEPS
-        if samples.may_begin:
+        one_step = one_step or (samples.carries_state and not self.problem.rigid)
+        steps = 1 if one_step else STEPS
+        if samples.may_begin and not one_step:
             settled, steps = settled + _BEGINNING, steps + _BEGINNING
         self.ladder = reach / steps
         dt = self.ladder[:, None] * LADDER[:rungs]
@@ -113,7 +116,7 @@ class Expansion:
         if self.one_step and steps > 1:
             # One step may be as long as the solution is smooth.
             self.ladder, dt = reach, dt * steps
-            states, steps = samples.after(t, y, dt, steps), 1
+            states, steps = samples.after(t, y, dt, 1), 1
         every = range(1, 2) if self.one_step else range(settled, steps + 1)
         moved = {n: increments(n / steps * LADDER[:rungs]) for n in every}
         errors = {n: (states[:, :, n] - y[:, None]) - moved[n] for n in every}

@@ -106,11 +106,12 @@ def predicted_error(
         return along
     zeros = order + 1 if samples.carries_state else order
     later = SETTLED if local.one_step else SETTLED + _LATER
+    one_step = local.one_step and not samples.may_begin
     rates: dict[int, list[np.ndarray]] = {SETTLED: [], later: []}
     for index, each in enumerate(along.pieces):
         progress("the local error", 0.6 + 0.4 * index / len(along.pieces))
         for settled, found in rates.items():
-            found.append(_local_error(samples, each, order, zeros, settled))
+            found.append(_local_error(samples, each, order, zeros, settled, one_step))
     start = begin.start(order).value[0]
 
     def propagated(settled: int, stride: int) -> np.ndarray:
@@ -150,11 +151,11 @@ def _lacks_order(what: str, local: Expansion) -> str | None:
 
 
 def _local_error(
-    samples: StepSamples, pieces: Pieces, order: int, zeros: int, settled: int
+    samples: StepSamples, pieces: Pieces, order: int, zeros: int, settled: int, one_step: bool
 ) -> np.ndarray:
     """The rates at which the error grows by itself, ``(states, *state)``."""
     own = pieces.t, pieces.y, pieces.reach, pieces.increments
-    local = Expansion(samples, *own, _RUNGS, zeros, settled)
+    local = Expansion(samples, *own, _RUNGS, zeros, settled, one_step)
     rate = local.rate(order).value
     if not local.one_step:
         rate = rate - derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)

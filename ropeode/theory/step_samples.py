@@ -22,8 +22,9 @@ from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import BuiltIn, Stepper
 
-# A compiled program takes so many cases at once; the last of them are repeated to fill it.
-_BATCH = 512
+# A compiled program takes so many cases at once, of slopes and of steps, which may each solve
+# equations; the last of them are repeated to fill it.
+_BATCH, _STEPS_AT_ONCE = 512, 64
 # It makes up to so many steps, or as many as are wanted if these are more; for a stepper that
 # carries nothing but the state one is enough.
 _MOST = 10
@@ -85,7 +86,9 @@ class StepSamples:
         if self._method.trial.compiled:
             most = max(steps, 1 if self.carries_state else _MOST)
             run = _compiled(stepper, problem.rhs, problem.mechanics, most, self._settled)
-            states = in_batches(lambda *each: on_user_clock(run, problem.args, *each, steps), cases)
+            states = in_batches(
+                lambda *each: on_user_clock(run, problem.args, *each, steps), cases, _STEPS_AT_ONCE
+            )
             states = states[:, : steps + 1]
         else:
             own = PythonStepper(problem, stepper)
@@ -95,17 +98,20 @@ class StepSamples:
         return states.reshape(*dt.shape, steps + 1, *y.shape[1:])
 
 
-def in_batches(function: Callable[..., Any], cases: tuple[np.ndarray, ...]) -> np.ndarray:
+def in_batches(
+    function: Callable[..., Any], cases: tuple[np.ndarray, ...], batch: int = _BATCH
+) -> np.ndarray:
     """A function of many cases, called with one number of them, so that it is compiled once.
 
     Arguments:
-        function: of arrays with a leading axis of `_BATCH` cases.
+        function: of arrays with a leading axis of `batch` cases.
         cases: arrays with a leading axis of any number of cases, at least one.
+        batch: that number.
     """
     count = len(cases[0])
     results = []
-    for first in range(0, count, _BATCH):
-        index = np.minimum(np.arange(first, first + _BATCH), count - 1)
+    for first in range(0, count, batch):
+        index = np.minimum(np.arange(first, first + batch), count - 1)
         results.append(np.asarray(function(*(each[index] for each in cases))))
     return np.concatenate(results)[:count]
 

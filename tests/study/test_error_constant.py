@@ -103,6 +103,15 @@ def test_a_line_that_is_not_theorys_is_not_yet_asymptotic():
     assert "not yet asymptotic" in held(crossing, 1.0).why
 
 
+@pytest.mark.parametrize(("bend", "said"), [([1.5], False), ([1.4, 1.4], True)])
+def test_one_run_does_not_say_whether_finer_ones_come_closer(bend, said):
+    dts = DTS[: len(bend)]
+    theory = ErrorConstant(4, np.array([1.0]), None, dict(zip(dts[::-1], bend, strict=True)))
+    found = believed(observed_order(dts, dts**4 * bend), None, theory, 1.0)
+    assert "; theory says order 4" in found.why
+    assert ("come no closer" in found.why) == said
+
+
 def test_theory_excuses_no_wrong_stepper():
     """Its own theory says what order it has, whatever it declares."""
     found = held(3 * DTS, 3.0, order=1)
