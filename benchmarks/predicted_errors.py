@@ -135,8 +135,9 @@ def judged(
 
     Returns:
         The largest predicted one; the step size; the ratio of the two along the predicted one; how
-        far they are apart, as a part of the largest predicted one; and how far in the limit of no
-        step size, by a parabola through the three finest. Where nothing is predicted, what is
+        far they are apart, as a part of the largest predicted one; how far in the limit of no step
+        size, by a parabola through the three finest; and how much that parabola changes the limit
+        of a straight line. Where nothing is predicted, what is
         measured.
     """
     # At the first sample a run has no error.
@@ -154,8 +155,9 @@ def judged(
     }
     if len(measured) > 2:
         third, second, first = measured[-3:]
-        limit = (third - 6.0 * second + 8.0 * first) / 3.0
+        limit, line = (third - 6.0 * second + 8.0 * first) / 3.0, 2.0 * first - second
         found["limit"] = largest(limit - expected) / largest(expected)
+        found["correction"] = largest(limit - line) / largest(expected)
     return found
 
 

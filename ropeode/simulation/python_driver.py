@@ -17,7 +17,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
-from ropeode.simulation.time_needed import refuse_longer
+from ropeode.simulation.time_needed import TimeNeeded
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers.base import Stepper, System
@@ -27,8 +27,6 @@ _LOOKS_AGAIN_S = 0.1
 # From states so many times larger than the problem, a step that raises has diverged: unlike NumPy's
 # numbers, Python's overflow with an exception.
 _HUGE = 1e30
-# Steps that take so long, the first of which may compile, tell how long the whole run will.
-_LONG_ENOUGH_S = 2.0
 
 
 class _Turn:
@@ -160,19 +158,19 @@ def run_in_python(
 
     def run() -> tuple[int, Iterations]:
         carried = own.init(ts[0], problem.y0, lengths[0] / steps_per_frame)
-        states[0], done, began, known = problem.y0, 0, time.perf_counter(), False
+        states[0], done, began = problem.y0, 0, time.perf_counter()
+        needed = TimeNeeded(longest, steps_per_frame, problem.frames)
         for frame in range(problem.frames):
             start, dt = ts[frame], lengths[frame] / steps_per_frame
             try:
                 for i in range(steps_per_frame):
                     carried = own.step(start + i * dt, carried, dt)
                     done += 1
-                    # At powers of two, until they have taken long enough to tell.
-                    if not (known or done & (done - 1)):
-                        seconds = time.perf_counter() - began
-                        if known := seconds > _LONG_ENOUGH_S:
-                            each = seconds / done
-                            refuse_longer(longest, each, steps_per_frame, problem.frames)
+                    # From one power of two to the next.
+                    if not (needed.known or done & (done - 1)):
+                        now = time.perf_counter()
+                        needed.tried(max(done // 2, 1), now - began)
+                        began = now
                 y = own.state(ts[frame + 1], carried, dt)
             except UserCodeError:
                 if not _has_blown_up(carried, problem.scale):

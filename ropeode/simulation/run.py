@@ -26,7 +26,7 @@ from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.program import Program, program
 from ropeode.simulation.python_driver import run_in_python
-from ropeode.simulation.time_needed import LONGEST_S, check_longest, refuse_longer
+from ropeode.simulation.time_needed import LONGEST_S, TimeNeeded, check_longest
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
 from ropeode.steppers.base import BuiltIn
 from ropeode.threads import cores, threads
@@ -39,9 +39,8 @@ _FEWEST_FRAMES, _MOST_FRAMES, _MOST_BLOCKS = 16, 128, 64
 # Of a right-hand side in Python, to see that it keeps no memory.
 _MOST_CALLS = 32
 _MOST_STEPS = 2**53
-# A compiled run is tried with so many steps at first, and with no more than a part of its own; what
-# takes so long tells how long the whole run will.
-_FEWEST_STEPS, _SHARE, _LONG_ENOUGH_S = 4096, 0.01, 0.05
+# A compiled run is tried with so many steps at first, and with no more than a part of its own.
+_FEWEST_STEPS, _SHARE = 4096, 0.01
 
 
 @overload
@@ -292,15 +291,13 @@ class _Job(NamedTuple):
         """
         first, count = self.ensemble.first, self.layout.blocks(members)
         total, steps, start = self.steps * first.frames, _FEWEST_STEPS, first.ts[0]
-        while steps < _SHARE * total:
+        needed = TimeNeeded(self.longest, self.steps, first.frames)
+        while steps < _SHARE * total and not needed.known:
             length = steps * (frame_lengths(first)[:1] / self.steps)
             began = time.perf_counter()
             made.run(y0, args, np.append(start, start + length), length, steps, None, count)
-            seconds = time.perf_counter() - began
-            if seconds > _LONG_ENOUGH_S:
-                refuse_longer(self.longest, seconds / steps, self.steps, first.frames)
-                return
-            steps *= 4
+            if not needed.tried(steps, time.perf_counter() - began):
+                steps *= 4
 
     def _program(self, y0: np.ndarray, args: Any) -> Program:
         first = self.ensemble.first

@@ -15,6 +15,7 @@ from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.simulation.program import slot
+from ropeode.simulation.time_needed import TimeNeeded
 from tests.steppers.every_variant import EVERY_PARAMETER
 
 # Of the size that other tests have too, so that its programs are compiled once.
@@ -142,14 +143,30 @@ def in_numpy(acceleration, t, x, v, dt, args):
 
 @pytest.mark.parametrize("stepper", ["rk4", in_numpy])
 @pytest.mark.parametrize("ensemble", [False, True])
-def test_a_run_without_an_end_is_refused(stepper, ensemble, small_rope, monkeypatch):
-    monkeypatch.setattr("ropeode.simulation.python_driver._LONG_ENOUGH_S", 0.2)
+def test_a_run_without_an_end_is_refused(stepper, ensemble, small_rope):
     ropes = Ensemble.of([small_rope] * 2) if ensemble else small_rope
     with pytest.raises(InputError, match="steps_per_frame: 1000000000000 given") as refused:
         simulate(ropes, stepper, 10**12)
     (fits,) = re.findall(r"(\d+) steps per frame an hour", str(refused.value))
     # Between a hundred nanoseconds and a hundredth of a second for a step.
     assert 3600 / small_rope.frames / 1e-2 < int(fits) < 3600 / small_rope.frames / 1e-8
+
+
+def test_a_pause_refuses_no_run():
+    """The first step may compile, and the machine may sleep: that is not what a step takes."""
+    run = TimeNeeded(longest=60.0, steps_per_frame=1000, frames=10)
+    assert run.tried(1, 5.0)
+    assert run.tried(1, 2.0)
+    assert not run.known
+    run.tried(2, 0.01)
+    assert run.known
+    slow = TimeNeeded(longest=60.0, steps_per_frame=1000, frames=10)
+    slow.tried(1, 0.9)
+    slow.tried(2, 1.0)
+    with pytest.raises(
+        InputError, match="at most 60 s; .* about 1.4 hours"
+    ):
+        slow.tried(4, 2.0)
 
 
 @pytest.mark.parametrize("solve", [reference, lambda problem: simulate(problem, "rk4", 1)])

@@ -41,7 +41,12 @@ from tests.verification.extrapolation import (
 
 STEPS = (40, 60, 90, 135, 202, 303)
 # So close to each other or to the centre that orders only show at finer steps.
-FINER = {"library kepler": 4, "library pleiades": 2}
+FINER: dict[str | tuple[str, str], int] = {
+    "library kepler": 4,
+    "library pleiades": 2,
+    ("moving undamped inextensible rope", "adams-bashforth4"): 2,
+    ("library double-pendulum", "adams-pece4"): 2,
+}
 # Their errors reach round-off, or have a second term of about the same size.
 OTHER_STEPS = {
     "pefrl": (20, 30, 45, 68, 101, 152),
@@ -209,7 +214,8 @@ def truth_of(case: str) -> tuple[np.ndarray, Callable[[Norm], float]]:
 
 def steps_of(case: str, stepper: BuiltIn) -> list[int]:
     own = OTHER_STEPS.get(stepper.label, OTHER_STEPS.get(stepper.name, STEPS))
-    return [FINER.get(case, 1) * steps for steps in own]
+    finer = FINER.get((case, stepper.label), FINER.get(case, 1))
+    return [finer * steps for steps in own]
 
 
 @functools.cache
