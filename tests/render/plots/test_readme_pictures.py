@@ -44,7 +44,7 @@ def test_the_order_plot_names_each_line_with_its_order():
     assert [each.partition(": ")[0] for each in words] == list(VERLETS.values())
     assert [each.partition(": ")[2] for each in words] == [
         "order 1.00 [0.990, 1.010]",
-        "order 2.00 [1.990, 2.010]",
+        "order 2.00 [1.989, 2.010]",
         "does not converge",
     ]
     assert "[length units]" in axes.get_ylabel()
