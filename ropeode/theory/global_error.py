@@ -25,8 +25,9 @@ from ropeode.theory.step_samples import StepSamples
 _RUNGS, _DEGREE = 9, 5
 # How many states the order is read off at.
 _STATES = 8
-# A prediction that is more uncertain is none.
-_MOST_UNCERTAIN = 0.1
+# A prediction that is more uncertain is none: where half of the states say so little of the others,
+# all of them may miss what matters, as in the fast parts of a stiff solution.
+_MOST_UNCERTAIN = 0.05
 # So many more steps are left to the start of a method with memory, to see what that changes.
 _LATER = 2
 # What may be left of a rate that is explained.

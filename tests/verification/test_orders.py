@@ -45,7 +45,7 @@ FINER: dict[str | tuple[str, str], int] = {
     "library kepler": 4,
     "library pleiades": 2,
     ("moving undamped inextensible rope", "adams-bashforth4"): 2,
-    ("library double-pendulum", "adams-pece4"): 2,
+    "library double-pendulum": 2,
 }
 # Their errors reach round-off, or have a second term of about the same size.
 OTHER_STEPS = {
