@@ -163,9 +163,7 @@ def test_a_pause_refuses_no_run():
     slow = TimeNeeded(longest=60.0, steps_per_frame=1000, frames=10)
     slow.tried(1, 0.9)
     slow.tried(2, 1.0)
-    with pytest.raises(
-        InputError, match="at most 60 s; .* about 1.4 hours"
-    ):
+    with pytest.raises(InputError, match="at most 60 s; .* about 1.4 hours"):
         slow.tried(4, 2.0)
 
 
