@@ -28,8 +28,9 @@ _STATES = 8
 # A prediction that is more uncertain is none: where half of the states say so little of the others,
 # all of them may miss what matters, as in the fast parts of a stiff solution.
 _MOST_UNCERTAIN = 0.05
-# So many more steps are left to the start of a method with memory, to see what that changes.
-_LATER = 2
+# So many more steps are left to the start of a method with memory, and may change the prediction by
+# so much: where it settles slowly, what is left is ten times the last change.
+_LATER, _MOST_UNSETTLED = 2, 0.01
 # What may be left of a rate that is explained.
 _EXPLAINED = 1e-2
 # The relative tolerance of the variational equation.
@@ -120,15 +121,20 @@ def predicted_error(
         rate = np.concatenate(rates[settled])[along.index]
         return _propagated(problem, times, start, *(e[::stride] for e in (along.t, along.y, rate)))
 
-    fine, others = propagated(SETTLED, 1), [propagated(SETTLED, 2)]
+    fine = propagated(SETTLED, 1)
+    size = float(np.max(np.abs(fine))) or 1.0
+
+    def changed(other: np.ndarray) -> float:
+        return float(np.max(np.abs(fine - other))) / size
+
+    uncertain, unsettled = changed(propagated(SETTLED, 2)), 0.0
     if not local.one_step:
-        others.append(propagated(later, 1))
-    size = float(np.max(np.abs(fine)))
-    apart = max(float(np.max(np.abs(fine - other))) for other in others)
-    uncertain = apart / size if size else 0.0
+        unsettled = changed(propagated(later, 1))
     if uncertain > _MOST_UNCERTAIN:
         return f"the prediction is uncertain by {uncertain:.0%}"
-    return PredictedError(order, times, fine, uncertain)
+    if unsettled > _MOST_UNSETTLED:
+        return f"what is carried settles slowly: {_LATER} steps more change it by {unsettled:.1%}"
+    return PredictedError(order, times, fine, max(uncertain, unsettled))
 
 
 def _lacks_order(what: str, local: Expansion) -> str | None:

@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks import expansions, predicted_errors
 from ropeode.problems.library import PROBLEMS
+from ropeode.steppers import as_stepper
 
 # What has no prediction, or shows it at finer steps than are run here.
 UNSETTLED = "constraint-verlet"
@@ -20,29 +21,43 @@ AGREE, SETTLING = 0.02, 0.05
 HAS_MEMORY = re.compile("adams|bdf2|beeman|.*start=euler")
 
 
+# What is further off than it says: by 3%, of stiff modes.
+TOO_FAR = [("linear-chain", "implicit-euler")]
+
+
+def check_predicted(name, stepper):
+    line = predicted_errors.compared(name, stepper)
+    if UNSETTLED in stepper.label or not predicted_errors.known(name).problem.equal_frames:
+        assert "why" in line
+        return
+    if "uncertain by" in line.get("why", ""):
+        return
+    if "why" in line and MAY_BE_HIDDEN.match(stepper.label):
+        return
+    # One iteration of Newton's method solves linear equations.
+    if stepper.label != "gauss4:newton=1":
+        assert line["order"] == line["declared"], stepper.label
+    for each in line["quantities"].values():
+        if "limit" in each:
+            # The limit is extrapolated, and known to its last correction only.
+            apart = min(each["apart"], each["limit"] - each["correction"])
+            most = SETTLING if HAS_MEMORY.match(stepper.label) else AGREE
+            assert apart <= most, (stepper.label, each)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_predicted_error_is_measured(name):
     for problem, stepper in predicted_errors.pairs():
-        if problem != name:
-            continue
-        line = predicted_errors.compared(problem, stepper)
-        if UNSETTLED in stepper.label or not predicted_errors.known(name).problem.equal_frames:
-            assert "why" in line
-            continue
-        if "uncertain by" in line.get("why", ""):
-            continue
-        if "why" in line and MAY_BE_HIDDEN.match(stepper.label):
-            continue
-        # One iteration of Newton's method solves linear equations.
-        if stepper.label != "gauss4:newton=1":
-            assert line["order"] == line["declared"], stepper.label
-        for each in line["quantities"].values():
-            if "limit" in each:
-                # The limit is extrapolated, and known to its last correction only.
-                apart = min(each["apart"], each["limit"] - each["correction"])
-                most = SETTLING if HAS_MEMORY.match(stepper.label) else AGREE
-                assert apart <= most, (stepper.label, each)
+        if problem == name and (name, stepper.label) not in TOO_FAR:
+            check_predicted(name, stepper)
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="the prediction is further off than it says")
+@pytest.mark.parametrize(("name", "stepper"), TOO_FAR)
+def test_a_prediction_knows_how_far_it_is_off(name, stepper):
+    check_predicted(name, as_stepper(stepper))
 
 
 @pytest.mark.slow
