@@ -121,7 +121,8 @@ def scales(examination: Examination) -> Finding:
                 errors.append(distance(finer, exact))
             if errors[-1] <= _LARGER * max(right) + _allowed(part, away):
                 continue
-            if not _power(*errors, _FINER[1] / _FINER[0]) >= order - _MARGIN:
+            coarse, fine = errors
+            if not _power(coarse, fine, _FINER[1] / _FINER[0]) >= order - _MARGIN:
                 return False
             right.append(errors[-1])
         return True
