@@ -21,8 +21,8 @@ AGREE, SETTLING = 0.02, 0.05
 HAS_MEMORY = re.compile("adams|bdf2|beeman|.*start=euler")
 
 
-# What is further off than it says: by 3%, of stiff modes; and where three step sizes are left between
-# those too coarse and the reference's bound, whose limit says little.
+# What is further off than it says: by 3%, of stiff modes; and where only three step sizes are left
+# between those too coarse and the reference's bound, whose limit says little.
 TOO_FAR = [("linear-chain", "implicit-euler"), ("pleiades", "dormand-prince5")]
 
 
