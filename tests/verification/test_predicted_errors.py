@@ -20,7 +20,6 @@ MAY_BE_HIDDEN = re.compile("dormand-prince|yoshida6|pefrl|gauss4|adams|bdf2|beem
 AGREE, SETTLING = 0.02, 0.05
 HAS_MEMORY = re.compile("adams|bdf2|beeman|.*start=euler")
 
-
 # What is further off than it says: by 3%, of stiff modes; and where only three step sizes are left
 # between those too coarse and the reference's bound, whose limit says little.
 TOO_FAR = [
