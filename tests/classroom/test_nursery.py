@@ -58,7 +58,10 @@ HARM = {
     # It may not be listened to for ever, and neither may what it leaves.
     SAYS.format(b"x" * 2**20).replace("try: ", "try:\n  while True: "): "report",
     "if os.fork() == 0:\n os.setsid()\n STAYS\nWAIT": "raised",
-    "if os.fork() == 0:\n os.setsid()\n if os.fork() == 0:\n  STAYS\n os._exit(0)\nWAIT": "raised",
+    # The one that it leaves has begun before it is an orphan, which is ended at once.
+    "if os.fork() == 0:\n os.setsid()\n if os.fork() == 0:\n  STAYS\n WAIT\n os._exit(0)\nWAIT": (
+        "raised"
+    ),
     "os.setsid()\nif os.fork() == 0:\n STAYS\nWAIT\nos._exit(7)": "ended its process (exit code 7)",
 }
 # By what is in the line of a report: a whole report, half a one, none.
