@@ -21,8 +21,9 @@ from ropeode.theory.expansion import SETTLED, STEPS, Expansion, expanded
 from ropeode.theory.solution_along import Pieces, solution_along
 from ropeode.theory.step_samples import StepSamples
 
-# Local errors are taken from so many rungs of the ladder, and interpolated by splines of a degree.
-_RUNGS, _DEGREE = 9, 5
+# Local errors are taken from so many rungs of the ladder, and from more where these leave more than
+# a part of the largest one open. They are interpolated by splines of a degree.
+_RUNGS, _OPEN, _DEGREE = (9, 13), 1e-3, 5
 # How many states the order is read off at.
 _STATES = 8
 # A prediction that is more uncertain is none: where half of the states say so little of the others,
@@ -109,27 +110,28 @@ def predicted_error(
     zeros = order + 1 if samples.carries_state else order
     later = SETTLED if local.one_step else SETTLED + _LATER
     one_step = local.one_step and not samples.may_begin
-    rates: dict[int, list[np.ndarray]] = {SETTLED: [], later: []}
+    rates: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {SETTLED: [], later: []}
     for index, each in enumerate(along.pieces):
         progress("the local error", 0.6 + 0.4 * index / len(along.pieces))
         for settled, found in rates.items():
             found.append(_local_error(samples, each, order, zeros, settled, one_step))
     start = begin.start(order).value[0]
 
-    def propagated(settled: int, stride: int) -> np.ndarray:
+    def propagated(settled: int, stride: int = 1, off: float = 0.0) -> np.ndarray:
         progress("the error's equation", 1.0)
-        rate = np.concatenate(rates[settled])[along.index]
-        return _propagated(problem, times, start, *(e[::stride] for e in (along.t, along.y, rate)))
+        rate = np.concatenate([value + off * error for value, error in rates[settled]])
+        each = along.t, along.y, rate[along.index]
+        return _propagated(problem, times, start, *(values[::stride] for values in each))
 
-    fine = propagated(SETTLED, 1)
+    fine = propagated(SETTLED)
     size = float(np.max(np.abs(fine))) or 1.0
 
     def changed(other: np.ndarray) -> float:
         return float(np.max(np.abs(fine - other))) / size
 
-    uncertain, unsettled = changed(propagated(SETTLED, 2)), 0.0
-    if not local.one_step:
-        unsettled = changed(propagated(later, 1))
+    # Between the states, and at them.
+    uncertain = max(changed(propagated(SETTLED, stride=2)), changed(propagated(SETTLED, off=1.0)))
+    unsettled = 0.0 if local.one_step else changed(propagated(later))
     if uncertain > _MOST_UNCERTAIN:
         return f"the prediction is uncertain by {uncertain:.0%}"
     if unsettled > _MOST_UNSETTLED:
@@ -159,14 +161,23 @@ def _lacks_order(what: str, local: Expansion) -> str | None:
 
 def _local_error(
     samples: StepSamples, pieces: Pieces, order: int, zeros: int, settled: int, one_step: bool
-) -> np.ndarray:
-    """The rates at which the error grows by itself, ``(states, *state)``."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """The rates at which the error grows by itself, and what is open of them.
+
+    Returns:
+        Both as ``(states, *state)``.
+    """
     own = pieces.t, pieces.y, pieces.reach, pieces.increments
-    local = Expansion(samples, *own, _RUNGS, zeros, settled, one_step)
-    rate = local.rate(order).value
+    for rungs in _RUNGS:
+        local = Expansion(samples, *own, rungs, zeros, settled, one_step)
+        rate = local.rate(order)
+        error = rate.error.T.reshape(*rate.error.T.shape, *(1,) * (rate.value.ndim - 2))
+        if np.max(error) <= _OPEN * np.max(np.abs(rate.value)):
+            break
+    value = rate.value
     if not local.one_step:
-        rate = rate - derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
-    return rate
+        value = value - derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
+    return value, np.broadcast_to(error, value.shape)
 
 
 def _propagated(
