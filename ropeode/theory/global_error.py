@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -21,9 +21,9 @@ from ropeode.theory.expansion import SETTLED, STEPS, Expansion, expanded
 from ropeode.theory.solution_along import Pieces, solution_along
 from ropeode.theory.step_samples import StepSamples
 
-# Local errors are taken from so many rungs of the ladder, and from more where these leave more than
-# a part of the largest one open. They are interpolated by splines of a degree.
-_RUNGS, _OPEN, _DEGREE = (9, 13), 1e-3, 5
+# Local errors are taken from so many rungs of the ladder, and from more until what is open of them
+# is a small part of the largest. They are interpolated by splines of a degree.
+_RUNGS, _OPEN, _DEGREE = (9, 13, 17), 1e-3, 5
 # How many states the order is read off at.
 _STATES = 8
 # A prediction that is more uncertain is none: where half of the states say so little of the others,
@@ -110,16 +110,16 @@ def predicted_error(
     zeros = order + 1 if samples.carries_state else order
     later = SETTLED if local.one_step else SETTLED + _LATER
     one_step = local.one_step and not samples.may_begin
-    rates: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {SETTLED: [], later: []}
+    rates: dict[int, list[_Rates]] = {SETTLED: [], later: []}
     for index, each in enumerate(along.pieces):
         progress("the local error", 0.6 + 0.4 * index / len(along.pieces))
         for settled, found in rates.items():
             found.append(_local_error(samples, each, order, zeros, settled, one_step))
     start = begin.start(order).value[0]
 
-    def propagated(settled: int, stride: int = 1, off: float = 0.0) -> np.ndarray:
+    def propagated(settled: int, stride: int = 1, coarse: bool = False) -> np.ndarray:
         progress("the error's equation", 1.0)
-        rate = np.concatenate([value + off * error for value, error in rates[settled]])
+        rate = np.concatenate([each.coarse if coarse else each.fine for each in rates[settled]])
         each = along.t, along.y, rate[along.index]
         return _propagated(problem, times, start, *(values[::stride] for values in each))
 
@@ -129,8 +129,11 @@ def predicted_error(
     def changed(other: np.ndarray) -> float:
         return float(np.max(np.abs(fine - other))) / size
 
-    # Between the states, and at them.
-    uncertain = max(changed(propagated(SETTLED, stride=2)), changed(propagated(SETTLED, off=1.0)))
+    # Half of the states show what chance does to the rates, coarser ladders what each owes to its
+    # longest steps.
+    uncertain = changed(propagated(SETTLED, stride=2))
+    if any(each.coarse is not each.fine for each in rates[SETTLED]):
+        uncertain = max(uncertain, changed(propagated(SETTLED, coarse=True)))
     unsettled = 0.0 if local.one_step else changed(propagated(later))
     if uncertain > _MOST_UNCERTAIN:
         return f"the prediction is uncertain by {uncertain:.0%}"
@@ -159,25 +162,37 @@ def _lacks_order(what: str, local: Expansion) -> str | None:
     return None
 
 
+class _Rates(NamedTuple):
+    """The rates at which the error grows by itself, ``(states, *state)``.
+
+    Fields:
+        fine: from the finest ladder of step sizes that was needed.
+        coarse: from the one before it; the same if the first was fine enough.
+    """
+
+    fine: np.ndarray
+    coarse: np.ndarray
+
+
 def _local_error(
     samples: StepSamples, pieces: Pieces, order: int, zeros: int, settled: int, one_step: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """The rates at which the error grows by itself, and what is open of them.
-
-    Returns:
-        Both as ``(states, *state)``.
-    """
+) -> _Rates:
     own = pieces.t, pieces.y, pieces.reach, pieces.increments
+    fine = coarse = None
     for rungs in _RUNGS:
         local = Expansion(samples, *own, rungs, zeros, settled, one_step)
         rate = local.rate(order)
-        error = rate.error.T.reshape(*rate.error.T.shape, *(1,) * (rate.value.ndim - 2))
-        if np.max(error) <= _OPEN * np.max(np.abs(rate.value)):
+        if not local.one_step:
+            # Of many short steps, rounding limits the rates.
+            moved = derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
+            fine = coarse = rate.value - moved
             break
-    value = rate.value
-    if not local.one_step:
-        value = value - derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
-    return value, np.broadcast_to(error, value.shape)
+        coarse, fine = fine, rate.value
+        change = rate.error if coarse is None else fine - coarse
+        if np.max(np.abs(change)) <= _OPEN * np.max(np.abs(fine)):
+            break
+    assert fine is not None
+    return _Rates(fine, fine if coarse is None else coarse)
 
 
 def _propagated(
