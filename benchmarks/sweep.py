@@ -27,7 +27,7 @@ from pathlib import Path
 from tabulate import tabulate
 
 from ropeode import SweepSpec, read_sweep
-from ropeode.references.jax_setup import set_up_jax
+from ropeode.cache import set_up_jax
 from ropeode.sweep.design.cases import Task
 from ropeode.sweep.design.columns import RESULTS, Row
 from ropeode.sweep.design.spec import MOST_PROBLEMS

@@ -22,7 +22,6 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from ropeode import cache_folder
 from ropeode.cli.main import main
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
@@ -184,10 +183,18 @@ def command_surroundings(cache, tmp_path, monkeypatch, same_jax_settings):
     """An empty folder; and what a command changes in its process is restored after it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
-    monkeypatch.setattr(cache_folder, "_folder", cache_folder._folder)
+    monkeypatch.setattr("ropeode.cache._folder", None)
     handler = signal.getsignal(signal.SIGINT)
     yield
     signal.signal(signal.SIGINT, handler)
+
+
+@pytest.fixture
+def cache_folder(tmp_path, monkeypatch):
+    """A new folder in which this process keeps programs and references, as a command does."""
+    folder = tmp_path / "cache"
+    monkeypatch.setattr("ropeode.cache._folder", folder)
+    return folder
 
 
 @pytest.fixture

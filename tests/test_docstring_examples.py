@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import ropeode
-from ropeode import cache_folder
 
 # Methods that only ropeode calls, and those that the example of the class shows in use.
 WITHOUT = {
@@ -100,7 +99,7 @@ def test_examples_print_what_they_say(name, tmp_path, monkeypatch, cache):
         pytest.importorskip("heyoka", reason="heyoka is an extra")
     monkeypatch.chdir(tmp_path)
     # As a command does: many examples ask for the same reference, and it is computed once.
-    monkeypatch.setattr(cache_folder, "_folder", Path(cache))
+    monkeypatch.setattr("ropeode.cache._folder", Path(cache))
     said = []
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     assert runner.run(example_of(name), out=said.append).failed == 0, "".join(said)

@@ -22,14 +22,12 @@ PACKAGE = Path(ropeode.__file__).parent
 # From the ground up; a room imports from the rooms that it names, and from the ground floor.
 GROUND = {
     "bars",
-    "cache_folder",
+    "cache",
     "callbacks",
     "display",
     "equality",
     "errors",
     "files",
-    "identity",
-    "kept_programs",
     "lapack",
     "precision",
     "progress",
@@ -49,7 +47,7 @@ ALLOWED["study"] = {"theory", *ALLOWED["theory"]}
 ALLOWED["sweep"] = {"study", *ALLOWED["study"]}
 ALLOWED["checking"] = {"study", *ALLOWED["study"]}
 ALLOWED["render"] = {"sweep", "checking", *ALLOWED["checking"]}
-ALLOWED["terminal"] = {"references"}
+ALLOWED["terminal"] = set()
 ALLOWED["case_studies"] = {"render", "terminal", *ALLOWED["render"]}
 ALLOWED["classroom"] = {"render", "terminal", *ALLOWED["render"]}
 ALLOWED["laboratory"] = {"case_studies", *ALLOWED["case_studies"]}

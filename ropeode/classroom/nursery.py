@@ -25,12 +25,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ropeode.cache import set_up_jax
 from ropeode.classroom.asked import Asked
 from ropeode.classroom.examination import examined
 from ropeode.classroom.outcome import as_json
 from ropeode.classroom.steppers import Steppers
 from ropeode.classroom.trajectories import Trajectories
-from ropeode.references.jax_setup import set_up_jax
 from ropeode.terminal.supervision import how_it_ended
 from ropeode.threads import use_cores
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ropeode.cache import software
 from ropeode.classroom.asked import Asked
 from ropeode.classroom.examination import outcome_of, without_report
 from ropeode.classroom.outcome import Outcome, Status, from_json, keep, kept
@@ -21,7 +22,6 @@ from ropeode.classroom.submissions import Submission
 from ropeode.classroom.trajectories import REFERENCE
 from ropeode.errors import RopeodeError
 from ropeode.files import make_folder
-from ropeode.identity import software
 from ropeode.progress import Progress
 from ropeode.references.files.store import save_reference
 from ropeode.references.reference import Reference

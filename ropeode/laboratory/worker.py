@@ -72,7 +72,7 @@ class _OfRopeode:
     """The answers of ropeode."""
 
     def __init__(self, own: str | None, problem: str | None, scene: str | None) -> None:
-        from ropeode.references.jax_setup import set_up_jax
+        from ropeode.cache import set_up_jax
 
         set_up_jax()
         from ropeode.laboratory import opening

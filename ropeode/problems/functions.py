@@ -10,9 +10,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from ropeode import cache_folder, kept_programs
-from ropeode.identity import described
-from ropeode.kept_programs import Source
+from ropeode import cache
+from ropeode.cache import Source, described
 from ropeode.problems.changing import Changing
 
 
@@ -43,7 +42,7 @@ def evaluated_once(function: Callable, *inputs: Any) -> Any:
     """
     leaves, tree = jax.tree.flatten(inputs)
     shapes = tuple(jax.ShapeDtypeStruct(np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
-    kept = _kept(function, tree, shapes) if cache_folder.is_used() else None
+    kept = _kept(function, tree, shapes) if cache.is_used() else None
     return compiled(function)(*inputs) if kept is None else kept(*inputs)[0]
 
 
@@ -54,7 +53,7 @@ def _kept(function: Callable, tree: Any, leaves: tuple) -> Callable | None:
         description = described(("value", function, inputs))
     except TypeError:
         return None
-    return kept_programs.program(description, lambda: Source(function, inputs))[0]
+    return cache.program(description, lambda: Source(function, inputs))[0]
 
 
 def again(function: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import contextlib
 import io
 import json
 from collections.abc import Callable
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ropeode import cache_folder
-from ropeode.identity import described, is_as_imported, software
+from ropeode import cache
+from ropeode.cache import described
 from ropeode.problems.problem import Problem
 from ropeode.references.files.encoding import (
     arrays_of,
@@ -37,21 +37,15 @@ def kept_or_computed(
         options: of the reference.
         compute: computes it.
     """
-    if not cache_folder.is_used() or software() is None:
+    if not cache.is_used():
         return compute()
-    try:
-        # Of functions that are not its own, ropeode cannot know what they read.
-        words = f"{described(problem)}\0{options.model_dump()}\0{software()}"
-    except TypeError:
-        return compute()
-    name = f"references/{hashlib.sha256(words.encode()).hexdigest()}.npz"
-    contents = cache_folder.read(name)
-    if contents is not None:
-        return _read(contents, problem)
-    reference = compute()
-    if _was_in_time(reference) and is_as_imported():
-        _write(name, reference)
-    return reference
+    description = None
+    # What functions read that are not its own, ropeode cannot know.
+    with contextlib.suppress(TypeError):
+        description = f"{described(problem)}\0{options.model_dump()}"
+    return cache.kept(
+        "reference", description, compute, _contents, lambda contents: _read(contents, problem)
+    )
 
 
 def _was_in_time(reference: Reference) -> bool:
@@ -72,9 +66,11 @@ def _read(contents: bytes, problem: Problem) -> Reference:
     )
 
 
-def _write(name: str, reference: Reference) -> None:
+def _contents(reference: Reference) -> bytes | None:
+    if not _was_in_time(reference):
+        return None
     file = io.BytesIO()
     numbers: dict[str, Any] = {name: each.values for name, each in arrays_of(reference).items()}
     numbers["texts"] = np.frombuffer(json.dumps(texts_of(reference)).encode(), np.uint8)
     np.savez(file, **numbers)
-    cache_folder.write(name, file.getvalue())
+    return file.getvalue()

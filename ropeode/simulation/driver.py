@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import get_opaque_trace_state
 
-from ropeode.kept_programs import Source
+from ropeode.cache import Source
 from ropeode.simulation.family import Family, shape_of
 from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.kernel_fusion import in_one_kernel

@@ -13,9 +13,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from ropeode import kept_programs
-from ropeode.identity import described
-from ropeode.kept_programs import Source
+from ropeode import cache
+from ropeode.cache import Source, described
 from ropeode.simulation.family import Family
 from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.user_clock import on_user_clock
@@ -130,7 +129,7 @@ def program(family: Family, capacity: int, blocks: int) -> Program:
 def _compiled(family: Family, capacity: int, blocks: int) -> Program:
     """Compile; the numbers of steps, frames and blocks that are run are run-time values."""
     started = time.perf_counter()
-    compiled, facts = kept_programs.program(
+    compiled, facts = cache.program(
         _description(family, capacity, blocks), lambda: _source(family, capacity, blocks)
     )
     evaluations = None if facts["evaluations"] is None else tuple(facts["evaluations"])

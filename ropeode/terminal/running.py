@@ -92,9 +92,9 @@ def set_up_jax() -> None:
     """Switch on 64-bit types, and cache traced and compiled programs in the user's cache folder."""
     # What is imported stays: to look for garbage in it takes a tenth of the time.
     gc.disable()
-    from ropeode.references.jax_setup import set_up_jax as set_up
+    from ropeode import cache
 
-    set_up()
+    cache.set_up_jax()
     gc.freeze()
     gc.enable()
 

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import cache_folder
 from ropeode.checking import check, check_context, time_limit
 from ropeode.checking.check import check_stepper
 from ropeode.checking.check_ropes import convergence_problems
@@ -259,11 +258,12 @@ def test_only_a_reference_or_its_refusal_is_kept(monkeypatch, error):
         assert check_context.reference_of(rope) == "a reference"
 
 
-def test_a_command_finds_the_references_of_check_ropes_in_its_cache_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(cache_folder, "_folder", tmp_path)
+def test_a_command_finds_the_references_of_check_ropes_again(
+    cache_folder, monkeypatch
+):
     rope = convergence_problems()["textbook"].changed(name="kept in files")
     made = check_context.reference_of(rope)
-    assert len(list((tmp_path / "references").iterdir())) == 1
+    assert len(list((cache_folder / "references").iterdir())) == 1
     check_context._slot.cache_clear()
     monkeypatch.setattr("ropeode.references.compute._reference", lambda *_: pytest.fail("again"))
     again = check_context.reference_of(rope)

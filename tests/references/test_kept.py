@@ -7,9 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ropeode import cache_folder
 from ropeode.problems.problem import Problem
-from ropeode.references import kept
 from ropeode.references.compute import reference_for
 from ropeode.references.files.encoding import texts_of
 from ropeode.references.files.library import find
@@ -26,9 +24,8 @@ def stored():
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(cache_folder, "_folder", tmp_path)
-    return tmp_path / "references"
+def folder(cache_folder):
+    return cache_folder / "references"
 
 
 @pytest.fixture
@@ -65,14 +62,12 @@ def test_a_damaged_file_is_computed_anew(stored, solve, folder):
         assert path.read_bytes() == whole
 
 
-def test_other_settings_and_software_have_another(stored, solve, folder, monkeypatch):
+def test_other_settings_have_another(stored, solve, folder):
     problem = stored.problem
     solve(problem)
     assert solve(problem, ReferenceOptions(accuracy=1e-6))[1] == 2
     assert solve(problem, ReferenceOptions(time_limit=1.0))[1] == 3
     assert solve(problem.changed(y0=problem.y0 * 2.0))[1] == 4
-    monkeypatch.setattr(kept, "software", lambda: "another")
-    assert solve(problem)[1] == 5
 
 
 def test_the_equation_counts(stored, solve, folder):
@@ -105,5 +100,5 @@ def test_what_is_no_problem_of_the_library_is_not_kept(stored, solve, folder, mo
     own = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0])
     solve(own)
     assert not folder.exists()
-    monkeypatch.setattr(cache_folder, "_folder", None)
+    monkeypatch.setattr("ropeode.cache._folder", None)
     assert solve(stored.problem)[1] == 2

@@ -253,7 +253,7 @@ def test_sweeps_follow_the_file(tmp_path):
 def test_its_program_is_kept_between_processes():
     """By a description in words, which all processes share."""
     code = (
-        "from ropeode.identity import described\n"
+        "from ropeode.cache import described\n"
         "from ropeode.steppers import as_stepper\n"
         f"print(described(as_stepper('runge-kutta:{EXAMPLE}')))"
     )

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import ropeode
+from ropeode.cache import source_digest
 from ropeode.errors import InputError
-from ropeode.identity import source_digest
 from ropeode.steppers import STEPPERS
 from ropeode.sweep.design import spec as spec_module
 from ropeode.sweep.design.content_hash import SOURCES, software

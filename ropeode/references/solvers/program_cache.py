@@ -9,8 +9,8 @@ from typing import Any
 
 import jax
 
-from ropeode import cache_folder, kept_programs
-from ropeode.kept_programs import Source
+from ropeode import cache
+from ropeode.cache import Source
 from ropeode.references.solvers.family import Family, abstract
 
 _compiling = threading.Lock()
@@ -28,8 +28,8 @@ def compiled(family: Family) -> tuple[Callable, bool]:
 
 @functools.lru_cache(maxsize=64)
 def _compiled(family: Family) -> Callable:
-    description = _description(family) if cache_folder.is_used() else None
-    return kept_programs.program(description, lambda: _source(family))[0]
+    description = _description(family) if cache.is_used() else None
+    return cache.program(description, lambda: _source(family))[0]
 
 
 def _source(family: Family) -> Source:

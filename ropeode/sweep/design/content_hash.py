@@ -13,8 +13,8 @@ from typing import Any
 
 import jax
 
+from ropeode.cache import source_digest
 from ropeode.files import read_bytes
-from ropeode.identity import source_digest
 from ropeode.problems.files import file_and_imports
 
 # The packages that compute a row; diffrax's solvers come from the last three.
@@ -26,14 +26,12 @@ PACKAGES = (
 SOURCES = (
     "analysis",
     "bars.py",
-    "cache_folder.py",
+    "cache.py",
     "callbacks.py",
     "display.py",
     "equality.py",
     "errors.py",
     "files.py",
-    "identity.py",
-    "kept_programs.py",
     "lapack.py",
     "norms.py",
     "precision.py",

@@ -103,12 +103,12 @@ def _in_thread(work: Work, task: Any) -> list[Row]:
     """Compute a task in a thread of a worker."""
     import jax
 
-    from ropeode.references.jax_setup import keep_programs
+    from ropeode.cache import use_cache_folder
 
     # Without a cache each worker would trace and compile all programs, which takes minutes where
     # several do so on one machine. One that the cluster's owner has chosen is left as it is.
     if jax.config.jax_compilation_cache_dir is None:  # pyright: ignore[reportAttributeAccessIssue]
-        keep_programs()
+        use_cache_folder()
     return on_one_core(work, task)
 
 

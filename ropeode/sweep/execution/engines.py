@@ -223,7 +223,7 @@ class Worker:
 
 def _set_up(work: Work) -> int:
     """Set JAX up in a process that does nothing else; the work is imported to hand it over."""
-    from ropeode.references.jax_setup import set_up_jax
+    from ropeode.cache import set_up_jax
 
     del work
     set_up_jax()

@@ -1,0 +1,422 @@
+"""The cache folder: what is found there is what would be made, and is never out of date."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import dataclasses
+import hashlib
+import io
+import os
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from ropeode import cache
+from ropeode.analysis.roundoff import in_other_units
+from ropeode.cache import Source, described
+from ropeode.errors import InputError
+from ropeode.problems import inextensible_rope, rope
+from ropeode.problems.library import PROBLEMS
+from ropeode.problems.problem import FirstOrderForm, Problem
+from ropeode.problems.python_rhs import PythonRhs
+from ropeode.problems.rope import Rope
+from ropeode.simulation import program, simulate
+from ropeode.steppers import RungeKutta4, StormerVerlet, as_stepper
+from ropeode.steppers.registry import STEPPERS
+from tests.time_limit import HANGS_AFTER_S
+
+POINT, ARRAY = np.array([0.1, 0.7]), np.array([1.0, 2.0])
+
+
+KEPT = b"kept"
+
+
+class Making:
+    """Makes numbers in turn, which are kept, unless they are 0."""
+
+    def __init__(self, number=1):
+        self.number = number - 1
+
+    def __call__(self, description="one", kind="number"):
+        return cache.kept(kind, description, self.make, self.dump, self.load)
+
+    def make(self):
+        self.number += 1
+        return self.number
+
+    def dump(self, number):
+        return KEPT + str(number).encode() if number else None
+
+    def load(self, contents):
+        assert contents.startswith(KEPT)
+        return int(contents.removeprefix(KEPT))
+
+
+@pytest.fixture
+def other_software(monkeypatch):
+    """Changes what counts as the software, and forgets what it was; it is as before after it."""
+
+    def change(name, value):
+        monkeypatch.setattr(f"ropeode.cache.{name}", value)
+        cache.software.cache_clear()
+
+    yield change
+    monkeypatch.undo()
+    cache.software.cache_clear()
+
+
+def test_what_is_kept_is_not_made_again(cache_folder):
+    made = Making()
+    assert [made(), made(), Making(7)()] == [1, 1, 1]
+    assert [path.relative_to(cache_folder).parts[0] for path in cache_folder.rglob("*.number")] == [
+        "numbers"
+    ]
+
+
+def test_what_differs_is_made(cache_folder):
+    made = Making()
+    assert [made(), made("two"), made("one", "figure"), made("two")] == [1, 2, 3, 2]
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("_version", lambda package: "0.0"),
+        # Changed by a digit, the source is another one.
+        ("source_digest", lambda package: "another"),
+        ("_processor", lambda: ["another"]),
+    ],
+)
+def test_other_software_makes_it_again(cache_folder, other_software, name, other):
+    made = Making()
+    made()
+    other_software(name, other)
+    assert [made(), made()] == [2, 2]
+
+
+@pytest.mark.parametrize("variable", ["XLA_FLAGS", "JAX_DEFAULT_MATMUL_PRECISION", "EQX_ON_ERROR"])
+def test_other_settings_of_jax_make_it_again(cache_folder, monkeypatch, variable):
+    made = Making()
+    made()
+    with monkeypatch.context() as patch:
+        patch.setenv(variable, "--another")
+        cache.software.cache_clear()
+        assert made() == 2
+    cache.software.cache_clear()
+    assert made() == 1
+
+
+def test_nothing_is_kept_of_sources_that_changed(cache_folder, other_software):
+    """Since they were imported, be it while it was made."""
+    made = Making()
+    made("ahead")
+    other_software("_IMPORTED", 0.0)
+    assert [made(), made(), made("ahead")] == [2, 3, 4]
+    assert len([*cache_folder.rglob("*.number")]) == 1
+
+
+def test_what_has_no_description_or_is_not_to_be_kept_is_made_each_time(cache_folder):
+    made = Making(0)
+    assert [made(), made(), made(None), made(None)] == [0, 1, 2, 3]
+    assert made() == 1
+
+
+def test_without_a_folder_nothing_is_kept(monkeypatch):
+    monkeypatch.setattr("ropeode.cache._folder", None)
+    made = Making()
+    assert [made(), made()] == [1, 2]
+
+
+def test_a_folder_that_cannot_be_written_to_is_no_fault(cache_folder):
+    cache_folder.write_text("no folder")
+    made = Making()
+    assert [made(), made()] == [1, 2]
+    assert cache_folder.read_text() == "no folder"
+
+
+def test_a_damaged_file_is_written_again(cache_folder):
+    made = Making()
+    made()
+    (path,) = cache_folder.rglob("*.number")
+    whole = path.read_bytes()
+    # The last one is whole, but cannot be read.
+    made.dump = lambda number: KEPT[1:]
+    other = Making()
+    path.unlink()
+    made()
+    unreadable = path.read_bytes()
+    damages = (b"", whole[:-1], whole.replace(b"\n", b"0\n", 1), whole[:-1] + b"9", unreadable)
+    for count, damage in enumerate(damages, 1):
+        path.write_bytes(damage)
+        assert [other(), other()] == [count, count]
+
+
+@pytest.fixture
+def folder(cache_folder):
+    return cache_folder / "programs"
+
+
+class Sources:
+    """A source, and how often it was asked for."""
+
+    def __init__(self, function=lambda y: {"a": jnp.sin(y["x"]), "b": jnp.sum(y["x"])}):
+        self.calls, self.function = 0, function
+
+    def __call__(self):
+        self.calls += 1
+        inputs = ({"x": jax.ShapeDtypeStruct(POINT.shape, POINT.dtype)},)
+        return Source(self.function, inputs, {"number": self.calls})
+
+
+def results_of(description, sources):
+    with jax.enable_x64(True):
+        made, facts = cache.program(description, sources)
+        return [np.asarray(each).tobytes() for each in made({"x": POINT})], facts
+
+
+def test_a_kept_program_is_the_one_that_was_compiled(folder):
+    sources = Sources()
+    first = results_of("one", sources)
+    assert [len(each) for each in first[0]] == [16, 8]
+    assert results_of("one", sources) == first
+    assert sources.calls == 1
+    plain, _ = results_of(None, sources)
+    assert plain == first[0]
+    assert len([*folder.iterdir()]) == 1
+
+
+def test_a_program_counts_the_settings_of_jax(folder, same_jax_settings):
+    sources = Sources()
+    results_of("one", sources)
+    jax.config.update("jax_default_matmul_precision", "float32")
+    try:
+        results_of("one", sources)
+    finally:
+        jax.config.update("jax_default_matmul_precision", None)
+    assert sources.calls == 2
+
+
+def test_a_program_that_xla_or_json_refuse_is_compiled_again(folder):
+    sources = Sources()
+    first, _ = results_of("one", sources)
+    (path,) = folder.iterdir()
+    _, contents = path.read_bytes().split(b"\n", 1)
+    for count, no_program in enumerate((b"", b"{}\n", contents[: len(contents) // 2]), 2):
+        digest = hashlib.sha256(no_program).hexdigest().encode()
+        path.write_bytes(digest + b"\n" + no_program)
+        assert results_of("one", sources) == (first, {"number": count})
+    assert results_of("one", sources) == (first, {"number": count})
+
+
+def test_what_calls_python_is_not_kept(folder):
+    rhs = PythonRhs(lambda t, y: -y)
+    sources = Sources(lambda y: rhs(0.0, y["x"], ()))
+    results_of("one", sources)
+    results_of("one", sources)
+    assert sources.calls == 2
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("call", [jnp.linalg.solve, lambda a, b: jnp.linalg.qr(a)[0] @ b])
+def test_what_calls_lapack_is_not_kept(folder, call):
+    """Nobody makes LAPACK ready in a process that does not lower the program."""
+    sources = Sources(lambda y: call(jnp.diag(y["x"]), y["x"]))
+    first = results_of("one", sources)
+    assert results_of("one", sources) == (first[0], {"number": 2})
+    assert not folder.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("problem", ["van-der-pol", "hires", "rope"])
+def test_a_command_says_the_same_three_times_with_one_cache(problem, tmp_path):
+    solved = PROBLEMS[problem]()
+    names = [name for name, stepper in STEPPERS.items() if can_run(stepper(), solved)]
+    assert problem != "rope" or names == [*STEPPERS]
+    # Which errors are predicted is a matter of time.
+    words = ["table", "--problem", problem, "--no-predict", "--steps", "8,16,32", "--format", "csv"]
+    said = three_times([*words, "--steppers", ",".join(names)], tmp_path)
+    assert len(set(map(without_times, said))) == 1
+
+
+STIFF = """
+import jax.numpy as jnp
+from ropeode import Problem
+def rhs(t, y, args):
+    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] ** 2
+    return jnp.stack([back - slow, slow - back - fast, fast])
+problem = Problem(rhs, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5])
+"""
+
+
+@pytest.mark.slow
+def test_a_stiff_reference_is_the_same_three_times_with_one_cache(tmp_path):
+    file = tmp_path / "stiff.py"
+    file.write_text(STIFF)
+    words = [
+        "reference",
+        "compute",
+        "--problem",
+        f"{file}:problem",
+        "--out",
+        f"{tmp_path}/truth.nc",
+    ]
+    assert len(set(three_times(words, tmp_path))) == 1
+
+
+def three_times(words, cache):
+    """What a command prints, in three processes with one cache folder."""
+    said = [
+        subprocess.run(
+            [sys.executable, "-m", "ropeode", *words],
+            capture_output=True,
+            text=True,
+            timeout=HANGS_AFTER_S,
+            env={**os.environ, "XDG_CACHE_HOME": str(cache)},
+        )
+        for _ in range(3)
+    ]
+    assert [each.returncode for each in said] == [0, 0, 0], said[-1].stderr
+    return [each.stdout for each in said]
+
+
+def can_run(stepper, problem):
+    with contextlib.suppress(InputError):
+        stepper.require(problem)
+        return True
+    return False
+
+
+def without_times(table):
+    rows = [*csv.DictReader(io.StringIO(table))]
+    return repr([{name: row[name] for name in row if "seconds" not in name} for row in rows])
+
+
+class Derived(RungeKutta4):
+    """A user's own, which computes nobody knows what."""
+
+
+def decay(t, y, args):
+    return -y
+
+
+def test_which_runs_share_a_program(monkeypatch):
+    """Those of the library alone, and no others than in one process."""
+    found = []
+
+    def recorded(description, source):
+        found.append(description)
+        raise NotImplementedError
+
+    def description_of(problem, stepper="rk4"):
+        program.slot.cache_clear()
+        with pytest.raises(NotImplementedError):
+            simulate(problem, stepper, 16)
+        return found.pop()
+
+    monkeypatch.setattr("ropeode.cache.program", recorded)
+    small = Rope(num_nodes=4)
+    problem = small.problem(frames=3)
+    one = description_of(problem)
+    assert one == description_of(small.problem(frames=5))
+    assert one == description_of(Rope(num_nodes=4, damping=0.0, stiffness=7.0).problem(frames=3))
+    others = [
+        description_of(small.problem(frames=40)),
+        description_of(Rope(num_nodes=5).problem(frames=3)),
+        description_of(in_other_units(problem)),
+        description_of(problem, "stormer-verlet"),
+        description_of(problem, "stormer-verlet:start=rest"),
+        description_of(small.ensemble(frames=3, damping=np.linspace(0.0, 0.1, 9))),
+        description_of(small.ensemble(frames=3, damping=np.linspace(0.0, 0.1, 200))),
+    ]
+    assert len({one, *others}) == 8
+    assert description_of(problem, Derived()) is None
+    assert description_of(Problem(decay, [1.0], [0.0, 1.0])) is None
+    program.slot.cache_clear()
+
+
+def test_a_kept_stepper_makes_the_same_run(small_rope, folder, monkeypatch):
+    program.slot.cache_clear()
+    compiled = simulate(small_rope, "explicit-euler", 16)
+    program.slot.cache_clear()
+    with monkeypatch.context() as patch:
+        patch.setattr(program, "_source", None)
+        read = simulate(small_rope, "explicit-euler", 16)
+    program.slot.cache_clear()
+    assert read.states.tobytes() == compiled.states.tobytes()
+    assert read.rhs_evaluations == compiled.rhs_evaluations
+    assert len([*folder.iterdir()]) == 1
+    program.slot.cache_clear()
+
+
+def test_one_description_for_one_value(small_rope):
+    assert described(small_rope) == described(rope.Rope(num_nodes=4).problem(frames=3))
+    assert described((1, ARRAY, RungeKutta4())) == described((1, ARRAY.copy(), RungeKutta4()))
+    assert described({"b": 1, "a": 2}) == described({"a": 2, "b": 1})
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (1, 1.0),
+        (1, "1"),
+        (1, True),
+        (0.0, -0.0),
+        ((1, 2), (1, (2,))),
+        (("a", "b"), ("a, b",)),
+        ({"a": 1}, {"a": 2}),
+        (ARRAY, np.nextafter(ARRAY, 3.0)),
+        (ARRAY, ARRAY.astype(int)),
+        (ARRAY, ARRAY[:, None]),
+        (StormerVerlet(), StormerVerlet(start="rest")),
+        (FirstOrderForm(rope.acceleration), FirstOrderForm(inextensible_rope.acceleration)),
+        (rope.acceleration, rope.Rope),
+    ],
+)
+def test_another_for_another_value(one, other):
+    assert described(one) != described(other)
+
+
+def test_every_number_of_a_problem_counts(small_rope):
+    found = {described(small_rope)}
+    for change in (
+        {"y0": np.nextafter(small_rope.y0, 1e9)},
+        {"ts": small_rope.ts * 2.0},
+        {"args": small_rope.args._replace(gravity=small_rope.args.gravity * 2.0)},
+        {"jump_times": (0.5,)},
+        {"name": "another"},
+        {"mechanics": dataclasses.replace(small_rope.mechanics, in_turn=False)},
+    ):
+        found.add(described(small_rope.changed(**change)))
+    assert len(found) == 7
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        lambda t, y, args: -y,
+        np.sin,
+        Derived(),
+        Derived,
+        as_stepper(lambda rhs, t, y, dt, args: y),
+        FirstOrderForm(lambda t, x, v, args: -x),
+        np.array([ARRAY, None], dtype=object),
+        object(),
+        {1, 2},
+    ],
+)
+def test_what_is_the_users_has_none(value):
+    with pytest.raises(TypeError):
+        described((1, value))
+
+
+def test_a_function_in_place_of_one_of_ropeodes_has_none(monkeypatch):
+    own = rope.acceleration
+    monkeypatch.setattr(rope, "acceleration", lambda t, x, v, args: -x)
+    for function in (own, rope.acceleration):
+        with pytest.raises(TypeError):
+            described(function)
