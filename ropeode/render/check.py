@@ -16,6 +16,7 @@ _MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip
 _COLOURS = {"ok": "#00703c", "WRONG": "#c00000", "?": "#b25d00"}
 _REMEDY = "Fix: "
 _HEADERS = ("", "check", "finding")
+_NO_ORDER = {"does not converge": "none", "undetermined": "undetermined"}
 
 
 def as_text(report: CheckReport) -> str:
@@ -189,7 +190,7 @@ def _order_words(report: CheckReport) -> str:
     if convergence is None or convergence.expected is None:
         return ""
     found = {
-        quantity: "undetermined" if order.observed is None else f"{order.observed:.2f}"
+        quantity: _NO_ORDER.get(order.verdict) or f"{order.observed:.2f}"
         for quantity, order in convergence.orders.items()
     }
     words = ", ".join(f"{order} in {quantity}" for quantity, order in found.items())
