@@ -624,9 +624,10 @@ def failed_checks(example: str) -> str:
     here = Path(__file__).parent
     run = [sys.executable, "-m", "ropeode", "check", f"examples/{example}", "--order", "2"]
     text = subprocess.run(run, cwd=here, capture_output=True, text=True).stdout
-    findings, _, rest = text.partition("\n\nLargest errors")
+    opening, rest = re.split(r"\n\n(?=ok )", text, maxsplit=1)
+    findings = rest.partition("\n\nLargest errors")[0]
     wrong = [each for each in re.split(r"\n(?=\S)", findings) if each.startswith("WRONG")]
-    return "\n".join(["```text", *wrong, rest[rest.index("\nDiagnosis") :].rstrip(), "```"])
+    return "\n".join(["```text", opening, "", *wrong, "```"])
 
 
 def judged_inside() -> str:

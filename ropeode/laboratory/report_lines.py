@@ -6,22 +6,26 @@ from collections.abc import Iterator
 
 from ropeode.checking.report import CheckReport
 from ropeode.laboratory.messages import Line
-from ropeode.render.check import title, verdict
+from ropeode.render.check import diagnosis_lines, summary, title
 
 
-def lines_of(report: CheckReport) -> tuple[Line, ...]:
-    """What was checked, each finding, what explains failures, notes, and the verdict."""
-    return tuple(_lines(report))
+def lines_of(report: CheckReport, judged: bool = True) -> tuple[Line, ...]:
+    """What was checked, the verdict, what explains failures, each finding, and notes.
+
+    Arguments:
+        report: of a check or a grade.
+        judged: whether all checks are made; there is no verdict before the last.
+    """
+    return tuple(_lines(report, judged))
 
 
-def _lines(report: CheckReport) -> Iterator[Line]:
+def _lines(report: CheckReport, judged: bool) -> Iterator[Line]:
     yield Line(status="title", text=title(report))
+    if judged:
+        yield Line(status=report.verdict, text=summary(report))
+    for text in diagnosis_lines(report):
+        yield Line(status="diagnosis", text=text)
     for finding in report.findings:
         yield Line(status=finding.status, text=f"{finding.check}: {finding.line}")
-    for each in report.diagnosis:
-        yield Line(status="diagnosis", text=f"Diagnosis ({each.cause}): {each.line}")
-        if each.remedy:
-            yield Line(status="diagnosis", text=f"To mend it: {each.remedy}")
     for note in report.notes:
         yield Line(status="note", text=f"Note: {note}")
-    yield Line(status=report.verdict, text=verdict(report))

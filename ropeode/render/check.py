@@ -9,18 +9,23 @@ from ropeode.checking.report import CheckReport, Claims, Convergence
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
 from ropeode.render.schemas.check import CheckForm, ConvergenceForm
 from ropeode.render.text_layout import columns, hanging, wrapped
+from ropeode.theory.diagnosis import Diagnosis
 
 SCHEMA: Literal["ropeode.check/1"] = "ropeode.check/1"
 _MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip": "skip"}
 _COLOURS = {"ok": "#00703c", "WRONG": "#c00000", "?": "#b25d00"}
-_REMEDY = "To mend it: "
+_REMEDY = "Fix: "
 _HEADERS = ("", "check", "finding")
+_NO_ORDER = {"does not converge": "none", "undetermined": "undetermined"}
 
 
 def as_text(report: CheckReport) -> str:
-    """A few lines for each check, the errors behind a failed order, and the verdict."""
+    """The verdict, what explains it, a few lines for each check, and errors of a failed order."""
     width = max(len(finding.check) for finding in report.findings)
-    lines = [*wrapped(title(report)), ""]
+    lines = [*wrapped(title(report)), "", *wrapped(summary(report)), ""]
+    for diagnosis in report.diagnosis:
+        lines += wrapped(_cause(diagnosis))
+        lines += [*(hanging(_REMEDY, diagnosis.remedy) if diagnosis.remedy else []), ""]
     for finding in report.findings:
         head = f"{_MARKS[finding.status]:5}  {finding.check:{width}}  "
         lines += hanging(head, finding.line)
@@ -28,14 +33,11 @@ def as_text(report: CheckReport) -> str:
         grid = _errors_grid(convergence)
         lines += ["", *wrapped(_errors_title(convergence))]
         lines += columns([grid.headers, *grid.rows], grid.left)
-    for diagnosis in report.diagnosis:
-        lines += ["", *wrapped(f"Diagnosis ({diagnosis.cause}): {diagnosis.line}")]
-        lines += hanging(_REMEDY, diagnosis.remedy) if diagnosis.remedy else []
     for note in report.notes:
         words, code = _apart(note)
         lines += ["", *wrapped(f"Note: {words}")]
         lines += ["", *code.splitlines()] if code else []
-    return "\n".join([*lines, "", *wrapped(verdict(report)), ""])
+    return "\n".join([*lines, ""])
 
 
 def as_lines(report: CheckReport) -> list[dict[str, Any]]:
@@ -117,25 +119,32 @@ def line(report: CheckReport) -> str:
 def blocks(report: CheckReport) -> list[Block]:
     """The report as headings, paragraphs and tables."""
     rows = [(_MARKS[each.status], each.check, each.line) for each in report.findings]
+    left, long = frozenset({0, 1, 2}), frozenset({2})
     shown_blocks: list[Block] = [
         Heading(title(report)),
-        Paragraph(verdict(report)),
-        Grid(_HEADERS, rows, left=frozenset({0, 1, 2}), long=frozenset({2}), colours=_COLOURS),
+        Paragraph(summary(report)),
+        *map(Paragraph, diagnosis_lines(report)),
+        Grid(_HEADERS, rows, left, long, _COLOURS, folded=_counted(report)),
     ]
     if convergence := shown(report):
         shown_blocks += [Paragraph(_errors_title(convergence)), _errors_grid(convergence)]
-    shown_blocks += [
-        Paragraph(text)
-        for each in report.diagnosis
-        for text in (
-            f"Diagnosis ({each.cause}): {each.line}",
-            *([f"{_REMEDY}{each.remedy}"] if each.remedy else []),
-        )
-    ]
     for note in report.notes:
         words, code = _apart(note)
         shown_blocks += [Paragraph(f"Note: {words}"), *([Code(code)] if code else [])]
     return shown_blocks
+
+
+def diagnosis_lines(report: CheckReport) -> list[str]:
+    """Each cause of failures, and how it is mended where that is known."""
+    return [
+        text
+        for each in report.diagnosis
+        for text in (_cause(each), *([f"{_REMEDY}{each.remedy}"] if each.remedy else []))
+    ]
+
+
+def _cause(diagnosis: Diagnosis) -> str:
+    return f"Diagnosis ({diagnosis.cause}): {diagnosis.line}"
 
 
 def _apart(note: str) -> tuple[str, str]:
@@ -166,12 +175,42 @@ def claims_words(claims: Claims) -> str:
     return ", ".join(words) or "nothing is claimed, so orders and structure are only measured"
 
 
+def summary(report: CheckReport) -> str:
+    """The verdict, and the order that decided it: what a reader looks for first."""
+    return " ".join(filter(None, (verdict(report), _order_words(report))))
+
+
+def _order_words(report: CheckReport) -> str:
+    """The orders that were found and are expected, of the first check of order that failed.
+
+    Where none failed they are those of the first that passed; empty if there is none.
+    """
+    passed = (each.convergence for each in report.findings if each.status == "pass")
+    convergence = shown(report) or next(filter(None, passed), None)
+    if convergence is None or convergence.expected is None:
+        return ""
+    found = {
+        quantity: _NO_ORDER.get(order.verdict) or f"{order.observed:.2f}"
+        for quantity, order in convergence.orders.items()
+    }
+    words = ", ".join(f"{order} in {quantity}" for quantity, order in found.items())
+    if len({*found.values()}) == 1:
+        words = next(iter(found.values()))
+    expected = f"expected {convergence.expected}"
+    return f"On the problem {convergence.problem!r} its order is {words}; {expected}."
+
+
+def _counted(report: CheckReport) -> str:
+    count = len(report.findings)
+    return "1 check" if count == 1 else f"{count} checks"
+
+
 def verdict(report: CheckReport) -> str:
     """The verdict in one sentence; it counts every check that was asked for."""
     count = dict.fromkeys(_MARKS, 0)
     for finding in report.findings:
         count[finding.status] += 1
-    checks = "1 check" if len(report.findings) == 1 else f"{len(report.findings)} checks"
+    checks = _counted(report)
     if report.failed:
         names = ", ".join(each.check for each in report.failed)
         verb = "fails" if count["fail"] == 1 else "fail"
@@ -206,7 +245,7 @@ def shown(report: CheckReport) -> Convergence | None:
 
 
 def _errors_title(convergence: Convergence) -> str:
-    return f"Largest errors on the rope {convergence.problem!r}, as dt goes to 0"
+    return f"Largest errors on the problem {convergence.problem!r}, as dt goes to 0"
 
 
 def _errors_grid(convergence: Convergence) -> Grid:

@@ -37,6 +37,7 @@ _STABILITY = ("disturbances", "predicted", "dt", "measured")
 _STRUCTURE = ("property", "kept", "defect", "falls like", "at dt")
 _HOLDS = {True: "yes", False: "no", None: "-"}
 _PLURAL = {"position": "positions", "velocity": "velocities", "state": "the state"}
+_IN_RUNS = {"does not converge": "none"}
 _LOCAL = ("quantity", "order", "change at dt = 0", "rate - f", "largest at")
 _ORDERS = ("problems", "local", "observed", "declared")
 _CONSTANTS = ("error", "p", "C predicted", "C measured", "at", "ratio", "10% from", "1% from")
@@ -60,10 +61,11 @@ def blocks(explanation: Explanation) -> list[Block]:
     return [
         Heading(title(explanation)),
         *_other_problem(explanation),
+        Paragraph(summary(explanation)),
+        *(Paragraph(words) for words in likeness_words(explanation)),
         Section("One step"),
         Paragraph(" ".join(step_words(explanation.local))),
         _local_grid(explanation),
-        *(Paragraph(words) for words in likeness_words(explanation)),
         Section("Order"),
         *_order_blocks(explanation),
         Section("Error constant"),
@@ -86,6 +88,34 @@ def _other_problem(explanation: Explanation) -> list[Block]:
 def title(explanation: Explanation) -> str:
     """The stepper and the problem."""
     return f"{explanation.stepper}: {table_words.problem_words(explanation.problem)}"
+
+
+def summary(explanation: Explanation) -> str:
+    """The order in theory, in runs, and as it is declared; and what to change, if that is known."""
+    local, declared = explanation.local, explanation.orders[0].declared
+    if local.order is None and local.at_least < 1:
+        words = "Its order in theory is hidden by rounding"
+    elif local.order is None:
+        words = f"In theory its order on this problem is {local.at_least} or higher"
+    elif local.order > 0:
+        words = f"In theory its order on this problem is {local.order}"
+    elif local.order == 0:
+        words = "It solves another equation"
+    else:
+        words = "It solves no differential equation"
+    orders = {
+        _PLURAL[table.norm.quantity]: _IN_RUNS.get(words, words)
+        for table in explanation.tables
+        for words in [table_words.observed_words(table.orders[0].order)]
+    }
+    seen = listed(f"{order} in {quantity}" for quantity, order in orders.items())
+    if len({*orders.values()}) == 1:
+        seen = next(iter(orders.values()))
+    words += f"; in its runs its order is {seen}."
+    if declared is not None:
+        words += f" It declares {f'order {declared}' if declared else 'no order'}."
+    remedy = "" if local.wrong is None else local.wrong.remedy
+    return f"{words} Fix: {remedy}." if remedy else words
 
 
 def step_words(local: LocalStep) -> list[str]:

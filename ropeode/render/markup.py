@@ -78,6 +78,8 @@ class Grid(NamedTuple):
         left: the columns whose text is flush left; numbers are flush right.
         long: the columns whose text may be broken into lines.
         colours: of cells with these texts, in HTML.
+        folded: what a page shows in place of the table, until it is clicked; empty if it is not
+            folded.
     """
 
     headers: Sequence[str]
@@ -85,6 +87,7 @@ class Grid(NamedTuple):
     left: frozenset[int]
     long: frozenset[int] = frozenset()
     colours: Mapping[str, str] = _NO_COLOURS
+    folded: str = ""
 
 
 class Code(NamedTuple):
@@ -225,7 +228,10 @@ def _html_grid(grid: Grid) -> str:
     body = "\n".join(row("td", cells) for cells in grid.rows)
     # With the keyboard, too, a table can be scrolled that is wider than the page.
     table = '<table tabindex="0">'
-    return f"{table}\n<thead>\n{head}\n</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+    table = f"{table}\n<thead>\n{head}\n</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+    if not grid.folded:
+        return table
+    return f"<details>\n<summary>{html.escape(grid.folded)}</summary>\n{table}\n</details>"
 
 
 def _tabulated(grid: Grid, style: str, cell: Callable[[str], str]) -> str:

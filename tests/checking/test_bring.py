@@ -258,9 +258,7 @@ def test_only_a_reference_or_its_refusal_is_kept(monkeypatch, error):
         assert check_context.reference_of(rope) == "a reference"
 
 
-def test_a_command_finds_the_references_of_check_ropes_again(
-    cache_folder, monkeypatch
-):
+def test_a_command_finds_the_references_of_check_ropes_again(cache_folder, monkeypatch):
     rope = convergence_problems()["textbook"].changed(name="kept in files")
     made = check_context.reference_of(rope)
     assert len(list((cache_folder / "references").iterdir())) == 1

@@ -80,9 +80,9 @@ def test_verdicts_reports_and_properties(project):
     result.stdout.fnmatch_lines(
         [
             "Check of euler: claimed to be of order 2",
+            "Wrong: 1 of 1 check fails (order-driven). On the problem*",
             "WRONG  order-driven  positions order 1.*",
             "      dt * position * velocity*",
-            "Wrong: 1 of 1 check fails (order-driven).",
         ]
     )
     text = result.stdout.str()

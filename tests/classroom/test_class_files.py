@@ -85,7 +85,7 @@ def test_each_submission_has_its_row_and_is_not_graded_again(ropeode, rows_in, a
     # Of the same method, but with other digits.
     assert rows["nested"]["marks"] == ""
     page = (tmp_path / "out/feedback/undamped.html").read_text()
-    assert "To mend it: a -= damping * v / mass" in page
+    assert "Fix: a -= damping * v / mass" in page
     assert "Errors over step sizes, order" in page
 
     write(a_class / "empty", Rope(num_nodes=4).problem(frames=3), "rk4")

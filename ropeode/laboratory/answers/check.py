@@ -18,7 +18,6 @@ def answer(ask: AskCheck, laboratory: Laboratory, progress: Progress) -> Answer:
     """See `ropeode.laboratory.answers.answer_to`."""
     stepper = laboratory.stepper(ask.stepper, ask.version)
     report = check_stepper(stepper, quick=ask.quick, time_limit=_SECONDS, progress=progress)
-    made, checks, lines = len(report.findings), len(CHECKS), lines_of(report)
-    # The verdict is the last line; there is none before the last check.
-    lines = lines if made == checks else lines[:-1]
+    made, checks = len(report.findings), len(CHECKS)
+    lines = lines_of(report, judged=made == checks)
     return Checked(stepper=stepper.label, made=made, checks=checks, lines=lines), {}
