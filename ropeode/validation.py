@@ -189,8 +189,17 @@ def not_traced(name: str, value: Any) -> None:
 
 def shown(value: Any) -> str:
     """A value in an error message, cut if it is long."""
-    text = " ".join(repr(value).split())
-    longest = _LONGEST_TEXT_SHOWN if isinstance(value, str) else _LONGEST_VALUE_SHOWN
+    try:
+        text = repr(value)
+    except Exception:
+        # Python writes no whole number of more than 4300 digits, and nothing nested deeply.
+        text = f"a value of type {type(value).__name__}"
+    return cut(text, _LONGEST_TEXT_SHOWN if isinstance(value, str) else _LONGEST_VALUE_SHOWN)
+
+
+def cut(text: str, longest: int = _LONGEST_TEXT_SHOWN) -> str:
+    """A text in one line, of which no more than so many characters are left."""
+    text = " ".join(text.split())
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
@@ -214,8 +223,7 @@ def in_one_line(error: Exception) -> str:
 def shortly(error: BaseException) -> str:
     """The type of an exception and the first line of its message, cut if it is long."""
     text = next((line.strip() for line in str(error).splitlines() if line.strip()), "no message")
-    text = f"{type(error).__name__}: {text.rstrip('.')}"
-    return text if len(text) <= _LONGEST_TEXT_SHOWN else text[: _LONGEST_TEXT_SHOWN - 3] + "..."
+    return cut(f"{type(error).__name__}: {text.rstrip('.')}")
 
 
 def unknown(kind: str, name: str, allowed: Iterable[str], also: Iterable[str] = ()) -> str:
@@ -235,13 +243,13 @@ def unknown(kind: str, name: str, allowed: Iterable[str], also: Iterable[str] = 
     in_lower_case = words | {each.lower(): each for each in names}
     near = difflib.get_close_matches(name.lower(), in_lower_case, n=1, cutoff=0.4)
     fix = f"did you mean {in_lower_case[near[0]]!r}?" if near else "use one of these."
-    shown = names
+    named = names
     if len(names) > _MOST_NAMES:
         like = difflib.get_close_matches(name.lower(), in_lower_case, n=_MOST_NAMES, cutoff=0.3)
         likest = list(dict.fromkeys([*(in_lower_case[each] for each in like), *names]))[:_LIKEST]
-        shown = [*likest, f"{len(names) - len(likest)} others"]
-    all_of_it = ", ".join([*shown, *also])
-    return f"{kind}: {name!r} given, which does not exist; allowed: {all_of_it}. Fix: {fix}"
+        named = [*likest, f"{len(names) - len(likest)} others"]
+    all_of_it = ", ".join([*named, *also])
+    return f"{kind}: {shown(name)} given, which does not exist; allowed: {all_of_it}. Fix: {fix}"
 
 
 def _refuse_traced(value: Any) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-import tomllib
 import warnings
 from collections.abc import Mapping
 from fractions import Fraction
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ropeode.errors import InputError, InputWarning
-from ropeode.files import read_text
+from ropeode.files import parse_toml, read_text
 from ropeode.steppers.registry import STEPPERS
 from ropeode.steppers.runge_kutta import RungeKutta
 from ropeode.tableaus.stages import Number, Row, number, same
@@ -92,11 +91,7 @@ def tableau_stepper(text: str, folder: Path) -> OwnTableau:
 @functools.lru_cache(maxsize=64)
 def _from_text(text: str, path: str, contents: str) -> tuple[OwnTableau, tuple[str, ...]]:
     """The stepper, and what is doubtful about it."""
-    try:
-        given = tomllib.loads(contents)
-    except tomllib.TOMLDecodeError as error:
-        fix = "see docs/howto/steppers.md for one"
-        raise bad_value("stepper", path, f"a TOML file ({error})", fix) from error
+    given = parse_toml("stepper", path, contents, "docs/howto/steppers.md for one")
     tableau, faults = _tableau(given)
     faults += [unknown("key", key, _KEYS) for key in given if key not in _KEYS]
     name = given.get("name", text)
