@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import glob
+import functools
 import os
 import re
 import stat
@@ -20,6 +20,8 @@ from ropeode.validation import bad_value, cut
 # Where this variable is set, no user's file is run. Processes that a command starts inherit it.
 NO_CODE = "ROPEODE_NO_CODE"
 
+# The name of a part of a file, as `tempfile` makes it.
+_PART = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 # Of what is read at once. TOML is written by hand, or nearly so.
 _MOST_BYTES, _MOST_TOML = 2**28, 2**20
 # Parsing nested values takes stack, and a key of many parts takes memory by the square of them.
@@ -29,6 +31,7 @@ _TOML_TOKEN = re.compile(
     | "(?:[^"\\\n]|\\.)*+"? | '[^'\n]*'? | \#[^\n]* | [\w+-]+ | [][{}.,=\n]''',
     re.DOTALL | re.VERBOSE,
 )
+_BETWEEN_KEYS = frozenset("[]{},=\n")
 
 
 def refuse_code(name: str, path: str | Path) -> None:
@@ -130,13 +133,21 @@ def write_whole(path: Path, contents: str | bytes) -> None:
                 os.unlink(part)
 
 
-def _new_part(target: Path) -> tuple[int, str]:
-    """A new file beside another, open and locked; those of killed processes are removed."""
-    for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
+@functools.cache
+def _remove_parts(folder: Path) -> None:
+    """Remove, once in each process, the parts of files that killed processes left in a folder."""
+    for part in folder.glob(".*.part"):
+        if not (_PART.fullmatch(part.name) and part.is_file()):
+            continue
         # Whoever writes to it holds the lock.
-        with contextlib.suppress(OSError), left.open("rb") as file:
+        with contextlib.suppress(OSError), part.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            left.unlink()
+            part.unlink()
+
+
+def _new_part(target: Path) -> tuple[int, str]:
+    """A new file beside another, open and locked."""
+    _remove_parts(target.parent)
     while True:
         handle, part = tempfile.mkstemp(".part", f".{target.name}.", target.parent)
         # Some file systems have no locks: what is left there stays.
@@ -251,21 +262,15 @@ def _check_toml(text: str) -> None:
         raise ValueError(f"of at most {_MOST_TOML} characters; this has {len(text)}")
     nested = parts = 0
     for match in _TOML_TOKEN.finditer(text):
-        token = match[0]
-        if token in "[{":
-            nested += 1
-        elif token in "]}":
-            nested -= 1
-        parts = parts + (token == ".") if token not in "[]{},=\n" else 0
-        why = (
-            f"arrays and tables in one another, more than {_MOST_NESTED} deep"
-            if nested > _MOST_NESTED
-            else f"a key of more than {_MOST_PARTS} parts"
-            if parts >= _MOST_PARTS
-            else f"a key or number of {len(token)} characters, where {_LONGEST_WORD} are allowed"
-            if len(token) > _LONGEST_WORD and token[0] not in "\"'#"
-            else ""
-        )
+        token, why = match[0], ""
+        nested += (token in ("[", "{")) - (token in ("]", "}"))
+        parts = 0 if token in _BETWEEN_KEYS else parts + (token == ".")
+        if nested > _MOST_NESTED:
+            why = f"arrays and tables in one another, more than {_MOST_NESTED} deep"
+        elif parts >= _MOST_PARTS:
+            why = f"a key of more than {_MOST_PARTS} parts"
+        elif len(token) > _LONGEST_WORD and token[0] not in "\"'#":
+            why = f"a key or number of {len(token)} characters, where {_LONGEST_WORD} are allowed"
         if why:
             line = text.count("\n", 0, match.start()) + 1
             raise ValueError(f"{why} (at line {line})")
