@@ -29,6 +29,8 @@ from ropeode.references.files.encoding import (
 from ropeode.references.reference import Reference
 from ropeode.validation import bad_value, complaint, shown
 
+# Parameters of the library's problems that say how large they are.
+_SIZES = ("frames", "num_nodes", "num_masses")
 # Two versions of a library may round a right-hand side differently, by a few units.
 _SAME = 1e-11
 
@@ -115,6 +117,13 @@ def _of_the_library(facts: Facts) -> Problem | None:
     kind = parameters.pop("kind", None)
     if not isinstance(kind, str) or kind not in PROBLEMS:
         return None
+    times, first = (facts.numbers[each] for each in ("time", facts.problem.quantities[0]))
+    nodes = first.shape[1] if first.ndim > 1 else 1
+    # Nothing is built that is larger than what is there.
+    for name, size in zip(_SIZES, (len(times) - 1, nodes, nodes), strict=True):
+        if parameters.get(name, size) != size:
+            why = f"{name} of the problem: {size}, as in the arrays"
+            raise _not_a_reference(facts.path, ValueError(why))
     try:
         return PROBLEMS[kind](**parameters)
     except InputError as error:
