@@ -52,12 +52,16 @@ def full_tracebacks(on: bool = True) -> None:
     _tracebacks.full = on
 
 
+# In the message of an `InputError`.
+_MOST_LINES = 10
+
+
 class InputError(RopeodeError, ValueError):
     """Input that cannot be used.
 
     Arguments:
         problems: one line for each fault; it names the field, its value, what is allowed, and
-            a fix.
+            a fix. The message has the first ten.
 
     Examples:
         >>> from ropeode import Rope
@@ -69,7 +73,10 @@ class InputError(RopeodeError, ValueError):
 
     def __init__(self, problems: str | Iterable[str]):
         self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
-        super().__init__("\n".join(self.problems))
+        lines = self.problems[:_MOST_LINES]
+        if len(self.problems) > _MOST_LINES:
+            lines += (f"and {len(self.problems) - _MOST_LINES} more faults of the same input.",)
+        super().__init__("\n".join(lines))
 
 
 class InputWarning(UserWarning):

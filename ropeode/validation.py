@@ -29,6 +29,9 @@ T = TypeVar("T")
 _TRACED = "a value that JAX traces"
 _LONGEST_VALUE_SHOWN = 60
 _LONGEST_TEXT_SHOWN = 200
+_LONGEST_PART = 600
+# Larger whole numbers are no longer all different in float64.
+MOST_COUNTED = 2**53
 # Of names that are allowed, all are shown up to so many; of more than that the likest ones.
 _MOST_NAMES, _LIKEST = 24, 8
 
@@ -68,7 +71,7 @@ class Input(BaseModel):
         parameters.sort(key=lambda each: each.default is not inspect.Parameter.empty)
         cls.__signature__ = inspect.Signature(parameters)
 
-    def __init__(self, *values: Any, **named: Any):
+    def __init__(self, /, *values: Any, **named: Any):
         cls = type(self)
         if len(values) > len(cls.model_fields):
             raise InputError(
@@ -113,7 +116,7 @@ def _lines(model: type[Input], error: ValidationError) -> list[str]:
             name,
             complaint(
                 name,
-                context.get("given", fault["input"]),
+                ... if fault["type"] == "missing" else context.get("given", fault["input"]),
                 f"{words.get('allowed')} ({why})" if why else str(words.get("allowed")),
                 f"for example {name} = {words.get('example')}",
             ),
@@ -127,10 +130,13 @@ def bad_value(name: str, given: Any, allowed: str, fix: str) -> InputError:
 
 
 def complaint(name: str, given: Any, allowed: str, fix: str) -> str:
-    """The one form in which every bad value is reported."""
+    """The one form in which every bad value is reported; one that is missing is `...`."""
     if is_traced(given):
         return str(traced_value(name, allowed))
-    return f"{name}: {shown(given)} given; allowed: {allowed}. Fix: {fix}."
+    words = "nothing" if given is ... else shown(given)
+    # They too may hold what was given.
+    name, allowed, fix = (cut(text, _LONGEST_PART) for text in (name, allowed, fix))
+    return f"{name}: {words} given; allowed: {allowed}. Fix: {fix}."
 
 
 def traced_value(name: str, allowed: str) -> InputError:
@@ -189,8 +195,17 @@ def not_traced(name: str, value: Any) -> None:
 
 def shown(value: Any) -> str:
     """A value in an error message, cut if it is long."""
-    text = " ".join(repr(value).split())
+    try:
+        text = repr(value)
+    except Exception:
+        # Python writes no whole number of more than 4300 digits, and nothing nested deeply.
+        text = f"a value of type {type(value).__name__}"
     longest = _LONGEST_TEXT_SHOWN if isinstance(value, str) else _LONGEST_VALUE_SHOWN
+    return cut(" ".join(text.split()), longest)
+
+
+def cut(text: str, longest: int = _LONGEST_TEXT_SHOWN) -> str:
+    """A text of which no more than so many characters are left."""
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
@@ -214,8 +229,7 @@ def in_one_line(error: Exception) -> str:
 def shortly(error: BaseException) -> str:
     """The type of an exception and the first line of its message, cut if it is long."""
     text = next((line.strip() for line in str(error).splitlines() if line.strip()), "no message")
-    text = f"{type(error).__name__}: {text.rstrip('.')}"
-    return text if len(text) <= _LONGEST_TEXT_SHOWN else text[: _LONGEST_TEXT_SHOWN - 3] + "..."
+    return cut(f"{type(error).__name__}: {text.rstrip('.')}")
 
 
 def unknown(kind: str, name: str, allowed: Iterable[str], also: Iterable[str] = ()) -> str:
@@ -235,13 +249,13 @@ def unknown(kind: str, name: str, allowed: Iterable[str], also: Iterable[str] = 
     in_lower_case = words | {each.lower(): each for each in names}
     near = difflib.get_close_matches(name.lower(), in_lower_case, n=1, cutoff=0.4)
     fix = f"did you mean {in_lower_case[near[0]]!r}?" if near else "use one of these."
-    shown = names
+    named = names
     if len(names) > _MOST_NAMES:
         like = difflib.get_close_matches(name.lower(), in_lower_case, n=_MOST_NAMES, cutoff=0.3)
         likest = list(dict.fromkeys([*(in_lower_case[each] for each in like), *names]))[:_LIKEST]
-        shown = [*likest, f"{len(names) - len(likest)} others"]
-    all_of_it = ", ".join([*shown, *also])
-    return f"{kind}: {name!r} given, which does not exist; allowed: {all_of_it}. Fix: {fix}"
+        named = [*likest, f"{len(names) - len(likest)} others"]
+    all_of_it = ", ".join([*named, *also])
+    return f"{kind}: {shown(name)} given, which does not exist; allowed: {all_of_it}. Fix: {fix}"
 
 
 def _refuse_traced(value: Any) -> None:
@@ -313,9 +327,11 @@ def whole_number(value: Any, *, at_least: int) -> int:
     """`value` as an int not below `at_least`.
 
     Raises:
-        ValueError: it is not a whole number, or too small.
+        ValueError: it is not a whole number, or too small, or so large that float64 cannot count.
     """
     number = finite_number(value)
+    if abs(number) > MOST_COUNTED:
+        raise ValueError(f"it is beyond {MOST_COUNTED}, up to which float64 counts")
     if number != int(number):
         raise ValueError(f"{shown(plain(value))} is not whole")
     if number < at_least:

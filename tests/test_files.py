@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import stat
 
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.files import check_writable, read_text, write_whole
+from ropeode.files import check_writable, parse_toml, read_text, write_whole
 
 
 def test_writes_and_replaces(tmp_path):
@@ -49,6 +50,66 @@ def test_links_pipes_and_devices_stay_what_they_are(tmp_path):
     os.close(reader)
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
     assert sorted(os.listdir(tmp_path)) == ["link", "old", "pipe"]
+
+
+def test_parts_that_killed_processes_left_are_removed(tmp_path):
+    path = tmp_path / "table.txt"
+    for name in (".table.txt.abcdefgh.part", ".other.nc.01234567.part", ".mine.part", "x.part"):
+        (tmp_path / name).write_text("half")
+    with (tmp_path / ".table.txt.in_use_9.part").open("wb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        write_whole(path, "whole")
+    left = {".mine.part", ".table.txt.in_use_9.part", "table.txt", "x.part"}
+    assert set(os.listdir(tmp_path)) == left
+
+
+def test_no_pipe_and_no_device_is_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", "/dev/zero", tmp_path):
+        with pytest.raises(InputError, match=r"spec: .*, a pipe or a device, not a file"):
+            read_text("spec", path)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("a = " + "[" * 17, "more than 16 deep .at line 1."),
+        ("x = 1\na = " + "{a = " * 5000, "more than 16 deep .at line 2."),
+        ("a" + ".a" * 16 + " = 1", "a key of more than 16 parts"),
+        ('"=".' * 20 + "a = 1", "a key of more than 16 parts"),
+        ("[" + "a . " * 20 + "a]", "a key of more than 16 parts"),
+        ("a = " + "9" * 5000, "a key or number of 5000 characters"),
+        ("a" * 101 + " = 1", "a key or number of 101 characters"),
+        ("#" * (2**20 + 1), "at most 1048576 characters"),
+        ("a = ]", "Invalid value"),
+    ],
+)
+def test_toml_that_would_take_memory_or_stack(text, why):
+    with pytest.raises(InputError, match=rf"spec: 'x.toml' given; allowed: a TOML file .*{why}"):
+        parse_toml("spec", "x.toml", text, "another")
+
+
+def test_texts_and_comments_in_toml_may_hold_anything():
+    many = "[" * 40 + "a." * 40 + "9" * 400
+    values = {
+        "a": many,
+        "b": f'\n{many}""\\',
+        "c": f"{many}''",
+        "d": [[1.5, -2e-3]] * 100,
+        "e.f": {"g": {"h": '"'}},
+    }
+    text = f"""
+        # {many}
+        a = "{many}"  # "{many}
+        b = \"\"\"
+
+{many}\\""\\\\\"\"\"
+        c = '''{many}'''''
+        d = {values["d"]}
+        ["e.f".g]
+        h = "\\""
+    """
+    assert parse_toml("spec", "x.toml", text, "another") == values
 
 
 def test_targets_are_checked(tmp_path):

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import fnmatch
-import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, StrictBool
 
 from ropeode.checking.checks import CHECKS
 from ropeode.checking.grade import CHECKS as OF_FILES
 from ropeode.errors import InputError
-from ropeode.files import read_text
-from ropeode.validation import bad_value, finite_number, shown, unknown
+from ropeode.files import parse_toml, read_text
+from ropeode.validation import Input, NonNegative, bad_value, complaint, field, unknown
 
 OF_STEPPERS = tuple(CHECKS)
 # The default for each collection of checks.
@@ -55,23 +56,40 @@ checks = ["*"]
 """,
 }
 
-_FIELDS = ("name", "points", "checks", "partial")
+
+def _line_of_text(value: str) -> str:
+    if not value.strip():
+        raise ValueError("it is empty")
+    return value
 
 
-class Item(NamedTuple):
+def _patterns(value: Any) -> Any:
+    if value == []:
+        raise ValueError("there is none; leave it out where none is needed")
+    return value
+
+
+class Item(Input):
     """One line of a rubric.
 
-    Fields:
+    Arguments:
         name: in the feedback.
         points: that it is worth.
         checks: names of checks; none where it is enough that the submission could be checked.
         partial: whether it gives the share of the checks that passed, and not all or nothing.
+
+    Raises:
+        InputError: one line for each that cannot be used.
     """
 
-    name: str
-    points: float
-    checks: tuple[str, ...] = ()
-    partial: bool = False
+    name: Annotated[str, AfterValidator(_line_of_text)] = field(
+        ..., allowed="a text", example='"order"'
+    )
+    points: NonNegative = field(..., allowed="a number, 0 or more", example="4")
+    checks: Annotated[tuple[str, ...], BeforeValidator(_patterns)] = field(
+        (), allowed="a list of names of checks", example='["order*", "pins"]'
+    )
+    partial: StrictBool = field(False, allowed="true or false", example="true")
 
     def earned(self, findings: Mapping[str, str]) -> float:
         """The points for a submission that was checked to the end.
@@ -103,66 +121,31 @@ def read_rubric(path: Path | None, checks: tuple[str, ...]) -> tuple[Item, ...]:
         InputError: the file cannot be used; one line for each fault, with the field's name.
     """
     text = DEFAULTS[checks] if path is None else read_text("rubric", path)
-    try:
-        given = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        fix = "see the default rubric in docs/howto/classroom.md"
-        raise bad_value("rubric", str(path), f"a TOML file ({error})", fix) from error
+    given = parse_toml("rubric", str(path), text, "the default rubric in docs/howto/classroom.md")
     faults = [unknown("field of the rubric", name, ["item"]) for name in given if name != "item"]
-    items = given.get("item")
+    items, read = given.get("item", ...), dict[str, Item]()
     if not isinstance(items, list) or not items:
         fix = 'begin with [[item]], name = "order", points = 4, checks = ["order-*"]'
-        faults.append(_fault("item", items, "at least one table [[item]]", fix))
-        raise InputError(faults)
-    read = [_item(f"item[{number}]", each, checks, faults) for number, each in enumerate(items, 1)]
-    names = [each.name for each in read]
-    for number, name in enumerate(names, 1):
-        if name in names[: number - 1]:
-            faults.append(_fault(f"item[{number}].name", name, "a name of its own", "rename it"))
+        faults.append(complaint("item", items, "at least one table [[item]]", fix))
+        items = []
+    for number, each in enumerate(items, 1):
+        try:
+            if not isinstance(each, dict):
+                raise bad_value("table", each, "a table with name and points", "write [[item]]")
+            item = Item(**each)
+            if item.name in read:
+                raise bad_value("name", item.name, "a name of its own", "rename it")
+            read[item.name] = item.model_copy(update={"checks": _named(item.checks, checks)})
+        except InputError as error:
+            faults += [f"item[{number}].{line}" for line in error.problems]
     if faults:
-        raise InputError(faults)
-    return tuple(read)
+        raise InputError([f"rubric: {fault}" for fault in faults])
+    return tuple(read.values())
 
 
-def _item(where: str, given: Any, checks: Collection[str], faults: list[str]) -> Item:
-    """One item; its faults are added to the others."""
-    if not isinstance(given, dict):
-        faults.append(_fault(where, given, "a table with name and points", "write [[item]]"))
-        return Item(where, 0.0)
-    faults += [unknown(f"field of {where}", name, _FIELDS) for name in given if name not in _FIELDS]
-    name = given.get("name")
-    if not isinstance(name, str) or not name.strip():
-        faults.append(_fault(f"{where}.name", name, "a text", 'for example name = "order"'))
-        name = where
-    points, number = given.get("points"), 0.0
-    try:
-        number = finite_number(points)
-        if number < 0.0:
-            raise ValueError("negative")
-    except ValueError:
-        fix = "for example points = 4"
-        faults.append(_fault(f"{where}.points", points, "a number, 0 or more", fix))
-    partial = given.get("partial", False)
-    if not isinstance(partial, bool):
-        faults.append(_fault(f"{where}.partial", partial, "true or false", "partial = true"))
-    chosen = _checks(where, given.get("checks"), checks, faults)
-    return Item(name, number, chosen, partial is True)
-
-
-def _checks(where: str, given: Any, checks: Collection[str], faults: list[str]) -> tuple[str, ...]:
+def _named(patterns: Collection[str], checks: Collection[str]) -> tuple[str, ...]:
     """The names that patterns stand for."""
-    if given is None:
-        return ()
-    if not isinstance(given, list) or not given or not all(isinstance(each, str) for each in given):
-        fix = 'for example checks = ["order*", "pins"]; leave it out where none is needed'
-        faults.append(_fault(f"{where}.checks", given, "a list of names of checks", fix))
-        return ()
-    for each in given:
-        if not fnmatch.filter(checks, each):
-            faults.append(unknown(f"check in {where}.checks", each, checks))
-    return tuple(name for name in checks if any(fnmatch.fnmatchcase(name, each) for each in given))
-
-
-def _fault(name: str, given: Any, allowed: str, fix: str) -> str:
-    words = "nothing" if given is None else shown(given)
-    return f"rubric: {name}: {words} given; allowed: {allowed}. Fix: {fix}."
+    nothing = [each for each in patterns if not fnmatch.filter(checks, each)]
+    if nothing:
+        raise InputError([unknown("checks", each, checks) for each in nothing])
+    return tuple(n for n in checks if any(fnmatch.fnmatchcase(n, each) for each in patterns))

@@ -45,6 +45,6 @@ def values_from(
         # Relative to the current folder, not to that of the spec.
         given["reference"] = str(Path(given["reference"]).resolve())
     values |= given
-    if rope:
-        values["rope"] = {**values.get("rope", {}), **rope}
+    if rope and isinstance(values.setdefault("rope", {}), dict):
+        values["rope"] |= rope
     return values, None if "problem" in given or not spec else spec.parent

@@ -126,9 +126,9 @@ def _ended_well_or_not(words: list[str], debug: bool, ended: Ended | None) -> in
     except UserCodeError as error:
         if error.__cause__ is not None:
             click.echo(users_traceback(error.__cause__), err=True)
-        return _fail(BAD_INPUT, error.problems, debug)
+        return _fail(BAD_INPUT, str(error).splitlines(), debug)
     except InputError as error:
-        return _fail(BAD_INPUT, error.problems, debug)
+        return _fail(BAD_INPUT, str(error).splitlines(), debug)
     except RopeodeError as error:
         return _fail(FAILED, [str(error)], debug)
     except MemoryError as error:

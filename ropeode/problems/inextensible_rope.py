@@ -62,7 +62,7 @@ class InextensibleRope(RopeInput):
     damping: OneOrMany = rope_input.DAMPING
     initial_velocity: Velocity = rope_input.INITIAL_VELOCITY
 
-    def __init__(self, *values: Any, **named: Any):
+    def __init__(self, /, *values: Any, **named: Any):
         super().__init__(*values, **named)
         faults = [*self._lengths_at_fault(), *self._pins_at_fault()]
         if faults := faults or self._velocities_at_fault():

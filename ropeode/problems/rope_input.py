@@ -235,7 +235,7 @@ class RopeInput(Input):
         )
 
     @classmethod
-    def from_parameters(cls, frames: int = 20, **parameters: Any) -> Problem:
+    def from_parameters(cls, /, frames: int = 20, **parameters: Any) -> Problem:
         """The problem of a rope, as the library has it.
 
         Arguments:

@@ -13,6 +13,7 @@ import numpy as np
 from ropeode import cache
 from ropeode.cache import described
 from ropeode.problems.problem import Problem
+from ropeode.references.files.contents import parsed
 from ropeode.references.files.encoding import (
     arrays_of,
     certificate_from,
@@ -57,10 +58,10 @@ def _read(contents: bytes, problem: Problem) -> Reference:
     with np.load(io.BytesIO(contents), allow_pickle=False) as file:
         numbers = dict(file)
     texts = json.loads(numbers.pop("texts").tobytes())
-    description, claims = (json.loads(texts[name]) for name in ("problem", "certificate"))
+    description, claims = parsed(texts, numbers)
     return Reference(
         problem=problem,
-        states=states_from(problem, int(description["samples"]), numbers),
+        states=states_from(problem, description.samples, numbers),
         certificate=certificate_from(description, claims, numbers),
         dense=dense_from(problem, numbers),
     )

@@ -109,7 +109,7 @@ class ReferenceOptions(Input):
                 raise bad_value(name, value, "none with level 'extended'", fix)
         return level
 
-    def __init__(self, *values: Any, **named: Any):
+    def __init__(self, /, *values: Any, **named: Any):
         refuse_others(named, type(self).model_fields)
         super().__init__(*values, **named)
 

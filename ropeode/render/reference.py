@@ -37,7 +37,7 @@ def summary(reference: Reference) -> str:
 def as_text(facts: Facts) -> str:
     """All that a file says of its reference, with a plot of its bound."""
     certificate, times = facts.certificate, facts.numbers["time"]
-    parameters = dict(facts.problem["parameters"])
+    parameters = dict(facts.problem.parameters)
     rows = [
         (str(w.solver), f"{w.tolerance:.0e}", w.role, str(w.steps), f"{w.difference:.1e}")
         for w in certificate.witnesses
@@ -49,7 +49,7 @@ def as_text(facts: Facts) -> str:
     kind = parameters.pop("kind", None)
     listed = ", ".join(f"{name} {value_words(value)}" for name, value in parameters.items())
     return _lines(
-        wrapped(f"{facts.problem['name']}" + (f" ({kind}): {listed}" if kind else "")),
+        wrapped(f"{facts.problem.name}" + (f" ({kind}): {listed}" if kind else "")),
         wrapped(f"{span} {claim(certificate)}"),
         _stored_dense_claim(facts),
         [""],
@@ -136,7 +136,7 @@ def _dense_claim(times: np.ndarray, order: int, bounds: Mapping[str, np.ndarray]
 
 
 def _stored_dense_claim(facts: Facts) -> list[str]:
-    quantities = facts.problem["quantities"]
+    quantities = facts.problem.quantities
     if "dense_time" not in facts.numbers:
         return []
     bounds = {q: facts.numbers[dense_name("bound", q)] for q in quantities}

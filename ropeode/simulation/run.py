@@ -30,7 +30,7 @@ from ropeode.simulation.time_needed import LONGEST_S, TimeNeeded, check_longest
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
 from ropeode.steppers.base import BuiltIn
 from ropeode.threads import cores, threads
-from ropeode.validation import bad_value, check_kind, check_whole
+from ropeode.validation import check_kind, check_whole
 
 # States that one call of a program writes, and that a chunk of an ensemble holds, in bytes.
 _SEGMENT = 2**23
@@ -38,7 +38,6 @@ _CHUNK = 2**24
 _FEWEST_FRAMES, _MOST_FRAMES, _MOST_BLOCKS = 16, 128, 64
 # Of a right-hand side in Python, to see that it keeps no memory.
 _MOST_CALLS = 32
-_MOST_STEPS = 2**53
 # A compiled run is tried with so many steps at first, and with no more than a part of its own.
 _FEWEST_STEPS, _SHARE = 4096, 0.01
 
@@ -107,7 +106,8 @@ def simulate(
         return _joined(list(simulate_chunks(given, stepper, steps_per_frame, **limits)))
     require_problem(given)
     require_memory(given, copies=1)
-    steps, given = _check_steps(steps_per_frame), given.up_to_date()
+    steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
+    given = given.up_to_date()
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))
     longest = check_longest(time_limit)
@@ -148,7 +148,8 @@ def simulate_chunks(
         0 (4, 2, 2, 4, 3)
     """
     check_kind("ensemble", ensemble, Ensemble, "Ensemble.of")
-    steps, ensemble = _check_steps(steps_per_frame), ensemble.up_to_date()
+    steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
+    ensemble = ensemble.up_to_date()
     first = ensemble.first
     method = method_of(stepper, first)
     for each in ensemble.built_apart:
@@ -160,14 +161,6 @@ def simulate_chunks(
     blocks = min(max(_CHUNK // block, 1), _MOST_BLOCKS, -(-needed // count))
     job = _Job(ensemble, method, steps, layout, blocks, check_longest(time_limit))
     return job.in_chunks(count, progress)
-
-
-def _check_steps(steps_per_frame: SupportsIndex) -> int:
-    steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
-    if steps > _MOST_STEPS:
-        allowed = f"at most {_MOST_STEPS}, up to which float64 counts"
-        raise bad_value("steps_per_frame", steps, allowed, "for example 64")
-    return steps
 
 
 def _joined(chunks: list[Trajectories]) -> Trajectories:

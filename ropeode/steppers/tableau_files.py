@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-import tomllib
+import re
 import warnings
 from collections.abc import Mapping
 from fractions import Fraction
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ropeode.errors import InputError, InputWarning
-from ropeode.files import read_text
+from ropeode.files import parse_toml, read_text
 from ropeode.steppers.registry import STEPPERS
 from ropeode.steppers.runge_kutta import RungeKutta
 from ropeode.tableaus.stages import Number, Row, number, same
@@ -22,6 +22,8 @@ from ropeode.validation import bad_value, check_whole, complaint, unknown
 
 # What the text of such a stepper begins with.
 PREFIX = "runge-kutta"
+# Sums over trees of more stages take long, and other texts may be numbers of millions of digits.
+_MOST_STAGES, _LONGEST, _HUGE = 256, 100, re.compile(r"[eE][+-]?[\d_]{4,}")
 _KEYS = ("A", "b", "c", "name", "order")
 _EXAMPLE = 'for Heun\'s method A = [[], [1]], b = ["1/2", "1/2"]'
 
@@ -92,11 +94,7 @@ def tableau_stepper(text: str, folder: Path) -> OwnTableau:
 @functools.lru_cache(maxsize=64)
 def _from_text(text: str, path: str, contents: str) -> tuple[OwnTableau, tuple[str, ...]]:
     """The stepper, and what is doubtful about it."""
-    try:
-        given = tomllib.loads(contents)
-    except tomllib.TOMLDecodeError as error:
-        fix = "see docs/howto/steppers.md for one"
-        raise bad_value("stepper", path, f"a TOML file ({error})", fix) from error
+    given = parse_toml("stepper", path, contents, "docs/howto/steppers.md for one")
     tableau, faults = _tableau(given)
     faults += [unknown("key", key, _KEYS) for key in given if key not in _KEYS]
     name = given.get("name", text)
@@ -120,8 +118,8 @@ def _from_text(text: str, path: str, contents: str) -> tuple[OwnTableau, tuple[s
 def _tableau(given: Mapping[str, Any]) -> tuple[Tableau | None, list[str]]:
     """The tableau that is given; None and the faults where there are any."""
     faults: list[str] = []
-    b = _row("b", given.get("b"), faults)
-    rows = given.get("A")
+    b = _row("b", given.get("b", ...), faults)
+    rows = given.get("A", ...)
     if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
         faults.append(complaint("A", rows, "a list of rows, each a list", _EXAMPLE))
     if faults:
@@ -129,6 +127,8 @@ def _tableau(given: Mapping[str, Any]) -> tuple[Tableau | None, list[str]]:
     a = [_row(f"A[{i}]", row, faults) for i, row in enumerate(rows, 1)]  # type: ignore[arg-type]
     c = _row("c", given["c"], faults) if "c" in given else None
     stages = len(b)
+    if stages > _MOST_STAGES:
+        faults.append(_of_length("b", f"{stages} weights", _MOST_STAGES, "weights or fewer"))
     if len(a) != stages:
         faults.append(_of_length("A", f"{len(a)} rows", stages, "rows, one for each weight b"))
     if c and len(c) != stages:
@@ -174,6 +174,8 @@ def _row(name: str, given: Any, faults: list[str]) -> Row:
 def _number(entry: Any) -> Number | None:
     """An entry of a file; None where it is no number."""
     if isinstance(entry, bool) or not isinstance(entry, int | float | str):
+        return None
+    if isinstance(entry, str) and (len(entry) > _LONGEST or _HUGE.search(entry)):
         return None
     try:
         value = number(entry)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Annotated, Any, get_args
 from pydantic import AfterValidator, BeforeValidator, PlainValidator
 
 from ropeode.errors import InputError
-from ropeode.files import read_text
+from ropeode.files import read_toml
 from ropeode.norms import NORMS
 from ropeode.problems.checks import run as run_checks
 from ropeode.problems.files import load_problem
@@ -149,12 +148,7 @@ def read_spec(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it cannot be read or is not TOML.
     """
-    try:
-        return tomllib.loads(read_text("spec", path))
-    except tomllib.TOMLDecodeError as error:
-        raise bad_value(
-            "spec", str(path), f"a TOML file ({error})", "see `ropeode spec` for one"
-        ) from error
+    return read_toml("spec", path, "`ropeode spec` for one")
 
 
 def kind_apart(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -244,7 +238,7 @@ class TableJob:
             return reference_from(facts)
         frames = self.spec.frames
         if frames is None and self.spec.problem in PROBLEMS:
-            frames = facts.problem["parameters"].get("frames")
+            frames = facts.problem.parameters.get("frames")
         return reference_from(facts, self._problem(frames))
 
     @property

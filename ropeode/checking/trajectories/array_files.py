@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import contextlib
+import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -12,7 +13,8 @@ import numpy as np
 
 from ropeode.checking.trajectories.layout import Block, Layout
 from ropeode.errors import InputError
-from ropeode.validation import bad_value, in_one_line
+from ropeode.files import open_to_read
+from ropeode.validation import bad_value, shortly
 
 _BLOCK = 2**22
 TIMES, POSITIONS, VELOCITIES, STEP = "t", "positions", "velocities", "dt"
@@ -49,7 +51,6 @@ class ArrayFile(abc.ABC):
     def __init__(self, path: Path, layout: Layout):
         self.path, self.layout = path, layout
         with self._opened() as arrays:
-            self.size = path.stat().st_size
             self.dt = self._step(arrays[STEP]) if STEP in arrays else None
             self.velocities = _check_arrays(path, layout, arrays)
 
@@ -68,12 +69,9 @@ class ArrayFile(abc.ABC):
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[dict[str, Stored]]:
-        try:
-            # Some readers report a file that is not there like one of another format.
-            self.path.open("rb").close()
-        except OSError as error:
-            allowed = f"a file that can be read ({error.strerror})"
-            raise bad_value("file", str(self.path), allowed, "check the path") from error
+        # Some readers report a file that is not there like one of another format.
+        with open_to_read("file", self.path) as file:
+            self.size = os.fstat(file.fileno()).st_size
         try:
             with self.arrays() as arrays:
                 yield arrays
@@ -81,7 +79,7 @@ class ArrayFile(abc.ABC):
             raise
         except Exception as error:
             # Readers raise errors of many kinds on other files.
-            allowed = f"{self.format} ({in_one_line(error)})"
+            allowed = f"{self.format} ({shortly(error)})"
             raise bad_value("file", str(self.path), allowed, "write it again") from error
 
     def _step(self, stored: Stored) -> str:

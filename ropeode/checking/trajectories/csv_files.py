@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from ropeode.checking.trajectories.layout import Block, Layout
+from ropeode.files import open_to_read
 from ropeode.validation import bad_value
 
 _BLOCK = 2**22
@@ -43,13 +45,9 @@ class CsvFile:
     def __init__(self, path: Path, layout: Layout):
         self.path, self.layout = path, layout
         self.dt: str | None = None
-        try:
-            self.size = path.stat().st_size
-            with path.open("rb") as file:
-                self._read_head(file)
-        except OSError as error:
-            allowed = f"a file that can be read ({error.strerror})"
-            raise bad_value("file", str(path), allowed, "check the path") from error
+        with open_to_read("file", path) as file:
+            self.size = os.fstat(file.fileno()).st_size
+            self._read_head(file)
 
     def _read_head(self, file: BinaryIO) -> None:
         number = 0
@@ -92,7 +90,7 @@ class CsvFile:
         """
         line, rest, nodes = self._header_lines + 1, b"", self.layout.nodes
         left = np.empty((0, len(self.columns)))
-        with self.path.open("rb") as file:
+        with open_to_read("file", self.path) as file:
             file.seek(self._begin)
             while piece := file.read(_BLOCK):
                 piece = rest + piece

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from typing import Any
 
-import h5netcdf
+import h5py
 import numpy as np
 
 from ropeode.checking.trajectories.array_files import SAMPLES, STEP, ArrayFile, Stored
@@ -23,17 +23,20 @@ class NetcdfFile(ArrayFile):
     @contextlib.contextmanager
     def arrays(self) -> Iterator[dict[str, Stored]]:
         """Open the file; those of the four arrays that it has."""
-        with h5netcdf.File(self.path, "r") as file:
-            variables = {name: file.variables[name] for name in SAMPLES if name in file.variables}
-            arrays = {name: self._stored(name, each) for name, each in variables.items()}
+        # Not h5netcdf, which complains once more when a file is closed that it could not open.
+        with h5py.File(self.path, "r") as file:
+            arrays = {name: self._stored(name, file[name]) for name in SAMPLES if name in file}
             if STEP in file.attrs:
-                step = np.asarray(file.attrs[STEP])
-                arrays[STEP] = Stored(step.shape, step.dtype, lambda count: step)
+                step = file.attrs.get_id(STEP)
+                arrays[STEP] = Stored(
+                    step.shape, step.dtype, lambda _: np.asarray(file.attrs[STEP])
+                )
             yield arrays
 
-    def _stored(self, name: str, variable: Any) -> Stored:
+    def _stored(self, name: str, data: Any) -> Stored:
         """A variable, if all its numbers are in the file itself."""
-        data = variable._h5ds
+        if not isinstance(data, h5py.Dataset):
+            self.refuse(name, "a group", "a variable", "write numbers")
         size = int(np.prod(data.shape, dtype=object)) * data.dtype.itemsize
         if data.chunks is None:
             whole = data.id.get_storage_size() == size
@@ -52,6 +55,6 @@ class NetcdfFile(ArrayFile):
         def read(count: int) -> np.ndarray:
             nonlocal at
             at += count
-            return np.asarray(variable[at - count : at])
+            return data[at - count : at]
 
         return Stored(tuple(data.shape), data.dtype, read)

@@ -23,7 +23,7 @@ from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.simulation import step_size
-from ropeode.validation import bad_value, complaint, positive_number
+from ropeode.validation import MOST_COUNTED, bad_value, complaint, positive_number
 
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
@@ -196,9 +196,9 @@ def opened_files(
         allowed = f"one for each of the {len(opened)} files, in the same order"
         raise bad_value("dt", len(dts), allowed, "give one for each file")
     if any(file.dt is not None for file in opened):
-        return opened, _step_sizes(opened, dts), False
+        return opened, _step_sizes(opened, problem, dts), False
     named, why = _step_sizes_in_names([file.path for file in opened], dts, problem)
-    return opened, _step_sizes(opened, named or dts, why), named is not None
+    return opened, _step_sizes(opened, problem, named or dts, why), named is not None
 
 
 def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File]:
@@ -253,11 +253,14 @@ def _step_sizes_in_names(
     return (None if named == given else named), ""
 
 
-def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None, why: str = "") -> list[float]:
+def _step_sizes(
+    files: Sequence[File], problem: Problem, dts: Sequence[Any] | None, why: str = ""
+) -> list[float]:
     """The step size of each file, from the file or from the caller.
 
     Arguments:
         files: opened.
+        problem: that they should solve.
         dts: from the caller, or from the names.
         why: why the names do not say it.
 
@@ -266,9 +269,9 @@ def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None, why: str = "")
     """
     faults, steps = [], []
     for i, file in enumerate(files):
-        values = [_positive(file, file.dt, faults)] if file.dt is not None else []
+        values = [_step_size(file, file.dt, problem, faults)] if file.dt is not None else []
         if dts is not None:
-            values.append(_positive(file, dts[i], faults))
+            values.append(_step_size(file, dts[i], problem, faults))
         if not values:
             allowed = "the step size, in the file or as --dt with one for each file" + (
                 f"; names say it where they differ in the steps per frame alone ({why})"
@@ -294,9 +297,14 @@ def _step_sizes(files: Sequence[File], dts: Sequence[Any] | None, why: str = "")
     return steps
 
 
-def _positive(file: File, given: Any, faults: list[tuple[Path, str]]) -> float:
+def _step_size(file: File, given: Any, problem: Problem, faults: list[tuple[Path, str]]) -> float:
     try:
-        return positive_number(given)
+        dt = positive_number(given)
+        steps = float(problem.ts[-1] - problem.ts[0]) / dt
+        # Times may have another unit.
+        if not 1 / MOST_COUNTED <= steps <= MOST_COUNTED:
+            raise ValueError(f"the problem would take {steps:.3g} such steps")
+        return dt
     except ValueError as error:
         allowed = f"a finite number > 0 ({error})"
         line = complaint(f"{file.path}, dt", given, allowed, "for example dt = 0.01")

@@ -7,8 +7,10 @@ change anywhere in the file is detected here, before HDF5 reads any of it.
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
+from ropeode.files import open_to_read, unreadable
 from ropeode.validation import bad_value
 
 _MARK = b"\nropeode sha256 "
@@ -27,39 +29,21 @@ def verify_checksum(path: Path) -> str:
     Raises:
         InputError: it cannot be read, has no checksum, or has another one.
     """
-    try:
-        size = path.stat().st_size
-        with path.open("rb") as file:
-            file.seek(max(0, size - _LENGTH))
+    with open_to_read("reference", path) as file:
+        size = os.fstat(file.fileno()).st_size
+        digest, left = hashlib.sha256(), size - _LENGTH
+        try:
+            while left > 0 and (piece := file.read(min(_CHUNK_BYTES, left))):
+                digest.update(piece)
+                left -= len(piece)
             end = file.read(_LENGTH)
-        if not end.startswith(_MARK) or not end.endswith(b"\n"):
-            raise bad_value(
-                "reference",
-                str(path),
-                "a file that ropeode wrote whole (the checksum at its end is missing)",
-                "write it again, or download it again",
-            )
-        digest = _digest(path, size - _LENGTH)
-    except OSError as error:
-        raise bad_value(
-            "reference", str(path), f"a file that can be read ({error.strerror})", "check it"
-        ) from error
-    if end[len(_MARK) : -1] != digest.encode():
-        raise bad_value(
-            "reference",
-            str(path),
-            "a file as it was written (its sha256 differs from the one at its end)",
-            "do not use it; write it again, or download it again",
-        )
-    return digest
-
-
-def _digest(path: Path, size: int) -> str:
-    """The sha256 of the first bytes of a file, read in pieces."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        left = size
-        while left > 0 and (piece := file.read(min(_CHUNK_BYTES, left))):
-            digest.update(piece)
-            left -= len(piece)
+        except OSError as error:
+            raise unreadable("reference", path, error.strerror) from error
+    if not end.startswith(_MARK) or not end.endswith(b"\n"):
+        allowed = "a file that ropeode wrote whole (the checksum at its end is missing)"
+        raise bad_value("reference", str(path), allowed, "write it again, or download it again")
+    if end[len(_MARK) : -1] != digest.hexdigest().encode():
+        allowed = "a file as it was written (its sha256 differs from the one at its end)"
+        fix = "do not use it; write it again, or download it again"
+        raise bad_value("reference", str(path), allowed, fix)
     return digest.hexdigest()

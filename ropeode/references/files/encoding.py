@@ -12,13 +12,19 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems.functions import compiled
 from ropeode.problems.problem import Problem
-from ropeode.references.certificate import Certificate, Sampling, Witness, padded
+from ropeode.references.certificate import Certificate, Witness, padded
 from ropeode.references.dense.polynomials import Dense
+from ropeode.references.files.contents import (
+    PROBES,
+    Claims,
+    Description,
+    dense_name,
+    series_name,
+)
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import Solver
 
 SCHEMA = "ropeode.reference/1"
-PROBES = 3
 # Fields of a rope's args that a file has, their dimensions, and their units.
 ROPE_ARRAYS: dict[str, tuple[str, str]] = {
     "mass": ("node", "mass"),
@@ -67,8 +73,10 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
         ):
             if quantity in series:
                 whole = padded(series[quantity], problem)
-                arrays[_name(name, quantity)] = Array(("time",), whole, long_name, units[quantity])
-        arrays[_name("witness_difference", quantity)] = Array(
+                arrays[series_name(name, quantity)] = Array(
+                    ("time",), whole, long_name, units[quantity]
+                )
+        arrays[series_name("witness_difference", quantity)] = Array(
             ("witness", "time"),
             np.stack([witness.differences[quantity] for witness in certificate.witnesses]),
             "distance of each witness from the reference",
@@ -122,33 +130,38 @@ def texts_of(reference: Reference) -> dict[str, str]:
 
 
 def certificate_from(
-    description: Mapping[str, Any], claims: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
+    problem: Description, claims: Claims, arrays: Mapping[str, np.ndarray]
 ) -> Certificate:
-    """The certificate in a file, from its parsed texts `problem` and `certificate`."""
-    quantities, samples = description["quantities"], description["samples"]
-    differences = {q: arrays[_name("witness_difference", q)] for q in quantities}
-    witnesses = [
-        {
-            **each,
-            "solver": Solver.parse(each["solver"]),
-            # JSON has no infinity, which is that of a run that ends inside the horizon.
-            "difference": np.inf if each["difference"] is None else each["difference"],
-            "differences": {q: differences[q][index] for q in quantities},
-        }
-        for index, each in enumerate(claims["witnesses"])
-    ]
-    values = {
-        **claims,
-        "solver": Solver.parse(claims["solver"]),
-        "atol": np.asarray(claims["atol"])[()],
-        "bounds": {q: arrays[_name("bound", q)] for q in quantities},
-        "drift": {q: arrays[_name("drift", q)][:samples] for q in description["constrained"]},
-        "witnesses": tuple(Witness(**each) for each in witnesses),
+    """The certificate in a file, from its texts `problem` and `certificate`."""
+    series = {
+        name: {q: arrays[series_name(name, q)] for q in quantities}
+        for name, quantities in (
+            ("bound", problem.quantities),
+            ("witness_difference", problem.quantities),
+            ("drift", problem.constrained),
+        )
     }
-    # Files of older releases have none.
-    if values.get("sampling") is not None:
-        values["sampling"] = Sampling(**values["sampling"])
-    return Certificate(**values)
+    witnesses = [
+        Witness(
+            **dict(each)
+            | {
+                "solver": Solver.parse(each.solver),
+                "difference": np.inf if each.difference is None else each.difference,
+                "differences": {q: s[index] for q, s in series["witness_difference"].items()},
+            }
+        )
+        for index, each in enumerate(claims.witnesses)
+    ]
+    return Certificate(
+        **dict(claims)
+        | {
+            "solver": Solver.parse(claims.solver),
+            "atol": np.asarray(claims.atol)[()],
+            "bounds": series["bound"],
+            "drift": {q: s[: problem.samples] for q, s in series["drift"].items()},
+            "witnesses": tuple(witnesses),
+        }
+    )
 
 
 def states_from(problem: Problem, samples: int, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -202,7 +215,11 @@ def _in_file(
 
 
 def _joined(problem: Problem, values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """States in the solver's layout, from quantities in a file's layout."""
+    """States in the solver's layout, from quantities in a file's layout.
+
+    Raises:
+        ValueError: nodes and components are not those of the problem.
+    """
     if problem.mechanics is None:
         return values["state"]
     halves = []
@@ -210,6 +227,8 @@ def _joined(problem: Problem, values: Mapping[str, np.ndarray]) -> np.ndarray:
         half = values[quantity]
         if problem.y0[0].ndim == 2:
             half = np.moveaxis(half, 1, 1 + problem.mechanics.node_axis)
+            if half.shape[1:] != problem.y0.shape[1:]:
+                raise ValueError(f"{quantity}: nodes and components of the shape {half.shape[1:]}")
         halves.append(half.reshape(len(half), *problem.y0.shape[1:]))
     return np.ascontiguousarray(np.stack(halves, axis=1))
 
@@ -228,16 +247,6 @@ def probed(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     rhs = compiled(problem.rhs)
     rates = [np.asarray(rhs(t, y, problem.args)) for t, y in zip(times, states, strict=True)]
     return states.reshape(PROBES, -1), np.stack(rates).reshape(PROBES, -1)
-
-
-def _name(series: str, quantity: str) -> str:
-    """`bound` is that of positions, or of the state; that of velocities is `velocity_bound`."""
-    return f"velocity_{series}" if quantity == "velocity" else series
-
-
-def dense_name(series: str, quantity: str) -> str:
-    """The name of the same series of dense output."""
-    return f"dense_{_name(series, quantity)}"
 
 
 def _state_dims(problem: Problem) -> tuple[str, ...]:

@@ -5,20 +5,24 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import h5netcdf
+import h5py
 import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.references.files.encoding import Array
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, listed, shortly
 
 # The only types that are written, and so the only ones that are read.
 _TYPES = ("<f8", "|i1")
-_HASH = "sha256"
+_HASH, _PROPERTIES = "sha256", "_NCProperties"
+# The name of what has a length and no numbers.
+_NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
 
 
 def encoded(arrays: Mapping[str, Array], texts: Mapping[str, str]) -> bytes:
@@ -47,33 +51,41 @@ def read(path: Path) -> tuple[dict[str, Array], dict[str, str]]:
     """Read a file whose checksum has been verified.
 
     Sizes are compared with that of the file before any memory is allocated. Data outside the
-    file itself, and types that `write` does not write, are refused.
+    file itself, and types that `encoded` does not write, are refused.
 
     Raises:
         InputError: it is no such file.
     """
+    room, arrays = path.stat().st_size, {}
     try:
-        with h5netcdf.File(path, "r") as file:
-            room = path.stat().st_size
-            arrays = {}
-            for name, variable in file.variables.items():
-                _check_variable(path, name, variable, room)
-                arrays[name] = Array(
-                    tuple(variable.dimensions),
-                    np.asarray(variable[...]),
-                    str(variable.attrs.get("long_name", "")),
-                    str(variable.attrs.get("units", "")),
-                )
-            texts = {name: _text(path, name, value) for name, value in file.attrs.items()}
-    except InputError:
-        raise
+        # Not h5netcdf, which complains once more when a file is closed that it could not open.
+        with h5py.File(path, "r") as file:
+            for name in map(str, file):
+                if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+                    raise ValueError(f"{name} is a link")
+                data: Any = file[name]
+                if data.attrs.get("NAME", b"").startswith(_NO_VARIABLE):
+                    continue
+                room -= _checked_size(name, data, room)
+                dims = (name,) if data.is_scale else (dim[0].name[1:] for dim in data.dims)
+                words = (str(data.attrs.get(each, "")) for each in ("long_name", "units"))
+                arrays[name] = Array(tuple(dims), data[...], *words)
+            found: dict[str, Any] = {each: file.attrs[each] for each in file.attrs}
+        texts = {name: text for name, text in found.items() if name != _PROPERTIES}
+        if not all(isinstance(text, str) for text in texts.values()):
+            raise ValueError("some attribute is no text")
+        if texts.pop(_HASH, "") != content_hash(arrays, texts):
+            raise ValueError("its numbers and texts do not have the sha256 stored beside them")
     except Exception as error:
-        # HDF5 and h5netcdf raise errors of many kinds on files that are not theirs.
-        raise _refusal(path, f"a NetCDF4 file ({type(error).__name__}: {error})") from error
-    stored_hash = texts.pop(_HASH, "")
-    if stored_hash != content_hash(arrays, texts):
-        raise _refusal(path, "numbers and texts that have the sha256 stored beside them")
+        # HDF5 raises errors of many kinds on files that are not its own.
+        raise unusable(path, f"a NetCDF4 file as ropeode writes it ({shortly(error)})") from error
     return arrays, texts
+
+
+def unusable(path: Path, allowed: str) -> InputError:
+    """The complaint about a file that is not as it was written, to be raised."""
+    fix = "do not use it; write it again, or download it again"
+    return bad_value("reference", str(path), allowed, fix)
 
 
 def content_hash(arrays: Mapping[str, Array], texts: Mapping[str, str]) -> str:
@@ -92,23 +104,17 @@ def content_hash(arrays: Mapping[str, Array], texts: Mapping[str, str]) -> str:
     return digest.hexdigest()
 
 
-def _check_variable(path: Path, name: str, variable: Any, room: int) -> None:
-    stored = variable._h5ds
-    if stored.dtype.str not in _TYPES:
-        raise _refusal(path, f"numbers of the types {', '.join(_TYPES)} ({name}: {stored.dtype})")
-    if stored.is_virtual or stored.external or stored.chunks is not None:
-        raise _refusal(path, f"numbers stored in one piece in the file itself ({name})")
-    declared = int(np.prod(stored.shape, dtype=object)) * stored.dtype.itemsize
+def _checked_size(name: str, data: h5py.Dataset, room: int) -> int:
+    """The bytes of an array that is stored in one piece in the file, of a type that is written.
+
+    Raises:
+        ValueError: it is another one, or has more bytes than there is room.
+    """
+    if data.dtype.str not in _TYPES:
+        raise ValueError(f"{name} has the type {data.dtype}, not {listed(_TYPES)}")
+    if data.is_virtual or data.external or data.chunks is not None:
+        raise ValueError(f"{name} is not stored in one piece in the file itself")
+    declared = math.prod(data.shape) * data.dtype.itemsize
     if declared > room:
-        raise _refusal(path, f"no more numbers than it has room for ({name}: {declared} bytes)")
-
-
-def _text(path: Path, name: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise _refusal(path, f"attributes that are texts ({name})")
-    return value
-
-
-def _refusal(path: Path, allowed: str) -> InputError:
-    fix = "do not use it; write it again, or download it again"
-    return bad_value("reference", str(path), f"a file with {allowed}", fix)
+        raise ValueError(f"{name} has {declared} bytes, more than there are")
+    return declared

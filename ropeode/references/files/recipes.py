@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,13 +10,13 @@ import numpy as np
 from pydantic import AfterValidator
 
 from ropeode.errors import InputError
-from ropeode.files import read_text
+from ropeode.files import parse_toml, read_text
 from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
-from ropeode.validation import Input, Positive, bad_value, field, unknown
+from ropeode.validation import Input, Positive, field, unknown
 
 
 def _library_problem(value: str) -> str:
@@ -96,10 +95,5 @@ def read_recipe(path: Path) -> tuple[Recipe, str]:
         InputError: it cannot be read or is no recipe.
     """
     text = read_text("recipe", path)
-    try:
-        recipe = Recipe(**tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise bad_value(
-            "recipe", str(path), f"a TOML file ({error})", "see those in reference/"
-        ) from error
+    recipe = Recipe(**parse_toml("recipe", path, text, "those in reference/"))
     return recipe, hashlib.sha256(text.encode()).hexdigest()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.problem import Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.files.checksum import verify_checksum, with_checksum
+from ropeode.references.files.contents import Description, parsed
 from ropeode.references.files.encoding import (
     ROPE_ARRAYS,
     SCHEMA,
@@ -29,6 +29,8 @@ from ropeode.references.files.encoding import (
 from ropeode.references.reference import Reference
 from ropeode.validation import bad_value, complaint, shown
 
+# Parameters of the library's problems that say how large they are.
+_SIZES = ("frames", "num_nodes", "num_masses")
 # Two versions of a library may round a right-hand side differently, by a few units.
 _SAME = 1e-11
 
@@ -96,20 +98,36 @@ def load_reference(path: str | Path, problem: Problem | None = None) -> Referenc
 
 def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
     """The reference in a file; checks its problem, as `load_reference` does."""
-    parameters = dict(facts.problem["parameters"])
-    kind = parameters.pop("kind", None)
-    if problem is None and kind in PROBLEMS:
-        problem = PROBLEMS[kind](**parameters)
+    problem = problem or _of_the_library(facts)
     if problem is None:
         problem = _without_equations(facts)
     else:
         _check_same(facts.path, problem, facts.problem, facts.numbers)
-    return Reference(
-        problem=problem,
-        states=states_from(problem, int(facts.problem["samples"]), facts.numbers),
-        certificate=facts.certificate,
-        dense=dense_from(problem, facts.numbers),
-    )
+    try:
+        states = states_from(problem, facts.problem.samples, facts.numbers)
+        dense = dense_from(problem, facts.numbers)
+    except ValueError as error:
+        raise _not_a_reference(facts.path, error) from error
+    return Reference(problem=problem, states=states, certificate=facts.certificate, dense=dense)
+
+
+def _of_the_library(facts: Facts) -> Problem | None:
+    """The problem that the file's parameters describe; None if the library has none of its kind."""
+    parameters = dict(facts.problem.parameters)
+    kind = parameters.pop("kind", None)
+    if not isinstance(kind, str) or kind not in PROBLEMS:
+        return None
+    times, first = (facts.numbers[each] for each in ("time", facts.problem.quantities[0]))
+    nodes = first.shape[1] if first.ndim > 1 else 1
+    # Nothing is built that is larger than what is there.
+    for name, size in zip(_SIZES, (len(times) - 1, nodes, nodes), strict=True):
+        if parameters.get(name, size) != size:
+            why = f"{name} of the problem: {size}, as in the arrays"
+            raise _not_a_reference(facts.path, ValueError(why))
+    try:
+        return PROBLEMS[kind](**parameters)
+    except InputError as error:
+        raise InputError([f"{facts.path}: {line}" for line in error.problems]) from error
 
 
 class Facts(NamedTuple):
@@ -125,7 +143,7 @@ class Facts(NamedTuple):
 
     path: Path
     digest: str
-    problem: Mapping[str, Any]
+    problem: Description
     certificate: Certificate
     numbers: Mapping[str, np.ndarray]
 
@@ -144,56 +162,63 @@ def stored_facts(path: str | Path) -> Facts:
     if texts.get("schema") != SCHEMA:
         allowed = f"a file with the schema {SCHEMA!r}"
         raise bad_value("reference", str(path), allowed, "use another version")
-    problem, claims = (json.loads(texts[name]) for name in ("problem", "certificate"))
     numbers = {name: array.values for name, array in arrays.items()}
+    try:
+        problem, claims = parsed(texts, numbers)
+    except ValueError as error:
+        raise _not_a_reference(path, error) from error
     return Facts(path, digest, problem, certificate_from(problem, claims, numbers), numbers)
+
+
+def _not_a_reference(path: Path, why: ValueError) -> InputError:
+    allowed, fix = f"a file that holds a reference ({why})", "write it again, or download it again"
+    return bad_value("reference", str(path), allowed, fix)
 
 
 def _without_equations(facts: Facts) -> Problem:
     """What the file says of a problem that nobody can build from it."""
     description, numbers = facts.problem, facts.numbers
-    missing = NoEquations(description["name"], str(facts.path))
+    missing = NoEquations(description.name, str(facts.path))
     return Problem.without_equations(
         missing,
         numbers["initial_state"],
         numbers["time"],
         _node_axis(description, numbers),
-        name=description["name"],
-        parameters=description["parameters"],
-        jump_times=tuple(description["jump_times"]),
-        structure=missing if description.get("tree") else None,
+        name=description.name,
+        parameters=description.parameters,
+        jump_times=description.jump_times,
+        structure=missing if description.tree else None,
     )
 
 
-def _node_axis(description: Mapping[str, Any], numbers: Mapping[str, np.ndarray]) -> int | None:
+def _node_axis(description: Description, numbers: Mapping[str, np.ndarray]) -> int | None:
     """The axis of the initial state's positions that counts nodes; None if it has no positions."""
-    if "position" not in numbers:
-        return None
-    if "node_axis" in description:
-        return description["node_axis"]
+    if "position" not in numbers or description.node_axis is not None:
+        return description.node_axis
     # Files of older releases do not say it. Files count nodes by the first axis, and begin with
     # the initial state.
     start = numbers["initial_state"]
-    halves = np.stack([numbers[name][0] for name in description["quantities"]])
+    halves = np.stack([numbers[name][0] for name in description.quantities])
     return int(start.ndim == 3 and not np.array_equal(start, halves))
 
 
 def _check_same(
-    path: Path, problem: Problem, description: Mapping[str, Any], numbers: Mapping[str, np.ndarray]
+    path: Path, problem: Problem, description: Description, numbers: Mapping[str, np.ndarray]
 ) -> None:
     """Raises:
     InputError: the file is of another problem; names each difference.
     """
-    own, its = dict(problem.parameters), description["parameters"]
+    own, its = dict(problem.parameters), description.parameters
     names = ["kind"] if own.get("kind") != its.get("kind") else sorted({*own, *its})
     faults = [
         _difference(path, name, own.get(name), its.get(name))
         for name in names
         if own.get(name) != its.get(name)
     ]
-    if list(problem.jump_times) != description["jump_times"]:
-        jump_times = list(problem.jump_times)
-        faults.append(_difference(path, "jump_times", jump_times, description["jump_times"]))
+    for name in ("jump_times", "quantities"):
+        mine, theirs = (tuple(getattr(each, name)) for each in (problem, description))
+        if mine != theirs:
+            faults.append(_difference(path, name, mine, theirs))
     arrays = {"time": problem.ts, "initial_state": problem.y0}
     arrays |= {
         name: np.asarray(getattr(problem.args, name))
@@ -206,14 +231,15 @@ def _check_same(
             faults.append(_difference(path, name, values.tolist(), np.asarray(stored).tolist()))
     if not faults:
         rates = probed(problem)[1]
-        differences = np.abs(rates - numbers["probe_rate"])
-        if rates.shape != numbers["probe_rate"].shape or np.any(
-            differences > _SAME * np.max(np.abs(numbers["probe_rate"]))
-        ):
-            worst = int(np.argmax(np.max(differences, axis=0)))
-            its_rate = float(numbers["probe_rate"][0, worst])
-            name = f"right-hand side (entry {worst}, at a test state)"
-            faults.append(_difference(path, name, float(rates[0, worst]), its_rate))
+        its = numbers["probe_rate"]
+        # Where one of them is not a number, the other must not be one either.
+        room = _SAME * np.max(np.abs(rates), where=np.isfinite(rates), initial=0.0)
+        differs = ~np.isclose(rates, its, rtol=0.0, atol=room, equal_nan=True)
+        if differs.any():
+            probe, entry = np.argwhere(differs)[0]
+            name = f"right-hand side (entry {entry}, at a test state)"
+            values = float(rates[probe, entry]), float(its[probe, entry])
+            faults.append(_difference(path, name, *values))
     if faults:
         raise InputError(faults)
 

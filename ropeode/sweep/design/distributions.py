@@ -13,6 +13,7 @@ from annotated_types import Le
 from pydantic import BeforeValidator, ConfigDict, model_validator
 
 from ropeode.validation import (
+    MOST_COUNTED,
     Input,
     WholePositive,
     fault_of,
@@ -27,7 +28,6 @@ from ropeode.validation import (
 ForEach = Literal["node", "spring"]
 
 _MOST_DRAWS = 2**32
-_MOST_SEEDS = 2**63
 # More digits than a float64 has, so that the rounded result is the same everywhere.
 _DIGITS = 34
 
@@ -57,7 +57,7 @@ def _positive_ends(value: Any) -> tuple[float, float]:
 
 
 def _whole_ends(value: Any) -> tuple[int, int]:
-    return _ordered(value, functools.partial(whole_number, at_least=-_MOST_SEEDS))
+    return _ordered(value, functools.partial(whole_number, at_least=-MOST_COUNTED))
 
 
 def _pair(value: Any) -> list[Any]:
@@ -77,8 +77,6 @@ def _seeds(value: Any) -> tuple[int, ...]:
     if not isinstance(value, (list, tuple)) or not value:
         raise ValueError("at least one is needed, in a list")
     seeds = tuple(whole_number(each, at_least=0) for each in value)
-    if max(seeds) >= _MOST_SEEDS:
-        raise ValueError(f"{max(seeds)} is above 2^63 - 1")
     if len(set(seeds)) < len(seeds):
         raise ValueError("one is repeated")
     return seeds
