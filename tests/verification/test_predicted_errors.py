@@ -11,7 +11,7 @@ from benchmarks import expansions, predicted_errors
 from ropeode.problems.library import PROBLEMS
 from ropeode.steppers import as_stepper
 
-# What moves nodes onto rigid links by sweeps: what is left of their lengths settles over many steps.
+# Sweeps onto rigid links leave an error of the lengths that settles over many steps.
 SWEEPS = re.compile("constraint-verlet|x?pbd")
 # Rounding hides local errors so small; slopes from before the start settle over many steps.
 MAY_BE_HIDDEN = re.compile("dormand-prince|yoshida6|pefrl|gauss4|adams|bdf2|beeman")
