@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from matplotlib import pyplot
 
+from ropeode import accuracy_table
 from ropeode.analysis import order
 from ropeode.problems.rope import Rope
-from ropeode.study.accuracy_table import accuracy_table
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"

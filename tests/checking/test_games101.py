@@ -19,7 +19,7 @@ from ropeode.cli import grade as command
 from ropeode.cli.main import cli
 from ropeode.errors import InputError
 from ropeode.references.compute import reference
-from ropeode.study.spec import TableJob, read_spec
+from ropeode.study import TableJob, read_spec
 
 SOURCE = Path(command.__file__).parents[1] / "checking" / "starter_files" / "games101"
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "grade-cpp.md"

@@ -18,7 +18,7 @@ from ropeode.checking.trajectories.layout import samples_of
 from ropeode.cli.main import cli
 from ropeode.errors import InputError
 from ropeode.references.compute import reference
-from ropeode.study.spec import TableJob, read_spec
+from ropeode.study import TableJob, read_spec
 
 ROPE = {"num_nodes": 4, "start": [0.0, 1.0, 0.5], "end": [3.0, 1.0, 0.5], "gravity": [0, -1, 0.5]}
 ROPES = {

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
 
+from ropeode import accuracy_table, node_paths
 from ropeode.analysis.order import ROUND_OFF
 from ropeode.checking.trajectories.studies import (
     trajectory_energy_curves,
@@ -18,10 +19,7 @@ from ropeode.problems.rope import Rope
 from ropeode.render.plots.film import film
 from ropeode.render.plots.registry import PLOTS
 from ropeode.simulation import simulate
-from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.curves import error_curves
-from ropeode.study.energy import energy_curves
-from ropeode.study.node_paths import node_paths, sampled_finer
+from ropeode.study import energy_curves, error_curves, sampled_finer
 
 STEPPER, STEPS = "velocity-verlet", (16, 32, 64)
 FRAMES = 3

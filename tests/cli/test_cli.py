@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from ropeode.cli.main import cli, main
 from ropeode.errors import InputError
 from ropeode.references.files.library import entries
-from ropeode.study.spec import TableJob
+from ropeode.study import TableJob
 from tests.cli.conftest import commands
 from tests.cli.interrupted import interrupt
 from tests.time_limit import HANGS_AFTER_S

@@ -7,10 +7,10 @@ import json
 import pytest
 from jsonschema import ValidationError
 
+from ropeode import accuracy_table
 from ropeode.problems.rope import Rope
 from ropeode.render.formats import format_table
 from ropeode.simulation import simulate
-from ropeode.study.accuracy_table import accuracy_table
 from tests.checking.trajectory_writing import node_values, write_csv
 from tests.schemas import FOLDER, assert_conforms
 from tools import json_schemas

@@ -13,7 +13,7 @@ import pytest
 from ropeode.cli.job import job_from
 from ropeode.cli.main import cli
 from ropeode.cli.options import ROPE, TABLE
-from ropeode.study.spec import TableJob, TableSpec
+from ropeode.study import TableJob, TableSpec
 from tests.cli.conftest import commands
 
 COMMANDS = {" ".join(path): each for path, each in commands(cli).items()}

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 import ropeode
+from ropeode import accuracy_table
 from ropeode.case_studies.report import rope_report
 from ropeode.laboratory.scenes import lessons, scenes, verdicts
 from ropeode.laboratory.scenes.make_verdicts import verdicts_of
 from ropeode.problems.rope import Rope
 from ropeode.steppers import as_stepper
-from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.spec import rope_of
+from ropeode.study import rope_of
 
 DOCS = Path(ropeode.__file__).parent.parent / "docs"
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import ropeode
+from ropeode import node_paths
 from ropeode.analysis.errors import error_series
 from ropeode.analysis.lyapunov import LyapunovExponent
 from ropeode.analysis.motion import Thresholds, classify_motion
@@ -35,7 +36,7 @@ from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunk
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import System
 from ropeode.steppers.phase import Phase
-from ropeode.study.node_paths import NodePath, NodePaths, node_paths
+from ropeode.study import NodePath, NodePaths
 from ropeode.theory.growth import Growth
 from tests.results import check_result, kinds
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ropeode import accuracy_table
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.render import latex, markup
@@ -24,7 +25,6 @@ from ropeode.render.data import SCHEMA
 from ropeode.render.documents import blocks
 from ropeode.render.formats import FORMATS, format_table
 from ropeode.render.horizon import as_lines as horizon_lines
-from ropeode.study.accuracy_table import accuracy_table
 from ropeode.terminal.output import FORMATS as LISTED
 from tests.quartic import HOSTILE
 from tests.schemas import assert_conforms

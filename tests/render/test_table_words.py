@@ -5,7 +5,7 @@ from __future__ import annotations
 from ropeode.render.markup import Grid, html_page, markdown
 from ropeode.render.markup import Heading as Title
 from ropeode.render.table_words import RUN_HEADERS, run_cells
-from ropeode.study.accuracy_table import Row
+from ropeode.study import Row
 
 
 def test_each_error_stands_under_its_header():

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
+from ropeode import work_precision
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
@@ -25,7 +26,7 @@ from ropeode.render.plots.work_precision import (
     plot_work_precision,
 )
 from ropeode.render.work_precision import effort_cell
-from ropeode.study.work_precision import COSTS, INFINITE, TARGETS, work_precision
+from ropeode.study import COSTS, INFINITE, TARGETS
 from ropeode.terminal.output import FORMATS as NAMES
 from tests.exact_reference import exact_reference
 from tests.quartic import HOSTILE

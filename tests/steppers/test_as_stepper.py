@@ -19,7 +19,7 @@ from ropeode.simulation.method import method_of
 from ropeode.steppers import STEPPERS
 from ropeode.steppers.base import ProblemClass
 from ropeode.steppers.templates import TEMPLATES, template
-from ropeode.study.accuracy_table import check_steppers
+from ropeode.study import check_steppers
 from tests.checking import steps
 
 

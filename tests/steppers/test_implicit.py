@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
+from ropeode import accuracy_table
 from ropeode.checking.check_ropes import undamped
 from ropeode.precision import in_float64
 from ropeode.problems import rope as rope_equations
@@ -27,7 +28,6 @@ from ropeode.steppers.block_tridiagonal import (
     solve_small,
 )
 from ropeode.steppers.registry import by_family
-from ropeode.study.accuracy_table import accuracy_table
 from ropeode.theory.structure import structure
 
 IMPLICIT = [each.name for each in by_family()["implicit"]]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ropeode import accuracy_table
 from ropeode.errors import InputError
 from ropeode.norms import NORMS
 from ropeode.problems.inextensible_rope import InextensibleRope
@@ -12,14 +13,8 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
-from ropeode.steppers import as_stepper
-from ropeode.study.accuracy_table import (
-    DEFAULT_STEPPERS,
-    accuracy_table,
-    default_steppers,
-    order_of,
-    problem_class,
-)
+from ropeode.study import DEFAULT_STEPPERS, default_steppers, problem_class
+from tests.exact_reference import exact_reference
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +106,6 @@ def test_steppers_of_another_problem_are_marked(small_rope):
     found = accuracy_table(small_rope, ["rattle", "rk4"], (32, 48, 72, 108))
     assert [(each.expected, each.solves) for each in found.orders] == [(0, False), (4, True)]
     assert found.orders[0].order.verdict == "does not converge"
-    rigid = InextensibleRope(num_nodes=4).problem(frames=3)
-    own = order_of(rigid, as_stepper("rattle"), found.rows[:4], resolution=0.0, size=1.0)
-    assert (own.expected, own.solves) == (2, True)
 
 
 def test_diverged_runs_are_rows_without_errors(cubic_table):
@@ -139,13 +131,11 @@ def test_past_the_horizon_nothing_is_judged():
             assert short.error_max <= long.error_max
 
 
-def test_jumps_take_the_expectation_away(table):
-    smooth = table.problem
-    jumping = smooth.changed(jump_times=(0.5,))
-    rows = [row for row in table.rows if row.stepper == "rk4"]
-    for problem, expected in ((smooth, 4), (jumping, None)):
-        order = order_of(problem, as_stepper("rk4"), rows, resolution=0.0, size=1.0)
-        assert order.expected == expected
+@pytest.mark.parametrize(("jump_times", "expected"), [((), 4), ((0.5,), None)])
+def test_jumps_take_the_expectation_away(jump_times, expected):
+    problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0], jump_times=jump_times)
+    known = exact_reference(problem, np.exp(-problem.ts)[:, None])
+    assert accuracy_table(known, ["rk4"], [4]).orders[0].expected == expected
 
 
 def test_progress_reaches_the_end(small_rope):
@@ -184,12 +174,3 @@ def test_progress_reaches_the_end(small_rope):
 def test_bad_input(change, words, small_rope):
     with pytest.raises(InputError, match=words):
         accuracy_table(small_rope, **{"steps_per_frame": (4, 8), **change})
-
-
-def test_predictions_in_time_are_given_up_where_they_take_longer(monkeypatch):
-    rope = Rope(num_nodes=4).problem(frames=2)
-    monkeypatch.setattr("ropeode.study.accuracy_table._LEAST_TIME", 0.0)
-    table = accuracy_table(rope, ["explicit-euler"], [16, 32], predict="in time")
-    constant = table.orders[0].constant
-    assert constant.predicted is None
-    assert "longer" in constant.why

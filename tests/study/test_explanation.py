@@ -15,12 +15,10 @@ from ropeode.problems.kepler import kepler
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
-from ropeode.render.formats import format_explanation
+from ropeode.render.formats import FORMATS, format_explanation
 from ropeode.render.stepper_list import variants
 from ropeode.steppers import STEPPERS, as_stepper
-from ropeode.study import explanation
-from ropeode.study.explanation import explain_stepper
-from ropeode.terminal.output import FORMATS as NAMES
+from ropeode.study import explain_stepper
 from tests.results import check_result
 from tests.schemas import assert_conforms
 
@@ -87,17 +85,6 @@ def test_a_solver_of_diffrax_that_is_one_of_ropeodes(known):
     assert [each.name for each in found.equal] == ["implicit-euler"]
 
 
-def test_a_stepper_that_says_it_is_explicit_is_held_against_no_implicit_one(known, monkeypatch):
-    """Each of those takes seconds to compile."""
-
-    def asked(*_, implicit, **__):
-        raise InterruptedError(implicit)
-
-    monkeypatch.setattr(explanation, "equal_steppers", asked)
-    with pytest.raises(InterruptedError, match="False"):
-        explain_stepper("adams-bashforth2", known, steps_per_frame=STEPS)
-
-
 @pytest.mark.slow
 def test_orders_of_other_classes(known):
     found = explain_stepper("stormer-verlet:start=rest", known, steps_per_frame=STEPS)
@@ -161,7 +148,7 @@ def test_every_stepper_can_be_explained(stepper, problem):
             assert max(each.local, 0) == each.declared
     # Nothing is said against a step that is right.
     assert (found.local.wrong is None) >= (found.local.order is None or found.local.order > 0)
-    for form in NAMES:
+    for form in FORMATS:
         assert format_explanation(found, form)
     assert_conforms(format_explanation(found, "json"))
 
@@ -178,7 +165,7 @@ def test_a_first_order_problem():
 
 
 @pytest.mark.parametrize("which", ["right", "wrong"])
-@pytest.mark.parametrize("form", NAMES)
+@pytest.mark.parametrize("form", FORMATS)
 def test_every_format(which, form, request):
     found = request.getfixturevalue(which)
     text = format_explanation(found, form)

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.analysis.lyapunov import LyapunovExponent
-from ropeode.errors import InputError, ReferenceRefused
+from ropeode import horizon
+from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.references.extended.taylor import solve
-from ropeode.references.solvers.solver import DOPRI8
 from ropeode.render.formats import format_horizon
-from ropeode.study import horizon as module
-from ropeode.study.horizon import horizon
 from tests.results import check_result
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
@@ -90,45 +86,40 @@ def test_a_prediction_holds(chaotic):
     assert need.digits == pytest.approx(chaotic.needs[1].digits, abs=2 * 1.34)
 
 
-@pytest.mark.slow
 def test_nothing_is_lost():
-    study = horizon(oscillator(frames=4), [100], time_limit=NEVER)
+    study = horizon(oscillator(frames=4), [4, 100], time_limit=NEVER)
     check_result(study)
     # One unit of rounding in a state of size 1 is 2.2e-16, and there are not a hundred of them.
     assert all(each.digits >= 14 for each in study.digits_left if each.reference is not None)
     assert study.float64_growth is None
     assert study.extended_growth is None
     # Nothing but rounding is added in 100 time units.
-    assert study.needs[0].digits < 18 + 3
+    known, need = study.needs
+    assert known.measured
+    assert not need.measured
+    assert known.digits == 18 + study.lost[-1] == 18 + known.lost
+    assert need.digits < 18 + 3
+    assert need.bits == math.ceil(need.interval[1] * math.log2(10))
+    # The rounding of later steps adds up: between not at all and all in one direction, which
+    # makes it as many times larger as the span is longer. How much there was is known up to itself.
+    most = math.log10(100 / 4)
+    assert need.lost - known.lost == pytest.approx(most / 2, abs=known.lost)
+    assert need.interval[0] <= 18 + known.lost
+    assert need.interval[1] >= 18 + known.lost + most
     assert study.exponent.value == pytest.approx(-0.05, abs=0.02)
 
 
-def test_what_time_was_left_for(monkeypatch):
-    """As if the time had run out after two frames of four."""
-
-    def cut(problem, **more):
-        return dataclasses.replace(solution(problem, **more), agreed=3, failure="time ran out")
-
-    solution = module.extended_solution
-    monkeypatch.setattr(module, "extended_solution", cut)
-    study = horizon(oscillator(frames=4), [2, 100], time_limit=NEVER)
-    assert study.times[-1] == 2.0
+@pytest.mark.slow
+def test_a_truth_that_ends_early():
+    """At the pole of 1/(1 - t)."""
+    problem = Problem(lambda t, y, args: y**2, [1.0], 0.3 * np.arange(5))
+    study = horizon(problem, [0.6, 2.0], time_limit=NEVER)
+    assert study.times[-1] == pytest.approx(0.9)
     assert [need.measured for need in study.needs] == [True, False]
     assert study.needs[0].digits < 18 + 3
     assert len(study.bound) == len(study.lost) == len(study.runs[0].errors) == len(study.times)
-    assert "up to t = 2 only (time ran out)" in " ".join(format_horizon(study).split())
-
-
-def test_a_truth_that_float64_contradicts_is_refused(monkeypatch):
-    def wrong(problem, **more):
-        found = solution(problem, **more)
-        found.states[2:] *= 1 + 1e-9
-        return found
-
-    solution = module.extended_solution
-    monkeypatch.setattr(module, "extended_solution", wrong)
-    with pytest.raises(ReferenceRefused, match="from t = 2 on the runs in extended precision"):
-        horizon(oscillator(frames=4), [100], time_limit=NEVER)
+    words = " ".join(format_horizon(study).split())
+    assert f"up to t = 0.9 only ({study.truth.failure})" in words
 
 
 @pytest.mark.parametrize(
@@ -150,15 +141,3 @@ def test_every_fault_is_told():
     with pytest.raises(InputError) as raised:
         horizon(oscillator(), [0, -1])
     assert len(raised.value.problems) == 2
-
-
-def test_the_rounding_of_later_steps_adds_up():
-    """Between not at all and all in one direction: ten times the span, at most one digit more."""
-    times = np.arange(11.0)
-    still = [
-        LyapunovExponent(0.0, (0.0, 0.0), 0.0, times, np.zeros((2, 11)), DOPRI8, 1e-10, None)
-    ] * 2
-    need = module._need(1000.0, 18, times, np.full(11, 0.3), still)
-    assert need.lost == pytest.approx(0.3 + 1.0)
-    assert need.interval[0] <= 18 + 0.3
-    assert need.interval[1] >= 18 + 0.3 + 2.0

@@ -5,31 +5,32 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ropeode import node_paths
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
+from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
-from ropeode.study.node_paths import node_paths, parts_of
 from tests.quartic import quartic
 
 ROUNDING = 1e-12
 
 
-@pytest.mark.parametrize(
-    ("frames", "steps", "parts"),
-    [(3, 16, 8), (3, 12, 6), (3, 7, 7), (3, 9, 3), (3, 11, 1), (3, 1, 1), (100, 8, 2), (999, 8, 1)],
-)
-def test_frames_are_divided_into_whole_steps(frames, steps, parts):
-    """Into 8 parts at most; a long film has fewer in each frame."""
-    assert parts_of(frames, steps) == parts
+@pytest.mark.slow
+def test_a_long_film_has_fewer_samples_in_each_frame():
+    found = node_paths(Rope(num_nodes=4).problem(frames=100), ["rk4"], 8)
+    assert found.samples_per_frame == 2
 
 
 @pytest.mark.parametrize(
     ("steps", "parts"), [(16, 8), pytest.param(9, 3, marks=pytest.mark.slow), (11, 1)]
 )
 def test_more_samples_change_no_step(steps, parts, small_rope):
-    """The steps are the same; only the times at which they begin are rounded differently."""
+    """The steps are the same; only the times at which they begin are rounded differently.
+
+    A frame is divided into as many parts as its steps can be shared among, 8 at most.
+    """
     steppers = ["semi-implicit-euler", "stormer-verlet"]
     found = node_paths(small_rope, steppers, steps)
     assert found.samples_per_frame == parts

@@ -12,8 +12,14 @@ from ropeode.errors import InputError, UserCodeError
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.rope import Rope
 from ropeode.problems.ropes import ROPES
-from ropeode.study.accuracy_table import DEFAULT_STEPS_PER_FRAME, default_steppers
-from ropeode.study.spec import TableJob, TableSpec, commented_table, read_spec
+from ropeode.study import (
+    DEFAULT_STEPS_PER_FRAME,
+    TableJob,
+    TableSpec,
+    commented_table,
+    default_steppers,
+    read_spec,
+)
 
 
 def test_the_commented_spec_holds_the_defaults():

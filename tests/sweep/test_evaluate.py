@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from ropeode import accuracy_table
 from ropeode.analysis.motion import classify_motion
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import motion
@@ -14,7 +15,6 @@ from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.library import PROBLEMS
 from ropeode.references.compute import each_reference
 from ropeode.simulation import simulate
-from ropeode.study.accuracy_table import accuracy_table
 from ropeode.sweep.design.cases import Task
 from ropeode.sweep.design.columns import STATUSES
 from ropeode.sweep.design.spec import SweepSpec, read_sweep

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import InputError
-from ropeode.study.spec import TableJob
+from ropeode.study import TableJob
 from ropeode.sweep.design.spec import MOST_PROBLEMS, SweepSpec, commented_sweep, read_sweep
 
 SMALL = """

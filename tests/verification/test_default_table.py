@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from ropeode import accuracy_table
 from ropeode.problems.rope import Rope
-from ropeode.study.accuracy_table import DEFAULT_STEPPERS, accuracy_table
+from ropeode.study import DEFAULT_STEPPERS
 
 PER_STEP, LAGGED = "stormer-verlet:damping=per-step", "stormer-verlet:damping=lagged"
 # What a start and a damping of its own cost is tested with less work in test_orders.py.

@@ -29,7 +29,7 @@ from ropeode.problems.ropes import ROPES
 from ropeode.simulation.trajectory import Trajectory
 from ropeode.steppers.base import BuiltIn
 from ropeode.steppers.implicit import _Implicit
-from ropeode.study.accuracy_table import problem_class as class_of
+from ropeode.study import problem_class as class_of
 from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import EVERY_VARIANT, SINGLE_OPTIONS
 from tests.verification.extrapolation import (

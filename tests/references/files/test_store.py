@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 import xarray
 
+from ropeode import accuracy_table
 from ropeode.analysis.errors import error_series
 from ropeode.errors import InputError
 from ropeode.problems.functions import compiled
@@ -39,9 +40,7 @@ from ropeode.references.files.verify import verify_reference
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import KVAERNO5, SCIPY_RADAU, taylor
 from ropeode.simulation import simulate
-from ropeode.study.accuracy_table import accuracy_table
-from ropeode.study.curves import error_curves
-from ropeode.study.explanation import explain_stepper
+from ropeode.study import error_curves, explain_stepper
 from ropeode.theory.growth import stability_limit
 
 

@@ -13,12 +13,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from PIL import Image
 
+from ropeode import node_paths
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
 from ropeode.render.plots import animation
 from ropeode.render.plots.animation import animate, check_fps
 from ropeode.render.plots.film import film
-from ropeode.study.node_paths import node_paths
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from ropeode.problems.oscillator import oscillator
 from ropeode.references.files.library import load
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.stability import plot_stability
-from ropeode.study.explanation import Explanation
+from ropeode.study import Explanation
 from ropeode.theory.linear_stability import linear_stability
 from ropeode.theory.spectrum import Spectrum
 from ropeode.theory.stability_function import StabilityFunction
