@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from ropeode import cache
-from ropeode.analysis.roundoff import in_other_units
+from ropeode.analysis import in_other_units
 from ropeode.cache import Source, described
 from ropeode.errors import InputError
 from ropeode.problems import inextensible_rope, rope

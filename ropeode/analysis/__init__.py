@@ -1,1 +1,5 @@
 """What a trajectory is worth: errors, round-off, observed order."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -21,6 +21,7 @@ UNRESOLVED = "below the reference's bound"
 ROUND_OFF = "round-off"
 PRE_ASYMPTOTIC = "pre-asymptotic"
 TOO_FEW = "too few to fit"
+REASONS = (UNSTABLE, UNSOLVED, UNRESOLVED, ROUND_OFF, PRE_ASYMPTOTIC, TOO_FEW)
 
 FEWEST_POINTS = 3
 # Of many points a few lie on a line by chance. Where coarser ones lie off it, so many are needed,

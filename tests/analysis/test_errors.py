@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
+from ropeode.analysis import RESOLUTION_FACTOR, error_series
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ropeode.analysis.motion import Thresholds, classify_motion, sensitivity
+from ropeode.analysis import Thresholds, classify_motion, sensitivity
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem

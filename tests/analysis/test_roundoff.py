@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-from ropeode.analysis.roundoff import in_other_units, round_off
+from ropeode.analysis import in_other_units, round_off
 from ropeode.norms import distance, norm_for
 from ropeode.precision import in_float64
 from ropeode.problems.inextensible_rope import InextensibleRope
@@ -73,9 +73,6 @@ def test_links_in_other_units(name):
     np.testing.assert_array_equal(other.inverse_mass, one.inverse_mass)
     np.testing.assert_array_equal(other.damping.rate, one.damping.rate)
     np.testing.assert_array_equal(other.damping.coefficient, one.damping.coefficient)
-    # Equal ones hash equally, so that what was compiled is found again.
-    assert rescaled.mechanics == in_other_units(problem).mechanics
-    assert hash(rescaled.mechanics) == hash(in_other_units(problem).mechanics)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import typing
 import numpy as np
 import pytest
 
-from ropeode.analysis.motion import DEFAULTS, Motion
+from ropeode.analysis import Motion, Thresholds
 from ropeode.case_studies import claims, comparisons
 from ropeode.case_studies.figures import Claim, all_comparisons
 from ropeode.errors import InputError
@@ -29,7 +29,7 @@ def motion(swings=4, **more) -> Motion:
         "energy_at_rest": None,
         "jitter": 0.0,
         "frames": 1000,
-        "thresholds": DEFAULTS,
+        "thresholds": Thresholds(),
     }
     return Motion(**{**usual, **more})
 

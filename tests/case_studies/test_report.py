@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ropeode.analysis.motion import classify_motion
+from ropeode.analysis import classify_motion
 from ropeode.case_studies import claims
 from ropeode.case_studies.figures import all_comparisons
 from ropeode.case_studies.report import rope_report

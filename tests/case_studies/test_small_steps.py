@@ -25,7 +25,7 @@ from docs.studies.small_steps import (
     truth_of,
 )
 from ropeode import Rope, hanging_equilibrium, reference, simulate
-from ropeode.analysis.equilibrium import frequencies
+from ropeode.analysis import frequencies
 from ropeode.theory.stability_function import stability_function
 
 DOCS = Path(__file__).parents[2] / "docs"

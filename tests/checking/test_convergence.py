@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ropeode.analysis.order import observed_order
+from ropeode.analysis import observed_order
 from ropeode.checking.convergence import convergence_finding, falls_too_slowly
 from ropeode.checking.report import Convergence
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from trajectory_writing import node_values, write_npz
 
-from ropeode.analysis.order import ROUND_OFF, observed_order
+from ropeode.analysis import ROUND_OFF, observed_order
 from ropeode.checking.grade import grade
 from ropeode.checking.report import Convergence
 from ropeode.checking.trajectories import convergence

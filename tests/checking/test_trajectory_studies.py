@@ -7,7 +7,7 @@ import pytest
 from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
 
 from ropeode import accuracy_table, node_paths
-from ropeode.analysis.order import ROUND_OFF
+from ropeode.analysis import ROUND_OFF
 from ropeode.checking.trajectories.studies import (
     trajectory_energy_curves,
     trajectory_error_curves,

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from ropeode import accuracy_table, check_stepper, grade, hanging_equilibrium, simulate
-from ropeode.analysis.equilibrium import frequencies, normal_modes
+from ropeode.analysis import frequencies, normal_modes
 from ropeode.checking.checks import CHECKS
 from ropeode.errors import InputError
 from ropeode.laboratory import answers, messages

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ropeode.analysis.errors import error_series
+from ropeode.analysis import error_series
 from ropeode.precision import in_float64
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem

@@ -9,8 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
-from ropeode.analysis.errors import error_series
+from ropeode.analysis import error_series, frequencies, hanging_equilibrium
 from ropeode.errors import InputError
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.functions import traced

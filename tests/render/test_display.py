@@ -15,10 +15,13 @@ import pytest
 
 import ropeode
 from ropeode import node_paths
-from ropeode.analysis.errors import error_series
-from ropeode.analysis.lyapunov import LyapunovExponent
-from ropeode.analysis.motion import Thresholds, classify_motion
-from ropeode.analysis.order import ObservedOrder
+from ropeode.analysis import (
+    LyapunovExponent,
+    ObservedOrder,
+    Thresholds,
+    classify_motion,
+    error_series,
+)
 from ropeode.checking.report import CheckReport, Claims, Finding
 from ropeode.checking.trajectories.studies import trajectory_errors
 from ropeode.display import Displayed, Sampled, Tabular

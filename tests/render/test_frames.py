@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from ropeode.analysis.errors import error_series
+from ropeode.analysis import error_series
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
 from ropeode.render.frames import EXPORTS, dataframe, rows_of, write_export

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ropeode import accuracy_table
-from ropeode.analysis.errors import error_series
+from ropeode.analysis import error_series
 from ropeode.errors import InputError
 from ropeode.norms import distance
 from ropeode.problems.problem import Problem

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ropeode import accuracy_table
-from ropeode.analysis.order import observed_order
+from ropeode.analysis import observed_order
 from ropeode.norms import norm_for
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ropeode import accuracy_table
-from ropeode.analysis.motion import classify_motion
+from ropeode.analysis import classify_motion
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import motion
 from ropeode.problems.ensemble import Ensemble

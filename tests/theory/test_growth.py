@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
+from ropeode.analysis import frequencies, hanging_equilibrium
 from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ropeode.analysis.equilibrium import hanging_equilibrium
+from ropeode.analysis import hanging_equilibrium
 from ropeode.problems.linear_chain import linear_chain
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.pendulum import pendulum

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 from ropeode import reference, simulate
-from ropeode.analysis.errors import distances_from, resolution
-from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.analysis import ObservedOrder, distances_from, observed_order, resolution
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS

@@ -22,7 +22,7 @@ import pytest
 import xarray
 
 from ropeode import accuracy_table
-from ropeode.analysis.errors import error_series
+from ropeode.analysis import error_series
 from ropeode.errors import InputError
 from ropeode.problems.functions import compiled
 from ropeode.problems.library import PROBLEMS

@@ -8,7 +8,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from ropeode.analysis import order as order_module
+from ropeode.analysis import REASONS, UNRESOLVED, UNSTABLE
 from ropeode.render.plots.convergence import plot_convergence
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.point_markers import DIVERGED, MARKS, OFF_AXIS
@@ -37,9 +37,9 @@ def expected_point(table, row, index, top):
     if row.status != "ok":
         mark = DIVERGED if row.status == "diverged" else reason
         return (colour, MARKS[mark]["marker"], row.dt, top)
-    if reason == order_module.UNRESOLVED:
+    if reason == UNRESOLVED:
         return (colour, MARKS[reason]["marker"], row.dt, row.resolution)
-    if reason == order_module.UNSTABLE and row.error_max > top:
+    if reason == UNSTABLE and row.error_max > top:
         return (colour, MARKS[OFF_AXIS]["marker"], row.dt, top)
     return (colour, MARKS[reason]["marker"], row.dt, row.error_max)
 
@@ -68,12 +68,11 @@ def test_the_cases_hold_every_mark(study):
     }
     for mark, form in MARKS.items():
         # An unstable run seldom stays near the stable ones.
-        assert form["marker"] in shown or mark == order_module.UNSTABLE
+        assert form["marker"] in shown or mark == UNSTABLE
 
 
 def test_every_reason_has_a_mark_of_its_own():
-    reasons = {v for k, v in vars(order_module).items() if k.isupper() and isinstance(v, str)}
-    assert reasons | {OFF_AXIS, DIVERGED} == set(MARKS)
+    assert {*REASONS, OFF_AXIS, DIVERGED} == set(MARKS)
     assert len({str(form["marker"]) for form in MARKS.values()}) == len(MARKS)
     assert not {stepper_style(i)[1] for i in range(56)} & {str(m["marker"]) for m in MARKS.values()}
     assert len({stepper_style(i) for i in range(56)}) == 56
