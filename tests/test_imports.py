@@ -65,7 +65,6 @@ FACELESS = {
     "laboratory",
     "problems",
     "references",
-    "render",
     "simulation",
     "steppers",
     "sweep",
@@ -76,6 +75,7 @@ FACELESS = {
 # Modules that tests may import whatever room they are in: mathematics that reads like a textbook,
 # whose face is the module itself.
 LEAVES: dict[str, str] = {
+    "ropeode.render.plots.overlaps": "where lines and marks go that would hide one another",
     "ropeode.study.error_constant": "the leading term of an error, on runs made up for it",
     "ropeode.study.pareto": "Pareto fronts and costs of errors, held against brute force",
     "ropeode.tableaus.rooted_trees": "rooted trees, held against their known numbers",

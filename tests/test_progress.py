@@ -15,7 +15,6 @@ import ropeode
 from ropeode import bars, simulate
 from ropeode.errors import InputError
 from ropeode.progress import bar, shows_progress, silent
-from ropeode.render.plots.animation import film_bytes
 
 LONG_S = 5.0
 LOOK_S = 0.01
@@ -185,7 +184,7 @@ def test_every_public_function_that_takes_progress_shows_a_bar():
         if inspect.isfunction(method)
     ]
     takes = {}
-    for each in [*functions, *methods, film_bytes]:
+    for each in [*functions, *methods]:
         if (parameter := inspect.signature(each).parameters.get("progress")) is not None:
             assert parameter.kind is parameter.KEYWORD_ONLY, each
             assert parameter.default is bar, each

@@ -87,7 +87,7 @@ def steppers(name: str | None) -> None:
 
     NAME may be that of any stepper: of ropeode, FILE.py:NAME, diffrax:NAME or scipy:NAME.
     """
-    from ropeode.render.stepper_list import as_text, one_as_text
+    from ropeode.render.stepper_list import describe_stepper, list_steppers
     from ropeode.steppers import as_stepper
 
-    click.echo(as_text() if name is None else one_as_text(as_stepper(name)), nl=False)
+    click.echo(list_steppers() if name is None else describe_stepper(as_stepper(name)), nl=False)

@@ -40,7 +40,7 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
     from ropeode.references.files.store import check_reference_path, save_reference
     from ropeode.references.options import ReferenceOptions
     from ropeode.references.reference import Reference
-    from ropeode.render.reference import summary
+    from ropeode.render.reference import describe_reference
 
     path = check_reference_path(out)
     job = job_from(spec, options)
@@ -54,7 +54,7 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
 
     computed = with_progress(work)
     save_reference(computed, path)
-    click.echo(summary(computed), nl=False)
+    click.echo(describe_reference(computed), nl=False)
     click.echo(f"wrote {path}")
 
 

@@ -23,7 +23,7 @@ _SPARKS = 24
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 
 
-def summary(reference: Reference) -> str:
+def describe_reference(reference: Reference) -> str:
     """One paragraph on a reference that has just been computed."""
     problem, dense = reference.problem, reference.dense
     between = [] if dense is None else _dense_claim(dense.times, dense.order, dense.bounds)

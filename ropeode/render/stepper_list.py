@@ -32,7 +32,7 @@ def variants(cls: type[BuiltIn]) -> list[BuiltIn]:
     ]
 
 
-def as_text() -> str:
+def list_steppers() -> str:
     """A line for each stepper, by family: its order, and what it is."""
     lines = []
     for family, steppers in by_family().items():
@@ -60,7 +60,7 @@ def as_text() -> str:
     )
 
 
-def one_as_text(stepper: Stepper) -> str:
+def describe_stepper(stepper: Stepper) -> str:
     """What a stepper is, what it runs on, its options and orders, its source."""
     # Others are classes around what the user or a library has written.
     built_in = next((cls for cls in STEPPERS.values() if cls is type(stepper)), None)

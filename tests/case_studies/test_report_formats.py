@@ -17,7 +17,7 @@ from ropeode.case_studies.pictures import draw_report, plot_contact_sheets, plot
 from ropeode.case_studies.report import Report, RoundingEffect, ThresholdEffect
 from ropeode.errors import InputError
 from ropeode.progress import silent
-from ropeode.render.formats import FORMATS as TABLE_FORMATS
+from ropeode.render import FORMATS as TABLE_FORMATS
 from tests.case_studies.conftest import FRAMES
 from tests.render.plots.legible import assert_legible
 from tests.schemas import assert_conforms

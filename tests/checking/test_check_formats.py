@@ -12,7 +12,7 @@ import pytest
 
 from ropeode.checking.checks import CHECKS, SLOW
 from ropeode.checking.report import Diagnosis
-from ropeode.render.formats import FORMATS, format_check
+from ropeode.render import FORMATS, format_check
 from tests.checking import steps
 from tests.checking.no_time_limit import SECONDS, check_stepper
 from tests.schemas import assert_conforms

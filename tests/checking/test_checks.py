@@ -17,7 +17,7 @@ from ropeode.checking.checks import CHECKS, SLOW
 from ropeode.checking.energy_drift import measure_drift
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.render.formats import format_check
+from ropeode.render import format_check
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase
 from tests.checking import steps

@@ -13,7 +13,7 @@ from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems, generic
 from ropeode.checking.report import Finding
 from ropeode.checking.richardson import limit_of
-from ropeode.render.formats import format_check
+from ropeode.render import format_check
 from ropeode.simulation import trial
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper

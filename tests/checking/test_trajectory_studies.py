@@ -16,8 +16,7 @@ from ropeode.checking.trajectories.studies import (
 )
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
-from ropeode.render.plots.film import film
-from ropeode.render.plots.registry import PLOTS
+from ropeode.render import PLOTS, film
 from ropeode.simulation import simulate
 from ropeode.study import energy_curves, error_curves, sampled_finer
 

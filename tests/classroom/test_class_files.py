@@ -15,7 +15,7 @@ from ropeode.classroom.trajectories import REFERENCE, Trajectories
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.references.files.store import save_reference
-from ropeode.render.markup import markdown
+from ropeode.render import markdown
 from ropeode.simulation import simulate
 from tests.checking.trajectory_writing import node_values, write_csv, write_npz
 

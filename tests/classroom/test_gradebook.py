@@ -19,7 +19,7 @@ from ropeode.classroom.outcome import Outcome, keep, kept, parts
 from ropeode.classroom.pages import write_pages
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission
-from ropeode.render.markup import Code, Grid, Heading, Paragraph
+from ropeode.render import Code, Grid, Heading, Paragraph
 
 PAGE = (Path(__file__).parents[2] / "docs/howto/classroom.md").read_text()
 RUBRIC = (Item("runs", 2.0), Item("pins", 3.0, ("pins",)))

@@ -9,7 +9,7 @@ from ropeode.classroom.outcome import Outcome, parts
 from ropeode.classroom.pages import write_pages
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission
-from ropeode.render.markup import Grid
+from ropeode.render import Grid
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 from tests.laboratory.browser.conftest import axe, chromium, needs_chromium, page  # noqa: F401

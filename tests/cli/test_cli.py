@@ -408,7 +408,7 @@ def test_what_does_not_fit_into_memory_is_no_fault_of_ropeode(monkeypatch, capsy
     def too_large():
         raise MemoryError("Unable to allocate 7.28 TiB")
 
-    monkeypatch.setattr("ropeode.render.stepper_list.as_text", too_large)
+    monkeypatch.setattr("ropeode.render.stepper_list.list_steppers", too_large)
     assert main(["steppers"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("ropeode: memory: Unable to allocate 7.28 TiB; allowed: ")
@@ -417,7 +417,7 @@ def test_what_does_not_fit_into_memory_is_no_fault_of_ropeode(monkeypatch, capsy
 
 def test_a_fault_of_ropeode_is_none_of_its_answers(monkeypatch, capsys):
     """Exit codes 1 and 2 are verdicts; what is broken in here must not look like one."""
-    monkeypatch.setattr("ropeode.render.stepper_list.as_text", lambda: 1 / 0)
+    monkeypatch.setattr("ropeode.render.stepper_list.list_steppers", lambda: 1 / 0)
     assert main(["steppers"]) == 3
     assert "a fault of ropeode" in capsys.readouterr().err
 

@@ -9,7 +9,7 @@ from jsonschema import ValidationError
 
 from ropeode import accuracy_table
 from ropeode.problems.rope import Rope
-from ropeode.render.formats import format_table
+from ropeode.render import format_table
 from ropeode.simulation import simulate
 from tests.checking.trajectory_writing import node_values, write_csv
 from tests.schemas import FOLDER, assert_conforms

@@ -18,7 +18,7 @@ from ropeode.references.solvers.jacobian_pattern import sparsity
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, OWN_DOP853, SCIPY_BDF, SCIPY_RADAU
 from ropeode.references.witnesses import witness_runs
-from ropeode.render.reference import summary
+from ropeode.render import describe_reference
 from tests.references.scalar_problems import scalar
 
 TS = np.linspace(0.0, 2.5, 6)
@@ -212,7 +212,7 @@ def test_a_bound_larger_than_the_motion_is_told():
     assert known.bound()[-1] > 1.2e-6
     (remark,) = remarks(known)
     assert "the solution moves by" in remark
-    assert remark in " ".join(summary(known).split())
+    assert remark in " ".join(describe_reference(known).split())
     with pytest.raises(ReferenceRefused, match="which is not resolved by a bound of"):
         reference(problem, accuracy=1e-8)
     assert remarks(reference(scalar("follows", 1.7e9, TS, 0.0))) == ()

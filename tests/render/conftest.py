@@ -9,7 +9,7 @@ import pytest
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
-from ropeode.render.plots.registry import PLOTS
+from ropeode.render import PLOTS
 from tests.quartic import quartic
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import ropeode
-from ropeode import node_paths
+from ropeode import Film, animate, node_paths, plot_convergence
 from ropeode.analysis import (
     LyapunovExponent,
     ObservedOrder,
@@ -33,8 +33,6 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.files.verify import Verification
 from ropeode.references.solvers.solver import DOPRI8
-from ropeode.render.plots.animation import Film, animate
-from ropeode.render.plots.convergence import plot_convergence
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import System

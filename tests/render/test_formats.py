@@ -11,8 +11,6 @@ import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,11 +18,16 @@ import pytest
 from ropeode import accuracy_table
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
-from ropeode.render import latex, markup
-from ropeode.render.data import SCHEMA
-from ropeode.render.documents import blocks
-from ropeode.render.formats import FORMATS, format_table
-from ropeode.render.horizon import as_lines as horizon_lines
+from ropeode.render import (
+    FORMATS,
+    Grid,
+    Heading,
+    Paragraph,
+    format_table,
+    html_page,
+    latex_part,
+    markdown,
+)
 from ropeode.terminal.output import FORMATS as LISTED
 from tests.quartic import HOSTILE
 from tests.schemas import assert_conforms
@@ -105,7 +108,7 @@ def test_json_schema(tables):
         text = FORMATS["json"](table)
         assert_conforms(text)
         whole = json.loads(text, parse_constant=pytest.fail)
-        assert whole["schema"] == SCHEMA == "ropeode.accuracy-table/1"
+        assert whole["schema"] == "ropeode.accuracy-table/1"
         for row in whole["rows"]:
             if row["status"] == "diverged":
                 assert row["diverged_at"] is not None
@@ -158,6 +161,30 @@ def test_html_is_well_formed_and_safe_and_holds_the_plot(tables, written):
         assert table.problem.name in "".join(page.text)
 
 
+@pytest.mark.parametrize("case", ["rope", "hostile"])
+def test_each_error_stands_under_its_header(case, tables, written):
+    """The last error of the rope is the largest; that of the other case is not."""
+    rows = tables[case].rows
+    lines = [line for line in written(case, "markdown").splitlines() if line.startswith("|")]
+    headers, _, *runs = (re.split(r" *\| *", line)[1:-1] for line in lines[: 2 + len(rows)])
+    for row, cells in zip(rows, runs, strict=True):
+        run = dict(zip(headers, cells, strict=True))
+        assert (run["stepper"], int(run["steps/frame"])) == (row.stepper, row.steps_per_frame)
+        if row.status == "ok":
+            for name in ("max", "final", "rms"):
+                error = getattr(row, f"error_{name}")
+                below = f"&lt; {row.resolution:.1e}"
+                assert run[f"{name} error"] == (below if error is None else f"{error:.3e}")
+    errors = [row.error_final != row.error_max for row in rows]
+    assert any(errors) == (case == "hostile")
+
+
+def test_a_cell_does_not_end_at_a_sign_of_the_format():
+    blocks = [Heading("t"), Grid(["a"], [["x|y<z"]], left=frozenset({0}))]
+    assert r"x\|y&lt;z" in markdown(blocks)
+    assert "x|y&lt;z" in html_page(blocks)
+
+
 def test_markdown_tables_have_equal_columns(tables):
     for table in tables.values():
         lines = [line for line in FORMATS["markdown"](table).splitlines() if line.startswith("|")]
@@ -186,9 +213,11 @@ def test_latex_is_a_fragment_with_step_sizes_down_and_steppers_across(written, t
 def test_latex_escapes(written):
     caption = next(x for x in written("hostile", "latex").splitlines() if "caption" in x)
     assert r"100\% \& \$x\_1\$ \textbackslash{} \{\#\}" in caption
-    assert latex.text('a|b <c> ~^"') == (r"a$|$b $<$c$>$ \textasciitilde{}\textasciicircum{}''")
-    assert latex.text("-2.0e-05 of 1e+56, < 3.1e-10, x2e5") == (
-        r"$-2.0 \times 10^{-5}$ of $1 \times 10^{56}$, $< 3.1 \times 10^{-10}$, x2e5"
+    assert r"a$|$b $<$c$>$ \textasciitilde{}\textasciicircum{}''" in (
+        latex_part([Paragraph('a|b <c> ~^"')])
+    )
+    assert r"$-2.0 \times 10^{-5}$ of $1 \times 10^{56}$, $< 3.1 \times 10^{-10}$, x2e5" in (
+        latex_part([Paragraph("-2.0e-05 of 1e+56, < 3.1e-10, x2e5")])
     )
 
 
@@ -219,6 +248,12 @@ def has_latex() -> bool:
     return len(found.stdout.splitlines()) == len(needed) - 1
 
 
+def grid_of(table):
+    """Its runs, whose steppers may be broken into lines."""
+    rows = [(row.stepper, f"{row.dt:g}", f"{row.resolution:.1e}") for row in table.rows]
+    return Grid(("stepper", "dt", "resolution"), rows, frozenset({0}), frozenset({0}))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["article", "beamer"])
 def test_latex_compiles_and_is_no_wider_than_the_page(kind, tables, written, tmp_path):
@@ -239,7 +274,7 @@ def test_latex_compiles_and_is_no_wider_than_the_page(kind, tables, written, tmp
     many = dataclasses.replace(rope, rows=tuple(rows), orders=tuple(orders))
     texts = [*(written(case, "latex") for case in tables), FORMATS["latex"](many)]
     # Of documents with tables of all kinds, in the way of the other results.
-    texts.append(markup.latex_part(blocks(many)))
+    texts += [latex_part([Paragraph(many.problem.name), grid_of(many), grid_of(rope)])]
     frames = "\n".join(f"\\begin{{frame}}\n{each}\\end{{frame}}" for each in texts)
     (tmp_path / "t.tex").write_text(
         f"\\documentclass{{{kind}}}\\usepackage{{booktabs}}\\begin{{document}}\n"
@@ -255,16 +290,3 @@ def test_latex_compiles_and_is_no_wider_than_the_page(kind, tables, written, tmp
     )
     assert done.returncode == 0, done.stdout[-2000:]
     assert not [line for line in done.stdout.splitlines() if "Overfull \\hbox" in line]
-
-
-def test_runs_of_the_same_kind_have_columns_of_their_own():
-    """Two witnesses differ only in how their rounding is moved."""
-    times = np.arange(2.0)
-    runs = [
-        SimpleNamespace(role="rounding", solver="Dopri8", tolerance=1e-13, errors=times + k)
-        for k in range(3)
-    ]
-    study: Any = SimpleNamespace(times=times, bound=times, runs=runs, lost=times)
-    last = list(horizon_lines(study)[-1].items())[2:-1]
-    name = "rounding Dopri8 1e-13"
-    assert last == [(name, 1.0), (f"{name}, 2", 2.0), (f"{name}, 3", 3.0)]

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from ropeode.analysis import error_series
 from ropeode.errors import InputError
 from ropeode.problems.rope import Rope
-from ropeode.render.frames import EXPORTS, dataframe, rows_of, write_export
+from ropeode.render import EXPORTS, write_export
 from ropeode.simulation import simulate
 
 PAGE = Path(__file__).parents[2] / "docs/howto/notebooks.md"
@@ -74,7 +74,7 @@ def read(path):
 @pytest.mark.parametrize("suffix", EXPORTS)
 def test_an_export_is_read_back_to_the_last_bit(suffix, truth, tmp_path):
     back = read(write_export(truth, tmp_path / f"rope{suffix}"))
-    for name, values in rows_of(truth).items():
+    for name, values in truth.to_dataframe().items():
         np.testing.assert_array_equal(back[name], values, err_msg=name)
 
 
@@ -133,4 +133,4 @@ def test_bare_states_that_cannot_be_used(states, times, field, truth):
 def test_pandas_is_asked_for(monkeypatch, truth):
     monkeypatch.setitem(__import__("sys").modules, "pandas", None)
     with pytest.raises(InputError, match="pip install"):
-        dataframe(truth)
+        truth.to_dataframe()

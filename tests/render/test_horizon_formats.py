@@ -12,13 +12,11 @@ import re
 import numpy as np
 import pytest
 
-from ropeode import accuracy_table, horizon
+from ropeode import accuracy_table, horizon, plot_horizon
 from ropeode.errors import InputError
 from ropeode.problems.problem import Problem
 from ropeode.references.compute import reference
-from ropeode.render.formats import format_horizon, format_table
-from ropeode.render.plots.files import figure_bytes
-from ropeode.render.plots.horizon import plot_horizon
+from ropeode.render import figure_bytes, format_horizon, format_table
 from ropeode.terminal.output import FORMATS as NAMES
 from tests.quartic import HOSTILE
 from tests.render.plots.legible import assert_legible

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-from ropeode.render.docstrings import description, source
-from ropeode.render.stepper_list import as_text as stepper_list
-from ropeode.render.stepper_list import one_as_text as one_stepper
+import inspect
+
+from ropeode.render import describe_stepper, list_steppers
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.steppers.registry import options
 
 
 def test_every_stepper_is_in_the_list():
     for name, cls in STEPPERS.items():
-        assert f"\n  {name} " in stepper_list()
-        assert cls.family in stepper_list().splitlines()
+        assert f"\n  {name} " in list_steppers()
+        assert cls.family in list_steppers().splitlines()
         # Line breaks aside, its description and its source.
-        words = "".join(one_stepper(cls()).split())
-        for paragraph in (*description(cls), source(cls)):
-            assert "".join(paragraph.replace("``", "").split()) in words
+        words = "".join(describe_stepper(cls()).split())
+        documented = str(inspect.getdoc(cls))
+        source = documented.partition("Source: ")[2].partition("\n\n")[0]
+        for part in (documented.splitlines()[0], source):
+            assert part
+            assert "".join(part.replace("``", "").split()) in words
         for option, values in options(cls).items():
             assert f"{option}={'|'.join(values)}" in words
-        assert max(map(len, one_stepper(cls()).splitlines())) <= 80
-    assert max(map(len, stepper_list().splitlines())) <= 80
+        assert max(map(len, describe_stepper(cls()).splitlines())) <= 80
+    assert max(map(len, list_steppers().splitlines())) <= 80
 
 
 def test_all_of_one_stepper_gives_orders_on_the_problems_that_it_is_for():
     def orders(stepper):
-        lines = one_stepper(as_stepper(stepper)).split("\n\n")[-1].splitlines()
+        lines = describe_stepper(as_stepper(stepper)).split("\n\n")[-1].splitlines()
         return {line.split()[0]: line.split()[1:] for line in lines[2:]}
 
     assert orders("rattle") == {"rattle": ["2"] * 4}
@@ -37,7 +40,7 @@ def test_all_of_one_stepper_gives_orders_on_the_problems_that_it_is_for():
 
 def test_a_tableau_of_a_users_is_shown(tmp_path):
     (tmp_path / "own.toml").write_text("A = [[], [1]]\nb = [0.5, 0.5]\nname = 'mine'")
-    text = one_stepper(as_stepper("runge-kutta:own.toml", folder=tmp_path))
+    text = describe_stepper(as_stepper("runge-kutta:own.toml", folder=tmp_path))
     assert text.startswith("mine\n")
     assert "family:     Runge-Kutta" in text
     assert "mine  2          2          2        2" in text

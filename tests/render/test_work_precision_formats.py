@@ -13,23 +13,16 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from ropeode import work_precision
+from ropeode import plot_work_precision, work_precision
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
-from ropeode.render.formats import format_work_precision
-from ropeode.render.plots.work_points import BELOW, BLEW_UP, CERTIFIED, points_and_limits
-from ropeode.render.plots.work_precision import (
-    hover_words,
-    looks,
-    picture_with_hover,
-    plot_work_precision,
-)
-from ropeode.render.work_precision import effort_cell
+from ropeode.render import format_work_precision
 from ropeode.study import COSTS, INFINITE, TARGETS
 from ropeode.terminal.output import FORMATS as NAMES
 from tests.exact_reference import exact_reference
 from tests.quartic import HOSTILE
+from tests.render.plots.drawn import legend_of, look
 from tests.render.plots.legible import assert_legible
 from tests.schemas import assert_conforms
 
@@ -120,31 +113,43 @@ def test_no_such_format(study):
         format_work_precision(study, "htm")
 
 
+def points_of(axes):
+    """The mark of each run, in the order of the study."""
+    return [
+        line for line in axes.lines if line.get_linestyle() == "None" and len(line.get_xdata()) == 1
+    ]
+
+
+def hover_words(study, cost):
+    """What the points of a picture say where the pointer rests, as a browser reads the page."""
+    page = format_work_precision(study, "html")
+    pictures = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
+    root = ElementTree.fromstring(pictures[COSTS.index(cost)])
+    space = "{http://www.w3.org/2000/svg}"
+    titles = [each.find(f"{space}title") for each in root.iter(f"{space}g")]
+    return [title.text or "" for title in titles if title is not None]
+
+
 @pytest.mark.parametrize("cost", COSTS)
 def test_the_picture_draws_each_run_where_it_is(study, cost):
-    """What is on the axes, read back from matplotlib's own artists."""
     figure = plot_work_precision(study, cost)
     (axes,) = figure.axes
-    points, limits = points_and_limits(study, cost, "error_max")
-    drawn = {
-        (line.get_xdata()[0], line.get_ydata()[0]): line
-        for line in axes.lines
-        if str(line.get_gid()).startswith(f"{cost}-run")
-    }
+    legend, (low, high) = legend_of(figure), axes.get_ylim()
+    first, last = axes.get_xlim()
     paid = [row for row in study.rows if getattr(row, cost) is not None]
-    assert len(points) == len(paid)
-    for point in points:
-        row, line = point.row, drawn[point.cost, point.error]
-        assert limits.cost[0] < point.cost < limits.cost[1]
-        assert point.cost == getattr(row, cost)
-        assert line.get_color() in {look.colour for look in looks(study).values()}
+    for row, line in zip(paid, points_of(axes), strict=True):
+        ((x, y),) = line.get_xydata()
+        assert first < x < last
+        assert x == getattr(row, cost)
+        colour, marker = legend[f"{row.method} ({row.family})"]
         if row.status != "ok":
-            assert (point.mark, point.error) == (BLEW_UP, limits.error[1])
+            marker, error = legend["unstable, diverged or unsolved, at the upper edge"][1], high
         elif row.error_max is None:
-            assert (point.mark, point.error) == (BELOW, study.resolution)
+            marker, error = legend["unresolved"][1], study.resolution
         else:
-            assert (point.mark, point.error) == (CERTIFIED, row.error_max)
-            assert limits.error[0] < point.error < limits.error[1]
+            error = row.error_max
+            assert low < error < high
+        assert (*look(line), y) == (colour, marker, error)
     (front,) = [line for line in axes.lines if line.get_gid() == "front"]
     expected = [(getattr(row, cost), row.error_max) for row in study.front(cost)]
     np.testing.assert_allclose(front.get_xydata(), np.reshape(expected, (-1, 2)))
@@ -152,11 +157,16 @@ def test_the_picture_draws_each_run_where_it_is(study, cost):
 
 
 def test_families_have_colours_and_methods_markers(study):
-    found = looks(study)
-    assert found["rk4"].colour == found["explicit-euler"].colour
-    assert found["rk4"].line != found["explicit-euler"].line
-    assert len({look.marker for look in found.values()}) == len(found)
-    assert len({look.colour for look in found.values()}) == len(set(study.methods.values()))
+    figure = plot_work_precision(study, "rhs_evaluations")
+    legend = legend_of(figure)
+    looks = [legend[f"{method} ({family})"] for method, family in study.methods.items()]
+    assert len({marker for _, marker in looks}) == len(looks)
+    families = set(study.methods.values())
+    assert len({colour for colour, _ in looks}) == len(families) < len(looks)
+    rk4, euler = (
+        legend[f"{method} ({study.methods[method]})"] for method in ("rk4", "explicit-euler")
+    )
+    assert rk4[0] == euler[0]
 
 
 def test_the_picture_is_legible(study):
@@ -168,19 +178,16 @@ def test_efforts_stand_beside_the_first_and_the_last_certified_run(study):
     (axes,) = plot_work_precision(study, "rhs_evaluations").axes
     shown = {text.get_text() for text in axes.texts}
     assert shown
-    certified = {effort_cell(row) for row in study.rows if row.status == "ok" and row.error_max}
-    assert shown <= certified
+    certified = {row.effort for row in study.rows if row.status == "ok" and row.error_max}
+    assert {float(text) for text in shown} <= certified
 
 
 def test_points_say_their_values(study):
-    """As a browser reads it: a title inside each point's group."""
-    svg = picture_with_hover(study, "steps")
-    root = ElementTree.fromstring(svg[svg.index("<svg") :])
-    space = "{http://www.w3.org/2000/svg}"
-    titles = [each.find(f"{space}title") for each in root.iter(f"{space}g")]
-    said = [title.text for title in titles if title is not None]
-    points, _ = points_and_limits(study, "steps", "error_max")
-    assert said == [hover_words(study, point) for point in points]
+    said = hover_words(study, "steps")
+    paid = [row for row in study.rows if row.steps is not None]
+    for row, words in zip(paid, said, strict=True):
+        assert words.startswith(f"{row.method}, ")
+        assert f"steps: {row.steps}" in words
     words = next(text for text in said if text.startswith("rk4, 700 steps/frame"))
     row = next(row for row in study.rows if row.method == "rk4" and row.effort == 700)
     assert f"max error: {row.error_max:.3e}" in words
@@ -254,9 +261,9 @@ def test_an_energy_that_is_not_finite_stands_at_the_upper_edge(swing):
     found = work_precision(swing, run, rtol=[1e-2, 1e-3], rounds=1)
     wild = dataclasses.replace(found.rows[0], energy_error=INFINITE)
     found = dataclasses.replace(found, rows=(wild, found.rows[1]))
-    (first, second), limits = points_and_limits(found, "rhs_evaluations", "energy_error")
-    assert (first.mark, second.mark) == (BLEW_UP, CERTIFIED)
-    assert second.error < first.error == limits.error[1] < 1.0
+    (axes,) = plot_work_precision(found, "rhs_evaluations", "energy_error").axes
+    first, second = (line.get_ydata()[0] for line in points_of(axes))
+    assert second == found.rows[1].energy_error < first == axes.get_ylim()[1] < 1.0
     assert found.front("rhs_evaluations", "energy_error") == (found.rows[1],)
 
 
@@ -264,14 +271,13 @@ def test_points_and_legends_say_what_is_not_known(swing):
     uncounted = made_up(swing, "uncounted", [(1e-3, None)])
     close = made_up(swing, "close", [(0.5e-13, 10)])
     found = work_precision(swing, [uncounted, close], rtol=[1e-2], rounds=1)
-    (point,) = points_and_limits(found, "rhs_evaluations", "error_max")[0]
-    lost = dataclasses.replace(point.row, energy_error=None)
-    words = hover_words(found, point._replace(row=lost))
+    lost, wild = (dataclasses.replace(found.rows[1], energy_error=e) for e in (None, INFINITE))
+    both = dataclasses.replace(found, rows=(found.rows[0], lost, wild))
+    words, of_wild = hover_words(both, "rhs_evaluations")
     for name in ("max", "final", "rms"):
         assert f"{name} error: < 1.0e-13" in words
     assert f"energy error: < {found.energy_resolution:.1e}" in words
-    wild = dataclasses.replace(point.row, energy_error=INFINITE)
-    assert "energy error: not finite" in hover_words(found, point._replace(row=wild))
+    assert "energy error: not finite" in of_wild
     figure = plot_work_precision(found, "rhs_evaluations", "energy_error")
     texts = [text.get_text() for text in figure.findobj(Text)]
     assert "uncounted (your own): no run here" in texts
@@ -283,7 +289,9 @@ def test_points_and_legends_say_what_is_not_known(swing):
 def test_efforts_are_said_in_full(swing):
     found = work_precision(swing, "rk4", steps_per_frame=[16], rounds=1)
     row = dataclasses.replace(found.rows[0], effort=12345678)
-    assert effort_cell(row) == "12345678"
+    assert re.search(
+        r"\b12345678\b", format_work_precision(dataclasses.replace(found, rows=(row,)))
+    )
 
 
 def test_other_measures_and_bad_names(study):

@@ -8,7 +8,7 @@ from typing import Any, get_type_hints
 
 import pytest
 
-from ropeode.render.stepper_list import variants
+from ropeode.render import variants
 from ropeode.steppers import STEPPERS
 from ropeode.steppers.base import BuiltIn
 

@@ -18,7 +18,7 @@ from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.render.formats import FORMATS
+from ropeode.render import FORMATS
 from ropeode.simulation import simulate
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import ProblemClass, Stepper

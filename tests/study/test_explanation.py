@@ -15,8 +15,7 @@ from ropeode.problems.kepler import kepler
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
-from ropeode.render.formats import FORMATS, format_explanation
-from ropeode.render.stepper_list import variants
+from ropeode.render import FORMATS, format_explanation, variants
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study import explain_stepper
 from tests.results import check_result

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 
 import jax.numpy as jnp
@@ -13,7 +15,7 @@ from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.references.extended.taylor import solve
-from ropeode.render.formats import format_horizon
+from ropeode.render import format_horizon
 from tests.results import check_result
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
@@ -86,18 +88,31 @@ def test_a_prediction_holds(chaotic):
     assert need.digits == pytest.approx(chaotic.needs[1].digits, abs=2 * 1.34)
 
 
-def test_nothing_is_lost():
-    study = horizon(oscillator(frames=4), [4, 100], time_limit=NEVER)
-    check_result(study)
+@pytest.fixture(scope="module")
+def calm():
+    return horizon(oscillator(frames=4), [4, 100], time_limit=NEVER)
+
+
+def test_runs_of_the_same_kind_have_columns_of_their_own(calm):
+    """Two witnesses differ only in how their rounding is moved."""
+    kinds = [(run.role, run.solver, run.tolerance) for run in calm.runs]
+    assert len(set(kinds)) < len(kinds)
+    *_, last = csv.DictReader(io.StringIO(format_horizon(calm, "csv")))
+    # After the time and the bound; the digits lost are the last.
+    assert [float(each) for each in last.values()][2:-1] == [run.errors[-1] for run in calm.runs]
+
+
+def test_nothing_is_lost(calm):
+    check_result(calm)
     # One unit of rounding in a state of size 1 is 2.2e-16, and there are not a hundred of them.
-    assert all(each.digits >= 14 for each in study.digits_left if each.reference is not None)
-    assert study.float64_growth is None
-    assert study.extended_growth is None
+    assert all(each.digits >= 14 for each in calm.digits_left if each.reference is not None)
+    assert calm.float64_growth is None
+    assert calm.extended_growth is None
     # Nothing but rounding is added in 100 time units.
-    known, need = study.needs
+    known, need = calm.needs
     assert known.measured
     assert not need.measured
-    assert known.digits == 18 + study.lost[-1] == 18 + known.lost
+    assert known.digits == 18 + calm.lost[-1] == 18 + known.lost
     assert need.digits < 18 + 3
     assert need.bits == math.ceil(need.interval[1] * math.log2(10))
     # The rounding of later steps adds up: between not at all and all in one direction, which
@@ -106,7 +121,7 @@ def test_nothing_is_lost():
     assert need.lost - known.lost == pytest.approx(most / 2, abs=known.lost)
     assert need.interval[0] <= 18 + known.lost
     assert need.interval[1] >= 18 + known.lost + most
-    assert study.exponent.value == pytest.approx(-0.05, abs=0.02)
+    assert calm.exponent.value == pytest.approx(-0.05, abs=0.02)
 
 
 @pytest.mark.slow

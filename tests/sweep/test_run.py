@@ -18,7 +18,6 @@ import pyarrow as pa
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.render.sweep import as_text
 from ropeode.sweep.execution import references
 from ropeode.sweep.run import run_sweep
 from ropeode.sweep.storage.folder import locked
@@ -149,7 +148,7 @@ def test_two_engines_make_the_same_files(folder, cache, monkeypatch):
         ("4 of 8 cases", 0.5),
         ("8 of 8 cases", 1.0),
     ]
-    assert "Problem: oscillator\n" in as_text(summary)
+    assert "Problem: oscillator<" in summary._repr_html_()
     # The other process has the same references.
     shutil.copytree("here", "local")
     shutil.rmtree("local/rows-1")

@@ -13,7 +13,7 @@ from docs.teach.figures import FIGURES, SLIDE, narrow, write
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.progress import silent
-from ropeode.render.plots.style import STYLE
+from ropeode.render import STYLE
 
 # In points; those of a slide that is 13.33 inches wide are 2.5 times as large.
 SMALLEST = 8.0

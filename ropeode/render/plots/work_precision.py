@@ -164,7 +164,8 @@ def _figure(
     _draw_legends(figure, study, drawn, resolution)
     figure.draw_without_rendering()
     labels = [each for method in study.methods for each in _efforts(study, drawn, method)]
-    marks = [(point.cost, point.error) for point in drawn]
+    # None, where no run has this cost.
+    marks = np.reshape([(point.cost, point.error) for point in drawn], (-1, 2))
     place_labels(axes, labels, np.concatenate([*lines, marks]), _LABEL_SIZE)
     return figure, named
 

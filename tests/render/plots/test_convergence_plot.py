@@ -2,46 +2,57 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
+from ropeode import plot_convergence
 from ropeode.analysis import REASONS, UNRESOLVED, UNSTABLE
-from ropeode.render.plots.convergence import plot_convergence
-from ropeode.render.plots.files import figure_bytes
-from ropeode.render.plots.point_markers import DIVERGED, MARKS, OFF_AXIS
-from ropeode.render.plots.style import stepper_style
+from ropeode.render import figure_bytes
+from tests.render.plots import drawn
+from tests.render.plots.drawn import look
 
 ALL_CASES = ["rope", "diverged", "cut", "one step size", "unsolved", "still"]
+
+
+# What the legend says of runs that have no place on the axes.
+OFF_AXIS, DIVERGED = "unstable, error above this axis", "unstable, diverged"
+
+
+def legend_of(figure):
+    """A stepper's label is its name here, without its order."""
+    return {label.partition(": ")[0]: shown for label, shown in drawn.legend_of(figure).items()}
 
 
 def drawn_points(axes):
     """Everything that has a marker, as (colour, marker, dt, error)."""
     return [
-        (to_hex(line.get_color()).upper(), line.get_marker(), *point)
+        (*look(line), *point)
         for line in axes.lines
         if line.get_marker() != "None"
         for point in line.get_xydata()
     ]
 
 
-def expected_point(table, row, index, top):
+def expected_point(table, row, legend, top):
     """What docs/howto/plots.md promises for a row."""
-    colour, marker = stepper_style(index)
-    found = table.orders[index].order
+    colour, marker = legend[row.stepper]
+    found = next(each.order for each in table.orders if each.stepper == row.stepper)
     if row.dt in found.used:
         return (colour, marker, row.dt, row.error_max)
     reason = next(point.reason for point in found.left_out if point.dt == row.dt)
     if row.status != "ok":
         mark = DIVERGED if row.status == "diverged" else reason
-        return (colour, MARKS[mark]["marker"], row.dt, top)
+        return (colour, legend[mark][1], row.dt, top)
     if reason == UNRESOLVED:
-        return (colour, MARKS[reason]["marker"], row.dt, row.resolution)
+        return (colour, legend[reason][1], row.dt, row.resolution)
     if reason == UNSTABLE and row.error_max > top:
-        return (colour, MARKS[OFF_AXIS]["marker"], row.dt, top)
-    return (colour, MARKS[reason]["marker"], row.dt, row.error_max)
+        return (colour, legend[OFF_AXIS][1], row.dt, top)
+    return (colour, legend[reason][1], row.dt, row.error_max)
 
 
 def by_place(points):
@@ -51,31 +62,43 @@ def by_place(points):
 @pytest.mark.parametrize("case", ALL_CASES)
 def test_each_run_once_with_its_mark(case, study):
     table = study("convergence", case)
-    (axes,) = plot_convergence(table).axes
-    top = axes.get_ylim()[1]
-    steppers = [each.stepper for each in table.orders]
-    expected = [expected_point(table, row, steppers.index(row.stepper), top) for row in table.rows]
+    figure = plot_convergence(table)
+    (axes,) = figure.axes
+    legend, top = legend_of(figure), axes.get_ylim()[1]
+    expected = [expected_point(table, row, legend, top) for row in table.rows]
     if case == "still":  # Zero is on no logarithmic axis: it stands at the edge.
         expected = [(*point[:3], max(point[3], axes.get_ylim()[0])) for point in expected]
     assert by_place(drawn_points(axes)) == by_place(expected)
 
 
-def test_the_cases_hold_every_mark(study):
-    shown = {
-        point[1]
-        for case in ALL_CASES
-        for point in drawn_points(plot_convergence(study("convergence", case)).axes[0])
+def test_every_reason_has_a_mark_of_its_own(study):
+    """An unstable run seldom stays near the stable ones."""
+    legend = {}
+    for case in ALL_CASES:
+        legend |= legend_of(plot_convergence(study("convergence", case)))
+    marks = {reason: legend[reason][1] for reason in {*REASONS, OFF_AXIS, DIVERGED} - {UNSTABLE}}
+    assert len(set(marks.values())) == len(marks)
+    used = {legend[each][1] for each in ("stormer-verlet", "rk4", "explicit-euler")}
+    assert not used & set(marks.values())
+
+
+def test_many_steppers_all_look_different(study):
+    table = study("convergence", "one step size")
+    names = [f"stepper {i}" for i in range(56)]
+    many = dataclasses.replace(
+        table,
+        rows=tuple(dataclasses.replace(table.rows[0], stepper=name) for name in names),
+        orders=tuple(dataclasses.replace(table.orders[0], stepper=name) for name in names),
+    )
+    axes = Figure().subplots()
+    plot_convergence(many, ax=axes)
+    legend = axes.get_legend()
+    looks = {
+        look(handle)
+        for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True)
+        if text.get_text().startswith("stepper ")
     }
-    for mark, form in MARKS.items():
-        # An unstable run seldom stays near the stable ones.
-        assert form["marker"] in shown or mark == UNSTABLE
-
-
-def test_every_reason_has_a_mark_of_its_own():
-    assert {*REASONS, OFF_AXIS, DIVERGED} == set(MARKS)
-    assert len({str(form["marker"]) for form in MARKS.values()}) == len(MARKS)
-    assert not {stepper_style(i)[1] for i in range(56)} & {str(m["marker"]) for m in MARKS.values()}
-    assert len({stepper_style(i) for i in range(56)}) == 56
+    assert len(looks) == len(names)
 
 
 @pytest.mark.parametrize("case", ALL_CASES)
@@ -109,14 +132,15 @@ def test_axis_is_not_stretched(case, study):
 def test_lines_have_the_observed_slope(study):
     for case in ALL_CASES:
         table = study("convergence", case)
-        (axes,) = plot_convergence(table).axes
+        figure = plot_convergence(table)
+        (axes,), legend = figure.axes, legend_of(figure)
         lines = {
             to_hex(line.get_color()).upper(): line.get_xydata()
             for line in axes.lines
             if line.get_marker() == "None" and len(line.get_xydata()) > 2
         }
-        for index, each in enumerate(table.orders):
-            colour = stepper_style(index)[0]
+        for each in table.orders:
+            colour = legend[each.stepper][0]
             assert (colour in lines) == (each.order.observed is not None)
             if colour in lines:
                 dt, error = lines[colour].T

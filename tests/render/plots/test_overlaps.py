@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ropeode.render.plots.convergence import plot_convergence
+from ropeode import plot_convergence
 from ropeode.render.plots.overlaps import TURNS, moved_right, side_by_side, take_turns
 from tests.render.plots.legible import assert_legible
 

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ropeode import plot_stability
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
 from ropeode.references.files.library import load
-from ropeode.render.plots.files import figure_bytes
-from ropeode.render.plots.stability import plot_stability
+from ropeode.render import figure_bytes
 from ropeode.study import Explanation
 from ropeode.theory.linear_stability import linear_stability
 from ropeode.theory.spectrum import Spectrum

@@ -9,8 +9,8 @@ from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 
+from ropeode import plot_sweep
 from ropeode.errors import InputError
-from ropeode.render.plots.sweep_map import NOT_COMPUTED, plot_sweep
 from ropeode.sweep.design.columns import COLUMNS
 from tests.render.plots.legible import assert_legible
 
@@ -57,7 +57,7 @@ def test_cells_without_a_number_say_why(frame):
     assert [text.get_text() for text in legend.get_texts()] == [
         "diverged",
         "order undetermined",
-        NOT_COMPUTED,
+        "not computed yet",
     ]
     assert {h.get_hatch() for h in legend.legend_handles} == set(hatched.values())
     [mesh] = [each for each in rk4.collections if isinstance(each, QuadMesh)]

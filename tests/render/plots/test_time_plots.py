@@ -2,29 +2,48 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
 
-from ropeode.render.plots.energy import plot_energies
-from ropeode.render.plots.error import plot_errors
-from ropeode.render.plots.panels import panels_of
+from ropeode import plot_energies, plot_errors
+from ropeode.study import Curve
 
 ALL_CASES = ["rope", "diverged", "cut", "one step size", "still"]
 DRAW = {"error": plot_errors, "energy": plot_energies}
 
 
+class Drawn(NamedTuple):
+    """A curve with the line that stands for it; the single marks on the line have no label."""
+
+    curve: Curve
+    line: Line2D
+    label: str
+    colour: str
+
+
+class Panel(NamedTuple):
+    title: str
+    lines: list[Drawn]
+
+
 def panels_with_axes(kind, data):
+    """One panel where each stepper has one curve; else a panel for each stepper, by its title."""
     figure = DRAW[kind](data)
-    panels = panels_of(data.curves)
-    assert len(figure.axes) == len(panels)
-    return list(zip(panels, figure.axes, strict=True))
-
-
-def line_of(axes, line):
-    """The drawn line of a run; the single marks on it have no label."""
-    (found,) = labelled(axes, line.label)
-    assert to_hex(found.get_color()) == line.colour.lower()
+    steppers = list(dict.fromkeys(curve.stepper for curve in data.curves))
+    alone = len(steppers) == len(data.curves)
+    found = []
+    for title, axes in zip([""] if alone else steppers, figure.axes, strict=True):
+        lines = []
+        for curve in data.curves:
+            if title in ("", curve.stepper):
+                label = f"{curve.stepper}, {curve.label}" if alone else curve.label
+                (line,) = labelled(axes, label)
+                lines.append(Drawn(curve, line, label, to_hex(line.get_color())))
+        found.append((Panel(title, lines), axes))
     return found
 
 
@@ -47,17 +66,16 @@ def test_every_curve_has_one_line_in_the_panel_of_its_stepper(kind, study):
         drawn = []
         for panel, axes in panels_with_axes(kind, data):
             assert axes.get_title(loc="left").replace("\n", "") == panel.title
-            looks = {(line.colour, line.marker) for line in panel.lines}
+            looks = {(each.colour, each.line.get_marker()) for each in panel.lines}
             assert len(looks) == len(panel.lines)
-            for line in panel.lines:
-                assert not panel.title or line.curve.stepper == panel.title
-                assert str(line.curve.steps_per_frame) in line.label
-                assert panel.title or line.curve.stepper in line.label
-                drawn.append(line.curve)
-        assert set(map(id, drawn)) == set(map(id, data.curves))
-        steps = {curve.steps_per_frame for curve in data.curves}
-        steppers = {curve.stepper for curve in data.curves}
-        assert len(panels_of(data.curves)) == (1 if len(steps) == 1 else len(steppers))
+            for each in panel.lines:
+                assert str(each.curve.steps_per_frame) in each.label
+                drawn.append(each)
+        assert sorted(id(each.curve) for each in drawn) == sorted(map(id, data.curves))
+        # The same colour means the same in all panels.
+        assert len({(each.label, each.colour) for each in drawn}) == len(
+            {each.label for each in drawn}
+        )
 
 
 @pytest.mark.parametrize("case", ALL_CASES)
@@ -68,7 +86,7 @@ def test_errors_are_coloured_where_they_are_resolved(kind, case, study):
         low, high = axes.get_ylim()
         unresolved = 0
         for line in panel.lines:
-            times, values = line_of(axes, line).get_data()
+            times, values = line.line.get_data()
             at, errors = known_errors(kind, data, line.curve)
             assert np.array_equal(times, at)
             start = 0 if kind == "error" else 1
@@ -90,8 +108,8 @@ def test_marks_are_hollow_where_energy_is_missing(case, study):
             at, errors = known_errors("energy", data, line.curve)
             signs = dict(zip(at, errors, strict=True))
             for each in axes.lines:
-                if each.get_marker() == line.marker and each.get_linestyle() == "None":
-                    if to_hex(each.get_color()) != line.colour.lower():
+                if each.get_marker() == line.line.get_marker() and each.get_linestyle() == "None":
+                    if to_hex(each.get_color()) != line.colour:
                         continue
                     for time, size in each.get_xydata():
                         if np.isfinite(size) and size < axes.get_ylim()[1]:
@@ -113,7 +131,7 @@ def test_lines_end_with_a_mark_where_the_run_left(kind, case, study):
         }
         expected = set()
         for line in panel.lines:
-            curve, colour = line.curve, line.colour.lower()
+            curve, colour = line.curve, line.colour
             times, errors = known_errors(kind, data, curve)
             if len(above := np.flatnonzero(np.abs(errors) > high)):
                 expected.add((colour, "^", times[above[0]], high))
