@@ -7,10 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ropeode import Rope, reference
 from ropeode.analysis import RESOLUTION_FACTOR, error_series
 from ropeode.errors import InputError
-from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 

@@ -9,13 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode import InextensibleRope, Problem, Rope
 from ropeode.analysis import lyapunov_exponent, mean_slope
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
 from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
 from ropeode.references.solvers.diffrax_solver import solve
 from ropeode.references.solvers.solver import DOPRI8
 

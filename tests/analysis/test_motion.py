@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ropeode import Problem, Rope
 from ropeode.analysis import Thresholds, classify_motion, sensitivity
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import as_stepper
 

@@ -8,18 +8,15 @@ import itertools
 import numpy as np
 import pytest
 
+from ropeode import InextensibleRope, Problem, Rope, reference
 from ropeode.analysis import in_other_units, round_off
 from ropeode.norms import distance, norm_for
 from ropeode.precision import in_float64
-from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
 from ropeode.problems.ropes import ROPES
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
-from ropeode.steppers import as_stepper, scipy_solvers
-from ropeode.steppers.verlet import StormerVerlet, TwoPositions
+from ropeode.steppers import StormerVerlet, as_stepper, scipy_solvers
+from ropeode.steppers.verlet import TwoPositions
 from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import UNSTABLE, slow_if
 

@@ -6,9 +6,7 @@ import functools
 
 import pytest
 
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
+from ropeode import Problem, Rope, reference
 from ropeode.render import PLOTS
 from tests.quartic import quartic
 

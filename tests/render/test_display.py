@@ -14,7 +14,18 @@ import numpy as np
 import pytest
 
 import ropeode
-from ropeode import Film, animate, node_paths, plot_convergence
+from ropeode import (
+    CheckReport,
+    Ensemble,
+    Film,
+    Problem,
+    Rope,
+    Verification,
+    animate,
+    node_paths,
+    plot_convergence,
+    trajectory_errors,
+)
 from ropeode.analysis import (
     LyapunovExponent,
     ObservedOrder,
@@ -22,21 +33,14 @@ from ropeode.analysis import (
     classify_motion,
     error_series,
 )
-from ropeode.checking.report import CheckReport, Claims, Finding
-from ropeode.checking.trajectories.studies import trajectory_errors
+from ropeode.checking.report import Claims, Finding
 from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks
-from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.references.files.verify import Verification
 from ropeode.references.solvers.solver import DOPRI8
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import System
-from ropeode.steppers.phase import Phase
+from ropeode.steppers import Phase, System, as_stepper
 from ropeode.study import NodePath, NodePaths
 from ropeode.theory.growth import Growth
 from tests.results import check_result, kinds

@@ -15,9 +15,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from ropeode import accuracy_table
+from ropeode import Problem, accuracy_table
 from ropeode.errors import InputError
-from ropeode.problems.problem import Problem
 from ropeode.render import (
     FORMATS,
     Grid,

@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
+from ropeode import Rope
 from ropeode.analysis import error_series
 from ropeode.errors import InputError
-from ropeode.problems.rope import Rope
 from ropeode.render import EXPORTS, write_export
 from ropeode.simulation import simulate
 

@@ -12,12 +12,9 @@ import re
 import numpy as np
 import pytest
 
-from ropeode import accuracy_table, horizon, plot_horizon
+from ropeode import Problem, accuracy_table, horizon, plot_horizon, reference
 from ropeode.errors import InputError
-from ropeode.problems.problem import Problem
-from ropeode.references.compute import reference
-from ropeode.render import figure_bytes, format_horizon, format_table
-from ropeode.terminal.output import FORMATS as NAMES
+from ropeode.render import FORMATS, figure_bytes, format_horizon, format_table
 from tests.quartic import HOSTILE
 from tests.render.plots.legible import assert_legible
 from tests.schemas import assert_conforms
@@ -37,7 +34,7 @@ def study():
     return horizon(Problem(away, [1.0], [0.5 * k for k in range(25)], name=HOSTILE), [12, 24])
 
 
-@pytest.mark.parametrize("form", NAMES)
+@pytest.mark.parametrize("form", FORMATS)
 def test_every_format_has_the_needs(study, form):
     text = format_horizon(study, form)
     assert text.endswith("\n")

@@ -13,13 +13,11 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from ropeode import plot_work_precision, work_precision
+from ropeode import Problem, plot_work_precision, work_precision
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
-from ropeode.render import format_work_precision
+from ropeode.render import FORMATS, format_work_precision
 from ropeode.study import COSTS, INFINITE, TARGETS
-from ropeode.terminal.output import FORMATS as NAMES
 from tests.exact_reference import exact_reference
 from tests.quartic import HOSTILE
 from tests.render.plots.drawn import legend_of, look
@@ -67,7 +65,7 @@ def test_the_study_has_all_that_one_can_have(study):
     assert {"diverged", "unstable"} & {row.status for row in study.rows if row.effort == 3}
 
 
-@pytest.mark.parametrize("form", NAMES)
+@pytest.mark.parametrize("form", FORMATS)
 def test_every_format_holds_the_findings(study, form):
     text = format_work_precision(study, form)
     assert text.endswith("\n")

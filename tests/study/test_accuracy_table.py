@@ -5,13 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode import accuracy_table
+from ropeode import InextensibleRope, Problem, Rope, accuracy_table, reference
 from ropeode.errors import InputError
 from ropeode.norms import NORMS
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.study import DEFAULT_STEPPERS, default_steppers, problem_class
 from tests.exact_reference import exact_reference

@@ -6,13 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import accuracy_table
+from ropeode import Problem, Rope, accuracy_table, reference
 from ropeode.analysis import error_series
 from ropeode.errors import InputError
 from ropeode.norms import distance
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 from ropeode.study import energy_curves, error_curves
 

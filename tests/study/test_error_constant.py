@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ropeode import accuracy_table
+from ropeode import Problem, accuracy_table, reference
 from ropeode.analysis import observed_order
 from ropeode.norms import norm_for
 from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.references.compute import reference
 from ropeode.study.error_constant import ErrorConstant, believed, error_constant
 from ropeode.theory.global_error import PredictedError
 

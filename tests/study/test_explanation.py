@@ -9,12 +9,9 @@ import json
 import numpy as np
 import pytest
 
+from ropeode import InextensibleRope, Problem, Rope, reference
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
 from ropeode.render import FORMATS, format_explanation, variants
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study import explain_stepper

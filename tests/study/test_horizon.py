@@ -10,10 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import horizon
+from ropeode import Problem, horizon
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
 from ropeode.references.extended.taylor import solve
 from ropeode.render import format_horizon
 from tests.results import check_result

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode import node_paths
+from ropeode import Problem, Rope, node_paths
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
 from tests.quartic import quartic
 

@@ -8,9 +8,9 @@ import tomllib
 
 import pytest
 
+from ropeode import Rope
 from ropeode.errors import InputError, UserCodeError
 from ropeode.problems.library import PROBLEMS
-from ropeode.problems.rope import Rope
 from ropeode.problems.ropes import ROPES
 from ropeode.study import (
     DEFAULT_STEPS_PER_FRAME,

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from ropeode import work_precision
+from ropeode import Problem, work_precision
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
 from ropeode.study import INFINITE, as_method
 from tests.exact_reference import exact_reference
 from tests.results import check_result

@@ -13,9 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from PIL import Image
 
-from ropeode import animate, node_paths
+from ropeode import Rope, animate, node_paths
 from ropeode.errors import InputError
-from ropeode.problems.rope import Rope
 from ropeode.render import film
 
 

@@ -8,10 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ropeode import plot_stability
+from ropeode import load, plot_stability
 from ropeode.errors import InputError
 from ropeode.problems.oscillator import oscillator
-from ropeode.references.files.library import load
 from ropeode.render import figure_bytes
 from ropeode.study import Explanation
 from ropeode.theory.linear_stability import linear_stability
