@@ -70,7 +70,6 @@ FACELESS = {
     "simulation",
     "steppers",
     "study",
-    "sweep",
     "tableaus",
     "terminal",
     "theory",

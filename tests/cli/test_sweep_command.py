@@ -16,8 +16,7 @@ from PIL import Image
 from ropeode.cli import sweep as command
 from ropeode.cli.main import cli, main
 from ropeode.errors import InputError
-from ropeode.sweep.design.spec import commented_sweep
-from ropeode.sweep.storage.summary import summarize
+from ropeode.sweep import commented_sweep, run_sweep, summarize
 
 PAGE = (Path(__file__).parents[2] / "docs/howto/sweep.md").read_text()
 # The first lines of the page: write a spec, run it, show what is done, draw a map.
@@ -139,16 +138,12 @@ def test_what_cannot_be_shown(arguments, words, swept, monkeypatch):
 @pytest.mark.parametrize("package", ["pyarrow", "filelock", "pandas"])
 def test_a_missing_extra_is_one_line(package, swept, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
-    from ropeode.sweep.run import run_sweep
-
     with pytest.raises(InputError, match=rf"^{package}: .*pip install '\.\[data\]'$"):
         run_sweep(swept / "sweep.toml", swept / "other")
 
 
 def test_without_dask(swept, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    from ropeode.sweep.run import run_sweep
-
     with pytest.raises(InputError, match=r"^distributed: .*pip install '\.\[dask\]'$"):
         run_sweep(swept / "sweep.toml", swept / "other", scheduler="tcp://localhost:8786")
     assert not (swept / "other").exists()
