@@ -61,7 +61,6 @@ FACELESS = {
     "analysis",
     "case_studies",
     "checking",
-    "classroom",
     "cli",
     "laboratory",
     "problems",
