@@ -61,7 +61,6 @@ FACELESS = {
     "analysis",
     "case_studies",
     "checking",
-    "cli",
     "laboratory",
     "problems",
     "references",
@@ -70,7 +69,6 @@ FACELESS = {
     "steppers",
     "study",
     "tableaus",
-    "terminal",
     "theory",
 }
 # Modules that tests may import whatever room they are in: mathematics that reads like a textbook,

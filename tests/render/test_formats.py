@@ -25,7 +25,7 @@ from ropeode.render.documents import blocks
 from ropeode.render.formats import FORMATS, format_table
 from ropeode.render.horizon import as_lines as horizon_lines
 from ropeode.study.accuracy_table import accuracy_table
-from ropeode.terminal.output import FORMATS as LISTED
+from ropeode.terminal import FORMATS as LISTED
 from tests.quartic import HOSTILE
 from tests.schemas import assert_conforms
 

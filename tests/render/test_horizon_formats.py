@@ -20,7 +20,7 @@ from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.horizon import plot_horizon
 from ropeode.study.accuracy_table import accuracy_table
 from ropeode.study.horizon import horizon
-from ropeode.terminal.output import FORMATS as NAMES
+from ropeode.terminal import FORMATS as NAMES
 from tests.quartic import HOSTILE
 from tests.render.plots.legible import assert_legible
 from tests.schemas import assert_conforms

@@ -26,7 +26,7 @@ from ropeode.render.plots.work_precision import (
 )
 from ropeode.render.work_precision import effort_cell
 from ropeode.study.work_precision import COSTS, INFINITE, TARGETS, work_precision
-from ropeode.terminal.output import FORMATS as NAMES
+from ropeode.terminal import FORMATS as NAMES
 from tests.exact_reference import exact_reference
 from tests.quartic import HOSTILE
 from tests.render.plots.legible import assert_legible

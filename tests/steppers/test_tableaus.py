@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from ropeode import accuracy_table, simulate
-from ropeode.cli.main import main
+from ropeode.cli import run_command
 from ropeode.errors import InputError, InputWarning
 from ropeode.problems.problem import Problem
 from ropeode.steppers import STEPPERS, ProblemClass, as_stepper
@@ -230,7 +230,7 @@ def test_a_command_warns_in_one_line(tmp_path, capsys, command_surroundings):
     words = ["table", "--steppers", text.replace("own", f"{tmp_path}/own"), "--frames", "1"]
     with warnings.catch_warnings():
         warnings.simplefilter("always", InputWarning)
-        main([*words, "--steps", "4,8"])
+        run_command([*words, "--steps", "4,8"])
     lines = capsys.readouterr().err.splitlines()
     warned = [line for line in lines if "warning" in line]
     assert warned

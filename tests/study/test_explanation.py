@@ -20,7 +20,7 @@ from ropeode.render.stepper_list import variants
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study import explanation
 from ropeode.study.explanation import explain_stepper
-from ropeode.terminal.output import FORMATS as NAMES
+from ropeode.terminal import FORMATS as NAMES
 from tests.results import check_result
 from tests.schemas import assert_conforms
 

@@ -195,7 +195,7 @@ class Command:
         code = (
             f"import resource\n{limiting if limit else ''}\n"
             f"import sys\nsys.argv[1:] = {['sweep', *arguments]!r}\n"
-            "from ropeode.cli.main import run_process\nrun_process()"
+            "from ropeode.cli import run_process\nrun_process()"
         )
         self.process = subprocess.Popen(
             [sys.executable, "-c", code],
@@ -290,8 +290,8 @@ def test_a_command_says_how_it_ended(folder, cache, hold):
 def test_a_folder_in_use_is_refused_before_jax_is_imported(folder):
     code = (
         "import sys\n"
-        "from ropeode.cli.main import main\n"
-        "code = main(['sweep', 'nowhere', '-o', '.'])\n"
+        "from ropeode.cli import run_command\n"
+        "code = run_command(['sweep', 'nowhere', '-o', '.'])\n"
         "sys.exit(code + 100 * ('jax' in sys.modules))"
     )
     with filelock.FileLock(folder / "lock"):
