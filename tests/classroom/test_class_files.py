@@ -13,6 +13,7 @@ from ropeode.classroom import REFERENCE, Trajectories, examined, trajectory_subm
 from ropeode.problems.rope import Rope
 from ropeode.references.compute import reference
 from ropeode.references.files.store import save_reference
+from ropeode.references.reference import Reference
 from ropeode.render.markup import markdown
 from ropeode.simulation import simulate
 from tests.checking.trajectory_writing import node_values, write_csv, write_npz
@@ -155,8 +156,12 @@ def test_files_are_judged_as_by_the_command(tmp_path, shared, small_rope):
     report = grade(sorted((tmp_path / "anna").iterdir()), small_rope, expected_order=2)
     assert found["anna"].findings == {each.check: each.status for each in report.findings}
     assert outcomes(tmp_path, shared, expected_order=1)["bert"].verdict == "right"
-    # No submission solves the problem again, not even where nothing was laid ready.
-    assert outcomes(tmp_path, tmp_path)["anna"].status == "refused"
+    # No submission solves the problem again: what is right is told by the reference that is there.
+    known = reference(small_rope)
+    states = np.array(known.states)
+    states[1:] += 0.1
+    save_reference(Reference(known.problem, states, known.certificate), tmp_path / REFERENCE)
+    assert outcomes(tmp_path, tmp_path)["anna"].verdict == "wrong"
 
 
 def test_files_that_cannot_be_read_are_refused(tmp_path, shared, small_rope):
