@@ -59,7 +59,6 @@ ALLOWED["__main__"] = {"cli"}
 # may use. No room joins them.
 FACELESS = {
     "analysis",
-    "case_studies",
     "checking",
     "laboratory",
     "problems",
