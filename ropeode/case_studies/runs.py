@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.analysis.motion import DEFAULTS
+from ropeode.cache import source_digest
 from ropeode.case_studies.claims import MARGIN
 from ropeode.case_studies.figures import ENDS, Setting
 from ropeode.errors import InputError
 from ropeode.files import write_whole
-from ropeode.identity import source_digest
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
