@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from ropeode.cli.main import main
+from ropeode.cli import run_command
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
@@ -169,24 +169,42 @@ def cache(tmp_path_factory):
     return str(tmp_path_factory.mktemp("cache"))
 
 
+@contextlib.contextmanager
+def jax_settings_kept():
+    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
+    try:
+        yield
+    finally:
+        for name, value in settings.items():
+            jax.config.update(name, value)
+
+
 @pytest.fixture
 def same_jax_settings():
     """What code changes in JAX is restored after it."""
-    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
-    yield
-    for name, value in settings.items():
-        jax.config.update(name, value)
+    with jax_settings_kept():
+        yield
+
+
+@contextlib.contextmanager
+def commands_may_run(cache, folder):
+    """A block in this folder; what a command changes in its process is restored after it."""
+    handler = signal.getsignal(signal.SIGINT)
+    with jax_settings_kept(), pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("XDG_CACHE_HOME", cache)
+        patch.setattr("ropeode.cache._folder", None)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, handler)
 
 
 @pytest.fixture
-def command_surroundings(cache, tmp_path, monkeypatch, same_jax_settings):
+def command_surroundings(cache, tmp_path):
     """An empty folder; and what a command changes in its process is restored after it."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", cache)
-    monkeypatch.setattr("ropeode.cache._folder", None)
-    handler = signal.getsignal(signal.SIGINT)
-    yield
-    signal.signal(signal.SIGINT, handler)
+    with commands_may_run(cache, tmp_path):
+        yield
 
 
 @pytest.fixture
@@ -203,7 +221,7 @@ def run(command_surroundings, capsys):
 
     def call(*arguments):
         capsys.readouterr()
-        code = main(list(arguments))
+        code = run_command(list(arguments))
         out, err = capsys.readouterr()
         return subprocess.CompletedProcess(arguments, code, out, err)
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.sweep.execution import engines
+from ropeode.sweep import LocalProcesses
 from ropeode.threads import cores, threads, use_cores
 from tests.time_limit import HANGS_AFTER_S
 
@@ -33,16 +33,9 @@ def test_a_limit_holds_until_it_is_taken_back():
     assert cores() == there
 
 
-def test_a_worker_uses_one():
-    try:
-        assert engines.on_one_core(told, 4) == [{"cores": 1, "task": 4}]
-    finally:
-        use_cores(None)
-
-
 @pytest.mark.slow
 def test_a_process_of_this_machine_uses_one():
-    with contextlib.closing(engines.LocalProcesses(told, 1)) as engine:
+    with contextlib.closing(LocalProcesses(told, 1)) as engine:
         assert engine.submit(3).result() == [{"cores": 1, "task": 3}]
 
 

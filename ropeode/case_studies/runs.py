@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.analysis.motion import DEFAULTS
+from ropeode.cache import source_digest
 from ropeode.case_studies.claims import MARGIN
 from ropeode.case_studies.figures import ENDS, Setting
 from ropeode.errors import InputError
@@ -185,10 +186,7 @@ def _file(folder: Path, run: Run) -> Path:
 
 def code_fingerprint() -> str:
     """What runs depend on besides their settings: the code and what it is built on."""
-    digest = hashlib.sha256()
-    package = Path(__file__).parents[1]
-    for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    digest = hashlib.sha256(source_digest(Path(__file__).parents[1]).encode())
     for name in ("jax", "jaxlib", "numpy"):
         digest.update(metadata.version(name).encode())
     return digest.hexdigest()[:20]

@@ -29,8 +29,6 @@ from ropeode.cache import set_up_jax
 from ropeode.classroom.asked import Asked
 from ropeode.classroom.examination import examined
 from ropeode.classroom.outcome import as_json
-from ropeode.classroom.steppers import Steppers
-from ropeode.classroom.trajectories import Trajectories
 from ropeode.terminal.supervision import how_it_ended
 from ropeode.threads import use_cores
 
@@ -41,7 +39,6 @@ _MEBIBYTE = 2**20
 _DOES, _OUTCOME = b"does ", b"outcome "
 _MOST_BYTES, _LONGEST_WORDS = 4 * _MEBIBYTE, 200
 _PR_SET_CHILD_SUBREAPER = 36
-_KINDS: dict[str, type[Asked]] = {each.__name__: each for each in (Steppers, Trajectories)}
 
 
 @dataclasses.dataclass
@@ -68,7 +65,8 @@ class _Job:
 def main() -> None:
     """Examine the submissions that standard input names, and write a line of JSON about each."""
     told = json.loads(sys.stdin.readline())
-    asked = _KINDS[told["kind"]](**told["asked"])
+    module, name = told["kind"]
+    asked = getattr(importlib.import_module(module), name)(**told["asked"])
     set_up_jax()
     for module in asked.ahead:
         importlib.import_module(module)

@@ -27,7 +27,6 @@ from ropeode.references.files.store import save_reference
 from ropeode.references.reference import Reference
 from ropeode.threads import cores
 
-_CODE = "from ropeode.classroom.nursery import main; main()"
 _ENDS_IN_S = 5.0
 
 
@@ -111,7 +110,7 @@ class Class:
         if self._reference is not None:
             save_reference(self._reference, Path(scratch) / REFERENCE)
         told = {
-            "kind": type(self._asked).__name__,
+            "kind": [type(self._asked).__module__, type(self._asked).__qualname__],
             "asked": dataclasses.asdict(self._asked),
             "submissions": list(where.items()),
             "folder": str(self._folder),
@@ -121,7 +120,8 @@ class Class:
         start = (
             f"import os, sys; sys.path[:] = {sys.path!r}\n"
             # XLA reads this for the number of its threads; there is a process for each processor.
-            f"os.environ['NPROC'] = '1'\n{_CODE}"
+            "os.environ['NPROC'] = '1'\n"
+            "from ropeode.classroom.nursery import main; main()"
         )
         self._process = subprocess.Popen(
             [sys.executable, "-c", start],

@@ -1,1 +1,10 @@
-"""The command line: parse, call, render. Importing it does not import JAX."""
+"""The command line: parse, call, render. Importing it does not import JAX.
+
+What others may use is listed in `__init__.pyi`, and imported when it is first used.
+"""
+
+from __future__ import annotations
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

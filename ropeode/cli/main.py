@@ -71,12 +71,12 @@ for command in (
     cli.add_command(command)
 
 
-def main(arguments: list[str] | None = None, ended: Ended | None = None) -> int:
+def run_command(arguments: list[str] | None = None, ended: Ended | None = None) -> int:
     """Run the command line; user errors end in one line each.
 
     Arguments:
         arguments: those of the process where left out.
-        ended: how the process ended that ran the command; None where this one runs it.
+        ended: how the process ended that was to run the command; None where this one runs it.
 
     Returns:
         the exit code: 0, 1 for an answer such as "wrong", 2 for bad input, 3 for a fault of
@@ -84,6 +84,9 @@ def main(arguments: list[str] | None = None, ended: Ended | None = None) -> int:
     """
     words = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in words[:1]
+    if ended is not None and (why := _no_verdict(_command_in(words), ended)):
+        code, line = why
+        return _fail(code, [line], debug=False)
     with _warnings_in_a_line():
         return _ended_well_or_not(words, debug, ended)
 
@@ -167,37 +170,43 @@ def run_process() -> NoReturn:
             os.set_inheritable(number, True)
             setattr(sys, name, os.fdopen(number, "w", closefd=False))
     words = sys.argv[1:]
-    command = next((word for word in words if not word.startswith("-")), "")
+    command = _command_in(words)
     users = any(suffix in word for word in words for suffix in _USERS_CODE) and command != _WATCHES
     # The submissions of a folder have processes of their own.
     a_class = command in _OF_CLASSES and any(os.path.isdir(word) for word in words)
-    code = _run_watched(command) if (command == _JUDGES or users) and not a_class else main()
+    code = _run_watched(command) if (command == _JUDGES or users) and not a_class else run_command()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
 
 
+def _command_in(words: Sequence[str]) -> str:
+    return next((word for word in words if not word.startswith("-")), "")
+
+
 def _run_watched(command: str) -> int:
     code = (
-        "from ropeode.cli.main import main\n"
+        "from ropeode.cli.main import run_command\n"
         "from ropeode.terminal.supervision import watched\n"
-        "watched(FD, main)"
+        "watched(FD, run_command)"
     )
     ended = watch(code, sys.argv[1:], KEPT if command == "sweep" else NOTHING)
-    if ended.code is not None:
-        return ended.code
+    return run_command(ended=ended) if ended.code is None else ended.code
+
+
+def _no_verdict(command: str, ended: Ended) -> tuple[int, str] | None:
+    """Exit code and message of a command that was ended; None where that is a verdict."""
     if not ended.during:
-        why = f"the command {ended.how} before it began; please report it."
-        return _fail(BROKEN, [why], debug=False)
+        return BROKEN, f"the command {ended.how} before it began; please report it."
     if ended.crashed:
-        why = (
+        return BROKEN, (
             f"the command {ended.how} in compiled code, during: {ended.during}. If your code calls "
             "compiled functions of its own, look there; else this is a fault of ropeode, please "
             "report it."
         )
-        return _fail(BROKEN, [why], debug=False)
     if command == _JUDGES:
-        return main(ended=ended)
+        return None
     allowed = "code that returns, and leaves its process alone"
-    why = f"your code {ended.how}; allowed: {allowed}. Fix: look for what ends it there."
-    return _fail(BAD_INPUT, [why], debug=False)
+    return BAD_INPUT, (
+        f"your code {ended.how}; allowed: {allowed}. Fix: look for what ends it there."
+    )

@@ -1,1 +1,11 @@
-"""Sweeps: steppers run on a grid or a random design of problems, one row for each case."""
+"""Sweeps: steppers run on a grid or a random design of problems, one row for each case.
+
+A spec describes cases, an engine computes them task by task, and a store keeps their rows. What
+other rooms may use is listed in `__init__.pyi`, and imported when it is first used.
+"""
+
+from __future__ import annotations
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

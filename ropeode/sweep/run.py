@@ -165,6 +165,7 @@ def _prepare_folder(folder: Path, sweep: SweepSpec, extend: bool) -> Index:
         InputError: the folder contains rows that do not belong to this sweep.
     """
     from ropeode.sweep.storage.extend import take_over
+    from ropeode.sweep.storage.row_files import Store
 
     old, index = _check_folder(folder, sweep, extend), _index(sweep)
     if old is None:
@@ -174,7 +175,7 @@ def _prepare_folder(folder: Path, sweep: SweepSpec, extend: bool) -> Index:
     if not (changes := old.changes(index)):
         return old
     index = dataclasses.replace(index, rows=old.next_rows())
-    if lost := take_over(folder / old.rows, folder / index.rows, sweep):
+    if lost := take_over(folder / old.rows, Store(folder / index.rows, sweep.columns), sweep):
         shutil.rmtree(folder / index.rows, ignore_errors=True)
         changes = [f"{lost} of its rows do not belong to any case of this sweep", *changes]
         raise InputError(_other_sweep(folder, changes, "choose another folder"))

@@ -20,14 +20,12 @@ from ropeode.errors import RopeodeError
 from ropeode.progress import Progress, silent
 from ropeode.sweep.design.columns import DIED, TIMED_OUT, Row, failed_row
 from ropeode.sweep.execution.engines import Engine, TookTooLong
-from ropeode.sweep.storage import row_files
-from ropeode.sweep.storage.row_files import Store, partition_of
+from ropeode.sweep.storage.row_files import Store
 
 if TYPE_CHECKING:
     from ropeode.sweep.design.cases import Task
     from ropeode.sweep.design.spec import SweepSpec
 
-_CHECK_EVERY_S = 1.0
 # How often a single case may kill its process: once beside others, which may have been the cause,
 # and then this often alone.
 _TRIES_ALONE = 2
@@ -58,8 +56,8 @@ def work_through(
     def unfinished() -> Iterator[Task]:
         """All tasks, without the cases that have rows."""
         first = next(n for n in itertools.count() if not store.sealed(n))
-        tasks = sweep.tasks(first * row_files.PARTITION)
-        for partition, numbered in itertools.groupby(tasks, partition_of):
+        tasks = sweep.tasks(first * store.partition_size)
+        for partition, numbered in itertools.groupby(tasks, store.partition_of):
             if store.sealed(partition):
                 continue
             keys = store.keys(partition)
@@ -80,7 +78,7 @@ def work_through(
     began = time.monotonic()
     progress(f"{done} of {sweep.count} cases", done / sweep.count)
     for task, rows in dispatched(unfinished(), engine):
-        partition = partition_of(task)
+        partition = store.partition_of(task)
         store.add(partition, store.table(task.cases, rows))
         pending[partition] -= len(rows)
         seal_if_complete(partition)
@@ -89,7 +87,9 @@ def work_through(
         progress(f"{done} of {sweep.count} cases, {rate:.3g} cases/s", done / sweep.count)
 
 
-def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, list[Row]]]:
+def dispatched(
+    tasks: Iterator[Task], engine: Engine, check_every: float = 1.0
+) -> Iterator[tuple[Task, list[Row]]]:
     """The rows of all tasks, whole or in parts, in the order in which they are done.
 
     What a worker hands back of a task may be the rows of its first cases; the rest goes back into
@@ -98,6 +98,7 @@ def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, li
     Arguments:
         tasks: taken one by one, as the engine has room for them.
         engine: that computes them.
+        check_every: seconds after which it is checked that the engine has workers.
 
     Raises:
         RopeodeError: a disk is full, or no worker is left.
@@ -119,7 +120,7 @@ def dispatched(tasks: Iterator[Task], engine: Engine) -> Iterator[tuple[Task, li
             running[engine.submit(task)] = task
         if not running:
             return
-        done, _ = wait(running, timeout=_CHECK_EVERY_S, return_when=FIRST_COMPLETED)
+        done, _ = wait(running, timeout=check_every, return_when=FIRST_COMPLETED)
         if not done:
             engine.check()
         for future in done:

@@ -30,8 +30,8 @@ INTERRUPTED = 130
 # What Ctrl-C leaves.
 NOTHING = "nothing was written"
 KEPT = "finished cases are kept; run the same command to resume"
-# A compiled program that has computed nothing for so long does not return.
-_WAITS_S, _LOOK_AT_THREADS_EVERY_S = 120.0, 10.0
+# How often threads are looked at while a compiled program may compute nothing.
+_LOOKS_AT_THREADS = 12
 # Clock ticks in a second, a hundredth of its time, of a process that waits.
 _IDLE = 1.0
 _CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
@@ -140,12 +140,19 @@ def _in_lines() -> Progress:
     return update
 
 
-def with_progress(work: Callable[[Progress], T], *, time_left: bool = False) -> T:
+def with_progress(
+    work: Callable[[Progress], T], *, time_left: bool = False, gives_up_after: float = 120.0
+) -> T:
     """Do work that reports its progress, in a way that Ctrl-C ends at once.
 
     Arguments:
         work: called with what shows progress.
         time_left: as for `show_progress`.
+        gives_up_after: seconds; a compiled program that has computed nothing for so long does not
+            return.
+
+    Raises:
+        RuntimeError: a compiled program does not return.
     """
     with show_progress(time_left=time_left) as progress:
         doing = "the start"
@@ -156,10 +163,10 @@ def with_progress(work: Callable[[Progress], T], *, time_left: bool = False) -> 
             say(text)
             progress(text, fraction)
 
-        return _interruptible(lambda: work(seen), lambda: doing)
+        return _interruptible(lambda: work(seen), lambda: doing, gives_up_after)
 
 
-def _interruptible(work: Callable[[], T], doing: Callable[[], str]) -> T:
+def _interruptible(work: Callable[[], T], doing: Callable[[], str], gives_up_after: float) -> T:
     """Do the work in a way that Ctrl-C ends at once.
 
     Python handles a signal only between its own instructions, and one call into compiled code
@@ -168,9 +175,10 @@ def _interruptible(work: Callable[[], T], doing: Callable[[], str]) -> T:
     Arguments:
         work: to do.
         doing: says what it does.
+        gives_up_after: as for `with_progress`.
 
     Raises:
-        RuntimeError: a compiled program does not return, and has not computed for two minutes.
+        RuntimeError: a compiled program does not return.
     """
     result: dict[str, Any] = {}
 
@@ -182,14 +190,14 @@ def _interruptible(work: Callable[[], T], doing: Callable[[], str]) -> T:
 
     worker = threading.Thread(target=run, daemon=True)
     worker.start()
-    waits = _Waits()
+    waits = _Waits(gives_up_after)
     while worker.is_alive():
         worker.join(_LOOK_EVERY_S)
         if waits.for_ever():
             if "--debug" in sys.argv:
                 faulthandler.dump_traceback()
             raise RuntimeError(
-                f"a compiled program has waited for {_WAITS_S:g} s and computed nothing; "
+                f"a compiled program has waited for {gives_up_after:g} s and computed nothing; "
                 f"the last that was said of the work: {doing()}"
             )
     if "error" in result:
@@ -198,9 +206,14 @@ def _interruptible(work: Callable[[], T], doing: Callable[[], str]) -> T:
 
 
 class _Waits:
-    """Whether a compiled program waits for what never comes."""
+    """Whether a compiled program waits for what never comes.
 
-    def __init__(self) -> None:
+    Arguments:
+        seconds: for which it has computed nothing then.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._every = seconds / _LOOKS_AT_THREADS
         self._looked_at = time.monotonic()
         self._used: dict[str, int] = {}
         self._times = 0
@@ -210,17 +223,15 @@ class _Waits:
 
         Looks are counted: no time passes for a process that is stopped.
         """
-        if time.monotonic() - self._looked_at < _LOOK_AT_THREADS_EVERY_S:
+        if time.monotonic() - self._looked_at < self._every:
             return False
         self._looked_at = time.monotonic()
         before, self._used = self._used, _processor_times()
         used = sum(now - before.get(each, 0) for each, now in self._used.items())
         # Without threads to be counted, nobody knows.
-        waits = (
-            bool(self._used) and used <= _IDLE * _LOOK_AT_THREADS_EVERY_S and _only_jax_is_at_work()
-        )
+        waits = bool(self._used) and used <= _IDLE * self._every and _only_jax_is_at_work()
         self._times = self._times + 1 if waits else 0
-        return self._times * _LOOK_AT_THREADS_EVERY_S >= _WAITS_S
+        return self._times >= _LOOKS_AT_THREADS
 
 
 def _processor_times() -> dict[str, int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from docs.studies.projection_sweeps import sweep_study
-from ropeode.case_studies.report import rope_report
+from ropeode.case_studies import rope_report
 from ropeode.problems.inextensible_rope import InextensibleRope
 
 CHEAP = (1, 2, 3, 4, 5, 8, 31, 36, 37)

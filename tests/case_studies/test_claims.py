@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import typing
 
 import numpy as np
 import pytest
 
+from ropeode import case_studies
 from ropeode.analysis import Motion, Thresholds
-from ropeode.case_studies import claims, comparisons
-from ropeode.case_studies.figures import Claim, all_comparisons
+from ropeode.case_studies import Claim, Comparison, Measure, measured, verdict
 from ropeode.errors import InputError
 from ropeode.theory.growth import Growth
 
@@ -39,6 +38,7 @@ def growth(rate: float) -> Growth:
     return Growth(64, np.exp(rate / 64), np.exp(rate), rate, 1e-12, 20.0, 40 if grows else None)
 
 
+TOO_SHORT = "not watched long enough"
 STILL, GROWS, DECAYS = growth(0.0), growth(0.1), growth(-0.005)
 RESTED = motion(settled_at=300)
 LEFT = motion(settled_at=300, unsettled_at=700)
@@ -48,7 +48,7 @@ QUIET = motion(settled_at=300, swings=0)
 
 
 @pytest.mark.parametrize(
-    ("claim", "seen", "theory", "verdict"),
+    ("claim", "seen", "theory", "expected"),
     [
         ("diverges", APART, GROWS, "holds"),
         ("diverges", motion(), STILL, "does not hold"),
@@ -74,59 +74,62 @@ QUIET = motion(settled_at=300, swings=0)
         ("never_settles", LEFT, GROWS, "holds"),
     ],
 )
-def test_verdicts(claim, seen, theory, verdict):
-    assert claims.verdict(claim, seen, theory) == verdict
+def test_verdicts(claim, seen, theory, expected):
+    assert verdict(claim, seen, theory) == expected
 
 
 @pytest.mark.parametrize(
-    ("claim", "seen", "theory", "verdict"),
+    ("claim", "seen", "theory", "expected"),
     [
-        ("diverges", motion(frames=45), GROWS, claims.TOO_SHORT),
+        ("diverges", motion(frames=45), GROWS, TOO_SHORT),
         ("diverges", motion(frames=60), DECAYS, "does not hold"),
-        ("swings", motion(swings=0, frames=60), DECAYS, claims.TOO_SHORT),
-        ("settles", motion(frames=60), DECAYS, claims.TOO_SHORT),
+        ("swings", motion(swings=0, frames=60), DECAYS, TOO_SHORT),
+        ("settles", motion(frames=60), DECAYS, TOO_SHORT),
         ("settles", motion(frames=60), GROWS, "does not hold"),
         ("settles", motion(frames=10_000), DECAYS, "does not hold"),
-        ("settles_without_swinging", motion(swings=0, frames=60), DECAYS, claims.TOO_SHORT),
+        ("settles_without_swinging", motion(swings=0, frames=60), DECAYS, TOO_SHORT),
         ("settles_without_swinging", motion(swings=3, frames=60), DECAYS, "does not hold"),
         ("never_settles", RESTED, DECAYS, "does not hold"),
     ],
 )
-def test_what_theory_expects_later_is_no_failure(claim, seen, theory, verdict):
-    assert claims.verdict(claim, seen, theory) == verdict
+def test_what_theory_expects_later_is_no_failure(claim, seen, theory, expected):
+    assert verdict(claim, seen, theory) == expected
 
 
 def test_every_claim_that_moves_can_be_judged():
     for claim in typing.get_args(Claim):
         if claim == "drawn":
             with pytest.raises(InputError):
-                claims.verdict(claim, motion(), STILL)
+                verdict(claim, motion(), STILL)
         else:
-            assert claims.verdict(claim, motion(), STILL) in (claims.HOLDS, claims.FAILS)
+            assert verdict(claim, motion(), STILL) in ("holds", "does not hold")
 
 
 def test_rest_is_expected_when_a_thousandth_is_left():
-    assert claims.rest_expected(motion(), DECAYS) == int(np.ceil(np.log(1000) / 0.005))
-    assert claims.rest_expected(motion(), STILL) is None
-    assert claims.rest_expected(motion(), GROWS) is None
-    assert claims.rest_expected(motion(), growth(-1e-13)) is None
+    frame = int(np.ceil(np.log(1000) / 0.005))
+    assert f"rest expected near {frame}" in measured(motion(), DECAYS)
+    for theory in (STILL, GROWS, growth(-1e-13)):
+        assert "rest expected" not in measured(motion(), theory)
 
 
 def test_words():
-    assert claims.measured(motion(swings=1), STILL).startswith("1 swing, moving at frame 1000")
-    assert "rest expected near 1382" in claims.measured(motion(), DECAYS)
-    assert "rest expected" not in claims.measured(RESTED, DECAYS)
-    words = claims.measured(RESTED_THEN_APART, GROWS)
+    assert measured(motion(swings=1), STILL).startswith("1 swing, moving at frame 1000")
+    assert "rest expected" not in measured(RESTED, DECAYS)
+    words = measured(RESTED_THEN_APART, GROWS)
     assert "at rest from frame 300 to 700" in words
     assert "flies apart at frame 720" in words
     assert "moving" not in words
-    assert claims.measured(QUIET, DECAYS).startswith("no swing, at rest from frame 300")
+    assert measured(QUIET, DECAYS).startswith("no swing, at rest from frame 300")
 
 
-def compared(measure: str, motions: list[Motion]) -> str:
-    comparison = next(each for each in all_comparisons() if each.measure == measure)
-    comparison = dataclasses.replace(comparison, figures=tuple(range(len(motions))))
-    return comparisons.compared(comparison, motions).verdict
+def compared(measure: Measure, motions: list[Motion]) -> str:
+    comparison = Comparison(tuple(range(len(motions))), measure, "in words")
+    return case_studies.compared(comparison, motions).verdict
+
+
+@pytest.mark.parametrize("measure", typing.get_args(Measure))
+def test_every_measure_can_be_compared(measure):
+    assert compared(measure, [motion(), motion()]) in ("holds", "does not hold")
 
 
 def test_diverges_later():

@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import ropeode
 from ropeode.checking.grade import grade
 from ropeode.checking.starter_files.assignments import ASSIGNMENTS, write_assignment
 from ropeode.checking.trajectories.layout import samples_of
-from ropeode.cli import grade as command
-from ropeode.cli.main import cli
+from ropeode.cli import cli
 from ropeode.errors import InputError
 from ropeode.references.compute import reference
 from ropeode.study import TableJob, read_spec
 
-SOURCE = Path(command.__file__).parents[1] / "checking" / "starter_files" / "games101"
+SOURCE = Path(ropeode.__file__).parent / "checking" / "starter_files" / "games101"
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "grade-cpp.md"
 needs_compiler = pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
 
@@ -52,7 +52,8 @@ def test_unknown_assignments(tmp_path):
     ):
         write_assignment(tmp_path / "mine", "games102")
     assert not (tmp_path / "mine").exists()
-    assert tuple(ASSIGNMENTS) == command.ASSIGNMENTS
+    (option,) = (each for each in cli.commands["grade"].params if each.name == "assignment")
+    assert tuple(ASSIGNMENTS) == tuple(option.type.choices)
 
 
 @pytest.mark.usefixtures("command_surroundings")

@@ -15,7 +15,7 @@ from ropeode.checking.diagnosis import trajectories
 from ropeode.checking.grade import grade
 from ropeode.checking.starter_files import write_start
 from ropeode.checking.trajectories.layout import samples_of
-from ropeode.cli.main import cli
+from ropeode.cli import cli
 from ropeode.errors import InputError
 from ropeode.references.compute import reference
 from ropeode.study import TableJob, read_spec

@@ -45,25 +45,6 @@ def rows_printed(done):
     return {row["submission"]: row for row in csv.DictReader(done.stdout.splitlines())}
 
 
-def test_the_nursery_can_be_forked():
-    """It has imported everything, and neither a thread nor JAX's computing has begun."""
-    code = (
-        "import os, threading, warnings\n"
-        "warnings.simplefilter('error')\n"
-        "import importlib, ropeode.classroom.nursery as nursery\n"
-        "nursery.set_up_jax()\n"
-        "for kind in nursery._KINDS.values():\n"
-        "    for each in kind.ahead: importlib.import_module(each)\n"
-        "assert threading.active_count() == 1, threading.enumerate()\n"
-        # JAX warns here where it has begun.
-        "child = os.fork()\n"
-        "if not child: os._exit(0)\n"
-        "print(os.waitpid(child, 0)[1])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("0\n", "")
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [

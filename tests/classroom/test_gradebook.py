@@ -1,4 +1,4 @@
-"""The rows of a grade book, its formats, and what is kept of it."""
+"""The rows of a grade book, and its formats."""
 
 from __future__ import annotations
 
@@ -13,12 +13,18 @@ from pathlib import Path
 
 import pytest
 
-from ropeode.classroom.gradebook import as_csv, as_json, as_text, exit_code, grade_book
-from ropeode.classroom.order_plot import order_plot
-from ropeode.classroom.outcome import Outcome, keep, kept, parts
-from ropeode.classroom.pages import write_pages
-from ropeode.classroom.rubric import Item
-from ropeode.classroom.submissions import Submission
+from ropeode.classroom import (
+    Item,
+    Outcome,
+    Submission,
+    as_csv,
+    as_json,
+    as_text,
+    exit_code,
+    grade_book,
+    parts,
+    write_pages,
+)
 from ropeode.render import Code, Grid, Heading, Paragraph
 
 PAGE = (Path(__file__).parents[2] / "docs/howto/classroom.md").read_text()
@@ -124,17 +130,6 @@ def test_pages_show_what_others_wrote_as_text(tmp_path):
     assert not re.search(r"<script|\]\(|\]:", rest)
 
 
-def test_what_is_kept_is_for_the_same_key(tmp_path):
-    keep(RIGHT, "key", tmp_path)
-    assert kept("anna", "key", tmp_path) == RIGHT
-    assert kept("anna", "other", tmp_path) is None
-    assert kept("bert", "key", tmp_path) is None
-    forged = '{"key": "key", "outcome": {"name": "anna", "status": "checked", "order": "high"}}'
-    for damaged in ("{", forged, "[" * 100_000):
-        (tmp_path / "anna.json").write_text(damaged)
-        assert kept("anna", "key", tmp_path) is None
-
-
 def quantities(errors, observed):
     return {"position": {"errors": errors, "observed": observed}}
 
@@ -146,25 +141,37 @@ CONVERGENCE = {
 }
 
 
-def test_the_order_plot_has_a_mark_for_each_error():
-    drawn = order_plot("order-free", CONVERGENCE)
+@pytest.fixture
+def order_plot(tmp_path):
+    """The picture of a check of order in the feedback; empty where there is none."""
+
+    def draw(convergence):
+        write_pages(rows_of(other("anna", orders={"order-free": convergence})), RUBRIC, tmp_path)
+        page = (tmp_path / "feedback/anna.html").read_text()
+        return "".join(re.findall("(?s)<svg.*?</svg>", page))
+
+    return draw
+
+
+def test_the_order_plot_has_a_mark_for_each_error(order_plot):
+    drawn = order_plot(CONVERGENCE)
     # One more stands beside its name.
     assert drawn.count("<circle") == 2 + 1
     assert "dashed: order 2" in drawn
     assert "position: order 2.00" in drawn
-    none = {**CONVERGENCE, "quantities": quantities([None] * 4, None)}
-    assert order_plot("x", none) == ""
-    assert "dashed" not in order_plot("x", {**CONVERGENCE, "expected": None})
+    assert order_plot({**CONVERGENCE, "quantities": quantities([None] * 4, None)}) == ""
+    assert "dashed" not in order_plot({**CONVERGENCE, "expected": None})
 
 
-def test_the_dashed_line_is_that_of_the_expected_order():
+def test_the_dashed_line_is_that_of_the_expected_order(order_plot):
     """Errors of order 2 lie on it, and all of it is in the picture."""
-    (line,) = re.findall(r"<line [^>]*stroke-dasharray[^>]*>", order_plot("x", CONVERGENCE))
-    (points,) = re.findall(r'points="([^"]*)"', order_plot("x", CONVERGENCE))
+    drawn = order_plot(CONVERGENCE)
+    (line,) = re.findall(r"<line [^>]*stroke-dasharray[^>]*>", drawn)
+    (points,) = re.findall(r'points="([^"]*)"', drawn)
     x1, y1, x2, y2 = re.findall(r'[xy][12]="([^"]*)"', line)
     assert {f"{x1},{y1}", f"{x2},{y2}"} == {*points.split()}
     flat = {**CONVERGENCE, "quantities": quantities([1.0] * 4, 0.0)}
-    (line,) = re.findall(r"<line [^>]*stroke-dasharray[^>]*>", order_plot("x", flat))
+    (line,) = re.findall(r"<line [^>]*stroke-dasharray[^>]*>", order_plot(flat))
     (low,) = re.findall(r'y2="([^"]*)"', line)
     assert 0.0 < float(low) < 270.0 - 42.0
 

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ropeode.classroom.gradebook import grade_book
-from ropeode.classroom.outcome import Outcome, parts
-from ropeode.classroom.pages import write_pages
-from ropeode.classroom.rubric import Item
-from ropeode.classroom.submissions import Submission
+from ropeode.classroom import Item, Outcome, Submission, grade_book, parts, write_pages
 from ropeode.render import Grid
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

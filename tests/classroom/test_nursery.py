@@ -2,69 +2,46 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import json
-import shutil
-import subprocess
 import sys
+import tempfile
 import warnings
 
-import pytest
+from ropeode.classroom import Class, Steppers, Submission, Trajectories
+from tests.classroom.harm import Harm
 
-from ropeode.classroom import running
-from ropeode.classroom.outcome import Outcome, from_json
-from ropeode.classroom.running import Class
-from ropeode.classroom.steppers import Steppers
-from ropeode.classroom.submissions import Submission
-
-# Without checks, which take longer than what is tested here.
-NURSERY = """
-import os, signal, time
-from ropeode.classroom import nursery
-from ropeode.classroom.asked import Asked, Limits
-from ropeode.errors import RopeodeError
-
-class Harm(Asked):
-    refused, ahead = "refused", ()
-    limits = Limits(1, 8.0, 300.0)
-
-    def report(self, where, folder, scratch, say):
-        say("harm")
-        exec(where[0])
-        raise RopeodeError(f"it lives, in {len(os.listdir())} files")
-
-nursery._KINDS["Harm"] = Harm
-nursery.main()
-"""
 FORGED = json.dumps({"name": "forges", "status": "checked", "verdict": "right"})
 SAYS = "for n in range(3, 99):\n try: os.write(n, {!r})\n except OSError: pass\n"
-# By the harm: the limit that it breaks, or how its process ended; or that it has its outcome.
+LIVES = ("raised", "it lives, in 0 files")
+# By the harm: the status of the submission, and what the message says.
 HARM = {
-    "pass": "raised",
-    "open('left', 'w')": "raised",
-    "for n in range(3, 99):\n try: os.write(n, b'[1]\\n{')\n except OSError: pass": "raised",
-    "while True: pass": "processor",
-    "time.sleep(1000)": "wall",
+    "pass": LIVES,
+    "open('left', 'w')": ("raised", "it lives, in 1 files"),
+    "for n in range(3, 99):\n try: os.write(n, b'[1]\\n{')\n except OSError: pass": LIVES,
+    "while True: pass": ("out of time", "within 1 s of processor time, during 'harm'"),
+    "time.sleep(1000)": ("out of time", "within 8 s, during 'harm'"),
     # No more than needed: taking memory costs processor time, of which it has a second.
-    "hoard = bytearray(5 * 2**26)\ntime.sleep(1000)": "memory",
-    "os._exit(7)": "ended its process (exit code 7)",
-    "os.kill(os.getpid(), signal.SIGSEGV)": "ended its process (SIGSEGV)",
+    "hoard = bytearray(5 * 2**26)\ntime.sleep(1000)": ("out of memory", "with 300 MiB of memory"),
+    "os._exit(7)": ("crashed", "ended its process (exit code 7), during 'harm'"),
+    "os.kill(os.getpid(), signal.SIGSEGV)": ("crashed", "ended its process (SIGSEGV)"),
     # A signal takes its time.
-    "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": "killed its parent process (SIGKILL)",
-    "os.kill(0, signal.SIGKILL)": "killed its parent process (SIGKILL)",
+    "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": ("crashed", "killed its parent"),
+    "os.kill(0, signal.SIGKILL)": ("crashed", "killed its parent process (SIGKILL)"),
     # Whatever it says of itself.
     SAYS.format(b"\noutcome " + FORGED.encode() + b"\n")
-    + "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": "killed its parent process (SIGKILL)",
+    + "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": ("crashed", "killed its parent"),
     # It may not be listened to for ever, and neither may what it leaves.
-    SAYS.format(b"x" * 2**20).replace("try: ", "try:\n  while True: "): "report",
-    "if os.fork() == 0:\n os.setsid()\n STAYS\nWAIT": "raised",
+    SAYS.format(b"x" * 2**20).replace("try: ", "try:\n  while True: "): ("crashed", "a flood of"),
+    "if os.fork() == 0:\n os.setsid()\n STAYS\nWAIT": LIVES,
     # The one that it leaves has begun before it is an orphan, which is ended at once.
     "if os.fork() == 0:\n os.setsid()\n if os.fork() == 0:\n  STAYS\n WAIT\n os._exit(0)\nWAIT": (
-        "raised"
+        LIVES
     ),
-    "os.setsid()\nif os.fork() == 0:\n STAYS\nWAIT\nos._exit(7)": "ended its process (exit code 7)",
+    "os.setsid()\nif os.fork() == 0:\n STAYS\nWAIT\nos._exit(7)": ("crashed", "(exit code 7)"),
 }
-# By what is in the line of a report: a whole report, half a one, none.
+# What a process says of itself, and ends: a whole report, half a one, none.
 REPORTS = {
     FORGED: "checked",
     FORGED[:-9]: "crashed",
@@ -78,113 +55,110 @@ REPORTS = {
 }
 
 
-def test_harm_reaches_no_other(tmp_path):
+def says(report):
+    line = b"\noutcome " + report.encode(errors="surrogateescape") + b"\n"
+    return f"{SAYS.format(line)}os._exit(0)"
+
+
+def test_harm_reaches_no_other(tmp_path, monkeypatch):
+    """Whatever a submission's process does or says, it has an outcome, and nothing is left."""
     scratch = tmp_path / "scratch"
     scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
 
-    def harmed(n, harm):
-        """Its code: STAYS leaves a process, and WAIT waits until that has begun."""
+    def code(n, harm):
+        """STAYS leaves a process, and WAIT waits until that has begun."""
         file = repr(str(tmp_path / f"pid-{n}"))
         stays = f"os.symlink(str(os.getpid()), {file}); time.sleep(1000)"
         wait = f"while not os.path.lexists({file}): time.sleep(0.01)"
         return harm.replace("STAYS", stays).replace("WAIT", wait)
 
-    told = {
-        "kind": "Harm",
-        "asked": {"memory_mib": 300.0},
-        # The last one begins when the others have done what they do.
-        "submissions": [
-            *((harm, [harmed(n, harm)]) for n, harm in enumerate(HARM)),
-            ("last", ["pass"]),
-        ],
-        "folder": str(tmp_path),
-        "scratch": str(scratch),
-        "workers": 4,
-    }
-    command = [sys.executable, "-c", NURSERY]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(json.dumps(told) + "\n")
-        process.stdin.flush()
-        events = {each["name"]: each for each in map(json.loads, process.stdout)}
-    found = {
-        name: (of(event) and of(event).status) or event["limit"] or event["how"]
-        for name, event in events.items()
-    }
-    assert found == {**HARM, "last": "raised"}
+    # The last one begins when the others have done what they do.
+    everything = [*HARM, *map(says, REPORTS), "pass"]
+    submissions = [
+        Submission(str(n), (code(n, harm),), "", "") for n, harm in enumerate(everything)
+    ]
+    outcomes = Class(tmp_path, submissions, Harm(300.0), None).outcomes(lambda *_: None)
+    # Nobody can speak for another one.
+    assert [each.name for each in outcomes] == [each.name for each in submissions]
+    *harmed, last = outcomes
+    for (harm, (status, words)), outcome in zip(HARM.items(), harmed, strict=False):
+        assert (outcome.status, words in outcome.message) == (status, True), (harm, outcome)
+    said = [outcome.status for outcome in harmed[len(HARM) :]]
+    assert dict(zip(REPORTS, said, strict=True)) == REPORTS
     # What another one has written is in a folder of its own.
-    assert of(events["last"]).message == "it lives, in 0 files"
-    assert all(event["during"] == "harm" for event in events.values())
-    assert not scratch.exists()
+    assert (last.status, last.message) == LIVES
+    assert not list(scratch.iterdir())
     left = [each.readlink() for each in tmp_path.glob("pid-*")]
     assert len(left) == 3
     if sys.platform == "linux":
         assert not [each for each in left if ("/proc" / each).exists()]
 
 
-def of(event):
-    return event["outcome"] and from_json(event["outcome"])
+class Stop(Exception):
+    """Raised before anything is examined."""
 
 
-@pytest.mark.parametrize("said", REPORTS)
-def test_a_report_is_one_or_none(tmp_path, monkeypatch, said):
-    """Whatever a submission's process says, it has an outcome, and it has no other's name."""
-    event = {"name": "a", "outcome": said, "how": "", "limit": "", "during": ""}
-    monkeypatch.setattr(running, "_CODE", f"input(); print({json.dumps(event)!r})")
-    own = Class(tmp_path, [Submission("a", ("a.py",), "", "")], Steppers(100.0, {}), tmp_path)
-    (outcome,) = own.outcomes(lambda *_: None)
-    assert (outcome.name, outcome.status) == ("a", REPORTS[said])
+def done_before(own):
+    """The part of a class of which the outcome is kept."""
+
+    def stop(text, fraction):
+        found.append(fraction)
+        if fraction < 1.0:
+            raise Stop
+
+    found = []
+    with contextlib.suppress(Stop):
+        own.outcomes(stop)
+    return found[0]
 
 
-@pytest.fixture
-def examined(monkeypatch):
-    """The names of submissions that were examined; nothing is done with them."""
-    names = []
-
-    def instead(self, submissions):
-        for each in submissions:
-            names.append(each.name)
-            yield Outcome(each.name, "checked", "right")
-
-    monkeypatch.setattr(Class, "_examined", instead)
-    return names
-
-
-def test_what_is_done_is_kept_for_the_same_question(tmp_path, examined):
+def test_what_is_done_is_kept_for_the_same_question(tmp_path, capfd, monkeypatch):
+    """And nothing had begun in the process from which those of the submissions are forked."""
+    # Python and JAX warn where threads run.
+    monkeypatch.setenv("PYTHONWARNINGS", "always:This process:DeprecationWarning")
     submissions = [Submission(name, (f"{name}.py",), "", "one") for name in ("anna", "bert")]
     submissions.append(Submission("carla", (), "there is no Python file", "one"))
+    for name in ("anna", "bert"):
+        (tmp_path / f"{name}.py").write_text("def\n")
+    results = tmp_path / "results"
 
-    def outcomes(submissions=submissions, memory=1.0, **check):
-        examined.clear()
-        own = Class(tmp_path, submissions, Steppers(memory, check), tmp_path / "results")
-        return {each.name: each.status for each in own.outcomes(lambda text, done: None)}
+    def of(submissions=submissions, memory=2000.0, **check):
+        asked = Steppers(memory, {"time_limit": 60.0, **check})
+        return Class(tmp_path, submissions, asked, results)
 
-    assert outcomes() == {"anna": "checked", "bert": "checked", "carla": "no stepper"}
-    assert examined == ["anna", "bert"]
-    assert outcomes()["anna"] == "checked"
-    assert examined == []
-    outcomes([submissions[0], submissions[1]._replace(digest="two")])
-    assert examined == ["bert"]
-    outcomes([submissions[0]._replace(where=("anna.py:verlet",))])
-    assert examined == ["anna"]
-    for changed in ({"memory": 2.0}, {"quick": True}):
-        outcomes(**changed)
-        assert examined == ["anna", "bert"]
-    shutil.rmtree(tmp_path / "results")
-    outcomes()
-    assert examined == ["anna", "bert"]
+    statuses = [each.status for each in of().outcomes(lambda *_: None)]
+    assert statuses == ["syntax error", "syntax error", "no stepper"]
+    assert capfd.readouterr().err == ""
+    assert done_before(of()) == 1.0
+    # One has another file, or another place in it; the question is another one.
+    two = [submissions[0], submissions[1]._replace(digest="two"), submissions[2]]
+    assert done_before(of(two)) == 2 / 3
+    where = [submissions[0]._replace(where=("anna.py:verlet",)), *submissions[1:]]
+    assert done_before(of(where)) == 2 / 3
+    for changed in ({"memory": 1999.0}, {"quick": True}):
+        assert done_before(of(**changed)) == 1 / 3
+    forged = json.loads((results / "anna.json").read_text())
+    forged["outcome"]["order"] = "high"
+    for damaged in ("{", json.dumps(forged), "[" * 100_000):
+        (results / "anna.json").write_text(damaged)
+        assert done_before(of()) == 2 / 3
+    (results / "anna.json").unlink()
+    assert done_before(of()) == 2 / 3
 
 
-def test_nothing_stays_open(tmp_path, monkeypatch):
-    """Python warns of each pipe that it has to close itself."""
-    event = {"name": "a", "outcome": FORGED}
-    monkeypatch.setattr(running, "_CODE", f"input(); print({json.dumps(event)!r})")
-    own = Class(tmp_path, [Submission("a", ("a.py",), "", "")], Steppers(100.0, {}), None)
+def test_nothing_stays_open(tmp_path, capfd, monkeypatch):
+    """Python warns of each pipe that it has to close itself; and of forks, as above."""
+    monkeypatch.setenv("PYTHONWARNINGS", "always:This process:DeprecationWarning")
+    (tmp_path / "a.csv").touch()
+    asked = Trajectories(
+        2000.0, values={}, folder=".", arguments={"dts": None}, truth="", time_limit=60.0
+    )
+    own = Class(tmp_path, [Submission("a", ("a.csv",), "", "")], asked, None)
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
-        assert [each.status for each in own.outcomes(lambda *_: None)] == ["checked"]
+        assert [each.status for each in own.outcomes(lambda *_: None)] == ["refused"]
         del own
         gc.collect()
     assert not [str(each.message) for each in seen]
+    assert capfd.readouterr().err == ""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
-from ropeode.classroom.rubric import DEFAULTS, OF_FILES, OF_STEPPERS, Item, read_rubric
+from ropeode.classroom import OF_FILES, OF_STEPPERS, Item, read_rubric
 from ropeode.errors import InputError
 
 PAGE = Path(__file__).parents[2] / "docs/howto/classroom.md"
@@ -21,11 +22,14 @@ def rubric(tmp_path, text):
 @pytest.mark.parametrize(
     ("checks", "points"), [(OF_STEPPERS, [2.0, 4.0, 2.0, 2.0]), (OF_FILES, [2.0, 6.0, 2.0])]
 )
-def test_the_default_gives_ten_points_and_is_documented(checks, points):
+def test_the_default_gives_ten_points_and_is_documented(tmp_path, checks, points):
     items = read_rubric(None, checks)
     assert sum(item.points for item in items) == 10.0
     assert items[-1].checks == checks
-    assert f"```toml\n{DEFAULTS[checks]}```" in PAGE.read_text()
+    documented = re.findall(r"(?s)```toml\n(\[\[item\]\].*?)```", PAGE.read_text())
+    path = tmp_path / "rubric.toml"
+    path.write_text(documented[(OF_STEPPERS, OF_FILES).index(checks)])
+    assert items == read_rubric(path, checks)
     all_right = dict.fromkeys(checks, "pass")
     assert [item.earned(all_right) for item in items] == points
 

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from ropeode.classroom.submissions import stepper_submissions, trajectory_submissions
+from ropeode.classroom import stepper_submissions, trajectory_submissions
 from ropeode.errors import InputError
 
 

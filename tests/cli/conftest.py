@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from ropeode.errors import InputError
 from tests.time_limit import HANGS_AFTER_S
 
 
@@ -17,6 +18,26 @@ def commands(command, path=()):
     for name, each in getattr(command, "commands", {}).items():
         found |= commands(each, (*path, name))
     return found
+
+
+@pytest.fixture
+def table_job(run, monkeypatch):
+    """The job of `ropeode table`, which takes seconds to be computed, and is not."""
+    # Not above: this file is also imported where help is shown, which must not import JAX.
+    from ropeode.study import TableJob
+
+    def call(*words):
+        jobs = []
+
+        def noted(job, *_):
+            jobs.append(job)
+            raise InputError(["noted"])
+
+        monkeypatch.setattr(TableJob, "run", noted)
+        assert run("table", *words).stderr == "ropeode: noted\n"
+        return jobs[0]
+
+    return call
 
 
 @pytest.fixture(scope="session")
@@ -32,7 +53,7 @@ def run_process(environment, tmp_path):
     def call(*arguments, without=None):
         code = (
             f"import sys; sys.modules[{without!r}] = None; sys.argv[1:] = {list(arguments)!r}\n"
-            "from ropeode.cli.main import run_process; run_process()"
+            "from ropeode.cli import run_process; run_process()"
         )
         return subprocess.run(
             [sys.executable, "-c", code]

@@ -14,10 +14,8 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from ropeode.cli.main import cli, main
-from ropeode.errors import InputError
+from ropeode.cli import cli, run_command
 from ropeode.references.files.library import entries
-from ropeode.study import TableJob
 from tests.cli.conftest import commands
 from tests.cli.interrupted import interrupt
 from tests.time_limit import HANGS_AFTER_S
@@ -35,7 +33,7 @@ def test_help_and_completion_import_nothing_that_computes(environment):
     code = (
         "import sys\n"
         "from click.shell_completion import BashComplete\n"
-        "from ropeode.cli.main import cli\n"
+        "from ropeode.cli import cli\n"
         "from tests.cli.conftest import commands\n"
         "for path in commands(cli):\n"
         "    try: cli.main([*path, '--help'], standalone_mode=False)\n"
@@ -93,11 +91,16 @@ def test_spec_file_with_options_on_top(run, tmp_path):
     problem = json.loads(done.stdout)["problem"]
     assert problem["frames"] == 3
     assert problem["parameters"]["damping"] == 0.5
+    # A spec may stand where a problem does.
+    same = run(
+        "table", "--problem", "mine.toml", *QUICK[1:], "--damping", "0.5", "--format", "json"
+    )
+    assert json.loads(same.stdout)["problem"] == problem
     assert run("spec").stdout == (tmp_path / "mine.toml").read_text()
 
 
 EVERY_ROPE_OPTION = (
-    *("table", "--frames", "3", "--steps", "8,12,18", "--format", "json"),
+    *("--frames", "3", "--steps", "8,12,18", "--format", "json"),
     *("--steppers", "stormer-verlet:start=rest,damping=lagged,rk4"),
     *("--start", "0,0,0", "--end", "-3,1,0", "--num-nodes", "5", "--node-mass", "1,2,3,2,1"),
     *("--stiffness", "4,5,5,4", "--pinned", "1", "--gravity", "0,0,-2"),
@@ -120,17 +123,9 @@ PARAMETERS = {
 }
 
 
-def test_every_rope_option(run, monkeypatch):
+def test_every_rope_option(table_job):
     """What would be computed; computing it takes seconds and shows no more of the options."""
-    jobs = []
-
-    def noted(job, *_):
-        jobs.append(job)
-        raise InputError(["noted"])
-
-    monkeypatch.setattr(TableJob, "run", noted)
-    assert run(*EVERY_ROPE_OPTION).stderr == "ropeode: noted\n"
-    (job,) = jobs
+    job = table_job(*EVERY_ROPE_OPTION)
     assert json.loads(json.dumps(dict(job.problem.parameters))) == PARAMETERS
     assert job.spec.steps_per_frame == (8, 12, 18)
     assert (job.spec.norm, job.spec.rtol, job.spec.accuracy) == ("velocity-rms", 1e-10, 1e-5)
@@ -140,7 +135,7 @@ def test_every_rope_option(run, monkeypatch):
 
 @pytest.mark.slow
 def test_every_rope_option_is_computed_with(run):
-    done = run(*EVERY_ROPE_OPTION)
+    done = run("table", *EVERY_ROPE_OPTION)
     assert done.returncode == 0, done.stderr
     whole = json.loads(done.stdout)
     assert whole["problem"]["parameters"] == PARAMETERS
@@ -404,22 +399,23 @@ def test_a_reference_of_another_rope_is_refused(run):
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_what_does_not_fit_into_memory_is_no_fault_of_ropeode(monkeypatch, capsys):
-    def too_large():
-        raise MemoryError("Unable to allocate 7.28 TiB")
+@pytest.mark.parametrize(
+    ("raised", "code", "says"),
+    [
+        (MemoryError("Unable to allocate 7.28 TiB"), 2, "memory: Unable to allocate 7.28 TiB"),
+        # Exit codes 1 and 2 are verdicts; what is broken in here must not look like one.
+        (ZeroDivisionError(), 3, "a fault of ropeode"),
+    ],
+)
+def test_what_a_command_raises_is_told_apart(raised, code, says, monkeypatch, capsys):
+    def broken():
+        raise raised
 
-    monkeypatch.setattr("ropeode.render.stepper_list.list_steppers", too_large)
-    assert main(["steppers"]) == 2
+    monkeypatch.setitem(cli.commands, "broken", click.Command("broken", callback=broken))
+    assert run_command(["broken"]) == code
     error = capsys.readouterr().err
-    assert error.startswith("ropeode: memory: Unable to allocate 7.28 TiB; allowed: ")
-    assert "Traceback" not in error
-
-
-def test_a_fault_of_ropeode_is_none_of_its_answers(monkeypatch, capsys):
-    """Exit codes 1 and 2 are verdicts; what is broken in here must not look like one."""
-    monkeypatch.setattr("ropeode.render.stepper_list.list_steppers", lambda: 1 / 0)
-    assert main(["steppers"]) == 3
-    assert "a fault of ropeode" in capsys.readouterr().err
+    assert says in error
+    assert ("Traceback" in error) == (code == 3)
 
 
 @pytest.mark.parametrize(
@@ -440,18 +436,18 @@ def test_a_process_ends_with_the_code(arguments, code, run, run_process):
 
 def test_a_process_does_not_wait_for_other_threads(environment):
     code = (
-        "import threading, time\n"
-        "from ropeode.cli import main\n"
+        "import sys, threading, time\n"
+        "from ropeode.cli import run_process\n"
         "def work():\n"
         "    while True: time.sleep(0.1)\n"
         "threading.Thread(target=work).start()\n"
-        "main.main = lambda: 1\n"
-        "main.run_process()"
+        "sys.argv[1:] = ['spec', '--nonsense']\n"
+        "run_process()"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, check=False, timeout=HANGS_AFTER_S
     )
-    assert done.returncode == 1
+    assert done.returncode == 2
 
 
 @pytest.mark.parametrize(

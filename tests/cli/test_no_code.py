@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import ropeode
-from ropeode.cli.main import cli
+from ropeode.cli import cli
 from ropeode.files import NO_CODE
 from tests.cli.conftest import commands
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import ast
 import inspect
+import json
 import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from ropeode.cli.job import job_from
-from ropeode.cli.main import cli
-from ropeode.cli.options import ROPE, TABLE
+from ropeode.cli import cli
 from ropeode.study import TableJob, TableSpec
 from tests.cli.conftest import commands
 
+STEPS = "def verlet(acceleration, t, x, v, dt, args):\n    return x, v\n"
 COMMANDS = {" ".join(path): each for path, each in commands(cli).items()}
 TAKE_SETTINGS = [
     name
@@ -28,12 +28,12 @@ NEEDED = {
     "reference compute": ["-o", "rope.nc"],
     "grade": ["a.csv", "--problem", "rope"],
 }
-OF_PROBLEM = {"problem", "kind", "frames", "reference", *(f"rope_{field}" for field in ROPE)}
+OF_PROBLEM = {"problem", "kind", "frames", "reference"}
 
 
 @pytest.mark.parametrize("name", TAKE_SETTINGS)
 def test_a_command_uses_each_setting_that_it_takes(name, run, monkeypatch):
-    """It is run with settings that keep a record of what is read, and with no problem to solve."""
+    """Its job keeps a record of what is read, and has no problem to solve."""
     read = set()
 
     class Recorded(TableSpec):
@@ -41,23 +41,18 @@ def test_a_command_uses_each_setting_that_it_takes(name, run, monkeypatch):
             read.add(field)
             return super().__getattribute__(field)
 
-    class Job:
-        spec = Recorded(**TableSpec().model_dump())
-        run = TableJob.run
+    def given(job):
+        read.update(OF_PROBLEM)
+        return SimpleNamespace()
 
-        @property
-        def given(self):
-            read.update(OF_PROBLEM)
-            return SimpleNamespace()
-
-        problem = given
-
-    module = inspect.getmodule(COMMANDS[name].callback)
-    monkeypatch.setattr(module, "job_from", lambda *_: Job())
+    monkeypatch.setattr(TableJob, "__init__", lambda *_: None)
+    spec = Recorded(**TableSpec().model_dump())
+    monkeypatch.setattr(TableJob, "spec", spec, raising=False)
+    monkeypatch.setattr(TableJob, "given", property(given), raising=False)
+    monkeypatch.setattr(TableJob, "problem", property(given))
     read.clear()
     assert run(*name.split(), *NEEDED.get(name, [])).returncode != 0
-    takes = {param.name for param in COMMANDS[name].params}
-    assert takes & {*TABLE, *OF_PROBLEM} <= read
+    assert {param.name for param in COMMANDS[name].params} & {*TableSpec.model_fields} <= read
 
 
 @pytest.mark.parametrize("name", [name for name, each in COMMANDS.items() if each.callback])
@@ -81,13 +76,6 @@ def test_one_thing_has_one_name_in_all_commands():
     assert len({opt for opts in names.values() for opt in opts}) == sum(map(len, names.values()))
 
 
-def test_a_spec_may_stand_where_a_problem_does(tmp_path, monkeypatch):
-    (tmp_path / "mine.toml").write_text("frames = 3\n[rope]\nnum_nodes = 4\n")
-    monkeypatch.chdir(tmp_path)
-    job = job_from(None, {"problem": "mine.toml", "frames": "2"})
-    assert (job.problem.frames, job.problem.parameters["num_nodes"]) == (2, 4)
-
-
 @pytest.mark.parametrize(
     ("text", "steppers"),
     [
@@ -103,26 +91,33 @@ def test_a_spec_may_stand_where_a_problem_does(tmp_path, monkeypatch):
         ("rk4,steps.py:verlet,diffrax:Heun", ["rk4", "steps.py:verlet", "diffrax:Heun"]),
     ],
 )
-def test_steppers_are_apart_and_their_options_together(text, steppers):
-    assert TABLE["steppers"].read(text) == steppers
+def test_steppers_are_apart_and_their_options_together(table_job, text, steppers):
+    Path("steps.py").write_text(STEPS)
+    kind = ["--kind", "inextensible-rope"] if "constraint" in text else []
+    job = table_job("--frames", "1", "--steppers", text, *kind)
+    assert [each.label for each in job.spec.steppers] == steppers
 
 
-def test_one_velocity_for_all_or_one_for_each_node():
-    read = ROPE["initial_velocity"].read
-    assert read("1,2") == ["1", "2"]
-    assert read("1,2;3,4") == [["1", "2"], ["3", "4"]]
+@pytest.mark.parametrize(
+    ("text", "velocity"), [("1,2", [1, 2]), ("0,0;3,4", [[0, 0], [3, 4]]), ("0,0;", None)]
+)
+def test_one_velocity_for_all_or_one_for_each_node(table_job, run, text, velocity):
+    words = ["--num-nodes", "2", "--frames", "1", "--initial-velocity", text]
+    if velocity is None:
+        assert run("table", *words).stderr.startswith("ropeode: initial_velocity: ")
+        return
+    given = table_job(*words).problem.parameters["initial_velocity"]
+    assert json.loads(json.dumps(given)) == velocity
 
 
-def test_a_reference_is_looked_for_where_it_was_typed(tmp_path, monkeypatch):
+def test_a_reference_is_looked_for_where_it_was_typed(run, tmp_path):
     """And not beside the spec, which may have a file of the same name."""
     (tmp_path / "specs").mkdir()
-    for file in ("specs/spec.toml", "specs/rope.nc", "rope.nc"):
-        (tmp_path / file).touch()
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("ropeode.study.spec.TableJob", lambda values, folder: values)
-    values = job_from(Path("specs/spec.toml"), {"reference": "rope.nc"})
-    assert values == {"reference": str(tmp_path / "rope.nc")}
-    assert job_from(None, {"reference": "kepler"}) == {"reference": "kepler"}
+    (tmp_path / "specs/spec.toml").touch()
+    for file in ("specs/rope.nc", "rope.nc"):
+        (tmp_path / file).write_text("no reference")
+    done = run("table", "specs/spec.toml", "--reference", "rope.nc")
+    assert done.stderr.startswith(f"ropeode: reference: '{tmp_path / 'rope.nc'}' given; ")
 
 
 @pytest.mark.parametrize(("option", "predicted"), [("--predict", True), ("--no-predict", False)])

@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ropeode.cli.pictures import TYPES
+from ropeode.cli import cli
 from ropeode.simulation import simulate
 from tests.cli.interrupted import interrupt
 
 # The rope of `small_rope`: what it compiles serves many tests.
 SMALL = ["--num-nodes", "4", "--frames", "3"]
 QUICK = [*SMALL, "--steppers", "rk4", "--steps", "4,8,16"]
+
+
+TYPES = next(each.type.choices for each in cli.commands["plot"].params if each.name == "name")
 
 
 @pytest.mark.parametrize("name", TYPES)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ropeode.cli.check import TEMPLATES
+from ropeode.cli import cli
 from ropeode.steppers import templates
 
 STEPS = Path(__file__).parents[2] / "docs/examples/steps.py"
@@ -47,7 +47,8 @@ def test_templates(run, name):
 
 
 def test_templates_are_all_named():
-    assert set(TEMPLATES) == set(templates.TEMPLATES)
+    (option,) = (each for each in cli.commands["check"].params if each.name == "template")
+    assert set(option.type.choices) == set(templates.TEMPLATES)
 
 
 @pytest.mark.parametrize(

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
+import shutil
 import subprocess
 import sys
-from collections import Counter
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from PIL import Image
 
-from ropeode.cli import sweep as command
-from ropeode.cli.main import cli, main
+from ropeode.cli import cli
 from ropeode.errors import InputError
-from ropeode.sweep.design.spec import commented_sweep
-from ropeode.sweep.storage.summary import summarize
+from ropeode.sweep import commented_sweep, run_sweep
+from tests.conftest import commands_may_run
 
 PAGE = (Path(__file__).parents[2] / "docs/howto/sweep.md").read_text()
 # The first lines of the page: write a spec, run it, show what is done, draw a map.
@@ -33,14 +33,10 @@ SHORTER = {
 
 
 @pytest.fixture(scope="module")
-def swept(tmp_path_factory):
+def swept(tmp_path_factory, cache):
     """A folder in which the lines of the page have run, in this process and with a small spec."""
     folder = tmp_path_factory.mktemp("swept")
-    with pytest.MonkeyPatch.context() as patch:
-        # These two change the process.
-        patch.setattr(command, "set_up_jax", lambda: None)
-        patch.setattr(command, "end_on_ctrl_c", lambda left: None)
-        patch.chdir(folder)
+    with commands_may_run(cache, folder):
         assert call(*SPEC_LINE.split()[1:]).output == ""
         text = (folder / "sweep.toml").read_text()
         for line, shorter in SHORTER.items():
@@ -59,20 +55,18 @@ def call(*arguments):
     return CliRunner().invoke(cli, arguments)
 
 
-def test_a_sweep_whose_workers_died_has_not_succeeded(swept, monkeypatch, capsys):
-    whole = summarize(swept / "out")
-    first = next(iter(whole.steppers))
-    counts = {**whole.steppers[first].counts, "status": Counter({"worker-died": 2})}
-    dead = dataclasses.replace(whole.steppers[first], counts=counts)
-    died = dataclasses.replace(whole, steppers={**whole.steppers, first: dead})
-    monkeypatch.setattr("ropeode.sweep.run.run_in", lambda *_, **__: died)
-    monkeypatch.setattr(command, "set_up_jax", lambda: None)
-    monkeypatch.setattr(command, "end_on_ctrl_c", lambda left: None)
-    monkeypatch.chdir(swept)
-    assert main(["sweep", "sweep.toml", "-o", "out"]) == 1
-    said = capsys.readouterr()
-    assert "worker-died" in said.out
-    assert "2 cases" in said.err
+def test_a_sweep_whose_workers_died_has_not_succeeded(swept, run, tmp_path):
+    """Without other processes they are not tried again."""
+    shutil.copy(swept / "sweep.toml", tmp_path)
+    shutil.copytree(swept / "out", tmp_path / "out")
+    [path] = tmp_path.glob("out/rows-*/*.parquet")
+    rows = pq.read_table(path)
+    died = pa.array(["worker-died"] * 2 + ["ok"] * (len(rows) - 2))
+    pq.write_table(rows.set_column(rows.column_names.index("status"), "status", died), path)
+    done = run("sweep", "sweep.toml", "-o", "out")
+    assert done.returncode == 1
+    assert "worker-died" in done.stdout
+    assert "2 cases" in done.stderr
 
 
 @pytest.mark.slow
@@ -139,16 +133,12 @@ def test_what_cannot_be_shown(arguments, words, swept, monkeypatch):
 @pytest.mark.parametrize("package", ["pyarrow", "filelock", "pandas"])
 def test_a_missing_extra_is_one_line(package, swept, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
-    from ropeode.sweep.run import run_sweep
-
     with pytest.raises(InputError, match=rf"^{package}: .*pip install '\.\[data\]'$"):
         run_sweep(swept / "sweep.toml", swept / "other")
 
 
 def test_without_dask(swept, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    from ropeode.sweep.run import run_sweep
-
     with pytest.raises(InputError, match=r"^distributed: .*pip install '\.\[dask\]'$"):
         run_sweep(swept / "sweep.toml", swept / "other", scheduler="tcp://localhost:8786")
     assert not (swept / "other").exists()

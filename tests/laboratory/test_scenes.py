@@ -8,7 +8,7 @@ import pytest
 
 import ropeode
 from ropeode import accuracy_table
-from ropeode.case_studies.report import rope_report
+from ropeode.case_studies import rope_report
 from ropeode.laboratory.scenes import lessons, scenes, verdicts
 from ropeode.laboratory.scenes.make_verdicts import verdicts_of
 from ropeode.problems.rope import Rope

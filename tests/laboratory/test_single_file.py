@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from ropeode.cli.main import cli
+from ropeode.cli import cli
 from ropeode.laboratory import asks, recording, single_file
 from ropeode.laboratory.messages import AskOrder, AskRun, ProblemChoice
 from ropeode.laboratory.setup import Laboratory

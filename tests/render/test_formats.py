@@ -27,7 +27,7 @@ from ropeode.render import (
     latex_part,
     markdown,
 )
-from ropeode.terminal.output import FORMATS as LISTED
+from ropeode.terminal import FORMATS as LISTED
 from tests.quartic import HOSTILE
 from tests.schemas import assert_conforms
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import ropeode
-from ropeode.cli.main import cli
+from ropeode.cli import cli
 from tests.browser import VIOLATIONS
 from tests.test_docstring_examples import public
 from tools.site_scenes import DOCS, NAMED

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from ropeode import accuracy_table, simulate
-from ropeode.cli.main import main
+from ropeode.cli import run_command
 from ropeode.errors import InputError, InputWarning
 from ropeode.problems.problem import Problem
 from ropeode.steppers import STEPPERS, ProblemClass, as_stepper
 from ropeode.steppers.nystrom import Nystrom4
 from ropeode.steppers.runge_kutta import RungeKutta, advanced
-from ropeode.sweep.design.steppers import stepper_digest, stepper_from, stepper_sources
+from ropeode.sweep import SweepSpec, evaluate
 from ropeode.tableaus.nystrom import NystromTableau
 from ropeode.theory.tableau_of_step import tableau_of
 
@@ -230,7 +230,7 @@ def test_a_command_warns_in_one_line(tmp_path, capsys, command_surroundings):
     words = ["table", "--steppers", text.replace("own", f"{tmp_path}/own"), "--frames", "1"]
     with warnings.catch_warnings():
         warnings.simplefilter("always", InputWarning)
-        main([*words, "--steps", "4,8"])
+        run_command([*words, "--steps", "4,8"])
     lines = capsys.readouterr().err.splitlines()
     warned = [line for line in lines if "warning" in line]
     assert warned
@@ -240,12 +240,12 @@ def test_a_command_warns_in_one_line(tmp_path, capsys, command_surroundings):
 
 def test_sweeps_follow_the_file(tmp_path):
     text = written(tmp_path, "A = [[], [1]]\nb = [0.5, 0.5]")
-    (source,) = stepper_sources([text], tmp_path).values()
-    assert stepper_from(source, tmp_path).order(ProblemClass()) == 2
+    values = {"steppers": [text], "grid": {"damping": [0.1]}}
+    before = SweepSpec(values, tmp_path)
     written(tmp_path, 'A = [[], ["2/3"]]\nb = [0.25, 0.75]')
-    assert stepper_digest(text, tmp_path) != source.file
+    assert SweepSpec(values, tmp_path).values["stepper_files"] != before.values["stepper_files"]
     with pytest.raises(InputError, match="unchanged since the sweep was started"):
-        stepper_from(source, tmp_path)
+        evaluate(next(before.tasks()), tmp_path)
     again = as_stepper(text, folder=tmp_path)
     assert again.tableau.a[1][0] == Fraction(2, 3)
 

@@ -12,10 +12,15 @@ import signal
 import time
 from pathlib import Path
 
-from ropeode.sweep.design.columns import COLUMNS, INPUTS, failed_row
-from ropeode.sweep.execution.engines import InProcess
-from ropeode.sweep.storage.row_files import Store, read_parts
-from ropeode.sweep.task_queue import work_through
+from ropeode.sweep import (
+    COLUMNS,
+    INPUTS,
+    InProcess,
+    Store,
+    failed_row,
+    read_parts,
+    work_through,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,6 +112,11 @@ def stored(folder: Path) -> list[dict]:
     return [row for table in read_parts(folder) for row in table.to_pylist()]
 
 
+def compute(sweep: Sweep, folder: Path, rows=Rows()) -> None:
+    """Run a sweep in this process, with partitions of five tasks, so that few cases have many."""
+    work_through(sweep, Store(folder, COLUMNS, partition_size=5), InProcess(rows))
+
+
 def run(folder: Path, count: int, writes: int | None = None) -> None:
     """Run a sweep as a process of its own, killed when it has put so many files in place."""
     replace, done = os.replace, 0
@@ -119,4 +129,4 @@ def run(folder: Path, count: int, writes: int | None = None) -> None:
         done += 1
 
     os.replace = counted
-    work_through(Sweep(count), Store(folder, COLUMNS), InProcess(Rows()))
+    compute(Sweep(count), folder)

@@ -1,19 +1,16 @@
 """A key changes with everything that a row depends on, and with nothing else."""
 
-import ast
+import dataclasses
 import importlib
 from pathlib import Path
 
 import pytest
 
 import ropeode
+from docs.rooms import imports
 from ropeode.cache import source_digest
 from ropeode.errors import InputError
-from ropeode.steppers import STEPPERS
-from ropeode.sweep.design import spec as spec_module
-from ropeode.sweep.design.content_hash import SOURCES, software
-from ropeode.sweep.design.spec import SweepSpec, read_sweep
-from ropeode.sweep.design.steppers import stepper_digest, stepper_from, stepper_sources
+from ropeode.sweep import SweepSpec, evaluate, read_sweep
 
 VALUES = {
     "steppers": ["rk4"],
@@ -82,12 +79,12 @@ def test_what_is_written_as_the_default_is_no_change(cases):
 
 
 @pytest.mark.parametrize("name", ["jax", "numpy", "python", "machine", "backend", "source"])
-def test_every_version_counts(cases, monkeypatch, name):
-    other = {**software(), name: "another"}
-    monkeypatch.setattr(spec_module, "software", lambda: other)
-    case = only_case(VALUES)
-    assert case.key != cases["plain"].key
-    assert case.problem_key != cases["plain"].problem_key
+def test_every_version_counts(cases, name):
+    case = cases["plain"]
+    software = {**case.settings.software, name: "another"}
+    assert software.keys() == case.settings.software.keys()
+    settings = dataclasses.replace(case.settings, software=software)
+    assert settings.problem_key(case.parameters) != case.problem_key
 
 
 def test_a_users_file_counts_by_what_is_in_it(tmp_path):
@@ -121,92 +118,48 @@ def test_a_users_stepper_counts_by_what_is_in_its_file(tmp_path, monkeypatch):
     file = tmp_path / "own_stepper.py"
     file.write_text(STEPPER)
     own = importlib.import_module("own_stepper").Own()
-    sources = stepper_sources([own, "rk4"], tmp_path)
-    assert [(label, source.file is None) for label, source in sources.items()] == [
-        ("own", False),
-        ("rk4", True),
-    ]
-    assert stepper_from(sources["own"], tmp_path) == own
-    spec = SweepSpec({**VALUES, "steppers": [own]})
-    assert spec.values["stepper_files"] == {"own": sources["own"].file}
+    before = SweepSpec({**VALUES, "steppers": [own, "rk4"]})
+    assert list(before.values["stepper_files"]) == ["own"]
     file.write_text(STEPPER + "# changed")
+    after = SweepSpec({**VALUES, "steppers": [own, "rk4"]})
+    (own_before, other), (own_after, same) = before.cases(), after.cases()
+    assert own_before.key != own_after.key
+    assert own_before.problem_key == own_after.problem_key
+    assert other.key == same.key
+    # The changed file is not what the first spec has described.
+    (task,) = before.tasks()
     with pytest.raises(InputError, match="^stepper: .* allowed: the same file in all processes"):
-        stepper_from(sources["own"], tmp_path)
-    before, after = next(spec.cases()), only_case({**VALUES, "steppers": [own]})
-    assert after.key != before.key
-    assert after.problem_key == before.problem_key
+        evaluate(task, tmp_path)
 
 
 def test_a_name_of_a_file_starts_from_the_folder_of_the_spec(tmp_path):
-    """As a stepper in a file has it, with and without a name."""
-    (tmp_path / "steps.py").write_text("a = 1")
-    digest = stepper_digest("steps.py", tmp_path)
-    assert digest == stepper_digest("steps.py:euler", tmp_path) is not None
-    assert {stepper_digest(name, tmp_path) for name in (*STEPPERS, "diffrax:Heun")} == {None}
-    (tmp_path / "steps.py").write_text("a = 2")
-    assert stepper_digest("steps.py", tmp_path) not in (digest, None)
+    """A stepper in a file counts by what is in it, with and without a name, and what it imports."""
+    euler = "import helper\ndef euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
+
+    def digest(text):
+        values = SweepSpec({**VALUES, "steppers": [text]}, tmp_path).values
+        (file,) = values.get("stepper_files", {text: None}).values()
+        return file
+
+    (tmp_path / "helper.py").touch()
+    (tmp_path / "steps.py").write_text(euler)
+    before = digest("steps.py")
+    assert before == digest("steps.py:euler") is not None
+    assert {digest(name) for name in ("rk4", "diffrax:Heun")} == {None}
+    (tmp_path / "steps.py").write_text(euler + "# changed")
+    assert (changed := digest("steps.py")) not in (before, None)
+    (tmp_path / "helper.py").write_text("# changed")
+    assert digest("steps.py") not in (before, changed, None)
 
 
-def test_a_users_stepper_file_runs_once_for_all_tasks_until_it_changes(tmp_path):
-    runs, file = tmp_path / "runs", tmp_path / "steps.py"
-    text = (
-        f"from pathlib import Path\nwith Path({str(runs)!r}).open('a') as runs:\n"
-        "    runs.write('.')\n"
-        "def euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
-    )
-    file.write_text(text)
-    [source] = stepper_sources("steps.py", tmp_path).values()
-    before = len(runs.read_text())
-    first, second = (stepper_from(source, tmp_path) for _ in range(2))
-    assert first is second
-    assert len(runs.read_text()) == before + 1
-    file.write_text(text + "# changed")
-    [source] = stepper_sources("steps.py", tmp_path).values()
-    assert stepper_from(source, tmp_path) is not first
-
-
-def imported(path: Path) -> set[Path]:
-    """The files of the package that a file imports, lazily or not."""
-    root = Path(ropeode.__file__).parents[1]
-    files = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ropeode"):
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        elif isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        else:
-            continue
-        for name in names:
-            place = root.joinpath(*name.split("."))
-            files |= {place.with_suffix(".py"), place / "__init__.py"}
-    return {file for file in files if file.exists()}
-
-
-def test_all_that_evaluate_imports_counts():
-    package = Path(ropeode.__file__).parent
-    new, files = {package / "sweep" / "execution" / "evaluate.py"}, set()
-    while new:
-        files |= new
-        new = {other for file in new for other in imported(file)} - files
-    assert package / "steppers" / "euler.py" in files
-    for file in files:
-        part = file.relative_to(package)
-        within = [*map(str, part.parents), str(part)]
-        # The `__init__.py` of a room contains no code that computes.
-        assert part.name == "__init__.py" or any(name in SOURCES for name in within), part
-
-
-def test_a_changed_source_counts(tmp_path):
-    for part in SOURCES:
-        path = tmp_path / part
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if part.endswith(".py"):
-            path.write_text("")
-        else:
-            path.mkdir()
-    (tmp_path / "steppers" / "euler.py").write_text("a = 1")
-    before = source_digest(tmp_path, SOURCES)
-    assert source_digest(tmp_path, SOURCES) == before
-    (tmp_path / "steppers" / "euler.py").write_text("a = 2")
-    assert source_digest(tmp_path, SOURCES) != before
-    assert software()["source"] == source_digest(Path(ropeode.__file__).parent, SOURCES)
+def test_all_sources_count_that_a_sweep_imports(cases):
+    """Those of all rooms below, and the files beside the rooms."""
+    package, imported = Path(ropeode.__file__).parent, imports()
+    below = new = {"sweep"}
+    while new := {other for room in new for other in imported[room]} - below:
+        below = below | new
+    rooms = sorted(room for room in below if (package / room).is_dir())
+    assert {"sweep", "steppers", "references"} < set(rooms)
+    parts = [*sorted(path.name for path in package.glob("*.py")), *rooms]
+    software = cases["plain"].settings.software
+    assert software["source"] == source_digest(package, parts)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from ropeode.errors import InputError
-from ropeode.sweep.design.distributions import Distribution
+from ropeode.sweep import Distribution
 
 names = st.sampled_from(["damping", "stiffness", "stepper", "x"])
 whole = st.integers(0, 2**31)
@@ -82,7 +82,7 @@ def test_logarithms_are_rounded_rightly(low, factor, draw):
 
 def test_another_process_draws_the_same():
     code = (
-        "from ropeode.sweep.design.distributions import Distribution as D\n"
+        "from ropeode.sweep import Distribution as D\n"
         "print([D(log_uniform=[1, 9]).value(3, k, 'x', 2) for k in range(3)])"
     )
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True)

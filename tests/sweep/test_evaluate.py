@@ -7,21 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from ropeode import accuracy_table
+from ropeode import accuracy_table, sweep
 from ropeode.analysis import classify_motion
-from ropeode.errors import InputError, ReferenceRefused
+from ropeode.errors import InputError
 from ropeode.norms import motion
 from ropeode.problems.ensemble import Ensemble
 from ropeode.problems.library import PROBLEMS
 from ropeode.references.compute import each_reference
 from ropeode.simulation import simulate
-from ropeode.sweep.design.cases import Task
-from ropeode.sweep.design.columns import STATUSES
-from ropeode.sweep.design.spec import SweepSpec, read_sweep
-from ropeode.sweep.execution import evaluate as evaluation
-from ropeode.sweep.execution import references
-from ropeode.sweep.execution.references import reference_path
-from ropeode.sweep.execution.runs import Run
+from ropeode.sweep import STATUSES, SweepSpec, Task, read_sweep
 from ropeode.theory.growth import stability_limit
 
 VALUES = {
@@ -49,7 +43,7 @@ def with_settings(task: Task, **changes) -> Task:
 
 def evaluate(task: Task, folder: Path, **more) -> list[dict]:
     """The rows of a task, without their seconds, which differ each time."""
-    rows = evaluation.evaluate(task, folder, **more)
+    rows = sweep.evaluate(task, folder, **more)
     for row in rows:
         seconds = row.pop("seconds")
         assert seconds > 0.0 if row["status"] != "failed" else seconds is None or seconds > 0.0
@@ -87,28 +81,6 @@ def test_each_row_has_its_columns(small):
     for case, row in zip(spec.cases(), rows, strict=True):
         assert {name: row[name] for name in case.inputs()} == case.inputs()
         assert json.loads(row["parameters"]) == case.parameters
-
-
-def test_each_row_has_the_run_of_its_problem_stepper_and_steps(small, folder, monkeypatch):
-    """With runs that count, in place of evaluations, what they are runs of."""
-
-    def code(problem, stepper, steps):
-        return int(problem["damping"]) + 10 * steps + 1000 * steppers.index(stepper)
-
-    def counted(subjects, stepper, steps, with_motion):
-        return [
-            Run(1.0 / steps, "ok", None, code(of.problem.parameters, stepper.label, steps))
-            for of in subjects
-        ]
-
-    steppers = ["rk4", "velocity-verlet", "explicit-euler"]
-    monkeypatch.setattr(evaluation, "run_all", counted)
-    values = {**VALUES, "steppers": steppers, "order_factors": [], "largest_stable_dt": False}
-    rows = rows_of(SweepSpec(values), folder)
-    assert len({row["rhs_evaluations"] for row in rows}) == len(rows) == 2 * 3 * 3
-    for row in rows:
-        expected = code(row, row["stepper"], row["steps_per_frame"])
-        assert (row["rhs_evaluations"], row["dt"]) == (expected, 1.0 / row["steps_per_frame"])
 
 
 def test_rows_are_those_of_the_accuracy_table(small, alone):
@@ -171,24 +143,28 @@ def test_rows_do_not_depend_on_what_they_are_computed_with(small, folder, tmp_pa
         assert alone == by_key[case.key]
 
 
-def test_what_takes_long_is_handed_back_in_parts(small, folder, monkeypatch):
+def test_what_takes_long_is_handed_back_in_parts(small, folder):
     """The first problem, whatever it takes; the others where the time suffices."""
     spec, rows = small
     (task,) = spec.tasks()
-    each = len(task.cases) // 2
-    assert evaluate(task, folder, seconds=1e-9) == rows[:each]
+    assert evaluate(task, folder, seconds=1e-9) == rows[: len(rows) // 2]
     assert evaluate(task, folder, seconds=100.0) == rows
-    # In Python, where no problems are run side by side.
-    monkeypatch.setattr(evaluation, "_is_compiled", lambda *_: False)
-    assert evaluate(task, folder, seconds=1e-9) == rows[:each]
 
 
-def test_a_reference_is_made_once(small, folder, monkeypatch):
+def stored(folder: Path) -> dict[Path, tuple[int, bytes]]:
+    """The files of references: when each was written, and what is in it."""
+    return {
+        path: (path.stat().st_mtime_ns, path.read_bytes())
+        for path in (folder / "references").rglob("*.npz")
+    }
+
+
+def test_a_reference_is_made_once(small, folder):
     spec, rows = small
-    monkeypatch.setattr(references, "each_reference", None)
+    before = stored(folder)
+    assert {path.stem for path in before} >= {case.problem_key for case in spec.cases()}
     assert rows_of(spec, folder) == rows
-    files = [path for path in (folder / references.FOLDER).rglob("*") if path.is_file()]
-    assert {path.stem for path in files} == {case.problem_key for case in spec.cases()}
+    assert stored(folder) == before
 
 
 def test_a_huge_sweep_keeps_no_references(small, tmp_path):
@@ -202,57 +178,38 @@ def test_a_huge_sweep_keeps_no_references(small, tmp_path):
     assert not next(many.cases()).settings.keep_references
 
 
-def test_what_a_solver_raises_is_the_reason_and_is_not_kept(small, tmp_path, monkeypatch):
-    spec, rows = small
-    (task,) = spec.tasks()
-
-    def raising(ensemble, **asked):
-        for problem in ensemble:
-            if problem.parameters["damping"] == 2.0:
-                raise RuntimeError("no luck")
-            yield from each_reference(Ensemble.of([problem]), **asked)
-
-    monkeypatch.setattr(references, "each_reference", raising)
-    for row, before in zip(evaluate(task, tmp_path), rows, strict=True):
-        if row["damping"] == 2.0:
-            assert row["status"] == "no-reference"
-            assert "RuntimeError: no luck" in row["reason"]
-            continue
-        assert row == before
-    keys = {case.problem_key for case in task.cases if case.parameters["damping"] == 0.0}
-    assert {path.stem for path in tmp_path.rglob("*.npz")} == keys
-
-
 def test_a_reference_that_is_not_as_it_was_written_is_made_again(small, folder, tmp_path):
     spec, rows = small
-    shutil.copytree(folder / references.FOLDER, tmp_path / references.FOLDER)
+    shutil.copytree(folder / "references", tmp_path / "references")
     first, *_, last = spec.cases()
-    path = reference_path(tmp_path, first.problem_key)
-    problem = PROBLEMS["rope"](**first.parameters)
-    whole = path.read_bytes()
-    other = reference_path(tmp_path, last.problem_key).read_bytes()
+    (task,) = spec.tasks()
+    paths = {path.stem: path for path in stored(tmp_path)}
+    path = paths[first.problem_key]
+    whole, other = path.read_bytes(), paths[last.problem_key].read_bytes()
     middle = len(whole) // 2
     changed = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
     for harmed in (whole[:-100], other, b"", changed):
         path.write_bytes(harmed)
-        assert references._read(path, first.problem_key, problem) is None
-    (task,) = spec.tasks()
-    assert evaluate(task._replace(cases=(first,)), tmp_path) == rows[:1]
-    assert path.read_bytes() == whole
+        assert evaluate(task._replace(cases=(first,)), tmp_path) == rows[:1]
+        assert path.read_bytes() == whole
 
 
-def test_a_run_that_diverges_is_a_row(tmp_path, monkeypatch):
-    def refusing(ensemble, **asked):
-        return iter([ReferenceRefused("it is too stiff")] * len(ensemble))
+EXPLODING = """
+def step(acceleration, t, x, v, dt, args):
+    return x * (1e300 if t > 1.1 else 1.0), v
+"""
 
-    # Explicit Euler multiplies velocities by 1 - damping dt.
-    monkeypatch.setattr(references, "each_reference", refusing)
-    values = {**VALUES, "steppers": ["explicit-euler"], "grid": {"damping": [1.0, 1e150]}}
-    rows = rows_of(SweepSpec({**values, "largest_stable_dt": False}), tmp_path)
-    assert [row["status"] for row in rows] == ["no-reference"] * 3 + ["diverged"] * 3
-    for row in rows[3:]:
-        reason = f"no longer finite at frame {row['diverged_at']}; it is too stiff"
-        assert row["reason"] == reason
+
+def test_a_run_that_diverges_is_a_row(folder, tmp_path):
+    (tmp_path / "steps.py").write_text(EXPLODING)
+    values = {**VALUES, "steppers": ["steps.py:step"], "steps_per_frame": [1, 2]}
+    values = {**values, "accuracy": 1e-300, "largest_stable_dt": False}
+    rows = rows_of(SweepSpec(values, tmp_path), folder)
+    assert {row["status"] for row in rows} == {"diverged"}
+    for row in rows:
+        # With the second factor, at t = 3 or at t = 2.
+        assert row["diverged_at"] == (4 if row["steps_per_frame"] == 1 else 3)
+        assert row["reason"].startswith(f"no longer finite at frame {row['diverged_at']}; no ref")
         assert row["motion"] == "diverges"
         assert row["error_max"] is row["resolved"] is row["order_verdict"] is None
 
@@ -267,9 +224,10 @@ def test_no_reference_is_a_row(folder):
         assert {row[name] for name in missing} == {None}
         assert row["motion"] is not None
     # A refusal is kept like a reference.
-    for case in spec.cases():
-        assert reference_path(folder, case.problem_key).exists()
+    before = stored(folder)
+    assert {path.stem for path in before} >= {case.problem_key for case in spec.cases()}
     assert rows_of(spec, folder) == rows
+    assert stored(folder) == before
 
 
 def test_a_users_file_that_changes_meanwhile(folder, tmp_path):
@@ -301,24 +259,28 @@ def test_a_case_that_cannot_be_built_fails_alone(folder):
     assert set(rows[-1]) == set(rows[0])
 
 
-def test_what_a_problem_raises_while_it_runs_is_the_reason(small, folder, monkeypatch):
-    spec, rows = small
+RAISING = """
+import numpy as np
+
+def euler(acceleration, t, x, v, dt, args):
+    if np.max(args.damping) > 0:
+        raise RuntimeError("out of\\n room")
+    a = np.asarray(acceleration(t, x, v, args))
+    return x + dt * np.asarray(v), v + dt * a
+"""
+
+
+def test_what_a_stepper_raises_while_it_runs_is_the_reason(folder, tmp_path):
+    """Another problem of the same task has its rows, also where it is handed back alone."""
+    (tmp_path / "steps.py").write_text(RAISING)
+    values = {**VALUES, "steppers": ["steps.py:euler"], "steps_per_frame": [4, 16]}
+    values = {**values, "order_factors": [], "largest_stable_dt": False}
+    spec = SweepSpec(values, tmp_path)
     (task,) = spec.tasks()
-
-    def raising(subjects, stepper, steps, words):
-        damped = any(of.problem.parameters["damping"] == 2.0 for of in subjects)
-        if steps == 64 and stepper.name == "velocity-verlet" and damped:
-            raise RuntimeError("out of\n room")
-        return run_all(subjects, stepper, steps, words)
-
-    run_all = evaluation.run_all
-    monkeypatch.setattr(evaluation, "run_all", raising)
-    for row, before in zip(evaluate(task, folder), rows, strict=True):
-        # 64 is 8 times 8, and no other case's order needs it.
-        if (row["stepper"], row["damping"], row["steps_per_frame"]) == ("velocity-verlet", 2.0, 8):
-            assert (row["status"], row["reason"]) == ("failed", "RuntimeError: out of room")
-        else:
-            assert row == before
+    rows = evaluate(task, folder)
+    assert [row["status"] for row in rows] == ["ok", "ok", "failed", "failed"]
+    assert "RuntimeError: out of room" in rows[3]["reason"]
+    assert evaluate(task, folder, seconds=1e-9) == rows[:2]
 
 
 def test_other_software_than_the_keys_were_made_with(small, folder):

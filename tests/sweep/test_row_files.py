@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import resource
 import shutil
@@ -11,6 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 from unittest import mock
+from unittest.mock import DEFAULT
 
 import pyarrow.parquet as pq
 import pytest
@@ -18,15 +20,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import RopeodeError
-from ropeode.sweep.design.columns import COLUMNS
-from ropeode.sweep.execution.engines import InProcess
-from ropeode.sweep.storage import row_files
-from ropeode.sweep.storage.extend import take_over
-from ropeode.sweep.storage.folder import Index
-from ropeode.sweep.storage.row_files import Store
-from ropeode.sweep.storage.summary import summarize
-from ropeode.sweep.task_queue import work_through
-from tests.sweep.stand_in import Rows, Sweep, expected, row, stored
+from ropeode.sweep import COLUMNS, Store, summarize, take_over
+from tests.sweep.stand_in import Rows, Sweep, compute, expected, row, stored
 
 ROOT = Path(__file__).parents[2]
 
@@ -35,15 +30,9 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-@pytest.fixture(autouse=True)
-def small_partitions(monkeypatch):
-    """Partitions of five tasks, so that few cases have many."""
-    monkeypatch.setattr(row_files, "PARTITION", 5)
-
-
 def test_rows_come_back_as_they_were_and_in_few_files(tmp_path):
     sweep = Sweep(count=47)
-    work_through(sweep, Store(tmp_path, COLUMNS), InProcess(Rows()))
+    compute(sweep, tmp_path)
     assert stored(tmp_path) == expected(sweep)
     assert sorted(files(tmp_path)) == ["000000.parquet", "000001.parquet", "000002.parquet"]
     # Anyone can read them, without ropeode.
@@ -62,7 +51,7 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
     """Each change of the disk is a place to die: before it, or right after it."""
     sweep = Sweep(count=27)
     undisturbed = tmp_path_factory.mktemp("undisturbed")
-    work_through(sweep, Store(undisturbed, COLUMNS), InProcess(Rows()))
+    compute(sweep, undisturbed)
     folder = tmp_path_factory.mktemp("killed")
 
     def dying(real, left):
@@ -92,11 +81,11 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
                 real = getattr(where, name)
                 stack.enter_context(mock.patch.object(where, name, dying(real, left)))
             with contextlib.suppress(Killed):
-                work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
+                compute(sweep, folder)
         there = [each["key"] for each in stored(folder)]
         assert len(there) == len(set(there)), "a row is there twice"
         assert before <= set(there), "a row that was there is gone"
-    work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
+    compute(sweep, folder)
     assert files(folder) == files(undisturbed)
     shutil.rmtree(folder)
 
@@ -104,7 +93,6 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
 def run(folder: Path, count: int, writes: int | None) -> subprocess.CompletedProcess:
     code = (
         "from pathlib import Path\nfrom tests.sweep.stand_in import run\n"
-        "from ropeode.sweep.storage import row_files\nrow_files.PARTITION = 5\n"
         f"run(Path({str(folder)!r}), {count}, {writes})"
     )
     return subprocess.run([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE)
@@ -123,14 +111,14 @@ def test_a_process_that_is_killed_loses_no_row(tmp_path):
         assert before <= set(keys)
         before = set(keys)
     assert [name for name in files(folder) if name.endswith(".part")]
-    work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
+    compute(sweep, folder)
     assert stored(folder) == expected(sweep)
     assert not [name for name in files(folder) if name.endswith(".part")]
 
 
 def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
     """Making and hashing them would take hours for a large sweep."""
-    work_through(Sweep(count=47), Store(tmp_path, COLUMNS), InProcess(Rows()))
+    compute(Sweep(count=47), tmp_path)
     (tmp_path / "000002.parquet").unlink()
     made, tasks = [], Sweep.tasks
 
@@ -140,7 +128,7 @@ def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
             yield task
 
     monkeypatch.setattr(Sweep, "tasks", counted)
-    work_through(Sweep(count=47), Store(tmp_path, COLUMNS), InProcess(Rows()))
+    compute(Sweep(count=47), tmp_path)
     assert made == [10, 11]
     assert stored(tmp_path) == expected(Sweep(count=47))
 
@@ -148,45 +136,50 @@ def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
 def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
     """A limit on the size of files stands for the disk: no partition can be merged."""
     sweep, folder = Sweep(count=47), tmp_path / "full"
-    work_through(sweep, Store(tmp_path / "free", COLUMNS), InProcess(Rows()))
+    compute(sweep, tmp_path / "free")
     merged = files(tmp_path / "free")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     limit = len(merged["000000.parquet"]) - 1
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
         with pytest.raises(RopeodeError, match="cannot be written to .*finished cases are kept"):
-            work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
+            compute(sweep, folder)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert stored(folder) == expected(sweep)[:20]
     assert not [name for name in files(folder) if name.endswith(".part")]
-    work_through(sweep, Store(folder, COLUMNS), InProcess(Rows()))
+    compute(sweep, folder)
     assert files(folder) == merged
 
 
 def test_a_damaged_file_is_named(tmp_path):
-    work_through(Sweep(count=8), Store(tmp_path, COLUMNS), InProcess(Rows()))
+    compute(Sweep(count=8), tmp_path)
     path = tmp_path / "000000.parquet"
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(RopeodeError, match="000000.parquet: damaged .* Fix: remove it"):
         stored(tmp_path)
     path.unlink()
-    work_through(Sweep(count=8), Store(tmp_path, COLUMNS), InProcess(Rows()))
+    compute(Sweep(count=8), tmp_path)
     assert stored(tmp_path) == expected(Sweep(count=8))
 
 
 def test_rows_of_many_files_are_taken_over(tmp_path):
-    work_through(Sweep(count=47), Store(tmp_path / "old", COLUMNS), InProcess(Rows()))
-    assert take_over(tmp_path / "old", tmp_path / "new", Sweep(count=60)) == 0
+    compute(Sweep(count=47), tmp_path / "old")
+
+    def store(name):
+        return Store(tmp_path / name, COLUMNS, partition_size=5)
+
+    assert take_over(tmp_path / "old", store("new"), Sweep(count=60)) == 0
     assert stored(tmp_path / "new") == expected(Sweep(count=60))[:47]
     # A smaller sweep does not have them all.
-    assert take_over(tmp_path / "old", tmp_path / "small", Sweep(count=30)) == 17
+    assert take_over(tmp_path / "old", store("small"), Sweep(count=30)) == 17
 
 
 def test_a_summary_adds_all_files_up(tmp_path):
     rows = Rows(raising=frozenset({2, 46}))
-    work_through(Sweep(count=47), Store(tmp_path / "rows-1", COLUMNS), InProcess(rows))
-    Index({}, {}, 50, COLUMNS).write(tmp_path)
+    compute(Sweep(count=47), tmp_path / "rows-1", rows)
+    index = {"spec": {}, "software": {}, "count": 50, "columns": COLUMNS, "rows": "rows-1"}
+    (tmp_path / "index.json").write_text(json.dumps({"format": 1, **index}))
     summary = summarize(tmp_path)
     assert (summary.done, summary.total) == (47, 50)
     assert dict(summary.statuses) == {"ok": 45, "failed": 2}
@@ -216,28 +209,29 @@ def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count
         return rows
 
     folder, sweep = tmp_path / "rows", Sweep(count=count)
-    store = Store(folder, COLUMNS)
+    store = Store(folder, COLUMNS, partition_size=5)
     if count == 5:
         # The second task is not done.
         store.add(0, store.table(next(sweep.tasks()).cases[1:], work(next(sweep.tasks()))[1:]))
     else:
-        work_through(sweep, store, InProcess(work))
+        compute(sweep, folder, work)
     before = store.count()
     store.reopen(2.0, died=False)
     assert store.count() == before
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "unlink", _killed)
-        patch.setattr("ropeode.sweep.storage.row_files.write_whole", _killed)
+        patch.setattr(Path, "unlink", killed)
+        replaced = mock.Mock(side_effect=[DEFAULT, KeyboardInterrupt], wraps=os.replace)
+        patch.setattr(os, "replace", replaced)
         with pytest.raises(KeyboardInterrupt):
             store.reopen(3.0, died=True)
     store.reopen(3.0, died=False)
     assert store.count() == before - again
     store.reopen(0.0, died=True)
     assert store.count() == before - again - 1
-    work_through(sweep, store, InProcess(Rows()))
+    compute(sweep, folder)
     kept = [each["status"] for each in stored(folder)]
     assert kept == ["timed-out" if n == 6 else "ok" for n in range(count)]
 
 
-def _killed(*_, **__):
+def killed(*_, **__):
     raise KeyboardInterrupt

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ropeode.errors import InputError
 from ropeode.study import TableJob
-from ropeode.sweep.design.spec import MOST_PROBLEMS, SweepSpec, commented_sweep, read_sweep
+from ropeode.sweep import SweepSpec, commented_sweep, read_sweep
 
 SMALL = """
 steppers = ["rk4", "semi-implicit-euler"]
@@ -87,7 +87,6 @@ def test_tasks_hold_every_case_once_and_one_shape_each():
     for task in tasks:
         shapes = {(c.parameters["num_nodes"], c.parameters["frames"]) for c in task.cases}
         assert len(shapes) == 1
-        assert len({case.problem_key for case in task.cases}) <= MOST_PROBLEMS
     assert [task.number for task in tasks] == list(range(len(tasks)))
     assert list(spec.tasks(2)) == tasks[2:]
     first, *rest = tasks[0].cases
@@ -106,7 +105,8 @@ def test_a_design_of_hundred_million_cases_takes_no_room():
     assert [case.number for case in last] == [spec.count - 2, spec.count - 1]
     assert last[-1].parameters["damping"] == values[-1]
     assert (last[-1].seed, last[-1].draw) == (7, 62499)
-    assert len(next(spec.tasks()).cases) == 4 * MOST_PROBLEMS
+    # A task is no larger than what may be computed twice where its process dies.
+    assert len(next(spec.tasks()).cases) == 4 * 64
 
 
 MORE = {

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import InputError, RopeodeError
-from ropeode.sweep.execution.engines import TookTooLong
-from ropeode.sweep.task_queue import dispatched
+from ropeode.sweep import TookTooLong, dispatched
 from tests.sweep.stand_in import Sweep, row
 
 
@@ -78,17 +77,12 @@ class Scripted:
 
 def rows_of(sweep, engine):
     by_number = {}
-    for task, rows in dispatched(sweep.tasks(), engine):
+    for task, rows in dispatched(sweep.tasks(), engine, check_every=0.001):
         for case, each in zip(task.cases, rows, strict=True):
             assert case.number not in by_number
             assert case.number // sweep.per_task == task.number
             by_number[case.number] = each
     return by_number
-
-
-@pytest.fixture(autouse=True)
-def impatient(monkeypatch):
-    monkeypatch.setattr("ropeode.sweep.task_queue._CHECK_EVERY_S", 0.001)
 
 
 @given(
@@ -133,7 +127,7 @@ def test_no_more_tasks_are_made_than_there_is_room_for(deadly):
             taken.append(task.number)
             yield task
 
-    for done, _ in enumerate(dispatched(tasks(), Scripted(3, deadly))):
+    for done, _ in enumerate(dispatched(tasks(), Scripted(3, deadly), check_every=0.001)):
         assert len(taken) <= done + 1 + 3
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from ropeode.sweep.run import run_sweep
-from ropeode.sweep.storage.load import load_sweep
+from ropeode.sweep import load_sweep, run_sweep
 
 PROBLEM = """
 import numpy as np

@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from ropeode.classroom.rubric import OF_STEPPERS, read_rubric
+from ropeode.classroom import OF_STEPPERS, read_rubric
 from tests.teach.hand_ins import TEACH, WRONG, text_of
 
 ROW = re.compile(r"^\| *(\w+) *\| *(.+?) *\| *([\d.]+) *\| *(.+?) *\|$", re.MULTILINE)

@@ -22,37 +22,11 @@ PACKAGES = (
     *("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy"),
     *("equinox", "lineax", "optimistix"),
 )
-# The parts of this package that compute a row, with everything that they import from it.
-SOURCES = (
-    "analysis",
-    "bars.py",
-    "cache.py",
-    "callbacks.py",
-    "display.py",
-    "equality.py",
-    "errors.py",
-    "files.py",
-    "lapack.py",
-    "norms.py",
-    "precision.py",
-    "problems",
-    "progress.py",
-    "references",
-    "simulation",
-    "steppers",
-    "study/accuracy_table.py",
-    "study/each_once.py",
-    "study/error_constant.py",
-    "study/spec.py",
-    "sweep/design",
-    "sweep/execution/evaluate.py",
-    "sweep/execution/parts.py",
-    "sweep/execution/references.py",
-    "sweep/execution/runs.py",
-    "tableaus",
-    "theory",
-    "threads.py",
-    "validation.py",
+# The rooms of this package that compute a row, and those that they import. The files beside the
+# rooms count too.
+_ROOMS = (
+    *("analysis", "problems", "references", "simulation", "steppers", "study", "sweep"),
+    *("tableaus", "theory"),
 )
 
 
@@ -90,10 +64,12 @@ def software() -> Mapping[str, str]:
         versions["heyoka"] = metadata.version("heyoka")
     except metadata.PackageNotFoundError:
         versions["heyoka"] = "not installed"
+    package = Path(__file__).parents[2]
+    files = sorted(each.name for each in package.glob("*.py"))
     return {
         **versions,
         "python": platform.python_version(),
         "machine": platform.machine(),
         "backend": jax.default_backend(),
-        "source": source_digest(Path(__file__).parents[2], SOURCES),
+        "source": source_digest(package, [*files, *_ROOMS]),
     }

@@ -14,10 +14,7 @@ from ropeode.sweep.design.columns import Row
 from ropeode.sweep.execution.engines import AHEAD, Engine, Work, Worker, on_one_core
 from ropeode.validation import bad_value, require
 
-_CONNECT_S = 10.0
 _COUNT_EVERY_S = 1.0
-# A cluster that starts workers on demand needs time for the first one.
-NO_WORKERS_S = 300.0
 
 
 class DaskCluster(Engine):
@@ -28,12 +25,23 @@ class DaskCluster(Engine):
         address: of the scheduler, as in ``tcp://host:8786``.
         case_limit: seconds that a case may take. With one, each thread of the cluster's workers
             starts a process that can be killed.
+        connect_limit: seconds in which the scheduler must answer.
+        no_workers_limit: seconds for which it may be without workers. A cluster that starts
+            workers on demand needs time for the first one.
 
     Raises:
         InputError: no scheduler answers there, or the extra `dask` is not installed.
     """
 
-    def __init__(self, work: Work, address: str, case_limit: float | None = None):
+    def __init__(
+        self,
+        work: Work,
+        address: str,
+        case_limit: float | None = None,
+        *,
+        connect_limit: float = 10.0,
+        no_workers_limit: float = 300.0,
+    ):
         require("distributed", "dask", "Dask clusters")
         import distributed
 
@@ -42,10 +50,10 @@ class DaskCluster(Engine):
         self._work = functools.partial(_in_thread, work)
         if case_limit is not None:
             self._work = functools.partial(_in_process, work, case_limit)
-        self._address = address
+        self._address, self._no_workers_limit = address, no_workers_limit
         try:
             self._client: Any = distributed.Client(
-                address, timeout=_CONNECT_S, set_as_default=False
+                address, timeout=connect_limit, set_as_default=False
             )
         except (OSError, ValueError, TypeError) as error:
             why = " ".join(str(error).split())
@@ -67,11 +75,11 @@ class DaskCluster(Engine):
         """See that there are workers.
 
         Raises:
-            RopeodeError: there have been none for five minutes, or the scheduler has gone.
+            RopeodeError: there have been none for too long, or the scheduler has gone.
         """
         self._count()
         waited = time.monotonic() - self._alive_at
-        if waited > NO_WORKERS_S:
+        if waited > self._no_workers_limit:
             raise RopeodeError(
                 f"scheduler: {self._address} has had no workers for {waited:.0f} seconds; finished "
                 "cases are kept. Fix: start workers, then run the same command again"

@@ -52,6 +52,10 @@ def evaluate(task: Task, folder: Path, seconds: float = PART_S) -> list[Row]:
     """
     settings = task.cases[0].settings
     factory = _factory(settings)
+    steppers = {
+        label: stepper_from(settings.steppers[label], settings.folder)
+        for label in dict.fromkeys(case.stepper for case in task.cases)
+    }
     rows: dict[str, Row] = {}
     built: dict[str, tuple[Problem, Norm]] = {}
     for key, cases in _grouped(task.cases, lambda case: case.problem_key).items():
@@ -73,8 +77,7 @@ def evaluate(task: Task, folder: Path, seconds: float = PART_S) -> list[Row]:
     runnable = [case for case in task.cases if case.problem_key in subjects]
     each = (time.perf_counter() - began) / max(1, len(runnable))
     for label, cases in _grouped(runnable, lambda case: case.stepper).items():
-        stepper = stepper_from(settings.steppers[label], settings.folder)
-        for key, row in _rows_of_stepper(stepper, cases, subjects, part).items():
+        for key, row in _rows_of_stepper(steppers[label], cases, subjects, part).items():
             rows[key] = {**row, "seconds": each + row["seconds"]}
     return [rows[case.key] for case in itertools.takewhile(lambda c: c.key in rows, task.cases)]
 

@@ -15,7 +15,6 @@ from ropeode.sweep.storage.row_files import (
     NUMBER,
     Store,
     files_of,
-    partition_of,
     partitions,
     read_file,
 )
@@ -25,7 +24,7 @@ _OPEN_FILES = 4
 _DIGITS = 16
 
 
-def take_over(old: Path, new: Path, sweep: SweepSpec) -> int:
+def take_over(old: Path, store: Store, sweep: SweepSpec) -> int:
     """Copy the rows that a sweep shares with the one before it.
 
     The input columns of a copied row are rewritten: its number changes, and the sweep before
@@ -33,15 +32,15 @@ def take_over(old: Path, new: Path, sweep: SweepSpec) -> int:
 
     Arguments:
         old: folder of the rows of the sweep before.
-        new: folder of rows, which is created.
+        store: to which the rows are copied.
         sweep: the larger one.
 
     Returns:
         The number of old rows that do not belong to any case of the sweep.
     """
-    rows, store = _RowsByKey(old), Store(new, sweep.columns)
+    rows = _RowsByKey(old)
     lost = rows.count
-    for partition, tasks in itertools.groupby(sweep.tasks(), partition_of):
+    for partition, tasks in itertools.groupby(sweep.tasks(), store.partition_of):
         shared = rows.of([case for task in tasks for case in task.cases], store)
         if shared is not None:
             lost -= shared.num_rows

@@ -1,9 +1,9 @@
 """The rows of a sweep on disk, in few Parquet files, each of which is written whole.
 
-A sweep's tasks, in their order, are cut into partitions of `PARTITION` tasks. While a partition
-is open, the rows of each task are a small file in the folder ``000012/``. When all its tasks are
-done these files are merged into ``000012.parquet``; as soon as that file exists, the folder is
-ignored. So a process that is killed at any moment leaves each row behind exactly once.
+A sweep's tasks, in their order, are cut into partitions of a fixed number of tasks. While a
+partition is open, the rows of each task are a small file in the folder ``000012/``. When all its
+tasks are done these files are merged into ``000012.parquet``; as soon as that file exists, the
+folder is ignored. So a process that is killed at any moment leaves each row behind exactly once.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from ropeode.sweep.storage.folder import write_errors
 if TYPE_CHECKING:
     from ropeode.sweep.design.cases import Case, Task
 
-PARTITION = 256
 NUMBER = "case"
 _ATTEMPTS = 5
 
@@ -37,10 +36,11 @@ class Store:
     Arguments:
         folder: of the rows; it is created when the first are added.
         columns: of a row; its number in the sweep comes in addition.
+        partition_size: tasks of a partition, the same each time that the folder is written to.
     """
 
-    def __init__(self, folder: Path, columns: Mapping[str, Column]):
-        self.folder = folder
+    def __init__(self, folder: Path, columns: Mapping[str, Column], partition_size: int = 256):
+        self.folder, self.partition_size = folder, partition_size
         types = {NUMBER: "int64", **{name: column.type for name, column in columns.items()}}
         self.schema = pa.schema([(name, pa.type_for_alias(kind)) for name, kind in types.items()])
 
@@ -60,6 +60,10 @@ class Store:
     def count(self) -> int:
         """The number of rows."""
         return sum(pq.read_metadata(path).num_rows for path in self.folder.glob("**/*.parquet"))
+
+    def partition_of(self, task: Task) -> int:
+        """The number of the partition that a task belongs to."""
+        return task.number // self.partition_size
 
     def sealed(self, partition: int) -> bool:
         """Whether a partition is complete and merged."""
@@ -183,11 +187,6 @@ def read_parts(folder: Path, columns: Sequence[str] | None = None) -> Iterator[p
             raise RopeodeError(f"{folder / name}: its files keep changing; try again")
         if tables:
             yield pa.concat_tables(tables).sort_by(NUMBER)
-
-
-def partition_of(task: Task) -> int:
-    """The number of the partition that a task belongs to."""
-    return task.number // PARTITION
 
 
 def partitions(folder: Path) -> list[str]:

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import ropeode
-from ropeode.cli.pictures import TYPES
+from ropeode.cli import cli
 from ropeode.errors import InputError
 from ropeode.files import check_suffix
 from ropeode.render import FIGURES, PLOTS, figure_bytes
@@ -24,7 +24,8 @@ MAGIC = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
 
 def test_types_are_listed_on_the_command_line():
-    assert tuple(PLOTS) == TYPES
+    (option,) = (each for each in cli.commands["plot"].params if each.name == "name")
+    assert tuple(PLOTS) == tuple(option.type.choices)
 
 
 # The layout with the longest words, and that with the most lines.

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 
 from ropeode import plot_sweep
 from ropeode.errors import InputError
-from ropeode.sweep.design.columns import COLUMNS
+from ropeode.sweep import COLUMNS
 from tests.render.plots.legible import assert_legible
 
 DAMPINGS, STEPS = (0.01, 0.1, 1.0), (16, 32, 64, 128)
