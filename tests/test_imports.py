@@ -65,7 +65,6 @@ FACELESS = {
     "laboratory",
     "problems",
     "references",
-    "simulation",
     "steppers",
     "sweep",
     "tableaus",

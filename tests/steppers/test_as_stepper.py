@@ -15,7 +15,7 @@ from ropeode import Phase, Problem, Rope, Stepper, accuracy_table, as_stepper, s
 from ropeode.errors import InputError, UserCodeError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
-from ropeode.simulation.method import method_of
+from ropeode.simulation import method_of
 from ropeode.steppers import STEPPERS
 from ropeode.steppers.base import ProblemClass
 from ropeode.steppers.templates import TEMPLATES, template

@@ -8,7 +8,7 @@ import pytest
 
 from ropeode import Problem
 from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.simulation.method import method_of
+from ropeode.simulation import method_of
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase
 from ropeode.theory.expansion import expanded

@@ -9,7 +9,7 @@ import pytest
 from ropeode import Problem
 from ropeode.problems.links import LinearDamping
 from ropeode.references.reference import Reference
-from ropeode.simulation.method import method_of
+from ropeode.simulation import method_of
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.phase import Phase
 from ropeode.theory.global_error import predicted_error

@@ -25,7 +25,7 @@ from ropeode.problems.links import LinearDamping
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.problems.ropes import ROPES
-from ropeode.simulation.trajectory import Trajectory
+from ropeode.simulation import Trajectory
 from ropeode.steppers.base import BuiltIn
 from ropeode.steppers.implicit import _Implicit
 from ropeode.study import problem_class as class_of
