@@ -26,8 +26,7 @@ from ropeode.problems.problem import FirstOrderForm, Problem
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import RungeKutta4, StormerVerlet, as_stepper
-from ropeode.steppers.registry import STEPPERS
+from ropeode.steppers import STEPPERS, RungeKutta4, StormerVerlet, as_stepper
 from tests.time_limit import HANGS_AFTER_S
 
 POINT, ARRAY = np.array([0.1, 0.7]), np.array([1.0, 2.0])

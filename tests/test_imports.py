@@ -65,9 +65,7 @@ FACELESS = {
     "laboratory",
     "problems",
     "references",
-    "steppers",
     "sweep",
-    "tableaus",
     "terminal",
     "theory",
 }
@@ -79,6 +77,7 @@ LEAVES: dict[str, str] = {
     "ropeode.study.pareto": "Pareto fronts and costs of errors, held against brute force",
     "ropeode.tableaus.rooted_trees": "rooted trees, held against their known numbers",
     "ropeode.tableaus.order_conditions": "conditions on coefficients, held against the literature",
+    "ropeode.steppers.block_tridiagonal": "linear equations, held against dense ones",
 }
 
 

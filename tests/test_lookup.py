@@ -14,7 +14,7 @@ import pytest
 
 import ropeode
 from ropeode.problems.library import PROBLEMS
-from ropeode.steppers.registry import STEPPERS
+from ropeode.steppers import STEPPERS
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs/reference"

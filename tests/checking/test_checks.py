@@ -18,8 +18,8 @@ from ropeode.checking.energy_drift import measure_drift
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.render import format_check
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
+from ropeode.steppers import Phase
+from ropeode.steppers import Stepper
 from tests.checking import steps
 from tests.checking.no_time_limit import check_stepper
 

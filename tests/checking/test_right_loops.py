@@ -15,7 +15,7 @@ from ropeode.checking.report import Finding
 from ropeode.checking.richardson import limit_of
 from ropeode.render import format_check
 from ropeode.simulation import method_of
-from ropeode.steppers.base import Stepper
+from ropeode.steppers import Stepper
 from tests.checking import right_loops
 from tests.checking.no_time_limit import check_stepper
 from tests.checking.right_loops import RIGHT_LOOPS

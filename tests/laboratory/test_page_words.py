@@ -12,7 +12,7 @@ from ropeode.checking.report import Status, Verdict
 from ropeode.laboratory.controls import parameters_of
 from ropeode.norms import norm_for
 from ropeode.problems.library import PROBLEMS
-from ropeode.steppers.registry import STEPPERS, options
+from ropeode.steppers import STEPPERS, options
 
 PAGE = Path(ropeode.laboratory.__file__).parent / "page"
 ENGLISH, CHINESE = (

@@ -40,8 +40,11 @@ from ropeode.errors import InputError, UserCodeError, call_user_code, full_trace
 from ropeode.problems.library import PROBLEMS
 from ropeode.references.solvers.solver import DOPRI8
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
-from ropeode.steppers import Phase, System, as_stepper
-from ropeode.study import NodePath, NodePaths
+from ropeode.steppers import Phase
+from ropeode.steppers import System
+from ropeode.steppers import as_stepper
+from ropeode.study import NodePath
+from ropeode.study import NodePaths
 from ropeode.theory.growth import Growth
 from tests.results import check_result, kinds
 

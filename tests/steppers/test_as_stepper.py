@@ -16,9 +16,10 @@ from ropeode.errors import InputError, UserCodeError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.library import PROBLEMS
 from ropeode.simulation import method_of
+from ropeode.steppers import ProblemClass
 from ropeode.steppers import STEPPERS
-from ropeode.steppers.base import ProblemClass
-from ropeode.steppers.templates import TEMPLATES, template
+from ropeode.steppers import TEMPLATES
+from ropeode.steppers import template
 from ropeode.study import check_steppers
 from tests.checking import steps
 

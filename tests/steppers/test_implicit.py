@@ -20,14 +20,12 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.render import FORMATS
 from ropeode.simulation import simulate
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import ProblemClass, Stepper
+from ropeode.steppers import ProblemClass, Stepper, as_stepper, by_family
 from ropeode.steppers.block_tridiagonal import (
     solve_block_tridiagonal,
     solve_neighbours,
     solve_small,
 )
-from ropeode.steppers.registry import by_family
 from ropeode.theory.structure import structure
 
 IMPLICIT = [each.name for each in by_family()["implicit"]]

@@ -12,8 +12,7 @@ from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import STEPPERS
-from ropeode.steppers.base import Stepper
+from ropeode.steppers import STEPPERS, Stepper
 from ropeode.theory.stability_function import (
     LeadingTerm,
     NoStabilityFunction,

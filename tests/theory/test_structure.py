@@ -11,7 +11,7 @@ from ropeode.problems.kepler import kepler
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.steppers.base import Stepper
+from ropeode.steppers import Stepper
 from ropeode.theory.structure import structure
 
 # With damping, which is left out, pins and gravity.
