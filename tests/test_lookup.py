@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import ropeode
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.steppers import STEPPERS
 
 ROOT = Path(__file__).parents[1]

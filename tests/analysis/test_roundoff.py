@@ -12,11 +12,9 @@ from ropeode import InextensibleRope, Problem, Rope, reference
 from ropeode.analysis import in_other_units, round_off
 from ropeode.norms import distance, norm_for
 from ropeode.precision import in_float64
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import PROBLEMS, ROPES
 from ropeode.simulation import simulate
-from ropeode.steppers import StormerVerlet
-from ropeode.steppers import as_stepper
+from ropeode.steppers import StormerVerlet, as_stepper
 from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import UNSTABLE, slow_if
 

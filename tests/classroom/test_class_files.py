@@ -12,7 +12,7 @@ from ropeode.checking.grade import CHECKS, grade
 from ropeode.classroom.examination import examined
 from ropeode.classroom.submissions import trajectory_submissions
 from ropeode.classroom.trajectories import REFERENCE, Trajectories
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.references.compute import reference
 from ropeode.references.files.store import save_reference
 from ropeode.render import markdown

@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.links import LinearDamping
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, LinearDamping, Problem, Rope
 
 
 def decay(t, y, args):

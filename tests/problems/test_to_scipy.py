@@ -12,9 +12,7 @@ from scipy.integrate import solve_ivp
 
 from ropeode.analysis import error_series
 from ropeode.precision import in_float64
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.references.compute import reference
 from tests.problems.test_from_scipy import pendulum
 

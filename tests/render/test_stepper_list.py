@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from ropeode.render import describe_stepper
-from ropeode.render import list_steppers
-from ropeode.steppers import STEPPERS
-from ropeode.steppers import as_stepper
-from ropeode.steppers import options
 import inspect
+
+from ropeode.render import describe_stepper, list_steppers
+from ropeode.steppers import STEPPERS, as_stepper, options
 
 
 def test_every_stepper_is_in_the_list():

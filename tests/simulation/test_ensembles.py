@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.rope import Rope
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import PROBLEMS, ROPES, Ensemble, InextensibleRope, Rope
 from ropeode.simulation import simulate, simulate_chunks
 from ropeode.steppers import as_stepper
 from tests.steppers.every_variant import EVERY_VARIANT, REPRESENTATIVES

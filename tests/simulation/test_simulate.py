@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import Ensemble, Problem, Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import method_of, simulate
 from tests.steppers.every_variant import EVERY_PARAMETER

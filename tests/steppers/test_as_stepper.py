@@ -13,13 +13,9 @@ from scipy import integrate
 
 from ropeode import Phase, Problem, Rope, Stepper, accuracy_table, as_stepper, simulate
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS, InextensibleRope
 from ropeode.simulation import method_of
-from ropeode.steppers import ProblemClass
-from ropeode.steppers import STEPPERS
-from ropeode.steppers import TEMPLATES
-from ropeode.steppers import template
+from ropeode.steppers import STEPPERS, TEMPLATES, ProblemClass, template
 from ropeode.study import check_steppers
 from tests.checking import steps
 

@@ -8,9 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.rope import Rope
+from ropeode.problems import Ensemble, InextensibleRope, Rope
 from ropeode.simulation import simulate
 from tests.verification.extrapolation import EPS, inextensible_rope_solution
 

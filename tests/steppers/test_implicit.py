@@ -12,12 +12,7 @@ from scipy import integrate
 from ropeode import accuracy_table
 from ropeode.checking.check_ropes import undamped
 from ropeode.precision import in_float64
-from ropeode.problems import rope as rope_equations
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, Ensemble, InextensibleRope, Problem, Rope
 from ropeode.render import FORMATS
 from ropeode.simulation import simulate
 from ropeode.steppers import ProblemClass, Stepper, as_stepper, by_family
@@ -288,7 +283,8 @@ def driven_rope(strength):
 
     def acceleration(t, x, v, args):
         numbers, strength = args
-        return rope_equations.acceleration(t, x, v, numbers) + strength * v**2 * numbers.free
+        springs = own.mechanics.acceleration(t, x, v, numbers)
+        return springs + strength * v**2 * numbers.free
 
     return Problem.second_order(
         acceleration,
@@ -296,7 +292,7 @@ def driven_rope(strength):
         own.y0[1],
         own.ts,
         (own.args, np.full((1, 1), strength)),
-        links=lambda args: rope_equations.links(args[0]),
+        links=lambda args: own.mechanics.links(args[0]),
         node_axis=1,
         in_turn=True,
         neighbours=True,

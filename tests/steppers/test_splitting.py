@@ -12,8 +12,7 @@ import pytest
 
 from ropeode import LinearDamping
 from ropeode.errors import InputError
-from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Problem
 from ropeode.simulation import simulate
 from ropeode.steppers import STEPPERS, as_stepper
 
@@ -102,7 +101,7 @@ def test_without_forces_damping_is_exact(label):
 
 
 def test_staggered_is_kick_drift_kick():
-    problem = oscillator(damping=0.7, stiffness=3.0, frames=5)
+    problem = PROBLEMS["oscillator"](damping=0.7, stiffness=3.0, frames=5)
     one, other = (
         simulate(problem, f"leapfrog:form={form}", 7) for form in ("staggered", "kick-drift-kick")
     )
@@ -111,7 +110,9 @@ def test_staggered_is_kick_drift_kick():
 
 def test_staggered_velocities_need_steps_of_one_size():
     """Half a step before a frame is half a step of another size before the next one."""
-    uneven = dataclasses.replace(oscillator(frames=3), ts=np.array([0.0, 0.4, 1.6, 1.9]))
+    uneven = dataclasses.replace(
+        PROBLEMS["oscillator"](frames=3), ts=np.array([0.0, 0.4, 1.6, 1.9])
+    )
     with pytest.raises(InputError, match="staggered' given, a multistep method that needs one"):
         simulate(uneven, "leapfrog:form=staggered", 7)
     for form in ("kick-drift-kick", "drift-kick-drift"):
@@ -119,7 +120,7 @@ def test_staggered_velocities_need_steps_of_one_size():
 
 
 def test_forms_without_damping_are_the_verlet_methods():
-    problem = oscillator(damping=0.0, stiffness=3.0, frames=5)
+    problem = PROBLEMS["oscillator"](damping=0.0, stiffness=3.0, frames=5)
     verlet = simulate(problem, "velocity-verlet", 7).states
     for form in ("staggered", "kick-drift-kick"):
         run = simulate(problem, f"leapfrog:form={form}", 7)
@@ -134,6 +135,6 @@ def test_forms_without_damping_are_the_verlet_methods():
      ("ruth3", 3), ("yoshida4", 3), ("pefrl", 4), ("yoshida6", 7)],
 )  # fmt: skip
 def test_evaluations_in_a_step(label, evaluations):
-    problem = oscillator(frames=2)
+    problem = PROBLEMS["oscillator"](frames=2)
     few, many = (simulate(problem, as_stepper(label), n).rhs_evaluations for n in (4, 10))
     assert (many - few) / (6 * problem.frames) == evaluations

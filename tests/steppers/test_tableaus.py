@@ -13,7 +13,7 @@ import pytest
 from ropeode import accuracy_table, simulate
 from ropeode.cache import described
 from ropeode.errors import InputError, InputWarning
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.steppers import STEPPERS, ProblemClass, RungeKutta, as_stepper
 from ropeode.sweep.design.steppers import stepper_digest, stepper_from, stepper_sources
 from ropeode.tableaus import NystromTableau

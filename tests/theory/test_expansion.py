@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ropeode import Problem
-from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems import InextensibleRope
 from ropeode.simulation import method_of
 from ropeode.steppers import Phase, Stepper
 from ropeode.theory.expansion import expanded

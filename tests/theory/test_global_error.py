@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ropeode import Problem
-from ropeode.problems.links import LinearDamping
+from ropeode.problems import LinearDamping
 from ropeode.references.reference import Reference
 from ropeode.simulation import method_of
 from ropeode.steppers import Phase, Stepper

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from scipy import integrate
 
 from ropeode.errors import InputError
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.tableaus import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
 from ropeode.theory.tableau_of_step import tableau_of

@@ -19,12 +19,7 @@ import pytest
 from ropeode import reference, simulate
 from ropeode.analysis import ObservedOrder, distances_from, observed_order, resolution
 from ropeode.norms import Norm, norm_for
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.links import LinearDamping
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import PROBLEMS, ROPES, InextensibleRope, LinearDamping, Problem, Rope
 from ropeode.simulation import Trajectory
 from ropeode.steppers import BuiltIn
 from ropeode.study import problem_class as class_of
