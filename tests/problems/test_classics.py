@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode import reference
 from ropeode.problems import PROBLEMS
-from ropeode.references.compute import reference
 
 
 @pytest.mark.slow

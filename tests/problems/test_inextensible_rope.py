@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ropeode import reference
 from ropeode.errors import InputError
 from ropeode.norms import distance, norm_for
 from ropeode.problems import InextensibleRope, Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 EXAMPLE = InextensibleRope(num_nodes=2).problem(1)

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode import reference
 from ropeode.errors import InputError
 from ropeode.problems import Ensemble, Problem, Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import method_of, simulate
 from tests.steppers.every_variant import EVERY_PARAMETER
 
