@@ -160,7 +160,7 @@ def test_building_compiles_once_and_rebuilding_not_at_all(caplog):
             damping=lambda args: LinearDamping(args, args),
         )
 
-    assert compiled_by(lambda: build(0.3), caplog) == ["jit(acceleration)"]
+    assert len(compiled_by(lambda: build(0.3), caplog)) == 1
     assert compiled_by(lambda: build(0.7), caplog) == []
     # The first rope is gone when the others are built.
     assert len(compiled_by(lambda: Rope(num_nodes=9).problem(3), caplog)) == 1
