@@ -298,7 +298,7 @@ class Derived(RungeKutta4):
 
 
 def decay(t, y, args):
-    return -y
+    return -y / 19.0
 
 
 def test_which_runs_share_a_program(monkeypatch):
@@ -315,7 +315,8 @@ def test_which_runs_share_a_program(monkeypatch):
         return found.pop()
 
     monkeypatch.setattr("ropeode.cache.program", recorded)
-    # Of a size that no other test has: this process has compiled no program of it.
+    # Of a size, and a decay of a rate, that no other test has: this process has compiled no
+    # program of either.
     small = Rope(num_nodes=19)
     problem = small.problem(frames=3)
     one = description_of(problem)
