@@ -23,9 +23,7 @@ import pytest
 from hypothesis import settings
 
 from ropeode.cli import run_command
-from ropeode.problems.links import LinearDamping
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import LinearDamping, Problem, Rope
 from ropeode.references import residuals
 
 # The gate draws the same examples each time; `pytest --hypothesis-profile=random` searches on.

@@ -7,7 +7,7 @@ import functools
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 HOSTILE = "<b>a|b</b> 100% & $x_1$ \\ {#}"
 

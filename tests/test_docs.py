@@ -14,7 +14,7 @@ from matplotlib import pyplot
 
 from ropeode import accuracy_table
 from ropeode.analysis import REASONS
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"

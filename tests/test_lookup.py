@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 import ropeode
-from ropeode.problems.library import PROBLEMS
-from ropeode.steppers.registry import STEPPERS
+from ropeode.problems import PROBLEMS
+from ropeode.steppers import STEPPERS
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs/reference"

@@ -10,8 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, distance, norm_for
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import Problem, Rope
 
 ROPE = Rope(num_nodes=3).problem(frames=2)
 DECAY = Problem(lambda t, y, args: -y, np.ones((2, 3)), [0.0, 1.0])

@@ -12,8 +12,7 @@ import pytest
 from ropeode import InextensibleRope, Problem, Rope
 from ropeode.analysis import lyapunov_exponent, mean_slope
 from ropeode.errors import InputError
-from ropeode.problems.kepler import kepler
-from ropeode.problems.oscillator import oscillator
+from ropeode.problems import PROBLEMS
 from ropeode.references.solvers.diffrax_solver import solve
 from ropeode.references.solvers.solver import DOPRI8
 
@@ -71,7 +70,7 @@ def test_what_is_held_is_not_disturbed():
 @pytest.mark.parametrize("damping", [0.0, 0.1])
 def test_an_oscillator_loses_half_its_damping_rate(damping):
     """x'' + damping x' + x = 0 has both eigenvalues at -damping/2."""
-    problem = oscillator(frames=200, damping=damping)
+    problem = PROBLEMS["oscillator"](frames=200, damping=damping)
     found = lyapunov_exponent(problem)
     # The tangent's length goes up and down by damping/2 or so while it shrinks.
     assert found.value == pytest.approx(-damping / 2, abs=2 * damping / 200 + 1e-8)
@@ -81,7 +80,7 @@ def test_an_oscillator_loses_half_its_damping_rate(damping):
 @pytest.mark.slow
 def test_growth_like_a_power_is_not_told_from_zero():
     """Two orbits of slightly different period part like t; over many periods that is no rate."""
-    orbit = dataclasses.replace(kepler(), ts=np.linspace(0, 50 * 2 * np.pi, 201))
+    orbit = dataclasses.replace(PROBLEMS["kepler"](), ts=np.linspace(0, 50 * 2 * np.pi, 201))
     found = lyapunov_exponent(orbit)
     assert found.sign == "not told from zero"
     # ln 2 in the second half, for growth like t: that is half the resolution.
@@ -146,4 +145,4 @@ def test_mean_slope_covers_independent_increments():
 )
 def test_faults(more, words):
     with pytest.raises(InputError, match=words):
-        lyapunov_exponent(oscillator(), **more)
+        lyapunov_exponent(PROBLEMS["oscillator"](), **more)

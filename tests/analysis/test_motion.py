@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ropeode import Problem, Rope
 from ropeode.analysis import Thresholds, classify_motion, sensitivity
 from ropeode.errors import InputError
-from ropeode.problems.oscillator import oscillator
+from ropeode.problems import PROBLEMS
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import as_stepper
 
@@ -291,7 +291,7 @@ def test_sensitivity_shows_a_verdict_on_the_edge():
         (Rope(gravity=(0, 0)).problem(2), r"gravity: \[0.0, 0.0\] given"),
         (Rope(num_nodes=3, pinned=()).problem(2), r"pinned: \[\] given"),
         (Rope(num_nodes=2, pinned=(0, 1)).problem(2), r"pinned: \[0, 1\] given"),
-        (oscillator(2), "trajectory: 'oscillator' given"),
+        (PROBLEMS["oscillator"](2), "trajectory: 'oscillator' given"),
         (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0, 2.0]), "trajectory: 'problem' given"),
     ],
 )

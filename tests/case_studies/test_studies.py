@@ -9,7 +9,7 @@ from docs.studies.growth import growth_scan
 from docs.studies.projection_sweeps import sweep_study
 from docs.studies.rest_time import rest_times
 from ropeode.errors import InputError
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 
 
 @pytest.mark.slow

@@ -19,8 +19,8 @@ from ropeode.checking.claims import checked_claims
 from ropeode.checking.report import Claims, Finding
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
-from ropeode.simulation.method import Method, method_of
+from ropeode.problems import Problem
+from ropeode.simulation import Method, method_of
 from tests.checking.right_steppers import RIGHT
 
 # Modules in which the ropes are replaced. (The package has functions of some of their names.)

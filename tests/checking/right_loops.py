@@ -14,8 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy import integrate, linalg, optimize
 
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
+from ropeode.steppers import Phase, Stepper
 
 
 def forces(x, v, args):

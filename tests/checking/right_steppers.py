@@ -9,9 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
+from ropeode.steppers import Phase, Stepper, as_stepper
 from tests.checking.mutants.originals import ORIGINALS, trajectory
 
 

@@ -23,9 +23,7 @@ from ropeode.checking.diagnosis import stepper as diagnosis_of_steppers
 from ropeode.checking.diagnosis.probe_states import probe_ropes
 from ropeode.errors import InputError, ReferenceRefused, UserCodeError
 from ropeode.render import format_check
-from ropeode.simulation import simulate
-from ropeode.simulation.method import method_of
-from ropeode.simulation.user_clock import on_user_clock
+from ropeode.simulation import method_of, on_user_clock, simulate
 from tests.checking import steps
 
 

@@ -16,10 +16,9 @@ from ropeode.checking.check_ropes import convergence_problems, hanging
 from ropeode.checking.checks import CHECKS, SLOW
 from ropeode.checking.energy_drift import measure_drift
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.render import format_check
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
+from ropeode.steppers import Phase, Stepper
 from tests.checking import steps
 from tests.checking.no_time_limit import check_stepper
 

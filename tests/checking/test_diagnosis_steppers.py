@@ -9,7 +9,7 @@ import pytest
 from ropeode.checking.check_context import Examination
 from ropeode.checking.diagnosis.stepper import diagnose_stepper
 from ropeode.checking.report import Claims
-from ropeode.steppers.base import Stepper
+from ropeode.steppers import Stepper
 from tests.checking.mutants.all import MUTANTS
 from tests.checking.right_steppers import RIGHT
 from tests.theory.test_stability_function import Ramp

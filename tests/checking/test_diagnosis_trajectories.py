@@ -7,7 +7,7 @@ import pytest
 from ropeode import Rope, simulate
 from ropeode.checking.check_ropes import convergence_problems
 from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.references.compute import reference
 from ropeode.theory.rope_terms import is_rope
 

@@ -15,7 +15,7 @@ from ropeode.checking.trajectories.remainders import explains
 from ropeode.checking.trajectories.run_files import read_runs
 from ropeode.checking.trajectories.same_faults import each_once
 from ropeode.errors import InputError
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.simulation import simulate
 from ropeode.validation import complaint
 

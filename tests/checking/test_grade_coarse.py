@@ -14,7 +14,7 @@ from ropeode.checking.trajectories import convergence
 from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
 from ropeode.checking.trajectories.resolved import fastest_rate, resolved_frames, resolving_step
 from ropeode.checking.trajectories.run_files import read_runs
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 

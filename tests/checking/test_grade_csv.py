@@ -13,7 +13,7 @@ from trajectory_writing import csv_lines, write_csv
 from ropeode.checking.trajectories import csv_files
 from ropeode.checking.trajectories.run_files import read_runs
 from ropeode.errors import InputError
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 
 NODES, STEPS, FRAMES = 4, 3, 2
 HEAD = 2  # a comment and the header

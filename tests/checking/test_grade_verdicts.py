@@ -21,9 +21,7 @@ from ropeode.checking.trajectories.run_files import read_runs
 from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.checking.written_precision import digits_of, last_digit, single_precision
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, InextensibleRope, Rope
 from ropeode.simulation import simulate
 from ropeode.theory.growth import stability_limit
 

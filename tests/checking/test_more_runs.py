@@ -8,9 +8,7 @@ import pytest
 from trajectory_writing import node_values, write_csv
 
 from ropeode.checking.grade import grade
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, InextensibleRope, Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 

@@ -10,8 +10,7 @@ from trajectory_writing import node_values, write_npz
 from ropeode.checking.grade import grade
 from ropeode.checking.trajectories.other_ropes import other_rope
 from ropeode.checking.trajectories.run_files import read_runs
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.rope import Rope
+from ropeode.problems import InextensibleRope, Rope
 from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 

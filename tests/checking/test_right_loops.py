@@ -14,9 +14,8 @@ from ropeode.checking.check_ropes import convergence_problems, generic
 from ropeode.checking.report import Finding
 from ropeode.checking.richardson import limit_of
 from ropeode.render import format_check
-from ropeode.simulation import trial
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
+from ropeode.simulation import method_of
+from ropeode.steppers import Stepper
 from tests.checking import right_loops
 from tests.checking.no_time_limit import check_stepper
 from tests.checking.right_loops import RIGHT_LOOPS
@@ -141,17 +140,17 @@ def test_a_run_whose_numbers_overflow_has_diverged():
     assert np.isnan(states[-1]).all()
 
 
-def test_a_program_that_takes_minutes_to_compile_runs_in_python(monkeypatch):
+@pytest.mark.slow
+def test_a_program_that_takes_minutes_to_compile_runs_in_python():
     def unrolled(count, rhs, t, y, dt, args):
         new = y
         for _ in range(count):
             new = y + dt * rhs(t + dt, new, args)
         return new
 
-    monkeypatch.setattr(trial, "_MOST_LINES", 500)
-    for count, compiled in ((1, True), (20, False)):
-        step = as_stepper(functools.partial(unrolled, count))
-        assert trial.trial_of(step, convergence_problems()["driven"]).compiled is compiled
+    for count, compiled in ((1, True), (120, False)):
+        method = method_of(functools.partial(unrolled, count), convergence_problems()["driven"])
+        assert method.trial.compiled is compiled
 
 
 def test_the_uncertainty_of_a_limit_is_no_accident():

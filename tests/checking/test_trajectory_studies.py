@@ -15,7 +15,7 @@ from ropeode.checking.trajectories.studies import (
     trajectory_paths,
 )
 from ropeode.errors import InputError
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.render import PLOTS, film
 from ropeode.simulation import simulate
 from ropeode.study import energy_curves, error_curves, sampled_finer

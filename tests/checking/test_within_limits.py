@@ -9,7 +9,7 @@ import pytest
 
 from ropeode.checking.check import check_stepper
 from ropeode.checking.time_limit import within
-from ropeode.simulation.user_clock import on_user_clock
+from ropeode.simulation import on_user_clock
 from tests.time_limit import HANGS_AFTER_S
 
 

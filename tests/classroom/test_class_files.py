@@ -10,7 +10,7 @@ import pytest
 
 from ropeode.checking.grade import CHECKS, grade
 from ropeode.classroom import REFERENCE, Trajectories, examined, trajectory_submissions
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.references.compute import reference
 from ropeode.references.files.store import save_reference
 from ropeode.references.reference import Reference

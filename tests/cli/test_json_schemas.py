@@ -8,7 +8,7 @@ import pytest
 from jsonschema import ValidationError
 
 from ropeode import accuracy_table
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.render import format_table
 from ropeode.simulation import simulate
 from tests.checking.trajectory_writing import node_values, write_csv

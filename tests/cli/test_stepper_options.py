@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from ropeode import steppers
 from ropeode.cli import cli
-from ropeode.steppers import templates
 
 STEPS = Path(__file__).parents[2] / "docs/examples/steps.py"
 
@@ -40,15 +40,15 @@ def test_names_of_files_start_from_the_folder_of_the_spec(run, tmp_path):
     assert "steps.py:velocity_verlet" in done.stdout
 
 
-@pytest.mark.parametrize("name", templates.TEMPLATES)
+@pytest.mark.parametrize("name", steppers.TEMPLATES)
 def test_templates(run, name):
     done = run("check", "--template", name)
-    assert (done.returncode, done.stdout) == (0, templates.template(name))
+    assert (done.returncode, done.stdout) == (0, steppers.template(name))
 
 
 def test_templates_are_all_named():
     (option,) = (each for each in cli.commands["check"].params if each.name == "template")
-    assert set(option.type.choices) == set(templates.TEMPLATES)
+    assert set(option.type.choices) == set(steppers.TEMPLATES)
 
 
 @pytest.mark.parametrize(

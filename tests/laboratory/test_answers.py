@@ -34,7 +34,7 @@ from ropeode.laboratory.messages import (
     GivenFile,
     ProblemChoice,
 )
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.progress import silent
 from ropeode.render import format_check, format_table
 from tests.laboratory.conftest import ROPE, csv_of

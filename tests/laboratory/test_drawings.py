@@ -7,8 +7,7 @@ import pytest
 
 from ropeode import Problem, simulate
 from ropeode.laboratory.drawings import drawing_of, finite_samples
-from ropeode.problems.library import PROBLEMS, ROPES
-from ropeode.problems.picture import PICTURES
+from ropeode.problems import PICTURES, PROBLEMS, ROPES
 from ropeode.progress import silent
 
 # Each kind of picture that a problem of the library has.

@@ -11,8 +11,8 @@ from ropeode.analysis import Verdict as OrderVerdict
 from ropeode.checking.report import Status, Verdict
 from ropeode.laboratory.controls import parameters_of
 from ropeode.norms import norm_for
-from ropeode.problems.library import PROBLEMS
-from ropeode.steppers.registry import STEPPERS, options
+from ropeode.problems import PROBLEMS
+from ropeode.steppers import STEPPERS, options
 
 PAGE = Path(ropeode.laboratory.__file__).parent / "page"
 ENGLISH, CHINESE = (

@@ -10,9 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.problems.double_pendulum import DoublePendulumArgs
-from ropeode.problems.library import PROBLEMS
-from ropeode.references.compute import reference
+from ropeode import reference
+from ropeode.problems import PROBLEMS
 
 
 @pytest.mark.slow
@@ -28,7 +27,8 @@ def test_the_arenstorf_orbit_closes():
 @pytest.mark.slow
 def test_double_pendulum_obeys_lagranges_equations():
     """The mass matrix and the forces by differentiating the Lagrangian of two points."""
-    args = DoublePendulumArgs(np.array([1.3, 0.7]), np.array([0.8, 1.9]), 1.4)
+    problem = PROBLEMS["double-pendulum"](masses=[1.3, 0.7], lengths=[0.8, 1.9], gravity=1.4)
+    args = problem.args
 
     def lagrangian(angles, spins):
         def places(angles):
@@ -47,7 +47,6 @@ def test_double_pendulum_obeys_lagranges_equations():
             mixed = jax.jacfwd(jax.grad(lagrangian, 1), 0)(angles, spins)
             forces = jax.grad(lagrangian, 0)(angles, spins) - mixed @ spins
             expected = np.linalg.solve(mass, forces)
-            problem = PROBLEMS["double-pendulum"]()
             y = np.stack([angles, spins])[..., None]
             found = np.asarray(problem.rhs(0.0, y, args))[1, :, 0]
             np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)

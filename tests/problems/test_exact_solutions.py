@@ -8,9 +8,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from ropeode.problems import kepler
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Problem
+from ropeode.problems.kepler import eccentric_anomaly
 from tests.problems.exact import EXACT
 from tests.verification.extrapolation import integrate
 
@@ -205,9 +204,9 @@ def test_keplers_equation_is_solved_to_the_last_digits(one_minus_e):
         term = -term * anomaly**2 / (2 * k * (2 * k + 1))
         sine, gap = sine + term, gap - term
     mean = one_minus_e * anomaly + (1 - one_minus_e) * gap
-    found = kepler.eccentric_anomaly(mean, one_minus_e)
+    found = eccentric_anomaly(mean, one_minus_e)
     np.testing.assert_allclose(found, anomaly, rtol=2e-18)
-    turns = kepler.eccentric_anomaly(mean + 14 * np.arccos(np.longdouble(-1)), one_minus_e)
+    turns = eccentric_anomaly(mean + 14 * np.arccos(np.longdouble(-1)), one_minus_e)
     assert np.max(np.abs(turns - anomaly)) <= 2e-17 / one_minus_e
 
 

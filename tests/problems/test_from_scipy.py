@@ -20,7 +20,6 @@ from scipy.integrate import solve_ivp
 from ropeode import Ensemble, Problem, Rope, accuracy_table, callbacks, reference, simulate
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems.python_rhs import PythonRhs, python_rhs
 
 
 def pendulum(t, y, strength):
@@ -108,8 +107,8 @@ def test_one_derivative_is_known(in_python):
     slopes = np.asarray(jax.jit(jax.jacfwd(rhs, argnums=1))(0.0, y))
     exact = np.array([[0.0, 1.0], [-STRENGTH * np.cos(0.4), 0.0]])
     assert np.max(np.abs(slopes - exact)) < 1e-9
-    driven = PythonRhs(lambda t, y: y * math.sin(t))
-    rate = jax.jvp(lambda t: driven(t, y, ()), (0.3,), (2.0,))[1]
+    driven = Problem.from_scipy(lambda t, y: y * math.sin(t), (0.0, 1.0), y)
+    rate = jax.jvp(lambda t: driven.rhs(t, y, driven.args), (0.3,), (2.0,))[1]
     assert np.max(np.abs(rate - 2.0 * y * np.cos(0.3))) < 1e-9
     with pytest.raises(InputError, match="one derivative by time or state"):
         jax.jacfwd(jax.jacfwd(rhs, argnums=1), argnums=1)(0.0, y)
@@ -216,18 +215,32 @@ def test_functions_of_many_kinds(function, args, traced):
 
 
 def test_what_a_function_returns_is_copied():
-    """Also where no program copies it."""
-    rhs = PythonRhs(writes_to_its_own())
-    first = rhs.in_numpy(0.0, np.array([1.0, 2.0]), ())
-    rhs.in_numpy(0.0, np.array([3.0, 4.0]), ())
-    assert first.tolist() == [2.0, -math.sin(1.0)]
+    """Also for a step in Python, where no program copies it."""
+
+    def heun(rhs, t, y, dt, args):
+        # `float` is what JAX cannot trace.
+        first = rhs(t, y, args)
+        return y + float(dt) / 2 * (first + rhs(t + dt, y + dt * first, args))
+
+    reused, anew = (
+        Problem.from_scipy(function, (0.0, 1.0), START, frames=2)
+        for function in (writes_to_its_own(), lambda t, y: [y[1], -math.sin(y[0])])
+    )
+    assert np.array_equal(*(simulate(each, heun, 4).states for each in (reused, anew)))
 
 
 def test_jax_inside_a_function_in_python_computes_in_float64():
     """In threads of XLA too, which know nothing of the mode of the caller's; nor does this one."""
     assert not jax.config.jax_enable_x64  # type: ignore[attr-defined]
-    rhs = PythonRhs(lambda t, y: [float(jnp.sin(y[0] / 3.0))])
-    assert abs(rhs.in_numpy(0.0, np.array([1.0]), ())[0] - math.sin(1.0 / 3.0)) < 1e-15
+    problem = Problem.from_scipy(
+        lambda t, y: [float(jnp.sin(y[0] / 3.0))], (0.0, 1.0), [1.0], frames=1
+    )
+
+    def in_python(rhs, t, y, dt, args):
+        return y + float(dt) * rhs(t, y, args)
+
+    for stepper in ("explicit-euler", in_python):
+        assert abs(simulate(problem, stepper, 1).states[1, 0] - 1.0 - math.sin(1.0 / 3.0)) < 1e-15
 
 
 def counting():
@@ -570,10 +583,10 @@ def test_all_that_runs_while_an_exception_is_kept_raises_it_once():
 
 
 def test_programs_are_found_again_by_the_function():
-    assert python_rhs(pendulum, ()) is python_rhs(pendulum, ())
-    first, second = PythonRhs(pendulum), PythonRhs(pendulum)
-    assert first != second
-    assert repr(first) != repr(second)
+    one, other = (Problem.from_scipy(pendulum, (0.0, 2.0), [x, 0.0], args=(1.3,)) for x in (1, 2))
+    assert one.rhs == other.rhs
+    simulate(one, "rk4", 8)
+    assert simulate(other, "rk4", 8).compile_seconds == 0.0
 
 
 def test_a_program_that_computes_something_else_is_not_used():

@@ -10,17 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ropeode import reference
 from ropeode.errors import InputError
 from ropeode.norms import distance, norm_for
-from ropeode.problems.inextensible_rope import (
-    InextensibleRope,
-    InextensibleRopeArgs,
-    acceleration,
-    constraints,
-)
-from ropeode.problems.rope import Rope, energy_of_nodes
-from ropeode.references.compute import reference
+from ropeode.problems import InextensibleRope, Rope
 from ropeode.simulation import simulate
+
+EXAMPLE = InextensibleRope(num_nodes=2).problem(1)
+acceleration, constraints = EXAMPLE.mechanics.acceleration, EXAMPLE.constraints
 
 
 def stretching(x):
@@ -34,7 +31,7 @@ def stretching(x):
 
 
 @st.composite
-def admissible(draw, **fixed):
+def admissible(draw):
     """Numbers and a state: any shape of the right lengths, velocities that stretch no link."""
     dim, nodes = draw(st.sampled_from([(2, 2), (2, 3), (3, 8)]))
     pins = draw(st.sampled_from([0, 1, 1, 2, 3]))
@@ -52,21 +49,18 @@ def admissible(draw, **fixed):
     v = (random.normal(size=(nodes, dim)) * free[:, None]).ravel()
     rows = stretching(x) * np.repeat(free, dim)
     v = (v - np.linalg.pinv(rows) @ (rows @ v)).reshape(nodes, dim)
-    args = InextensibleRopeArgs(
-        **{
-            "mass": random.uniform(0.2, 5, nodes),
-            "rest_length": length,
-            "free": free,
-            "gravity": random.normal(size=(dim, 1)),
-            "damping": random.uniform(0, 3, nodes),
-            **fixed,
-        }
+    args = EXAMPLE.args._replace(
+        mass=random.uniform(0.2, 5, nodes),
+        rest_length=length,
+        free=free,
+        gravity=random.normal(size=(dim, 1)),
+        damping=random.uniform(0, 3, nodes),
     )
     return args, x.T, v.T
 
 
 compiled = functools.cache(jax.jit)
-energy_slope = jax.grad(energy_of_nodes, argnums=1)
+energy_slope = jax.grad(EXAMPLE.energy, argnums=1)
 
 
 def in_jax(function, *inputs):

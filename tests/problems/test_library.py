@@ -12,9 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import InputError
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.rope import Rope, RopeArgs, acceleration, energy
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import PROBLEMS, ROPES, Rope
 
 WRONG = {
     "rope": {"num_nodes": 0, "damping": -1, "nonsense": 3},
@@ -194,6 +192,8 @@ def ropes_in_motion(draw, **fixed):
 
 
 compiled = functools.cache(jax.jit)
+EXAMPLE = Rope(num_nodes=3).problem(frames=1)
+acceleration, energy = EXAMPLE.mechanics.acceleration, EXAMPLE.energy
 energy_slope = jax.grad(energy, argnums=1)
 
 
@@ -229,7 +229,7 @@ def test_forces_without_damping_are_the_energys_slope(case):
 
 @pytest.mark.parametrize(("dim", "derivative"), [(2, jax.jacfwd), (3, jax.jacrev)])
 def test_a_spring_of_length_zero_pulls_nowhere(dim, derivative):
-    args = RopeArgs(
+    args = EXAMPLE.args._replace(
         mass=np.array([2.0, 3.0, 1.0]),
         stiffness=np.array([5.0, 7.0]),
         rest_length=np.array([1.0, 1.0]),

@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.links import LinearDamping
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, LinearDamping, Problem, Rope
 
 
 def decay(t, y, args):
@@ -163,7 +160,7 @@ def test_building_compiles_once_and_rebuilding_not_at_all(caplog):
             damping=lambda args: LinearDamping(args, args),
         )
 
-    assert compiled_by(lambda: build(0.3), caplog) == ["jit(acceleration)"]
+    assert len(compiled_by(lambda: build(0.3), caplog)) == 1
     assert compiled_by(lambda: build(0.7), caplog) == []
     # The first rope is gone when the others are built.
     assert len(compiled_by(lambda: Rope(num_nodes=9).problem(3), caplog)) == 1

@@ -9,8 +9,7 @@ import pytest
 
 from ropeode import as_stepper
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems import files
-from ropeode.problems.files import keep_apart, load_problem
+from ropeode.problems import keep_apart, load_problem
 
 FILE = """
 from ropeode import InextensibleRope, Rope
@@ -166,8 +165,7 @@ def test_a_file_imports_what_lies_beside_it_and_no_other_does(tmp_path):
     assert not [*tmp_path.rglob("__pycache__")]
 
 
-def test_files_of_different_people_import_none_of_each_other(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "_apart", set())
+def test_files_of_different_people_import_none_of_each_other(tmp_path):
     keep_apart(tmp_path)
     (tmp_path / "bert.py").write_text("def step(rhs, t, y, dt, args): return y\n")
     (tmp_path / "anna.py").write_text("from bert import step\n")

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import InputError
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 
 
 def test_defaults_are_the_assignment():

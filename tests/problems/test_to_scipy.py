@@ -10,12 +10,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ropeode.analysis import error_series
+from ropeode import error_series, reference
 from ropeode.precision import in_float64
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
+from ropeode.problems import PROBLEMS, Problem, Rope
 from tests.problems.test_from_scipy import pendulum
 
 # Tolerances of SciPy; the errors are larger, as they grow along the way.

@@ -9,16 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.analysis import error_series, frequencies, hanging_equilibrium
+from ropeode import each_reference, error_series, hanging_equilibrium, reference, stability_limit
 from ropeode.errors import InputError
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.functions import traced
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.problems.traced import Traced, was_float32
-from ropeode.references.compute import each_reference, reference
+from ropeode.problems import Ensemble, Problem, Rope
 from ropeode.simulation import simulate
-from ropeode.theory.growth import stability_limit
 
 TS = [0.0, 1.0, 2.5]
 RATES = (1.0, 2.0, 1.0)
@@ -145,17 +139,20 @@ def test_what_is_measured_of_a_problem_is_read_anew():
         numbers["stiffness"] = stiffness
         rest = hanging_equilibrium(problem)
         assert rest[0, 0] == pytest.approx(1 / stiffness)
-        assert frequencies(problem, rest) == pytest.approx(np.sqrt(stiffness))
         limit = stability_limit(problem, "semi-implicit-euler")
         assert limit == np.ceil(1.5 * np.sqrt(stiffness) / 2)
 
 
+def rhs_of(function):
+    """The right-hand side as a problem has it, by which programs are found again."""
+    return Problem(function, np.ones(2), [0.0, 1.0]).rhs
+
+
 def test_equal_functions_are_equal():
     def of(rate):
-        return Traced("rhs", lambda t, y, args: -rate * y, (0.0, np.ones(2), None))
+        return rhs_of(lambda t, y, args: -rate * y)
 
-    with jax.enable_x64(True):
-        one, other, same = of(1.0), of(2.0), of(1.0)
+    one, other, same = of(1.0), of(2.0), of(1.0)
     assert one == same
     assert hash(one) == hash(same)
     assert one != other
@@ -174,21 +171,19 @@ def test_what_computes_something_else_is_not_equal():
         lambda t, y, args: jax.lax.cond(t > 0, jnp.sin, jnp.tan, y),
         lambda t, y, args: jax.lax.cond(t > 0, jnp.tan, jnp.sin, y),
     ]
-    with jax.enable_x64(True):
-        every = [Traced("rhs", each, (0.0, np.ones(2), None)) for each in functions]
-    assert len({*every}) == len(functions)
+    assert len({*map(rhs_of, functions)}) == len(functions)
 
 
 def test_an_array_that_is_written_to_makes_another_function():
     rates = np.array([1.0, 2.0])
 
     def now():
-        return Traced("rhs", lambda t, y, args: -(rates * y), (0.0, np.ones(2), None))
+        return rhs_of(lambda t, y, args: -(rates * y))
 
+    before = now()
+    rates[:] = 3.0
+    assert now() != before
     with jax.enable_x64(True):
-        before = now()
-        rates[:] = 3.0
-        assert now() != before
         assert before(0.0, np.ones(2), None).tolist() == [-1.0, -2.0]
 
 
@@ -199,16 +194,15 @@ def test_a_derivative_of_its_own_belongs_to_a_function():
             return 2.0 * y
 
         double.defjvp(lambda inputs, moved: (double(*inputs), slope * moved[0]))
-        with jax.enable_x64(True):
-            return Traced("rhs", lambda t, y, args: double(y), (0.0, np.ones(2), None))
+        return rhs_of(lambda t, y, args: double(y))
 
     assert of(2.0) == of(2.0)
     assert of(2.0) != of(3.0)
 
 
 def test_other_shapes_are_left_to_the_function():
+    function = Problem(lambda t, y, args: y * args["k"], np.ones(2), [0.0, 1.0], {"k": 2.0}).rhs
     with jax.enable_x64(True):
-        function = traced("rhs", lambda t, y, args: y * args["k"], (0.0, np.ones(2), {"k": 2.0}))
         assert function(0, np.ones(3), {"k": 2}).shape == (3,)
         assert function(0, np.array([1, 2]), {"k": 2}).tolist() == [2.0, 4.0]
     assert function(0.0, np.ones(2), {"k": 3.0}).tolist() == [3.0, 3.0]
@@ -249,10 +243,7 @@ def test_functions_with_derivatives_of_their_own_beside_other_primitives():
 def test_keys_of_random_numbers_are_numbers():
     def of(seed):
         key = jax.random.key(seed)
-        with jax.enable_x64(True):
-            return Traced(
-                "rhs", lambda t, y, a: y * jax.random.normal(key), (0.0, np.ones(2), None)
-            )
+        return rhs_of(lambda t, y, args: y * jax.random.normal(key))
 
     assert of(1) == of(1)
     assert of(1) != of(2)
@@ -328,14 +319,19 @@ def test_float32_in_the_input_is_refused(coarse):
         Ensemble.varying(fine, y0=np.asarray(coarse)[None])
 
 
-@pytest.mark.parametrize("value", [0.1, 1.0, 3.0, 0.375, 1e-3, 2.0**-20, 12345.0, 1e300, np.inf])
-def test_numbers_of_float64_are_not_taken_for_float32(value):
-    assert not was_float32(value)
+def test_numbers_of_float64_are_not_taken_for_float32():
+    def rhs(t, y, args):
+        for value in (0.1, 1.0, 3.0, 0.375, 1e-3, 2.0**-20, 12345.0, 1e300, np.inf):
+            y = jnp.minimum(y, value)
+        return y
+
+    assert Problem(rhs, [1.0], TS).frames == 2
 
 
 @pytest.mark.parametrize("value", [0.1, 1e-3, -2.7, np.pi, 1e30])
-def test_widened_numbers_are_recognised(value):
-    assert was_float32(float(np.float32(value)))
+def test_widened_numbers_of_float32_are_recognised(value):
+    with pytest.raises(InputError, match="rhs: .* float64"):
+        Problem(lambda t, y, args: jnp.minimum(y, float(np.float32(value))), [1.0], TS)
 
 
 def test_functions_without_a_module():
@@ -343,4 +339,4 @@ def test_functions_without_a_module():
     names: dict = {}
     exec("def rhs(t, y, args):\n    return -y", names)
     assert names["rhs"].__module__ is None
-    assert Problem(names["rhs"], [1.0], [0.0, 1.0]).rhs.function is names["rhs"]
+    assert Problem(names["rhs"], [1.0], [0.0, 1.0]).rhs(0.0, np.ones(1), None) == -1.0

@@ -9,8 +9,7 @@ import pytest
 
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem
+from ropeode.problems import Ensemble, Problem
 from ropeode.references import consensus, defect
 from ropeode.references.compute import reference
 from ropeode.references.defect import look_between

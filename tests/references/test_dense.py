@@ -11,9 +11,7 @@ from scipy.interpolate import BPoly
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import NORMS, distance
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.references.certificate import largest_norms
 from ropeode.references.compute import reference
 from ropeode.references.dense import dense_output

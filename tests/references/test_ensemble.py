@@ -8,7 +8,7 @@ import pytest
 
 import ropeode
 from ropeode import InputError, Problem, ReferenceRefused, each_reference, reference
-from ropeode.problems.ensemble import Ensemble
+from ropeode.problems import Ensemble
 from ropeode.references import ensemble
 from ropeode.references.solvers import dop853, scipy_solver
 from ropeode.references.solvers.solver import SCIPY_DOP853

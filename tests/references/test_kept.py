@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.compute import reference_for
 from ropeode.references.files.encoding import texts_of
 from ropeode.references.files.library import find

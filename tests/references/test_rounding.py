@@ -10,9 +10,7 @@ from jax import lax
 
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Ensemble, Problem
 from ropeode.references.certificate import largest_norms
 from ropeode.references.compute import reference
 from ropeode.references.solvers import diffrax_program, diffrax_solver

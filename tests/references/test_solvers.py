@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import Problem, Rope
 from ropeode.references.solvers import (
     compiled_dop853,
     diffrax_program,

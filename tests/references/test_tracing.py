@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.solvers import diffrax_solver, program_cache
 from ropeode.references.solvers.family import Family
 from ropeode.references.solvers.solver import DOPRI8, KVAERNO5

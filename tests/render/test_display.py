@@ -37,7 +37,7 @@ from ropeode.checking.report import Claims, Finding
 from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.references.solvers.solver import DOPRI8
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
 from ropeode.steppers import Phase, System, as_stepper

@@ -5,8 +5,7 @@ from __future__ import annotations
 import inspect
 
 from ropeode.render import describe_stepper, list_steppers
-from ropeode.steppers import STEPPERS, as_stepper
-from ropeode.steppers.registry import options
+from ropeode.steppers import STEPPERS, as_stepper, options
 
 
 def test_every_stepper_is_in_the_list():

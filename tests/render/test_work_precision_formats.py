@@ -15,7 +15,7 @@ from matplotlib.text import Text
 
 from ropeode import Problem, plot_work_precision, work_precision
 from ropeode.errors import InputError
-from ropeode.problems.oscillator import oscillator
+from ropeode.problems import PROBLEMS
 from ropeode.render import FORMATS, format_work_precision
 from ropeode.study import COSTS, INFINITE, TARGETS
 from tests.exact_reference import exact_reference
@@ -195,7 +195,7 @@ def test_points_say_their_values(study):
 @pytest.fixture(scope="module")
 def swing():
     """Of the oscillator, with an energy; the errors of its methods are made up."""
-    problem = oscillator(damping=0.0, frames=4)
+    problem = PROBLEMS["oscillator"](damping=0.0, frames=4)
     return exact_reference(problem, problem.exact(problem.ts))
 
 

@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.rope import Rope
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import PROBLEMS, ROPES, Ensemble, InextensibleRope, Rope
 from ropeode.simulation import simulate, simulate_chunks
 from ropeode.steppers import as_stepper
 from tests.steppers.every_variant import EVERY_VARIANT, REPRESENTATIVES
@@ -375,26 +371,28 @@ def test_results_do_not_depend_on_who_else_is_there(stepper):
         assert np.array_equal(simulate(some, stepper, 10).states, found.states[..., members])
 
 
-def test_chunks_are_the_whole_in_pieces(monkeypatch):
-    _, _, ensemble = many(100)
+def test_chunks_are_the_whole_in_pieces():
+    _, _, ensemble = many(3000)
     whole = simulate(ensemble, "velocity-verlet", 10)
-    monkeypatch.setattr("ropeode.simulation.run._CHUNK", 2**14)
     chunks = list(simulate_chunks(ensemble, "velocity-verlet", 10))
     assert len(chunks) > 4
     assert [each.start for each in chunks] == np.cumsum([0, *map(len, chunks)])[:-1].tolist()
     assert np.array_equal(np.concatenate([each.states for each in chunks], axis=-1), whole.states)
     last = chunks[-1]
-    assert np.array_equal(last[-1].states, whole[99].states)
-    assert last[-1].problem.parameters == whole[99].problem.parameters
+    assert np.array_equal(last[-1].states, whole[2999].states)
+    assert last[-1].problem.parameters == whole[2999].problem.parameters
 
 
-def test_chunks_are_made_as_they_are_taken(monkeypatch):
+def test_chunks_are_made_as_they_are_taken():
     """However many members there are, no more than a few chunks exist."""
-    monkeypatch.setattr("ropeode.simulation.run._CHUNK", 2**14)
-    _, _, ensemble = many(20_000)
+    _, _, ropes = many(20_000)
     asked = []
-    numbers = ensemble.numbers
-    monkeypatch.setattr(ensemble, "numbers", lambda a, b: (asked.append(b), numbers(a, b))[1])
+
+    def numbers(start, stop):
+        asked.append(stop)
+        return ropes.numbers(start, stop)
+
+    ensemble = Ensemble(ropes.first, len(ropes), numbers, ropes.__getitem__)
     chunks = simulate_chunks(ensemble, "velocity-verlet", 1)
     taken = sum(len(next(chunks)) for _ in range(3))
     assert max(asked) - taken <= (os.cpu_count() + 2) * taken / 3

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import InextensibleRope, Problem, Rope
 from ropeode.simulation import jax_stepper, simulate
 from tests.steppers.every_variant import EVERY_VARIANT, UNSTABLE
 

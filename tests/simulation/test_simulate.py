@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import re
+import time
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode import reference
 from ropeode.errors import InputError
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
-from ropeode.simulation import simulate
-from ropeode.simulation.program import slot
-from ropeode.simulation.time_needed import TimeNeeded
+from ropeode.problems import Ensemble, Problem, Rope
+from ropeode.simulation import method_of, simulate
 from tests.steppers.every_variant import EVERY_PARAMETER
 
 # Of the size that other tests have too, so that its programs are compiled once.
@@ -61,13 +58,15 @@ def test_one_compilation_serves_all_steps_parameters_and_short_spans():
     def decay(t, y, args):
         return -args * y
 
-    before = slot.cache_info().misses
+    compile_seconds = []
     for rate, frames in ((0.01, 2), (0.3, 3), (0.3, 16)):
         problem = Problem(decay, [1.0], np.arange(frames + 1.0), rate)
         for steps in (4, 7, 100):
             run = simulate(problem, "rk4", steps)
             np.testing.assert_allclose(run.states[:, 0], np.exp(-rate * problem.ts), rtol=1e-3)
-    assert slot.cache_info().misses == before + 1
+            compile_seconds.append(run.compile_seconds)
+    assert compile_seconds[0] > 0.0
+    assert not any(compile_seconds[1:])
 
 
 @pytest.mark.parametrize(
@@ -152,19 +151,23 @@ def test_a_run_without_an_end_is_refused(stepper, ensemble, small_rope):
     assert 3600 / small_rope.frames / 1e-2 < int(fits) < 3600 / small_rope.frames / 1e-8
 
 
-def test_a_pause_refuses_no_run():
+def test_a_pause_refuses_no_run(small_rope):
     """The first step may compile, and the machine may sleep: that is not what a step takes."""
-    run = TimeNeeded(longest=60.0, steps_per_frame=1000, frames=10)
-    assert run.tried(1, 5.0)
-    assert run.tried(1, 2.0)
-    assert not run.known
-    run.tried(2, 0.01)
-    assert run.known
-    slow = TimeNeeded(longest=60.0, steps_per_frame=1000, frames=10)
-    slow.tried(1, 0.9)
-    slow.tried(2, 1.0)
-    with pytest.raises(InputError, match="at most 60 s; .* about 1.4 hours"):
-        slow.tried(4, 2.0)
+    pauses = []
+
+    def pausing(acceleration, t, x, v, dt, args):
+        time.sleep(pauses.pop() if pauses else 0.0)
+        return in_numpy(acceleration, t, x, v, dt, args)
+
+    # So that the step has been tried before it pauses.
+    method = method_of(pausing, small_rope)
+    pauses += [0.1, 0.1]
+    # With a pause in each step it would take half a minute.
+    assert simulate(small_rope, method, 100, time_limit=10.0).status == "ok"
+    assert not pauses
+    pauses += 20 * [0.1]
+    with pytest.raises(InputError, match="steps_per_frame: 100 given; .* at most 10 s"):
+        simulate(small_rope, method, 100, time_limit=10.0)
 
 
 @pytest.mark.parametrize("solve", [reference, lambda problem: simulate(problem, "rk4", 1)])

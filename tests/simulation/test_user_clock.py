@@ -8,9 +8,13 @@ import time
 
 import pytest
 
-from ropeode.simulation import python_driver
-from ropeode.simulation.python_driver import one_at_a_time, take_turn_from
-from ropeode.simulation.user_clock import TimeIsUp, UserClock, on_user_clock
+from ropeode.simulation import (
+    TimeIsUp,
+    UserClock,
+    on_user_clock,
+    one_at_a_time,
+    take_turn_from,
+)
 
 # How long something is computed, in seconds of processor time; and a wait for what must come.
 SPAN, PATIENCE = 0.05, 60.0
@@ -62,23 +66,6 @@ def test_waiting_is_wall_time_only():
     spent = in_a_thread(work)
     assert spent.wall >= SPAN / 2
     assert spent.processor < SPAN / 2
-
-
-def test_waiting_for_a_processor_is_not_waiting(tmp_path):
-    queued = tmp_path / "schedstat"
-
-    def wait():
-        queued.write_text(f"0 {int(1e9 * SPAN)} 0")
-        time.sleep(SPAN)
-
-    def work():
-        clock = UserClock()
-        clock._queued = queued
-        queued.write_text("0 0 0")
-        on_user_clock(wait)
-        return clock.spent()
-
-    assert in_a_thread(work).wall < SPAN / 2
 
 
 def test_it_is_read_while_it_runs():
@@ -179,8 +166,7 @@ def test_a_turn_that_is_never_given_back_is_taken():
         assert got
 
 
-def test_whoever_waited_for_a_turn_that_was_taken_waits_for_the_next(monkeypatch):
-    monkeypatch.setattr(python_driver, "_LOOKS_AGAIN_S", PATIENCE)
+def test_whoever_waited_for_a_turn_that_was_taken_waits_for_the_next():
     with someone_waits_behind_a_hang() as (hanging, may_end, waiting, got):
         take_turn_from(hanging.ident or 0)
         with one_at_a_time(), one_at_a_time():

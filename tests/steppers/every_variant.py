@@ -9,8 +9,7 @@ from typing import Any, get_type_hints
 import pytest
 
 from ropeode.render import variants
-from ropeode.steppers import STEPPERS
-from ropeode.steppers.base import BuiltIn
+from ropeode.steppers import STEPPERS, BuiltIn
 
 
 def number_options(cls: type[BuiltIn]) -> list[str]:

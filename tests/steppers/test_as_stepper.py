@@ -13,13 +13,9 @@ from scipy import integrate
 
 from ropeode import Phase, Problem, Rope, Stepper, accuracy_table, as_stepper, simulate
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.simulation.method import method_of
-from ropeode.steppers import STEPPERS
-from ropeode.steppers.base import ProblemClass
-from ropeode.steppers.templates import TEMPLATES, template
-from ropeode.study import check_steppers
+from ropeode.problems import PROBLEMS, InextensibleRope
+from ropeode.simulation import method_of
+from ropeode.steppers import STEPPERS, TEMPLATES, ProblemClass, template
 from tests.checking import steps
 
 
@@ -321,7 +317,7 @@ def test_labels():
     assert as_stepper(as_stepper(semi_implicit, 1), label="mine").order(ProblemClass()) == 1
     assert as_stepper(SemiImplicit).label == "SemiImplicit"
     with pytest.raises(InputError, match=r"label=\.\.\."):
-        check_steppers([explicit, as_stepper(semi_implicit, label="explicit")])
+        table_of([explicit, as_stepper(semi_implicit, label="explicit")], [4])
     for text in STEPPERS:
         assert as_stepper(text).label == text
 

@@ -8,18 +8,12 @@ import itertools
 import numpy as np
 import pytest
 
-from ropeode.precision import in_float64
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.links import LinearDamping, Links
-from ropeode.problems.rope import Rope
+from ropeode.problems import Ensemble, InextensibleRope, Rope
 from ropeode.simulation import simulate
-from ropeode.steppers.constraint import sweep
 from tests.verification.extrapolation import EPS, inextensible_rope_solution
 
 SLOW = pytest.mark.slow
 UNIT = np.finfo(np.float64).eps
-swept = in_float64(sweep)
 
 
 def one_sweep(x, rest, pinned, mass=None):
@@ -45,48 +39,6 @@ def one_sweep(x, rest, pinned, mass=None):
     return x
 
 
-def links(rest, pinned, mass=None):
-    free = 1.0 - np.array(pinned, dtype=float)
-    none = np.zeros(len(free))
-    return Links(
-        length=np.array(rest),
-        inverse_mass=free / (1.0 if mass is None else np.array(mass)),
-        acceleration=none,
-        damping=LinearDamping(none, none),
-    )
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("own_masses", [False, True])
-@pytest.mark.parametrize("pins", [(), (0,), (2,), (0, 5), (1, 2), (0, 1, 3), range(6)])
-def test_one_sweep_is_the_assignments_loop(dim, own_masses, pins):
-    random = np.random.default_rng([dim, len(pins)])
-    x, rest = random.normal(size=(6, dim)) * 10, random.uniform(1, 20, 5)
-    pinned = [node in pins for node in range(6)]
-    mass = random.uniform(0.2, 5, 6) if own_masses else None
-    expected = np.array(one_sweep(x.tolist(), rest.tolist(), pinned, mass))
-    found = np.asarray(swept(x.T, links(rest, pinned, mass))).T
-    # Each of the five links is put back by a handful of roundings, of moves up to 30 long.
-    np.testing.assert_allclose(found, expected, rtol=0, atol=32 * UNIT * 30)
-    assert np.array_equal(found[pinned], x[pinned])
-    # The last link is right where one of its nodes is free; those before are spoilt again.
-    if not all(pinned[-2:]):
-        assert np.linalg.norm(found[-1] - found[-2]) == pytest.approx(rest[-1], rel=1e-14)
-
-
-def test_a_sweep_by_hand():
-    # Three nodes on a line, springs of length 1 stretched to 2 and 1; the first is pinned.
-    found = swept(np.array([[0.0, 2.0, 3.0], [0, 0, 0]]), links([1.0, 1.0], [True, False, False]))
-    # Node 1 goes to 1; then the gap of 2 closes from both sides, by half of 1.
-    assert np.array_equal(found, [[0.0, 1.5, 2.5], [0, 0, 0]])
-
-
-def test_a_link_of_length_zero_is_left_alone():
-    x = np.array([[0.0, 0.0, 3.0], [0.0, 0.0, 4.0]])
-    found = np.asarray(swept(x, links([1.0, 1.0], [True, False, False])))
-    np.testing.assert_allclose(found, [[0.0, 1.2, 1.8], [0.0, 1.6, 2.4]], rtol=4 * UNIT)
-
-
 def assignments_program(rope, steps, frames, sweeps=1):
     """The report's program with constraints: sweep, then move; the last position is the swept.
 
@@ -94,14 +46,19 @@ def assignments_program(rope, steps, frames, sweeps=1):
     """
     start, end = np.array(rope.start), np.array(rope.end)
     x = [start + (end - start) * i / (rope.num_nodes - 1) for i in range(rope.num_nodes)]
-    last = [point.copy() for point in x]
     rest = [np.linalg.norm(b - a) for a, b in itertools.pairwise(x)]
+    return program_from(x, rest, rope, steps, frames, sweeps)
+
+
+def program_from(x, rest, rope, steps, frames, sweeps, mass=None):
+    """That program from any positions, with links of any lengths."""
+    last = [point.copy() for point in x]
     pinned = [node in rope.pinned for node in range(rope.num_nodes)]
     dt, shown = 1.0 / steps, [np.array(x)]
     for _ in range(frames):
         for _ in range(steps):
             for _ in range(sweeps):
-                x = [np.array(point) for point in one_sweep(x, rest, pinned)]
+                x = [np.array(point) for point in one_sweep(x, rest, pinned, mass)]
             for i in range(rope.num_nodes):
                 if not pinned[i]:
                     here = x[i].copy()
@@ -127,6 +84,31 @@ def test_constraint_verlet_is_the_assignments_program(kind, sweeps):
     # 300 steps with some rounding units of 400 (1e-13) in each; their growth is not known.
     np.testing.assert_allclose(found.positions, expected, rtol=0, atol=1e-9)
     assert np.max(np.abs(expected[-1] - expected[0])) > 20
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("own_masses", [False, True])
+@pytest.mark.parametrize("pins", [(), (0,), (2,), (0, 5), (1, 2), (0, 1, 3), (0, 1, 2, 3, 4, 5)])
+def test_a_step_from_anywhere_is_the_assignments_program(dim, own_masses, pins):
+    random = np.random.default_rng([dim, len(pins)])
+    x, rest = random.normal(size=(6, dim)) * 5, random.uniform(10, 20, 5)
+    mass = random.uniform(0.2, 5, 6) if own_masses else np.ones(6)
+    rope = Rope(
+        num_nodes=6, start=[0] * dim, end=[5] * dim, gravity=[-1] * dim, pinned=pins,
+        node_mass=mass.tolist(),
+    )  # fmt: skip
+    problem = rope.problem(frames=1)
+    anywhere = dataclasses.replace(
+        problem,
+        y0=np.stack([x.T, np.zeros((dim, 6))]),
+        args=problem.args._replace(rest_length=rest),
+    )
+    stepper = "constraint-verlet:sweeps=1,start=rest,damping=per-step"
+    found = simulate(anywhere, stepper, 1).positions
+    expected = program_from(x, rest, rope, 1, 1, 1, mass)
+    # Each of the five links is put back by a handful of roundings, of moves up to 30 long.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=64 * UNIT * 30)
+    assert np.array_equal(found[1, list(pins)], x[list(pins)])
 
 
 def test_velocities_are_differences_of_swept_positions():

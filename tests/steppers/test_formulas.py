@@ -7,7 +7,7 @@ import pytest
 from scipy import optimize
 from scipy.integrate import DOP853, RK45
 
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.simulation import simulate
 from tests.steppers.every_variant import EVERY_PARAMETER
 

@@ -10,8 +10,7 @@ from scipy.optimize import root
 
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.rope import Rope
+from ropeode.problems import InextensibleRope, Rope
 from ropeode.simulation import simulate
 from tests.verification.extrapolation import inextensible_rope_solution, rope_solution
 

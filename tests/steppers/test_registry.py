@@ -12,11 +12,8 @@ import pytest
 
 import ropeode.steppers
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.rope import Rope
-from ropeode.steppers import STEPPERS, as_stepper
-from ropeode.steppers.base import BuiltIn, ProblemClass
-from ropeode.steppers.registry import by_family, options
+from ropeode.problems import InextensibleRope, Rope
+from ropeode.steppers import STEPPERS, BuiltIn, ProblemClass, as_stepper, by_family, options
 from tests.steppers.every_variant import EVERY_VARIANT, number_options
 
 

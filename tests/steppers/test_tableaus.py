@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import warnings
 from fractions import Fraction
 from pathlib import Path
@@ -13,14 +11,12 @@ import numpy as np
 import pytest
 
 from ropeode import accuracy_table, simulate
-from ropeode.cli import run_command
+from ropeode.cache import described
 from ropeode.errors import InputError, InputWarning
-from ropeode.problems.problem import Problem
-from ropeode.steppers import STEPPERS, ProblemClass, as_stepper
-from ropeode.steppers.nystrom import Nystrom4
-from ropeode.steppers.runge_kutta import RungeKutta, advanced
+from ropeode.problems import Problem
+from ropeode.steppers import STEPPERS, ProblemClass, RungeKutta, as_stepper
 from ropeode.sweep import SweepSpec, evaluate
-from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus import NystromTableau
 from ropeode.theory.tableau_of_step import tableau_of
 
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/heun3.toml"
@@ -73,7 +69,7 @@ def test_nystroms_method_meets_the_conditions_with_velocities_too():
         d=(o, half, half, one),
     )
     assert written.order == written.order_without_velocities == 4
-    assert Nystrom4().order(ProblemClass(damped=True)) == 4
+    assert STEPPERS["rkn4"]().order(ProblemClass(damped=True)) == 4
     # One damping for the two stages in the middle would be quicker to write.
     fewer = NystromTableau(
         p=((o,) * 3, (Fraction(1, 8), o, o), (o, half, o)),
@@ -84,17 +80,6 @@ def test_nystroms_method_meets_the_conditions_with_velocities_too():
         d=(o, half, one),
     )
     assert (fewer.order, fewer.order_without_velocities) == (2, 4)
-
-
-def test_sums_are_those_of_whole_numbers():
-    """As they are written in books, and so rounded in the same way."""
-    y, k1, k2, dt = 0.7, np.array([1.1, -0.3]), np.array([0.9, 1.7]), 0.1
-    row = (Fraction(1, 6), Fraction(1, 3))
-    assert np.array_equal(advanced(y, dt, row, [k1, k2]), y + dt / 6 * (k1 + 2.0 * k2))
-    assert advanced(y, dt, (Fraction(0), 0.0), [k1, k2]) is y
-    large = (Fraction(1, 2**40 + 1), Fraction(1, 2**40 - 1))
-    expected = y + dt * (k1 / (2**40 + 1) + k2 / (2**40 - 1))
-    np.testing.assert_allclose(advanced(y, dt, large, [k1, k2]), expected, rtol=1e-15)
 
 
 # ---- tableaus in files
@@ -131,6 +116,33 @@ def test_stages_that_nobody_reads_are_left_out(tmp_path):
     run = simulate(problem, as_stepper(text, folder=tmp_path), 4)
     assert run.rhs_evaluations == 8
     assert np.array_equal(run.states, simulate(problem, "midpoint", 4).states)
+
+
+def test_large_denominators_lose_no_digits(tmp_path):
+    """Their common denominator is no whole number of float64."""
+    half, quarter = Fraction(2**39, 2**40 + 1), Fraction(2**38, 2**40 - 1)
+    rest = 1 - half - quarter
+    text = written(
+        tmp_path, f'A = [[], [1], [0, 1]]\nb = ["{half}", "{quarter}", "{rest}"]\nc = [0, 1, 1]'
+    )
+    problem = Problem(lambda t, y, args: t - y, [0.7], [0.0, 1.0])
+
+    def by_hand(rhs, t, y, dt, args):
+        k1 = rhs(t, y, args)
+        k2 = rhs(t + dt, y + dt * k1, args)
+        k3 = rhs(t + dt, y + dt * k2, args)
+        return y + dt * (float(half) * k1 + float(quarter) * k2 + float(rest) * k3)
+
+    run = simulate(problem, as_stepper(text, folder=tmp_path), 1)
+    expected = simulate(problem, by_hand, 1)
+    np.testing.assert_allclose(run.states, expected.states, rtol=1e-15)
+
+
+def test_a_file_that_is_read_twice_is_one_stepper():
+    """In words that all processes share, by which its compiled program is found again."""
+    one, other = (as_stepper(f"runge-kutta:{EXAMPLE}") for _ in range(2))
+    assert one == other
+    assert described(one) == described(other)
 
 
 @pytest.mark.parametrize(
@@ -225,13 +237,13 @@ def test_times_that_are_not_row_sums(tmp_path):
     assert errors[0] / errors[1] == pytest.approx(3, rel=1e-6)
 
 
-def test_a_command_warns_in_one_line(tmp_path, capsys, command_surroundings):
+def test_a_command_warns_in_one_line(tmp_path, run):
     text = written(tmp_path, "A = [[]]\nb = [2]")
-    words = ["table", "--steppers", text.replace("own", f"{tmp_path}/own"), "--frames", "1"]
+    words = ["table", "--steppers", text.replace("own", f"{tmp_path}/own"), "--frames=1"]
     with warnings.catch_warnings():
         warnings.simplefilter("always", InputWarning)
-        run_command([*words, "--steps", "4,8"])
-    lines = capsys.readouterr().err.splitlines()
+        done = run(*words, "--num-nodes=4", "--no-predict", "--steps=4,8")
+    lines = done.stderr.splitlines()
     warned = [line for line in lines if "warning" in line]
     assert warned
     assert all(line.startswith("ropeode: warning: ") for line in warned)
@@ -248,18 +260,3 @@ def test_sweeps_follow_the_file(tmp_path):
         evaluate(next(before.tasks()), tmp_path)
     again = as_stepper(text, folder=tmp_path)
     assert again.tableau.a[1][0] == Fraction(2, 3)
-
-
-def test_its_program_is_kept_between_processes():
-    """By a description in words, which all processes share."""
-    code = (
-        "from ropeode.cache import described\n"
-        "from ropeode.steppers import as_stepper\n"
-        f"print(described(as_stepper('runge-kutta:{EXAMPLE}')))"
-    )
-    words = {
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
-        for _ in range(2)
-    }
-    assert len(words) == 1
-    assert "Fraction(2, 3)" in words.pop()

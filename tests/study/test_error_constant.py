@@ -11,7 +11,7 @@ import pytest
 from ropeode import Problem, accuracy_table, reference
 from ropeode.analysis import observed_order
 from ropeode.norms import norm_for
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.study.error_constant import ErrorConstant, believed, error_constant
 from ropeode.theory.global_error import PredictedError
 

@@ -11,7 +11,7 @@ import pytest
 
 from ropeode import InextensibleRope, Problem, Rope, reference
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.kepler import kepler
+from ropeode.problems import PROBLEMS
 from ropeode.render import FORMATS, format_explanation, variants
 from ropeode.steppers import STEPPERS, as_stepper
 from ropeode.study import explain_stepper
@@ -130,7 +130,8 @@ def test_damping_at_each_step_shows_in_problems_that_start_at_rest():
     "stepper", [each.label for cls in STEPPERS.values() for each in variants(cls)]
 )
 @pytest.mark.parametrize(
-    "problem", [Rope(num_nodes=3).problem(2), InextensibleRope(num_nodes=3).problem(2), kepler(4)]
+    "problem",
+    [Rope(num_nodes=3).problem(2), InextensibleRope(num_nodes=3).problem(2), PROBLEMS["kepler"](4)],
 )
 def test_every_stepper_can_be_explained(stepper, problem):
     if as_stepper(stepper).refusal(problem):

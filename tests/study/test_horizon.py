@@ -12,7 +12,7 @@ import pytest
 
 from ropeode import Problem, horizon
 from ropeode.errors import InputError
-from ropeode.problems.oscillator import oscillator
+from ropeode.problems import PROBLEMS
 from ropeode.references.extended.taylor import solve
 from ropeode.render import format_horizon
 from tests.results import check_result
@@ -89,7 +89,7 @@ def test_a_prediction_holds(chaotic):
 
 @pytest.fixture(scope="module")
 def calm():
-    return horizon(oscillator(frames=4), [4, 100], time_limit=NEVER)
+    return horizon(PROBLEMS["oscillator"](frames=4), [4, 100], time_limit=NEVER)
 
 
 def test_runs_of_the_same_kind_have_columns_of_their_own(calm):
@@ -147,11 +147,11 @@ def test_a_truth_that_ends_early():
 )
 def test_faults(spans, words):
     with pytest.raises(InputError, match=words) as raised:
-        horizon(oscillator(), spans)
+        horizon(PROBLEMS["oscillator"](), spans)
     assert all("Fix: " in line for line in raised.value.problems)
 
 
 def test_every_fault_is_told():
     with pytest.raises(InputError) as raised:
-        horizon(oscillator(), [0, -1])
+        horizon(PROBLEMS["oscillator"](), [0, -1])
     assert len(raised.value.problems) == 2

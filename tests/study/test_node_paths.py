@@ -8,7 +8,7 @@ import pytest
 from ropeode import Problem, Rope, node_paths
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, distance
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.simulation import simulate
 from tests.quartic import quartic
 

@@ -10,8 +10,7 @@ import pytest
 
 from ropeode import Rope
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import PROBLEMS, ROPES
 from ropeode.study import (
     DEFAULT_STEPS_PER_FRAME,
     TableJob,

@@ -14,7 +14,7 @@ from scipy import optimize
 
 from ropeode import Problem, work_precision
 from ropeode.errors import InputError
-from ropeode.problems.oscillator import oscillator
+from ropeode.problems import PROBLEMS
 from ropeode.study import INFINITE, as_method
 from tests.exact_reference import exact_reference
 from tests.results import check_result
@@ -30,7 +30,9 @@ def exactly(problem):
 @pytest.fixture(scope="module")
 def swing():
     """Damped, of mass 2, with a velocity at the start."""
-    problem = oscillator(mass=2.0, stiffness=3.0, damping=0.2, x0=0.7, v0=-0.4, frames=FRAMES)
+    problem = PROBLEMS["oscillator"](
+        mass=2.0, stiffness=3.0, damping=0.2, x0=0.7, v0=-0.4, frames=FRAMES
+    )
     return exactly(problem)
 
 
@@ -512,7 +514,7 @@ def test_adaptive_solvers_stop_at_the_limit(swing):
 
 def test_only_what_is_inside_the_trust_horizon_is_solved():
     """Cost and error are of one span."""
-    problem = oscillator(frames=6)
+    problem = PROBLEMS["oscillator"](frames=6)
     truth = exactly(problem)
     certificate = truth.certificate
     cut = dataclasses.replace(

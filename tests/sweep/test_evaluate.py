@@ -11,8 +11,7 @@ from ropeode import accuracy_table, sweep
 from ropeode.analysis import classify_motion
 from ropeode.errors import InputError
 from ropeode.norms import motion
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS, Ensemble
 from ropeode.references.compute import each_reference
 from ropeode.simulation import simulate
 from ropeode.sweep import STATUSES, SweepSpec, Task, read_sweep

@@ -6,8 +6,7 @@ from fractions import Fraction
 
 from hypothesis import strategies as st
 
-from ropeode.tableaus.nystrom import NystromTableau
-from ropeode.tableaus.tableau import Tableau
+from ropeode.tableaus import NystromTableau, Tableau
 
 coefficients = st.fractions(min_value=-3, max_value=3, max_denominator=24)
 

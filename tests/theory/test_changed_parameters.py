@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ropeode.precision import in_float64
-from ropeode.problems.lorenz import lorenz
+from ropeode.problems import PROBLEMS
 from ropeode.theory.changed_parameters import diagnose_parameters
 from ropeode.theory.step_samples import rates_of
 
-PROBLEM = lorenz(frames=2)
+PROBLEM = PROBLEMS["lorenz"](frames=2)
 CHANGES: dict[str, tuple[Any, Any]] = {
     "f with sigma = 10.1 in place of 10": (
         lambda f, with_args: with_args(sigma=10.1),

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from ropeode import Problem
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.simulation.method import method_of
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
+from ropeode.problems import InextensibleRope
+from ropeode.simulation import method_of
+from ropeode.steppers import Phase, Stepper
 from ropeode.theory.expansion import expanded
 from ropeode.theory.step_samples import StepSamples
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from ropeode import Problem
-from ropeode.problems.links import LinearDamping
+from ropeode.problems import LinearDamping
 from ropeode.references.reference import Reference
-from ropeode.simulation.method import method_of
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
+from ropeode.simulation import method_of
+from ropeode.steppers import Phase, Stepper
 from ropeode.theory.global_error import predicted_error
 from ropeode.theory.solution_along import solution_along
 from tests.exact_reference import exact_reference

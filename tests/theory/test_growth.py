@@ -11,11 +11,7 @@ from scipy import linalg
 
 from ropeode.analysis import frequencies, hanging_equilibrium
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.kepler import kepler
-from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
 from ropeode.simulation import simulate
 from ropeode.theory import growth
 from ropeode.theory.growth import growth_per_frame, stability_limit
@@ -92,7 +88,7 @@ def test_rigid_links():
 
 
 def test_other_mechanical_problems():
-    problem = oscillator(stiffness=4.0, mass=2.0)
+    problem = PROBLEMS["oscillator"](stiffness=4.0, mass=2.0)
     y = hanging_equilibrium(problem)
     np.testing.assert_allclose(y, np.zeros((2, 1, 1)), atol=1e-15)
     assert frequencies(problem, y) == pytest.approx([2**0.5])
@@ -104,7 +100,7 @@ def test_other_mechanical_problems():
 @pytest.mark.parametrize(
     ("problem", "message"),
     [
-        (kepler(), "with a stable equilibrium that its initial positions sink to"),
+        (PROBLEMS["kepler"](), "with a stable equilibrium that its initial positions sink to"),
         (Rope(num_nodes=4, pinned=(0, 1, 2, 3)).problem(2), "in which something can move"),
         (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]), "second-order"),
     ],
@@ -273,9 +269,9 @@ def test_steppers_that_cannot_run_are_refused():
     with pytest.raises(InputError, match="second-order"):
         growth_per_frame(problem, "explicit-euler", 4)
     with pytest.raises(InputError, match="steps_per_frame: 0 given"):
-        growth_per_frame(oscillator(), "explicit-euler", 0)
+        growth_per_frame(PROBLEMS["oscillator"](), "explicit-euler", 0)
     with pytest.raises(InputError, match="stepper: 'nonsense' given"):
-        stability_limit(oscillator(), "nonsense")
+        stability_limit(PROBLEMS["oscillator"](), "nonsense")
 
 
 @pytest.mark.parametrize(
@@ -296,14 +292,14 @@ def test_a_stepper_may_be_unstable_again_with_more_steps(monkeypatch, unstable, 
             return SimpleNamespace(stable=steps not in unstable)
 
     monkeypatch.setattr(growth, "_Linearised", Linearised)
-    assert stability_limit(oscillator(), "rk4") == limit
+    assert stability_limit(PROBLEMS["oscillator"](), "rk4") == limit
 
 
 @pytest.mark.slow
 # Of equinox, which differentiates the loop.
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_loop_that_is_differentiated_backwards_only():
-    problem = oscillator(stiffness=100.0, damping=0.5)
+    problem = PROBLEMS["oscillator"](stiffness=100.0, damping=0.5)
     found = growth_per_frame(problem, "diffrax:Heun", 20)
     assert found.rate == pytest.approx(growth_per_frame(problem, heun, 20).rate, rel=1e-9)
 
@@ -319,7 +315,7 @@ def test_a_step_in_numpy_at_rest_at_zero():
     def euler(rhs, t, y, dt, args):
         return np.asarray(y) + dt * np.asarray(rhs(t, y, args))
 
-    found = growth_per_frame(oscillator(stiffness=4.0, damping=0.0), euler, 10)
+    found = growth_per_frame(PROBLEMS["oscillator"](stiffness=4.0, damping=0.0), euler, 10)
     assert found.rate == pytest.approx(euler_rate(10, 2.0, 0.0), rel=1e-9)
 
 

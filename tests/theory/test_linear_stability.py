@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from ropeode.analysis import hanging_equilibrium
-from ropeode.problems.linear_chain import linear_chain
-from ropeode.problems.oscillator import oscillator
-from ropeode.problems.pendulum import pendulum
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.references.compute import reference
 from ropeode.references.files.library import load
 from ropeode.simulation import simulate
@@ -37,7 +33,7 @@ def kick_in_numpy(acceleration, t, x, v, dt, args):
 def damped():
     """An oscillator with two real eigenvalues, -0.21 and -4.79; its states are exact."""
     stored = load("oscillator")
-    problem = oscillator(damping=5.0, frames=stored.problem.frames)
+    problem = PROBLEMS["oscillator"](damping=5.0, frames=stored.problem.frames)
     assert problem.exact is not None
     return dataclasses.replace(stored, problem=problem, states=problem.exact(problem.ts))
 
@@ -83,7 +79,7 @@ def test_the_mode_and_the_time_that_decide():
 
 def test_growth_of_the_solution_itself_asks_for_no_step():
     # Upside down: x'' = x grows, whatever the step; a pendulum passes both kinds of states.
-    problem = pendulum()
+    problem = PROBLEMS["pendulum"]()
     states = np.array([0.0, np.pi])[:, None, None, None] * np.array([1.0, 0.0])[:, None, None]
     along = spectrum(problem, np.zeros(2), states)
     assert along.fastest_growth == pytest.approx(1.0)
@@ -107,7 +103,7 @@ def test_what_is_kept_forever_has_the_eigenvalue_zero():
 
 
 def test_slow_growth_is_told_however_slow():
-    problem = oscillator(damping=0.0)
+    problem = PROBLEMS["oscillator"](damping=0.0)
     function = stability_function(problem, "explicit-euler")
     assert isinstance(function, StabilityFunction)
     found = spectral_limit(
@@ -123,9 +119,9 @@ def test_slow_growth_is_told_however_slow():
     [
         Rope(num_nodes=5, start=(0, 0), end=(-60, 0)).problem(4),
         Rope(num_nodes=5, start=(0, 0), end=(-60, 0), damping=0.3).problem(4),
-        pendulum(),
-        oscillator(damping=0.3, stiffness=30.0),
-        linear_chain(frames=4),
+        PROBLEMS["pendulum"](),
+        PROBLEMS["oscillator"](damping=0.3, stiffness=30.0),
+        PROBLEMS["linear-chain"](frames=4),
     ],
     ids=["rope", "damped rope", "pendulum", "oscillator", "chain"],
 )
@@ -151,7 +147,7 @@ def test_predicted_limits_are_those_of_the_step_itself(problem, stepper):
 @pytest.mark.parametrize("stepper", FOR_FORCES[1:])
 def test_runs_grow_just_past_the_limit_and_not_just_before(stepper):
     """Without eigenvalues: by a small disturbance of rest, in runs one percent to either side."""
-    problem = oscillator(damping=0.2, stiffness=4.0, x0=1e-3, frames=1)
+    problem = PROBLEMS["oscillator"](damping=0.2, stiffness=4.0, x0=1e-3, frames=1)
     function = stability_function(problem, stepper)
     assert isinstance(function, StabilityFunction)
     at_rest = spectrum(problem, np.zeros(1), np.zeros((1, 2, 1, 1)))

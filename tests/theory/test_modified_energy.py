@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode.problems.kepler import kepler
-from ropeode.problems.pendulum import pendulum
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, Rope
 from ropeode.simulation import simulate
 from ropeode.theory.modified_energy import ModifiedEnergy, modified_energy
 
@@ -22,7 +20,7 @@ FORMULAS = {
 
 @pytest.mark.parametrize("stepper", FORMULAS)
 def test_the_correction_is_that_of_the_formula(stepper):
-    problem = pendulum(frames=6)
+    problem = PROBLEMS["pendulum"](frames=6)
     found = modified_energy(problem, stepper, 64)
     assert isinstance(found, ModifiedEnergy)
     expected = FORMULAS[stepper](*simulate(problem, stepper, 64).states[:, :, 0, 0].T)
@@ -34,7 +32,7 @@ def test_the_correction_is_that_of_the_formula(stepper):
 def test_it_is_kept_to_twice_the_order(stepper, order):
     drifts = []
     for steps in (12, 24):
-        found = modified_energy(pendulum(frames=6), stepper, steps)
+        found = modified_energy(PROBLEMS["pendulum"](frames=6), stepper, steps)
         assert isinstance(found, ModifiedEnergy)
         assert found.order == order
         drifts.append([np.ptp(found.energy), np.ptp(found.modified)])
@@ -54,7 +52,7 @@ def test_a_rope_keeps_it_far_better_than_the_energy(stepper):
 @pytest.mark.slow
 def test_the_way_to_a_sample_leads_around_what_is_singular():
     # Half a turn from the start, the sun is on the straight line.
-    found = modified_energy(kepler(frames=20), "velocity-verlet", 64)
+    found = modified_energy(PROBLEMS["kepler"](frames=20), "velocity-verlet", 64)
     assert isinstance(found, ModifiedEnergy)
     predicted, measured, left = found.swings
     assert predicted == pytest.approx(measured, rel=1e-3)

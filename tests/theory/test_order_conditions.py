@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.tableaus.rooted_trees import FIRST_ORDER, Tree, formula, trees_of_order
-from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
 from tests.theory.random_tableaus import explicit_tableaus
 

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ropeode.tableaus.nystrom import NystromTableau
-from ropeode.tableaus.tableau import Tableau
+from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
 from ropeode.theory.recognised_methods import describe, recognised
 from ropeode.theory.tableau_of_step import tableau_of

@@ -8,12 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import STEPPERS
-from ropeode.steppers.base import Stepper
+from ropeode.steppers import STEPPERS, Stepper
 from ropeode.theory.stability_function import (
     LeadingTerm,
     NoStabilityFunction,
@@ -23,7 +20,7 @@ from ropeode.theory.stability_function import (
 from ropeode.theory.stability_limits import stability_limits, stability_region, stable_interval
 
 FIRST = Problem(lambda t, y, args: -y, np.ones(2), np.arange(2.0))
-SECOND = oscillator(damping=0.0)
+SECOND = PROBLEMS["oscillator"](damping=0.0)
 
 
 def heun(rhs, t, y, dt, args):
@@ -182,7 +179,7 @@ def test_damped_oscillators_against_powers_of_the_step(name):
     assert isinstance(function, StabilityFunction)
     for omega, ratio in [(0.7, 0.2), (1.9, 0.02), (2.2, 0.1)]:
         z = omega * (-ratio + 1j * (1 - ratio**2) ** 0.5)
-        problem = oscillator(stiffness=omega**2, damping=2 * ratio * omega, frames=200)
+        problem = PROBLEMS["oscillator"](stiffness=omega**2, damping=2 * ratio * omega, frames=200)
         x, v = simulate(problem, name, 1).states[:, :, 0, 0].T
         # An area, which a linear step multiplies by the product of its eigenvalues.
         area = np.abs(x[:-1] * v[1:] - x[1:] * v[:-1])

@@ -5,18 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode.problems.double_pendulum import double_pendulum
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.kepler import kepler
-from ropeode.problems.oscillator import oscillator
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.steppers.base import Stepper
+from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
+from ropeode.steppers import Stepper
 from ropeode.theory.structure import structure
 
 # With damping, which is left out, pins and gravity.
 ROPE = Rope(num_nodes=4, start=(0, 0), end=(-40, 0), stiffness=3.0, damping=0.2).problem(2)
-KEPLER = kepler(frames=2)
+KEPLER = PROBLEMS["kepler"](frames=2)
 ALL = ("symplectic", "reversible", "volume", "energy", "momentum", "angular momentum")
 
 
@@ -123,7 +118,9 @@ def test_a_planet_keeps_its_angular_momentum():
 
 def test_momenta_may_depend_on_the_positions():
     """The double pendulum's mass matrix does: kicks of its velocities are not symplectic."""
-    found = structure(double_pendulum(), "semi-implicit-euler", ["symplectic", "volume"])
+    found = structure(
+        PROBLEMS["double-pendulum"](), "semi-implicit-euler", ["symplectic", "volume"]
+    )
     assert not isinstance(found, str)
     assert (found["symplectic"].holds, found["symplectic"].power) == (False, 2)
 
@@ -145,7 +142,9 @@ def test_what_a_problem_does_not_keep_no_step_is_asked_for():
 
 
 def test_what_remembers_more_than_it_shows_is_no_map():
-    found = structure(oscillator(damping=0.0), RemembersThreeStates(), ["symplectic", "energy"])
+    found = structure(
+        PROBLEMS["oscillator"](damping=0.0), RemembersThreeStates(), ["symplectic", "energy"]
+    )
     assert not isinstance(found, str)
     assert {each.holds for each in found.values()} == {None}
     assert "remembers more" in found["symplectic"].note

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 
 from ropeode.errors import InputError
-from ropeode.tableaus.tableau import Tableau
+from ropeode.tableaus import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT
 from tests.theory.random_tableaus import explicit_tableaus
 

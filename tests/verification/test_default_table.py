@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ropeode import accuracy_table
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.study import DEFAULT_STEPPERS
 
 PER_STEP, LAGGED = "stormer-verlet:damping=per-step", "stormer-verlet:damping=lagged"

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.rope import Rope
+from ropeode.problems import InextensibleRope, Rope
 from tests.verification.extrapolation import (
     EPS,
     Links,

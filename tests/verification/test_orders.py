@@ -19,15 +19,9 @@ import pytest
 from ropeode import reference, simulate
 from ropeode.analysis import ObservedOrder, distances_from, observed_order, resolution
 from ropeode.norms import Norm, norm_for
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.links import LinearDamping
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.problems.ropes import ROPES
-from ropeode.simulation.trajectory import Trajectory
-from ropeode.steppers.base import BuiltIn
-from ropeode.steppers.implicit import _Implicit
+from ropeode.problems import PROBLEMS, ROPES, InextensibleRope, LinearDamping, Problem, Rope
+from ropeode.simulation import Trajectory
+from ropeode.steppers import BuiltIn
 from ropeode.study import problem_class as class_of
 from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import EVERY_VARIANT, SINGLE_OPTIONS
@@ -183,7 +177,7 @@ def problem_of(case: str) -> Problem:
 
 
 def declared_on(case: str, stepper: BuiltIn) -> int | None:
-    if case in LINEAR and isinstance(stepper, _Implicit):
+    if case in LINEAR and stepper.family == "implicit":
         stepper = dataclasses.replace(stepper, newton="converged")
     return stepper.order(class_of(problem_of(case)))
 

@@ -8,7 +8,7 @@ import jax
 import pytest
 
 from benchmarks import expansions, predicted_errors
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.steppers import as_stepper
 
 # Sweeps onto rigid links leave an error of the lengths that settles over many steps.

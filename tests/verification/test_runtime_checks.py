@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from ropeode.problems.rope import Rope
+from ropeode.problems import Rope
 from ropeode.references.compute import reference
 from tests.time_limit import HANGS_AFTER_S
 

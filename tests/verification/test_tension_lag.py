@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from ropeode import InextensibleRope, accuracy_table
-from ropeode.problems.inextensible_rope import acceleration
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 from studies.tension_lag import late_acceleration, predicted_by_lag
@@ -24,7 +23,7 @@ def test_without_lag_it_is_the_rope():
     with jax.enable_x64(True):
         own, rope = (
             late_acceleration(x, v, 0.0, problem.args),
-            acceleration(0.0, x, v, problem.args),
+            problem.mechanics.acceleration(0.0, x, v, problem.args),
         )
     np.testing.assert_allclose(own, rope, rtol=1e-11, atol=1e-10)
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.phase import Phase
+from ropeode.steppers import Phase, Stepper
 
 
 def explicit_euler(acceleration, t, x, v, dt, args):

@@ -11,10 +11,7 @@ import pytest
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import distance
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
 from ropeode.references.certificate import Reason, Witness, largest_norms
 from ropeode.references.compute import reference
 from ropeode.references.extended import reference as module

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode.problems.oscillator import oscillator
+from ropeode.problems import PROBLEMS
 from ropeode.references.extended import solution as module
 from ropeode.references.extended.taylor import ExtendedRun
 
 
 @pytest.mark.parametrize("digits", [15, 17])
 def test_more_bits_until_three_times_the_difference_has_the_digits(monkeypatch, digits):
-    problem = oscillator(frames=3)
+    problem = PROBLEMS["oscillator"](frames=3)
     exact = np.broadcast_to(problem.y0, (4, *problem.y0.shape)).astype(np.longdouble)
     limit = 10.0**-digits
     runs = []

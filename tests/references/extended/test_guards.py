@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.extended.guards import Guards
 
 

@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
 from ropeode.references.defect import look_between
 from ropeode.references.extended.solution import extended_solution
 from ropeode.references.extended.taylor import solve

@@ -12,11 +12,7 @@ import numpy as np
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import PROBLEMS, ROPES, InextensibleRope, Problem, Rope
 from ropeode.references.extended import jaxprs, rules
 from ropeode.references.extended.choices import PLACES, STEPS
 from ropeode.references.extended.entries import CHOICES, CHOICES_COMPLEX, OF_ONE_COMPLEX

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import Problem, Rope
 from ropeode.progress import silent
 from ropeode.references.compute import reference
 from ropeode.references.extended import witness as module

@@ -24,10 +24,7 @@ import xarray
 from ropeode import accuracy_table
 from ropeode.analysis import error_series
 from ropeode.errors import InputError
-from ropeode.problems.functions import compiled
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.rope import Rope
+from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.references.certificate import Certificate, Sampling, Witness
 from ropeode.references.compute import reference
 from ropeode.references.dense.dense_output import with_dense_output
@@ -466,7 +463,6 @@ def test_a_full_disk_leaves_the_old_file(saved, tmp_path, room):
 
 
 def test_loading_compiles_the_right_hand_side_once(saved, caplog):
-    compiled.cache_clear()
     load_reference(saved)
     caplog.clear()
     with jax.log_compiles():

@@ -10,7 +10,7 @@ import pytest
 
 from ropeode import load, plot_stability
 from ropeode.errors import InputError
-from ropeode.problems.oscillator import oscillator
+from ropeode.problems import PROBLEMS
 from ropeode.render import figure_bytes
 from ropeode.study import Explanation
 from ropeode.theory.linear_stability import linear_stability
@@ -24,7 +24,7 @@ from tests.render.plots.legible import assert_legible
 def drawn():
     """Explicit Euler on an oscillator with the eigenvalues -0.1 +- i, and one that grows."""
     stored = load("oscillator")
-    problem = oscillator(damping=0.2, stiffness=1.01, frames=stored.problem.frames)
+    problem = PROBLEMS["oscillator"](damping=0.2, stiffness=1.01, frames=stored.problem.frames)
     assert problem.exact is not None
     given = dataclasses.replace(stored, problem=problem, states=problem.exact(problem.ts))
     found = linear_stability(given, "explicit-euler")

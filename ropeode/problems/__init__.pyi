@@ -1,0 +1,17 @@
+from .ensemble import Ensemble as Ensemble
+from .files import keep_apart as keep_apart
+from .files import load_problem as load_problem
+from .inextensible_rope import InextensibleRope as InextensibleRope
+from .library import PROBLEMS as PROBLEMS
+from .links import LinearDamping as LinearDamping
+from .links import Links as Links
+from .no_equations import NoEquations as NoEquations
+from .picture import PICTURES as PICTURES
+from .picture import Picture as Picture
+from .probes import free_coordinates as free_coordinates
+from .problem import Mechanics as Mechanics
+from .problem import Problem as Problem
+from .problem import require_problem as require_problem
+from .python_rhs import PythonRhs as PythonRhs
+from .rope import Rope as Rope
+from .ropes import ROPES as ROPES
