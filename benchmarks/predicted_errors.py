@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import functools
 import json
+import re
 import sys
 import time
 from collections import Counter
@@ -199,28 +200,27 @@ def main() -> None:
 
 
 def shown(lines: list[dict[str, Any]]) -> str:
-    """The result, in Markdown."""
-    rows, reasons, counts = [], [], Counter()
+    """The result, in Markdown: counts, and each quantity that is further apart."""
+    rows, reasons, counts = [], Counter(), Counter()
     for line in sorted(lines, key=lambda each: list(PROBLEMS).index(each["problem"])):
         start = [line["problem"], f"`{line['stepper']}`"]
         if "why" in line:
-            counts["none"] += 1
-            reasons.append(f"- {' on '.join(reversed(start))}: {line['why']}.")
+            # Without its numbers.
+            reasons[re.split("[:,]| by [0-9]", line["why"])[0]] += 1
             continue
         for quantity, each in line["quantities"].items():
             kind = "unresolved" if "dt" not in each else "apart" in each and each["apart"] <= AGREE
             counts["zero" if "measured" in each else kind] += 1
-            ratio = f"{each['ratio']:.5f}" if "ratio" in each else "-"
-            if "measured" in each:
-                ratio = f"(measured: {each['measured']:.1e})"
+            if kind is not False or "measured" in each:
+                continue
             rows.append(
                 [
                     *start,
                     line["order"],
                     quantity,
                     f"{each['constant']:.5g}",
-                    f"{each['dt']:.2g}" if "dt" in each else "unresolved",
-                    ratio,
+                    f"{each['dt']:.2g}",
+                    f"{each['ratio']:.5f}",
                     *(f"{each[key]:.1e}" if key in each else "-" for key in ("apart", "limit")),
                 ]
             )
@@ -239,10 +239,12 @@ def shown(lines: list[dict[str, Any]]) -> str:
         f"{len(lines)} pairs. Of {counts[True] + counts[False]} quantities whose error is resolved "
         f"{counts[True]} agree within {AGREE:.0%} in every component, at every sample, at the "
         f"finest step size. {counts['zero']} have no error of the method's order, as predicted. "
-        f"For {counts['none']} pairs there is no prediction:"
+        f"{counts['unresolved']} have one that is resolved at no step size. For "
+        f"{sum(reasons.values())} pairs there is no prediction:"
     )
+    why = [f"- {reason}: {count} of them" for reason, count in reasons.most_common()]
     return "\n".join(
-        [words, "", *reasons, "", tabulate(rows, head, tablefmt="pipe", disable_numparse=True)]
+        [words, "", *why, "", tabulate(rows, head, tablefmt="pipe", disable_numparse=True)]
     )
 
 

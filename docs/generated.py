@@ -608,9 +608,9 @@ def judged(program: str, *show: str) -> str:
 
 
 def predicted_errors() -> str:
-    """How many predicted errors the runs confirmed, and each of them."""
+    """How many predicted errors the runs confirmed, and each that is further apart."""
     words, _, rows = judged("predicted_errors").partition("\n\n| ")
-    return f"{words}\n\n{folded('Each quantity, predicted and measured', f'| {rows}')}"
+    return f"{words}\n\n{folded('Those that are further apart', f'| {rows}')}"
 
 
 def false_alarms() -> str:
