@@ -41,7 +41,7 @@ class Own:
         states = truth + rtol * (problem.ts > 0.0)[:, None]
         if rtol == 1e-2:
             states[2:] = np.inf
-        return states, round(1e3 / rtol)
+        return states, round(1e2 / rtol)
 
 
 @pytest.fixture(scope="module")
