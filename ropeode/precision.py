@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode import callbacks, lapack  # noqa: F401  (for what it does to JAX)
-from ropeode.validation import is_traced, traced_value
+from ropeode.validation import bad_value, is_traced, traced_value
 
 _FLOAT32 = (
     "JAX computes this right-hand side in float32, because its float64 mode is off where jit, grad "
@@ -41,6 +41,7 @@ def in_float64(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        _check_settings()
         with jax.enable_x64(True), callbacks.raised_again():
             try:
                 return function(*args, **kwargs)
@@ -52,6 +53,24 @@ def in_float64(function: Callable[P, R]) -> Callable[P, R]:
                 raise traced_value(getattr(function, "__name__", "ropeode"), "a call") from None
 
     return wrapper
+
+
+def _check_settings() -> None:
+    """Refuse settings of JAX under which nothing can be computed; another error would be blamed."""
+    if jax.config.jax_disable_jit:  # type: ignore[attr-defined]
+        allowed = "unset, since ropeode compiles what it runs"
+        raise bad_value("JAX_DISABLE_JIT", True, allowed, "unset it, and leave jax.disable_jit()")
+    _find_devices()
+
+
+@functools.cache
+def _find_devices() -> None:
+    try:
+        jax.devices()
+    except RuntimeError as error:
+        given = jax.config.jax_platforms  # type: ignore[attr-defined]
+        allowed = f"a platform that JAX finds here ({error})"
+        raise bad_value("JAX_PLATFORMS", given, allowed, "unset it") from None
 
 
 def rhs_in_float64(rhs: Callable[..., Any], *inputs: Any) -> Any:

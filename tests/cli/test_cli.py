@@ -418,6 +418,24 @@ def test_what_a_command_raises_is_told_apart(raised, code, says, monkeypatch, ca
     assert ("Traceback" in error) == (code == 3)
 
 
+def test_a_platform_that_is_not_here_is_named(run_process, environment, monkeypatch):
+    monkeypatch.setitem(environment, "JAX_PLATFORMS", "xyz")
+    done = run_process("table", "--problem", "oscillator", "--frames=1")
+    assert done.returncode == 2
+    assert done.stderr.startswith("ropeode: JAX_PLATFORMS: 'xyz' given; ")
+
+
+@pytest.mark.slow
+def test_without_a_home_standard_output_is_the_result_alone(run_process, environment, monkeypatch):
+    pytest.importorskip("heyoka", reason="heyoka is an extra")
+    for name in ("HOME", "XDG_CACHE_HOME"):
+        monkeypatch.delitem(environment, name, raising=False)
+    words = ("--problem=oscillator", "--frames=1", "--level=extended", "--steps=8,16,32")
+    done = run_process("table", *words, "--format=json")
+    assert done.stdout.startswith("{"), done.stderr
+    assert json.loads(done.stdout)["schema"].startswith("ropeode.accuracy-table")
+
+
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [

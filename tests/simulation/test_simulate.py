@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -199,3 +200,8 @@ def test_stepper_and_problem_must_fit():
     assert simulate(drag, "semi-implicit-euler", 4).status == "ok"
     with pytest.raises(InputError, match="a second-order"):
         _ = simulate(problem, "rk4", 4).positions
+
+
+def test_jax_without_its_compiler_is_refused_by_name(small_rope):
+    with jax.disable_jit(), pytest.raises(InputError, match="JAX_DISABLE_JIT"):
+        simulate(small_rope, "rk4", 8)

@@ -13,4 +13,7 @@ def heyoka() -> Any:
     Raises:
         InputError: it cannot be imported.
     """
-    return require("heyoka", "extended", "extended references")
+    module = require("heyoka", "extended", "extended references")
+    # It warns on standard output, where results go, of a cache folder that it does not find.
+    module.set_logger_level_critical()
+    return module
