@@ -148,8 +148,8 @@ def test_options_in_python_are_those_on_the_command_line():
 
 
 def test_an_option_is_no_larger_than_a_loop_can_count():
-    with pytest.raises(InputError, match="xpbd:substeps: 100000000000000000000 given; allowed: at"):
-        as_stepper("xpbd:substeps=1e20")
+    with pytest.raises(InputError, match="xpbd:substeps: 1000000000000 given; allowed: at most"):
+        as_stepper("xpbd:substeps=1e12")
 
 
 def test_refusals_name_the_stepper_and_a_way_out(driven_pendulum):
