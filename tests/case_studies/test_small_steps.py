@@ -103,6 +103,7 @@ def solved() -> tuple[np.ndarray, np.ndarray]:
     return states[:, 0], states[:, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("steps", "iterations"), [(6, 1), (1, 6)])
 def test_a_run_is_what_comes_out_link_by_link(found, steps, iterations):
     run, (x, v), (true_x, true_v) = found.run(steps, iterations), xpbd(steps, iterations), solved()
@@ -150,6 +151,7 @@ def test_the_fewest_steps_are_enough_and_one_less_is_not(truth):
         assert row.units == pytest.approx(row.steps + once)
 
 
+@pytest.mark.slow
 def test_damping_is_that_of_theory_and_of_runs():
     """For a pendulum of one spring XPBD damps as implicit Euler does; Verlet does not damp."""
     pendulum = Rope(end=(-3.0, 200.0), num_nodes=2, node_mass=1.7, stiffness=40.0, damping=0.0)

@@ -44,7 +44,9 @@ def verdict(tmp_path, known, problem, stepper, steps, expected=None):
     return report.verdict, next(each.line for each in report.findings if each.check == "order")
 
 
-@pytest.mark.parametrize("stepper", ["implicit-euler", "xpbd:iterations=4"])
+@pytest.mark.parametrize(
+    "stepper", [pytest.param("implicit-euler", marks=pytest.mark.slow), "xpbd:iterations=4"]
+)
 def test_right_methods_with_steps_that_are_too_coarse(tmp_path, taut, monkeypatch, stepper):
     """They damp the springs' oscillations, and for a while tend to a motion without these."""
     found, line = verdict(tmp_path, taut, rope(), stepper, PRE_ASYMPTOTIC)

@@ -81,6 +81,7 @@ def test_right_files(tmp_path, ropes):
     assert other_rope(known, runs, reference) is None
 
 
+@pytest.mark.slow
 def test_ropes_that_the_runs_cannot_tell_apart(tmp_path):
     """Springs so stiff that they move as rigid links do, as far as the errors show."""
     rigid = reference(InextensibleRope(num_nodes=3).problem(frames=1))

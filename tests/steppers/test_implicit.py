@@ -409,9 +409,8 @@ def test_declared_orders(name):
     assert stepper.symplectic is (name in ("implicit-midpoint", "gauss4"))
 
 
-@pytest.mark.parametrize(
-    "name", ["implicit-midpoint", pytest.param("gauss4", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["implicit-midpoint", "gauss4"])
 def test_one_iteration_is_not_symplectic_and_says_so(name):
     for label, expected in ((name, True), (f"{name}:newton=1", False)):
         stepper = as_stepper(label)

@@ -161,10 +161,15 @@ LIBRARY = {
 }
 SLOW = pytest.mark.slow
 OTHER_VARIANTS = [each for each in EVERY_VARIANT if each not in SINGLE_OPTIONS]
+# It takes as long as all the others; without damping it is among the fast ones.
+DEAR = "moving inextensible rope"
 EVERY_CASE = pytest.mark.parametrize(
     ("case", "steppers"),
     [
-        *(pytest.param(case, SINGLE_OPTIONS, id=case) for case in CASES),
+        *(
+            pytest.param(case, SINGLE_OPTIONS, id=case, marks=[SLOW] * (case == DEAR))
+            for case in CASES
+        ),
         *(pytest.param(case, OTHER_VARIANTS, id=f"{case} also", marks=SLOW) for case in CASES),
         *(pytest.param(case, EVERY_VARIANT, id=case, marks=SLOW) for case in LIBRARY),
     ],

@@ -29,6 +29,7 @@ def tab(page, name):
     page.locator(f"[role=tab][data-name={name}]").click()
 
 
+@pytest.mark.slow
 def test_each_press_of_a_key_adds_a_point_and_three_have_an_order(page, lab):
     page.goto(lab + ROPES)
     points(page, 2)

@@ -77,6 +77,7 @@ def test_what_is_held_stays(hanging):
     assert np.all(velocities[:, :, 1:] != 0.0)
 
 
+@pytest.mark.slow
 def test_what_grows_by_many_digits_ends_the_trust(monkeypatch):
     def rhs(t, y, args):
         pulse = 1e-24 * jnp.exp(-(((t - args) / 1e-3) ** 2))
