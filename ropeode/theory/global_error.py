@@ -30,9 +30,9 @@ _STATES = 8
 # all of them may miss what matters, as in the fast parts of a stiff solution.
 _MOST_UNCERTAIN = 0.05
 # So many more steps are left to the start of a method with memory. Where what is carried settles
-# slowly, what is left is up to so many times the change that they make: 3.7 times at most, of all
+# slowly, what is left is up to so many times the change that they make: 5.1 times at most, of all
 # steppers on all problems of the library.
-_LATER, _LEFT = 2, 4.0
+_LATER, _LEFT = 2, 5.0
 # What may be left of a rate that is explained.
 _EXPLAINED = 1e-2
 # The relative tolerance of the variational equation.
