@@ -71,7 +71,7 @@ def within(
     ready = threading.Event()
 
     def run() -> None:
-        clocks.append(UserClock())
+        clocks.append(UserClock(seconds))
         ready.set()
         try:
             results.append(work())

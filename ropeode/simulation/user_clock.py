@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -37,9 +38,14 @@ class Spent(NamedTuple):
 
 
 class UserClock:
-    """Runs while the thread that made it is in the user's code; another thread reads it."""
+    """Runs while the thread that made it is in the user's code; another thread reads it.
 
-    def __init__(self) -> None:
+    Arguments:
+        limit: processor time that the code may take, in seconds; whoever reads the clock ends it.
+    """
+
+    def __init__(self, limit: float = math.inf) -> None:
+        self.limit = limit
         self._thread = threading.get_ident()
         self._processor_time = _clock_of(self._thread)
         self._queued = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat")
@@ -121,6 +127,12 @@ def on_user_clock(function: Callable[..., T], *args: Any) -> T:
     """Call a function of the user's; where its thread has a clock, that runs meanwhile."""
     clock = _own.clock
     return function(*args) if clock is None else clock.run(function, *args)
+
+
+def user_time_left() -> float:
+    """The processor time that the user's code may still take in this thread, in seconds."""
+    clock = _own.clock
+    return math.inf if clock is None else clock.limit - clock.spent().processor
 
 
 def _clock_of(thread: int) -> Callable[[], float]:

@@ -15,7 +15,7 @@ from ropeode.simulation import step_size
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
 from ropeode.simulation.step_map import StepMap
 from ropeode.simulation.trial import HIDDEN_STATE
-from ropeode.simulation.user_clock import on_user_clock
+from ropeode.simulation.user_clock import on_user_clock, user_time_left
 
 # Steps per frame: so many, that a step which counts its calls has counted to a hundred.
 _STEPS = 48
@@ -53,7 +53,9 @@ def _repeated(examination: Examination) -> tuple[int, bool]:
     if stepper.compiled is not None:
         return 0, True
     own = PythonStepper(problem, stepper)
-    t, started = float(problem.ts[0]), time.thread_time()
+    t = float(problem.ts[0])
+    # A time limit that is shorter must not be reached by what is only repeated.
+    ends_at = time.thread_time() + min(_SECONDS, user_time_left() / 2.0)
 
     def steps() -> tuple[int, bool]:
         carried = own.init(t, problem.y0, _DT)
@@ -66,7 +68,7 @@ def _repeated(examination: Examination) -> tuple[int, bool]:
             if not all(map(functools.partial(np.array_equal, equal_nan=True), first, result)):
                 return call, False
             # One that compiles something anew at each call fills the process up with programs.
-            if time.thread_time() - started > _SECONDS:
+            if time.thread_time() > ends_at:
                 break
         return call, True
 
