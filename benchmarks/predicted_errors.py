@@ -41,7 +41,7 @@ from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import STEPPERS, ConstraintVerlet
 from ropeode.steppers.base import BuiltIn
 from ropeode.study.accuracy_table import problem_class
-from ropeode.theory.global_error import PredictedError, predicted_error
+from ropeode.theory import PredictedError, predicted_error
 
 # Spans over which explicit steppers get to their asymptotic range in seconds.
 SPANS: dict[str, dict[str, Any]] = {

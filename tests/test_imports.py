@@ -61,7 +61,6 @@ FACELESS = {
     "checking",
     "laboratory",
     "references",
-    "theory",
 }
 # Modules that tests may import whatever room they are in: mathematics that reads like a textbook,
 # whose face is the module itself.

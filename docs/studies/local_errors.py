@@ -17,10 +17,8 @@ from ropeode.references.compute import reference
 from ropeode.references.reference import Reference
 from ropeode.simulation import simulate
 from ropeode.simulation.method import method_of
-from ropeode.theory.expansion import Expansion, expanded
+from ropeode.theory import Expansion, PredictedError, StepSamples, expanded, predicted_error
 from ropeode.theory.flow import short_flow
-from ropeode.theory.global_error import PredictedError, predicted_error
-from ropeode.theory.step_samples import StepSamples
 
 DAMPING = 5e-5
 # Steps from half a frame on, and random states near the first one, moving.

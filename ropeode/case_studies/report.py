@@ -26,7 +26,7 @@ from ropeode.display import Tabular
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation import Trajectory
-from ropeode.theory.growth import Growth
+from ropeode.theory import Growth
 from ropeode.validation import check_whole
 
 # What a change of the last digits must leave as it is.

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from ropeode.analysis.order import ObservedOrder
 from ropeode.display import Tabular
-from ropeode.theory.diagnosis import Diagnosis
+from ropeode.theory import Diagnosis
 
 Status = Literal["pass", "fail", "undetermined", "note", "skip"]
 Verdict = Literal["right", "wrong", "undetermined"]

@@ -36,7 +36,7 @@ from ropeode.threads import cores, threads
 from ropeode.validation import bad_value, counted, whole_number
 
 if TYPE_CHECKING:
-    from ropeode.theory.global_error import PredictedError
+    from ropeode.theory import PredictedError
 
 DEFAULT_STEPPERS = (
     "explicit-euler",
@@ -264,7 +264,7 @@ def _predicted_error(
             no limit.
     """
     # Not above: it takes as long to import as JAX, and most tables predict nothing.
-    from ropeode.theory.global_error import predicted_error
+    from ropeode.theory import predicted_error
 
     def in_time(text: str, done: float | None) -> None:
         del text, done

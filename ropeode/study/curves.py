@@ -27,7 +27,7 @@ from ropeode.study.error_constant import leading_term
 from ropeode.validation import counted
 
 if TYPE_CHECKING:
-    from ropeode.theory.global_error import PredictedError
+    from ropeode.theory import PredictedError
 
 # Lines that a reader can follow in a panel.
 _STEPS_PER_FRAME = (16, 64, 256, 1024)
@@ -131,7 +131,7 @@ def error_curves(
         if not predict:
             return None
         # Not above: it takes as long to import as JAX, and most curves predict nothing.
-        from ropeode.theory.global_error import predicted_error
+        from ropeode.theory import predicted_error
 
         return predicted_error(reference, method_of(stepper, reference.problem))
 

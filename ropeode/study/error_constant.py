@@ -17,7 +17,7 @@ from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
 
 if TYPE_CHECKING:
-    from ropeode.theory.global_error import PredictedError
+    from ropeode.theory import PredictedError
 
 # Theory and runs agree to this part, or closely.
 AGREE, AGREE_CLOSELY = 0.1, 0.01

@@ -23,7 +23,7 @@ from ropeode.checking.written_precision import digits_of, last_digit, single_pre
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS, InextensibleRope, Rope
 from ropeode.simulation import simulate
-from ropeode.theory.growth import stability_limit
+from ropeode.theory import stability_limit
 
 STEPS = (16, 24, 32, 48)
 

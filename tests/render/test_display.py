@@ -42,7 +42,7 @@ from ropeode.references.solvers.solver import DOPRI8
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
 from ropeode.steppers import Phase, System, as_stepper
 from ropeode.study import NodePath, NodePaths
-from ropeode.theory.growth import Growth
+from ropeode.theory import Growth
 from tests.results import check_result, kinds
 
 # Short enough as they are; a film shows its pictures.

@@ -19,7 +19,7 @@ from ropeode.references.reference import Reference
 from ropeode.simulation import step_size
 from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class
-from ropeode.theory.growth import stability_limit
+from ropeode.theory import stability_limit
 from ropeode.validation import listed
 
 # So many further runs, each with twice the steps of the one before.

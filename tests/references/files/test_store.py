@@ -38,7 +38,7 @@ from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import KVAERNO5, SCIPY_RADAU, taylor
 from ropeode.simulation import simulate
 from ropeode.study import error_curves, explain_stepper
-from ropeode.theory.growth import stability_limit
+from ropeode.theory import stability_limit
 
 
 def riccati(t, y, args):
