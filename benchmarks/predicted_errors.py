@@ -35,7 +35,7 @@ from ropeode.analysis.errors import differences
 from ropeode.analysis.roundoff import in_other_units, least_clear_error, round_off
 from ropeode.norms import norm_for
 from ropeode.problems.library import PROBLEMS
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.render.stepper_list import variants
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import STEPPERS, ConstraintVerlet

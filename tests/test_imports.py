@@ -60,11 +60,15 @@ ALLOWED["__main__"] = {"cli"}
 FACELESS = {
     "checking",
     "laboratory",
-    "references",
 }
 # Modules that tests may import whatever room they are in: mathematics that reads like a textbook,
 # whose face is the module itself.
 LEAVES: dict[str, str] = {
+    "ropeode.references.defect": "what a right-hand side does between steps, by known pulses",
+    "ropeode.references.extended.taylor": "Taylor series in extended precision, to 30 digits",
+    "ropeode.references.extended.translate": "right-hand sides as expressions, held against JAX",
+    "ropeode.references.solvers.dop853": "many problems side by side, held against SciPy's method",
+    "ropeode.references.solvers.rounding": "what each operation loses, by operations that lose it",
     "ropeode.render.plots.overlaps": "where lines and marks go that would hide one another",
     "ropeode.study.error_constant": "the leading term of an error, on runs made up for it",
     "ropeode.study.pareto": "Pareto fronts and costs of errors, held against brute force",

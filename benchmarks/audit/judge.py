@@ -25,6 +25,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from ropeode import reference
 from ropeode.checking.energy_drift import measure_drift
 from ropeode.checking.grade import grade
 from ropeode.checking.starter_files import write_start
@@ -32,8 +33,7 @@ from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.errors import InputError, RopeodeError
 from ropeode.files import write_whole
 from ropeode.problems.problem import Problem
-from ropeode.references.compute import reference
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.render.check import as_dict
 from ropeode.study.spec import TableJob, read_spec
 

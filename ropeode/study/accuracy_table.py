@@ -21,9 +21,7 @@ from ropeode.errors import InputError
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress, silent
-from ropeode.references.compute import reference_for
-from ropeode.references.options import Asked, ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.simulation import Trajectory, simulate, step_size
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.trajectory import Status

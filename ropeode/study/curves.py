@@ -15,9 +15,7 @@ from ropeode.display import Tabular
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.compute import reference_for
-from ropeode.references.options import Asked, ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import method_of
 from ropeode.simulation.trajectory import Status

@@ -14,7 +14,7 @@ from ropeode.analysis.order import NARROW, UNSTABLE, ObservedOrder
 from ropeode.analysis.roundoff import least_clear_error
 from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 if TYPE_CHECKING:
     from ropeode.theory import PredictedError

@@ -16,10 +16,14 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.certificate import largest_norms
-from ropeode.references.compute import reference_for
-from ropeode.references.options import Asked, ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import (
+    Asked,
+    Reference,
+    ReferenceOptions,
+    largest_norms,
+    problem_of,
+    reference_for,
+)
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import as_stepper

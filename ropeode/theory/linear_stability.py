@@ -11,7 +11,7 @@ from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import simulate, step_size
 from ropeode.simulation.method import Method, method_of
 from ropeode.theory.growth import StableSteps, fewest_steps, stable_steps_at_rest

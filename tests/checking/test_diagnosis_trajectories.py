@@ -4,10 +4,9 @@ import jax
 import numpy as np
 import pytest
 
-from ropeode import Rope, simulate
+from ropeode import Rope, reference, simulate
 from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
 from ropeode.problems import PROBLEMS
-from ropeode.references.compute import reference
 
 FRAMES = 3
 STEPS = (64, 128, 256, 512)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from trajectory_writing import node_values, write_npz
 
+from ropeode import reference
 from ropeode.analysis import ROUND_OFF, observed_order
 from ropeode.checking.grade import grade
 from ropeode.checking.report import Convergence
@@ -15,7 +16,6 @@ from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
 from ropeode.checking.trajectories.resolved import fastest_rate, resolved_frames, resolving_step
 from ropeode.checking.trajectories.run_files import read_runs
 from ropeode.problems import Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 PRE_ASYMPTOTIC = (8, 12, 18, 27, 40, 60)

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from ropeode import reference
 from ropeode.checking.diagnosis import trajectories
 from ropeode.checking.grade import grade
 from ropeode.checking.starter_files import write_start
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.cli import cli
 from ropeode.errors import InputError
-from ropeode.references.compute import reference
 from ropeode.study import TableJob, read_spec
 
 ROPE = {"num_nodes": 4, "start": [0.0, 1.0, 0.5], "end": [3.0, 1.0, 0.5], "gravity": [0, -1, 0.5]}

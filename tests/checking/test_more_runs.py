@@ -7,9 +7,9 @@ import re
 import pytest
 from trajectory_writing import node_values, write_csv
 
+from ropeode import reference
 from ropeode.checking.grade import grade
 from ropeode.problems import PROBLEMS, InextensibleRope, Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 

@@ -7,11 +7,11 @@ import dataclasses
 import pytest
 from trajectory_writing import node_values, write_npz
 
+from ropeode import reference
 from ropeode.checking.grade import grade
 from ropeode.checking.trajectories.other_ropes import other_rope
 from ropeode.checking.trajectories.run_files import read_runs
 from ropeode.problems import InextensibleRope, Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 SAME = {"num_nodes": 4, "node_mass": (1.0, 2.0, 0.5, 1.0), "damping": 0.02}

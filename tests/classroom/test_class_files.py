@@ -8,12 +8,11 @@ import re
 import numpy as np
 import pytest
 
+from ropeode import reference
 from ropeode.checking.grade import CHECKS, grade
 from ropeode.classroom import REFERENCE, Trajectories, examined, trajectory_submissions
 from ropeode.problems import Rope
-from ropeode.references.compute import reference
-from ropeode.references.files.store import save_reference
-from ropeode.references.reference import Reference
+from ropeode.references import Reference, save_reference
 from ropeode.render import markdown
 from ropeode.simulation import simulate
 from tests.checking.trajectory_writing import node_values, write_csv, write_npz

@@ -19,11 +19,11 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from ropeode import reference
 from ropeode.checking.check_context import reference_of
 from ropeode.checking.check_ropes import convergence_problems, generic
 from ropeode.checking.convergence import convergence_finding, converging
 from ropeode.norms import NORMS, distance
-from ropeode.references.compute import reference
 from ropeode.simulation import step_size
 
 HERE = Path(__file__).parent

@@ -38,7 +38,7 @@ from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks
 from ropeode.problems import PROBLEMS
-from ropeode.references.solvers.solver import DOPRI8
+from ropeode.references import DOPRI8
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
 from ropeode.steppers import Phase, System, as_stepper
 from ropeode.study import NodePath, NodePaths

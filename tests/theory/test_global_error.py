@@ -8,7 +8,7 @@ import pytest
 
 from ropeode import Problem
 from ropeode.problems import LinearDamping
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import method_of
 from ropeode.steppers import Phase, Stepper
 from ropeode.theory import predicted_error

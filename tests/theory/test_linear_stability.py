@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ropeode import reference
 from ropeode.analysis import hanging_equilibrium
 from ropeode.problems import PROBLEMS, Problem, Rope
-from ropeode.references.compute import reference
-from ropeode.references.files.library import load
+from ropeode.references import load
 from ropeode.simulation import simulate
 from ropeode.steppers import STEPPERS
 from ropeode.theory import (
