@@ -25,11 +25,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from ropeode import reference
+from ropeode import grade, reference
+from ropeode.checking import Layout, states_of, write_start
 from ropeode.checking.energy_drift import measure_drift
-from ropeode.checking.grade import grade
-from ropeode.checking.starter_files import write_start
-from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.errors import InputError, RopeodeError
 from ropeode.files import write_whole
 from ropeode.problems.problem import Problem

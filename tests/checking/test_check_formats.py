@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ropeode.checking.checks import CHECKS, SLOW
-from ropeode.checking.report import Diagnosis
+from ropeode.checking import CHECKS, SLOW, Diagnosis
 from ropeode.render import FORMATS, format_check
 from tests.checking import steps
 from tests.checking.no_time_limit import SECONDS, check_stepper

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ropeode import Rope, reference, simulate
-from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
+from ropeode.checking import diagnose_trajectories
 from ropeode.problems import PROBLEMS
 
 FRAMES = 3

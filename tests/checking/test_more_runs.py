@@ -7,8 +7,7 @@ import re
 import pytest
 from trajectory_writing import node_values, write_csv
 
-from ropeode import reference
-from ropeode.checking.grade import grade
+from ropeode import grade, reference
 from ropeode.problems import PROBLEMS, InextensibleRope, Rope
 from ropeode.simulation import simulate
 

@@ -16,7 +16,7 @@ from PIL import Image
 
 from ropeode import accuracy_table, check_stepper, grade, hanging_equilibrium, simulate
 from ropeode.analysis import frequencies, normal_modes
-from ropeode.checking.checks import CHECKS
+from ropeode.checking import CHECKS
 from ropeode.errors import InputError
 from ropeode.laboratory import answers, messages
 from ropeode.laboratory.messages import (

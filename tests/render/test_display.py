@@ -33,7 +33,7 @@ from ropeode.analysis import (
     classify_motion,
     error_series,
 )
-from ropeode.checking.report import Claims, Finding
+from ropeode.checking import Claims, Finding
 from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks

@@ -10,7 +10,7 @@ import pytest
 from scipy import integrate
 
 from ropeode import accuracy_table, format_table
-from ropeode.checking.check_ropes import undamped
+from ropeode.checking import undamped
 from ropeode.precision import in_float64
 from ropeode.problems import PROBLEMS, Ensemble, InextensibleRope, Problem, Rope
 from ropeode.simulation import simulate
