@@ -11,7 +11,7 @@ from typing import Any
 
 from tabulate import tabulate
 
-from ropeode.laboratory.controls import parameters_of
+from ropeode.laboratory import parameters_of
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
 from ropeode.references import entries

@@ -10,10 +10,9 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from ropeode.errors import InputError
-from ropeode.laboratory import worker
+from ropeode.laboratory import Answering, Loaded
+from ropeode.laboratory import main as answer_questions
 from ropeode.laboratory.messages import Ask, AskCheck, AskOrder, Order, OwnStepper, Phase, Refused
-from ropeode.laboratory.orders import Loaded
-from ropeode.laboratory.worker import Answering
 
 CODE = "from tests.laboratory.stand_in import main; main()"
 
@@ -83,4 +82,4 @@ def order(words):
 
 
 def main():
-    worker.main(StandIn)
+    answer_questions(StandIn)

@@ -9,7 +9,7 @@ import ropeode.laboratory
 from ropeode.analysis import REASONS
 from ropeode.analysis import Verdict as OrderVerdict
 from ropeode.checking import Status, Verdict
-from ropeode.laboratory.controls import parameters_of
+from ropeode.laboratory import parameters_of
 from ropeode.norms import norm_for
 from ropeode.problems import PROBLEMS
 from ropeode.steppers import STEPPERS, options
