@@ -71,6 +71,7 @@ def test_a_horizon_is_kept(folder):
     assert (again.horizon, runs) == (3.0, 0)
 
 
+@pytest.mark.slow
 def test_what_ended_early_is_not_kept(folder):
     """With more time a run may get further; here all of them end at a pole."""
     pole = swing(x0=0.4).changed(rhs=lambda t, y, args: y * y)

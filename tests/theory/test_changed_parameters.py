@@ -25,7 +25,12 @@ def euler_of(change):
 @pytest.mark.parametrize(
     ("change", "cause", "words"),
     [
-        (lambda f, y: f(sigma=10.1), "parameters", "f with sigma = 10.1 in place of 10"),
+        pytest.param(
+            lambda f, y: f(sigma=10.1),
+            "parameters",
+            "f with sigma = 10.1 in place of 10",
+            marks=pytest.mark.slow,
+        ),
         (
             lambda f, y: f(sigma=9.0, rho=29.0),
             "parameters",
@@ -36,7 +41,9 @@ def euler_of(change):
             "components",
             "f with component 1 multiplied by -1",
         ),
-        (lambda f, y: 1.5 * f(), "pace", "1.5 f, as if time ran"),
+        pytest.param(
+            lambda f, y: 1.5 * f(), "pace", "1.5 f, as if time ran", marks=pytest.mark.slow
+        ),
         # No change of parameters makes up for it.
         (lambda f, y: f() + 0.1 * y**2, None, None),
     ],

@@ -12,7 +12,6 @@ from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.simulation import simulate
 from ropeode.steppers import STEPPERS, Stepper
 from ropeode.theory import (
-    NoStabilityFunction,
     StabilityFunction,
     stability_function_of,
     stability_limits_of,
@@ -74,11 +73,9 @@ def test_runge_kutta_methods_have_their_polynomials():
     taylor = 1 / np.array([1, 1, 2, 6, 24])
     for step, degree in [("explicit-euler", 1), (heun, 2), (midpoint_in_numpy, 2), ("rk4", 4)]:
         found = stability_function_of(FIRST, step)
-        assert isinstance(found, StabilityFunction)
         assert found.polynomial == pytest.approx(taylor[: degree + 1], abs=1e-14)
         assert found.one_step
         # R/exp - 1 begins with -z^(p+1)/(p+1)!.
-        assert found.error is not None
         assert found.error.power == degree + 1
         assert found.error.coefficient == pytest.approx(-1 / np.prod(np.arange(1, degree + 2)))
 
@@ -87,18 +84,14 @@ def test_growth_and_phase_of_an_oscillation():
     # ln |R(iy)| and arg R(iy) - y: of Euler ln(1 + y^2)/2 and atan y - y; of Verlet 0 and
     # 2 asin(y/2) - y, which semi-implicit Euler has too.
     euler = stability_function_of(FIRST, "explicit-euler")
-    assert isinstance(euler, StabilityFunction)
     for found, expected in [
         (euler.amplification, (2, pytest.approx(1 / 2))),
         (euler.phase, (3, pytest.approx(-1 / 3))),
     ]:
-        assert found is not None
         assert (found.power, found.coefficient) == expected
     for step in ("velocity-verlet", kick_and_drift):
         found = stability_function_of(SECOND, step)
-        assert isinstance(found, StabilityFunction)
         assert found.amplification is None
-        assert found.phase is not None
         assert (found.phase.power, found.phase.coefficient) == (3, pytest.approx(1 / 24))
 
 
@@ -134,7 +127,6 @@ def test_known_limits(problem, step, imaginary, real):
     limits = stability_limits_of(function)
     assert limits.imaginary.limit == pytest.approx(imaginary, rel=1e-9)
     if real is not None:
-        assert limits.real is not None
         assert limits.real.limit == pytest.approx(real, rel=1e-9)
     assert not limits.a_stable
     assert (limits.imaginary.growth is not None) == (imaginary == 0.0)
@@ -142,25 +134,21 @@ def test_known_limits(problem, step, imaginary, real):
 
 def test_an_implicit_step_is_stable_as_far_as_was_looked():
     function = stability_function_of(FIRST, BackwardEuler())
-    assert isinstance(function, StabilityFunction)
     assert function.polynomial is None
     z = np.array([1j, -3.0, 2.0 + 0.5j, -700 + 20j])
     np.testing.assert_allclose(function.radius(z), 1 / np.abs(1 - z), rtol=1e-12)
     limits = stability_limits_of(function, farthest=50.0)
     assert limits.a_stable
-    assert limits.real is not None
     assert (limits.real.limit, limits.real.ends, limits.looked_to) == (50.0, False, 50.0)
     assert limits.far_away == pytest.approx(1 / 51)
 
 
 def test_a_method_with_memory_is_judged_on_all_that_it_carries():
     function = stability_function_of(FIRST, AdamsBashforth())
-    assert isinstance(function, StabilityFunction)
     assert not function.one_step
     z = np.array([0.3 - 0.4j, -0.8, 0.1 + 2.0j])
     roots = [np.roots([1, -1 - 1.5 * each, 0.5 * each]) for each in z]
     np.testing.assert_allclose(function.radius(z), np.abs(roots).max(axis=1), rtol=1e-12)
-    assert function.error is not None
     # Order 2 with the error constant 5/12, Hairer, Norsett, Wanner I, section III.2.
     assert (function.error.power, function.error.coefficient) == (3, pytest.approx(-5 / 12))
 
@@ -223,7 +211,6 @@ def test_a_region_shows_its_boundary():
     function = stability_function_of(FIRST, "rk4")
     assert isinstance(function, StabilityFunction)
     region = stability_region(function, stability_limits_of(function))
-    assert region is not None
     assert region.radius.shape == (len(region.imaginary), len(region.real)) == (199, 200)
     z = region.real + 1j * region.imaginary[:, None]
     expected = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
@@ -266,20 +253,17 @@ def test_what_is_no_function_of_dt_lambda_has_none(step, why):
 
     given = Problem(lambda t, y, args: -y, np.ones(2), np.arange(2.0))
     found = stability_function_of(given, runs_on_this)
-    assert isinstance(found, NoStabilityFunction)
     assert re.search(why, found.reason)
 
 
 def test_steppers_for_links_have_none():
     found = stability_function_of(Rope(num_nodes=4).problem(2), "constraint-verlet")
-    assert isinstance(found, NoStabilityFunction)
     assert "needs another kind of problem" in found.reason
 
 
 def test_damping_that_does_not_scale_is_left_out():
     """The factor 1 - c on each step is no function of dt gamma; without damping all is well."""
     found = stability_function_of(SECOND, "stormer-verlet:damping=per-step")
-    assert isinstance(found, StabilityFunction)
     assert not found.damped
     limits = stability_limits_of(found)
     assert (limits.real, limits.a_stable) == (None, None)

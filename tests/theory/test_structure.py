@@ -97,7 +97,6 @@ def holds(found):
 )
 def test_a_rope(stepper, kept, powers):
     found = structure_of(ROPE, stepper)
-    assert not isinstance(found, str)
     assert holds(found) == kept
     assert {name: found[name].power for name in powers} == powers
     for name in ALL:
@@ -109,7 +108,6 @@ def test_a_rope(stepper, kept, powers):
 
 def test_a_planet_keeps_its_angular_momentum():
     found = structure_of(KEPLER, "velocity-verlet", ["angular momentum", "momentum"])
-    assert not isinstance(found, str)
     assert found["angular momentum"].holds
     assert not found["angular momentum"].note
     assert found["momentum"].holds is None
@@ -121,7 +119,6 @@ def test_momenta_may_depend_on_the_positions():
     found = structure_of(
         PROBLEMS["double-pendulum"](), "semi-implicit-euler", ["symplectic", "volume"]
     )
-    assert not isinstance(found, str)
     assert (found["symplectic"].holds, found["symplectic"].power) == (False, 2)
 
 
@@ -130,14 +127,12 @@ def test_what_a_problem_does_not_keep_no_step_is_asked_for():
         lambda t, x, v, args: -x + 0.1 * v, [[1.0]], [[0.0]], np.arange(3.0)
     )
     found = structure_of(falling, "explicit-euler")
-    assert not isinstance(found, str)
     assert {each.holds for each in found.values()} == {None}
     assert "declares no energy" in found["symplectic"].note
     driven = Problem.second_order(
         lambda t, x, v, args: -x + np.sin(1.0) * t, [[1.0]], [[0.0]], np.arange(3.0)
     )
     found = structure_of(driven, "explicit-euler", ["reversible", "volume"])
-    assert not isinstance(found, str)
     assert {each.holds for each in found.values()} == {None}
 
 
@@ -145,7 +140,6 @@ def test_what_remembers_more_than_it_shows_is_no_map():
     found = structure_of(
         PROBLEMS["oscillator"](damping=0.0), RemembersThreeStates(), ["symplectic", "energy"]
     )
-    assert not isinstance(found, str)
     assert {each.holds for each in found.values()} == {None}
     assert "remembers more" in found["symplectic"].note
 

@@ -49,7 +49,7 @@ def test_its_steps_are_short_and_end_on_the_samples():
 @pytest.mark.parametrize(
     ("problem", "many"),
     [
-        pytest.param(Rope(num_nodes=16).problem(1), 1, id="few operations"),
+        pytest.param(Rope(num_nodes=16).problem(1), 1, id="few operations", marks=pytest.mark.slow),
         pytest.param(
             Rope(num_nodes=64).problem(1), 0, id="many operations", marks=pytest.mark.slow
         ),
@@ -60,6 +60,7 @@ def test_its_steps_are_short_and_end_on_the_samples():
             Problem(lambda t, y, a: jnp.where(t < 0.7, y, -y), [1.0], [0.0, 0.5, 1.0]),
             0,
             id="a switch",
+            marks=pytest.mark.slow,
         ),
     ],
 )
