@@ -20,6 +20,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import faulthandler
+import io
 import json
 import operator
 import os
@@ -46,8 +47,9 @@ MEBIBYTE = 2**20
 _LOOK_EVERY_S, _WAIT_S = 0.1, 0.005
 # After so long a process that was killed is left to the system, which may wait for a disk.
 _ENDS_IN_S = 10.0
-_TOKEN, _LENGTH, _LONGEST = 16, struct.Struct("<I"), 2**30
-_CHUNK = 2**18
+# Of messages: bytes of a token, the form of the length, the most that it may be, and how much is
+# received at once.
+_TOKEN, _LENGTH, _LONGEST, _CHUNK = 16, struct.Struct("<I"), 2**30, 2**18
 # How much is kept, in bytes, of what a child does and of what it says that is no message.
 _LONGEST_DOING, _LONGEST_NOISE = 200, 2**16
 # The kinds of messages: what is being done, words of the caller's, the result, limits, the end.
@@ -157,8 +159,8 @@ class Child:
     ) -> None:
         if _this.is_importing_main:
             raise RopeodeError(
-                "workers: a process that needs functions of this script runs it again. Fix: in a "
-                "script, call this below `if __name__ == '__main__':`"
+                "a process that needs functions of this script runs it again, up to here. Fix: "
+                "call this below `if __name__ == '__main__':`"
             )
         self.during = ""
         self._result: bytes | None = None
@@ -401,22 +403,26 @@ def say(contents: bytes) -> None:
 
 
 def heard() -> Iterator[Any]:
-    """What the parent of this process says, one after the other, until it says no more.
-
-    Only values of the parent's are unpickled, and only in the child.
-    """
+    """What the parent of this process says, one after the other, until it says no more."""
     assert _this.stream is not None
-    for _, contents in _this.stream.messages():
-        if b"__main__" in contents and _this.main is not None:
-            # Functions of its script are named. It runs here under another name, so that `if
-            # __name__ == "__main__":` holds in the parent alone.
-            # Python's own way to run it, which is imported where it is needed.
+    return (_FromParent(io.BytesIO(each)).load() for _, each in _this.stream.messages())
+
+
+class _FromParent(pickle.Unpickler):
+    """A value of the parent's; what a child says is never unpickled."""
+
+    def find_class(self, module_name: str, global_name: str, /) -> Any:
+        """A function or class; where it is of the parent's script, that is run first.
+
+        It has another name here, so that `if __name__ == "__main__":` holds in the parent alone.
+        """
+        if module_name == "__main__" and _this.main is not None:
             from multiprocessing import spawn
 
             main, _this.main, _this.is_importing_main = _this.main, None, True
             spawn.prepare({"init_main_from_path": main})
             _this.is_importing_main = False
-        yield pickle.loads(contents)
+        return super().find_class(module_name, global_name)
 
 
 def end_if_python_stops(seconds: float) -> None:
@@ -489,7 +495,7 @@ def guard(fd: int) -> NoReturn:
     try:
         _adopt_orphans()
         _Guard(_Stream(socket.socket(fileno=fd))).run()
-    except (StopIteration, BrokenPipeError):
+    except (StopIteration, ConnectionError):
         # The parent has ended before it had said what to run, or was told how that ended.
         pass
     except BaseException:
@@ -531,7 +537,7 @@ class _Guard:
         while not (limit or has_returned or has_ended):
             reads = [self._parent.line, self._status, *([self._child.line] * self._child.is_open)]
             writes = [self._child.line] if self._to_child else []
-            wait_s = _LOOK_EVERY_S if any(self._limits) else None
+            wait_s = None if self._limits == NO_LIMITS else _LOOK_EVERY_S
             readable, writable, _ = select.select(reads, writes, [], wait_s)
             if self._parent.line in readable:
                 self._obey(self._parent.receive())

@@ -197,7 +197,7 @@ def mine():
     ("guard", "says"),
     [
         ("if __name__ == '__main__':", "b'of the script'"),
-        ("if True:", "Fix: in a script, call this below `if __name__ == '__main__':`"),
+        ("if True:", "Fix: call this below `if __name__ == '__main__':`"),
     ],
 )
 def test_functions_of_a_script_are_found(guard, says, tmp_path):

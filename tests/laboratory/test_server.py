@@ -177,7 +177,22 @@ def test_what_a_question_starts_counts_and_ends_with_the_worker(tmp_path):
     assert not any(os.path.exists(f"/proc/{os.readlink(each)}") for each in (stays, eats))
 
 
-@pytest.mark.parametrize("message", ["", "{", "\x02\0\0\0[]", "\x02\0\0\0{}", "\xff" * 9])
+@pytest.mark.parametrize(
+    "message",
+    [
+        *["", "{", "\xff" * 9],
+        *[
+            f"{chr(len(header))}\0\0\0{header}"
+            for header in (
+                "[]",
+                "{}",
+                '{"kind":"order","key":"1","arrays":{}}',
+                '{"kind":"stopped","key":1,"arrays":{}}',
+                '{"kind":"stopped","key":"1","arrays":{"x":[0,[9]]}}',
+            )
+        ],
+    ],
+)
 def test_a_message_that_is_none_is_refused_and_the_next_question_answered(message):
     async def test(lab):
         async with lab.page() as page:
