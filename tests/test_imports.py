@@ -31,6 +31,7 @@ GROUND = {
     "lapack",
     "precision",
     "progress",
+    "sandbox",
     "threads",
     "validation",
 }
