@@ -1,0 +1,46 @@
+"""Every kind of result in every format, held by files that a reviewer reads."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ropeode import (
+    format_check,
+    format_explanation,
+    format_horizon,
+    format_table,
+    format_work_precision,
+)
+from ropeode.terminal import FORMATS
+from tests.golden import check_golden
+from tests.render.made_up import MADE_UP
+from tests.schemas import assert_conforms
+
+WRITTEN_BY = {
+    "accuracy-table": format_table,
+    "check": format_check,
+    "explain": format_explanation,
+    "horizon": format_horizon,
+    "work-precision": format_work_precision,
+}
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("name", WRITTEN_BY)
+def test_every_format_is_that_of_its_file(name, form):
+    text = WRITTEN_BY[name](MADE_UP[name](), form)
+    assert text.endswith("\n")
+    if form == "text":
+        assert max(map(len, text.splitlines())) <= 80
+    if form == "json":
+        assert_conforms(text)
+    # How a picture is drawn, is a matter of matplotlib.
+    check_golden(name + FORMATS[form], re.sub(r"<svg.*?</svg>", "<svg/>", text, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize("name", MADE_UP)
+def test_what_a_notebook_shows_is_that_of_its_file(name):
+    result = MADE_UP[name]()
+    check_golden(f"{name}.notebook.md", f"{result!r}\n\n{result._repr_markdown_()}")
