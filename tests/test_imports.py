@@ -28,11 +28,13 @@ GROUND = {
     "equality",
     "errors",
     "files",
+    "json_form",
     "lapack",
     "precision",
     "progress",
     "threads",
     "validation",
+    "written_by",
 }
 ALLOWED: dict[str, set[str]] = {}
 ALLOWED["problems"] = set()

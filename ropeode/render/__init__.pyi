@@ -5,12 +5,15 @@ from .formats import format_horizon as format_horizon
 from .formats import format_table as format_table
 from .formats import format_work_precision as format_work_precision
 from .frames import EXPORTS as EXPORTS
+from .frames import dataframe as dataframe
+from .frames import dataset as dataset
 from .frames import write_export as write_export
 from .markup import Code as Code
 from .markup import Grid as Grid
 from .markup import Heading as Heading
 from .markup import Paragraph as Paragraph
 from .markup import html_page as html_page
+from .markup import html_part as html_part
 from .markup import latex_part as latex_part
 from .markup import markdown as markdown
 from .plots.files import FIGURES as FIGURES
@@ -19,6 +22,9 @@ from .plots.film import film as film
 from .plots.registry import PLOTS as PLOTS
 from .plots.style import STYLE as STYLE
 from .reference import describe_reference as describe_reference
+from .results import blocks as blocks
+from .results import line as line
+from .results import rows as rows
 from .stepper_list import describe_stepper as describe_stepper
 from .stepper_list import list_steppers as list_steppers
 from .stepper_list import variants as variants

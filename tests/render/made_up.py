@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections import Counter
 from pathlib import Path
@@ -10,8 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from ropeode import CheckReport, ProblemClass, Rope
-from ropeode.analysis import LeftOut, LyapunovExponent, ObservedOrder
+from ropeode import CheckReport, ProblemClass, Report, Rope
+from ropeode.analysis import LeftOut, LyapunovExponent, Motion, ObservedOrder, Thresholds
+from ropeode.case_studies import (
+    Compared,
+    FigureResult,
+    Reading,
+    RoundingEffect,
+    ThresholdEffect,
+    all_comparisons,
+    all_figures,
+)
 from ropeode.checking.report import Claims, Convergence, Finding
 from ropeode.norms import NORMS
 from ropeode.references.certificate import Certificate, Sampling, Witness
@@ -37,6 +47,7 @@ from ropeode.study import (
 )
 from ropeode.study.error_constant import ErrorConstant
 from ropeode.sweep import StepperSummary, SweepSummary
+from ropeode.theory import growth
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.equal_steps import StepDifference
 from ropeode.theory.growth import StableSteps
@@ -47,6 +58,7 @@ from ropeode.theory.stability_function import LeadingTerm, NoStabilityFunction
 from ropeode.theory.stability_limits import StabilityLimits, StableInterval
 from ropeode.theory.structure import Property
 from ropeode.theory.tableau_of_step import StepTableau
+from tests.quartic import HOSTILE
 
 
 @functools.cache
@@ -108,7 +120,7 @@ def accuracy_table() -> AccuracyTable:
         known = {
             "status": "ok",
             "diverged_at": None,
-            "error_final": error,
+            "error_final": error and error * 0.75,
             "error_max": error,
             "error_rms": error and error / 2,
             "resolved": error is not None,
@@ -236,7 +248,7 @@ def work_precision() -> WorkPrecision:
             row("rk4", 64, 1e-5, 256),
             row("rk4", 1024, 1e-10, 4096),
             row("stormer-verlet:damping=per-step,start=rest", 16, 2.0, 16, status="unstable"),
-            row("stormer-verlet:damping=per-step,start=rest", 4096, 1e-6, 1234567),
+            row("stormer-verlet:damping=per-step,start=rest", 12345678, 1e-6, 1234567),
             row("scipy:DOP853", 1e-2, 1e-2, 48),
             row("scipy:DOP853", 1e-6, None, 512),
             row("scipy:DOP853", 1e-9, None, None, status="failed", why="it stopped.", **none),
@@ -382,11 +394,58 @@ def sweep_summary() -> Any:
     )
 
 
+def hostile() -> AccuracyTable:
+    """Names with signs that mean something to HTML, Markdown, LaTeX or CSV."""
+    table = accuracy_table()
+    (row, *_), (order, _) = table.rows, table.orders
+    return dataclasses.replace(
+        table,
+        problem=dataclasses.replace(problem(), name=HOSTILE),
+        rows=(dataclasses.replace(row, stepper=HOSTILE),),
+        orders=(dataclasses.replace(order, stepper=HOSTILE),),
+    )
+
+
+def report() -> Report:
+    figures, (comparison, *_) = all_figures(), all_comparisons()
+
+    def reading(meaning: Any, damping: float, verdict: str) -> Reading:
+        setting = SimpleNamespace(parameters={"damping": damping})
+        motion = Motion(
+            *("settles", None, 120, None, np.array([1.5, 30.25]), 15, 400, Thresholds()),
+            largest_stretch=np.inf,
+            largest_stretch_at=7,
+            energy=None,
+            energy_at_rest=None,
+            jitter=1e-4,
+        )
+        disturbed = growth.Growth(16, 1.001, 1.0161, 0.016, 1e-9, 2.5, 2250)
+        run = SimpleNamespace(problem=setting)
+        return Reading(
+            *(meaning, run, motion, False, disturbed, None),  # type: ignore[arg-type]
+            *("comes to rest in frame 120", verdict, "does not hold"),
+        )
+
+    moving = reading("words", 0.01, "holds"), reading("listing", 0.0, "does not hold")
+    return Report(
+        (
+            FigureResult(figures[1], "16 nodes, evenly spaced", "holds", 0, ()),
+            FigureResult(figures[8], "comes to rest in frame 120", "holds", 400, moving),
+        ),
+        (Compared(comparison, "figure 8 swings twice", "not watched long enough"),),
+        Thresholds(),
+        (ThresholdEffect(8, "words", "speed", 0.002, "holds until frame 12"),),
+        (RoundingEffect(8, "listing", "settled_at", None, 251, "holds"),),
+    )
+
+
 MADE_UP = {
     "accuracy-table": accuracy_table,
     "check": check_report,
     "explain": explanation,
     "horizon": horizon,
+    "hostile": hostile,
+    "report": report,
     "sweep": sweep_summary,
     "work-precision": work_precision,
 }

@@ -10,6 +10,7 @@ from ropeode import (
     format_check,
     format_explanation,
     format_horizon,
+    format_report,
     format_table,
     format_work_precision,
 )
@@ -23,6 +24,8 @@ WRITTEN_BY = {
     "check": format_check,
     "explain": format_explanation,
     "horizon": format_horizon,
+    "hostile": format_table,
+    "report": format_report,
     "work-precision": format_work_precision,
 }
 
