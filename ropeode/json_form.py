@@ -100,14 +100,16 @@ def _without_arrays(hint: Any) -> Any:
 def _at(value: Any, path: str) -> Any:
     for name in path.split("."):
         value = None if value is None else getattr(value, name)
-    if isinstance(value, np.ndarray):
+    if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
     return dict(value) if isinstance(value, Mapping) else value
 
 
 def json_of(value: Any) -> Any:
     """A value as JSON has it; numbers that are not finite are null."""
-    return json.loads(adapter(type(value)).dump_json(value))
+    # A number of NumPy is one, whatever pydantic says of its type.
+    text = adapter(type(value)).dump_json(value, fallback=lambda n: n.tolist(), warnings=False)
+    return json.loads(text)
 
 
 @functools.cache
