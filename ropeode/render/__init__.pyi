@@ -16,6 +16,7 @@ from .markup import html_page as html_page
 from .markup import html_part as html_part
 from .markup import latex_part as latex_part
 from .markup import markdown as markdown
+from .markup import plain as plain
 from .plots.files import FIGURES as FIGURES
 from .plots.files import figure_bytes as figure_bytes
 from .plots.film import film as film

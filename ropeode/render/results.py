@@ -14,6 +14,7 @@ _MODULES = {
     "AccuracyTable": "accuracy_table",
     "CheckReport": "check",
     "Explanation": "explanation",
+    "Facts": "reference",
     "Horizon": "horizon",
     "SweepSummary": "sweep",
     "WorkPrecision": "work_precision",

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode import CheckReport, ProblemClass, Report, Rope
+from ropeode import CheckReport, ProblemClass, Report, Rope, Verification
 from ropeode.analysis import LeftOut, LyapunovExponent, Motion, ObservedOrder, Thresholds
 from ropeode.case_studies import (
     Compared,
@@ -439,6 +439,12 @@ def report() -> Report:
     )
 
 
+def verification() -> Verification:
+    known = reference()
+    distances, outside = {"position": 1e-12, "velocity": 1e-13}, {"position": 2.0}
+    return Verification(Path("x.nc"), "0" * 8, known, known, 3, 4, distances, outside)
+
+
 MADE_UP = {
     "accuracy-table": accuracy_table,
     "check": check_report,
@@ -447,5 +453,6 @@ MADE_UP = {
     "hostile": hostile,
     "report": report,
     "sweep": sweep_summary,
+    "verification": verification,
     "work-precision": work_precision,
 }
