@@ -16,25 +16,12 @@ from ropeode.case_studies import (
     plot_contact_sheets,
     plot_report_figure,
 )
-from ropeode.errors import InputError
 from ropeode.progress import silent
 from tests.render.plots.legible import assert_legible
 
 pytestmark = pytest.mark.slow
 
 FIGURES = (1, 4, 8, 31, 36, 37)
-ROW = {
-    "figure",
-    "stepper",
-    "steps_per_frame",
-    "damping",
-    "claim",
-    "measured",
-    "verdict",
-    "diverged_at",
-    "settled_at",
-    "frames",
-}
 
 
 @pytest.fixture(scope="module")
@@ -48,11 +35,6 @@ def some(report) -> Report:
         sensitive_to_thresholds=(*report.sensitive_to_thresholds, threshold),
         sensitive_to_rounding=(*report.sensitive_to_rounding, rounding),
     )
-
-
-def test_a_format_that_does_not_exist(some):
-    with pytest.raises(InputError, match="format: 'jsn' given"):
-        format_report(some, "jsn")
 
 
 def test_the_summary_counts(some):

@@ -14,6 +14,7 @@ from ropeode import (
     format_table,
     format_work_precision,
 )
+from ropeode.errors import InputError
 from ropeode.terminal import FORMATS
 from tests.golden import check_golden
 from tests.render.made_up import MADE_UP
@@ -47,3 +48,9 @@ def test_every_format_is_that_of_its_file(name, form):
 def test_what_a_notebook_shows_is_that_of_its_file(name):
     result = MADE_UP[name]()
     check_golden(f"{name}.notebook.md", f"{result!r}\n\n{result._repr_markdown_()}")
+
+
+@pytest.mark.parametrize("name", WRITTEN_BY)
+def test_a_format_that_does_not_exist_is_refused(name):
+    with pytest.raises(InputError, match="format: 'htm' given.*did you mean 'html'"):
+        WRITTEN_BY[name](MADE_UP[name](), "htm")

@@ -61,11 +61,6 @@ def test_the_study_has_all_that_one_can_have(study):
     assert {"diverged", "unstable"} & {row.status for row in study.rows if row.effort == 3}
 
 
-def test_no_such_format(study):
-    with pytest.raises(InputError, match="did you mean 'html'"):
-        format_work_precision(study, "htm")
-
-
 def points_of(axes):
     """The mark of each run, in the order of the study."""
     return [
