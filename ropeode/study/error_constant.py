@@ -25,6 +25,9 @@ AGREE, AGREE_CLOSELY = 0.1, 0.01
 # Over more than the first factor in dt runs agree with theory by no accident; over more than the
 # second they refute it, if finer ones are further from it.
 _LASTING, _SPAN = 1.99, 7.99
+# Up to this width an interval without a whole order decides against the declared one: on the way to
+# the asymptotic range slopes are fractional, too.
+_FRACTIONAL = 0.1
 # A predicted size that is not so many times its uncertainty may be zero.
 _CERTAIN = 10.0
 
@@ -157,7 +160,8 @@ def believed(
     low, high = order.ci95 or (-np.inf, np.inf)
     dt = None if constant is None else constant.dt
     if constant is None or dt is None or constant.predicted is None:
-        wide = order.verdict == "converges" and high - low > NARROW
+        narrow = NARROW if np.floor(high) >= low else _FRACTIONAL
+        wide = order.verdict == "converges" and high - low > narrow
         if not declared or low <= declared <= high or not wide:
             return order
         why = f"{order.slope_words}, too wide to refute the declared order {declared}"

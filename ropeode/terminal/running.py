@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 import click
 
-from ropeode.progress import Progress
+from ropeode.progress import Progress, outermost
 
 T = TypeVar("T")
 
@@ -113,8 +113,10 @@ def show_progress(*, time_left: bool = False) -> Iterator[Progress]:
 
     bar = TerminalBar(time_left=time_left)
     try:
-        bar.draw("starting", None)
-        yield bar.draw
+        # What is called inside shows no bar beside this one.
+        with outermost():
+            bar.draw("starting", None)
+            yield bar.draw
     finally:
         bar.erase()
 
