@@ -31,10 +31,10 @@ from ropeode.checking.starter_files import write_start
 from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.errors import InputError, RopeodeError
 from ropeode.files import write_whole
+from ropeode.json_form import json_of
 from ropeode.problems.problem import Problem
 from ropeode.references.compute import reference
 from ropeode.references.reference import Reference
-from ropeode.render.check import as_dict
 from ropeode.study.spec import TableJob, read_spec
 
 HERE = Path(__file__).resolve().parent
@@ -130,7 +130,7 @@ def states_in(file: Path, problem: Problem) -> np.ndarray | None:
 def judged(files: Sequence[Path], case: str) -> dict[str, Any]:
     """The verdict of `ropeode grade` on a case, as JSON."""
     try:
-        return dict(as_dict(grade(files, certified(case))))
+        return json_of(grade(files, certified(case)))
     except (InputError, RopeodeError) as refused:
         return {"refused": str(refused)}
 

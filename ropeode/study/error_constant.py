@@ -12,6 +12,7 @@ import numpy as np
 from ropeode.analysis.errors import error_sizes
 from ropeode.analysis.order import NARROW, UNSTABLE, ObservedOrder
 from ropeode.analysis.roundoff import least_clear_error
+from ropeode.json_form import json_shows
 from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
 from ropeode.references.reference import Reference
@@ -31,9 +32,13 @@ _FRACTIONAL = 0.1
 _CERTAIN = 10.0
 
 
+@json_shows(
+    *("order", "predicted", "why", "measured", "dt", "ratio"),
+    *("agree_10_percent", "agree_1_percent"),
+)
 @dataclasses.dataclass(frozen=True, eq=False)
 class ErrorConstant:
-    """C in ``max error = C dt**order``, predicted and measured in one norm.
+    """The constant C in ``max error = C dt**order``, predicted and measured in one norm.
 
     Arguments:
         order: the power of dt; None where there is no prediction, and no whole order was observed.
@@ -51,17 +56,17 @@ class ErrorConstant:
 
     @property
     def predicted(self) -> float | None:
-        """C by theory."""
+        """The constant by theory; None where there is none."""
         return None if self.predicted_at is None else float(np.max(self.predicted_at))
 
     @property
     def dt(self) -> float | None:
-        """The finest step size of `measured_at`."""
+        """The finest step size whose run is stable, and clear of round-off and the bound."""
         return next(iter(self.measured_at), None)
 
     @property
     def measured(self) -> float | None:
-        """C by the run with that step size."""
+        """The constant by the run with step size `dt`; None where no run can be used."""
         return next(iter(self.measured_at.values()), None)
 
     @property
@@ -83,6 +88,16 @@ class ErrorConstant:
                 break
             found = dt
         return found
+
+    @property
+    def agree_10_percent(self) -> float | None:
+        """The largest step size from which on, down to `dt`, the two agree to within 10%."""
+        return self.agree_from(AGREE)
+
+    @property
+    def agree_1_percent(self) -> float | None:
+        """The largest step size from which on, down to `dt`, the two agree to within 1%."""
+        return self.agree_from(AGREE_CLOSELY)
 
     @property
     def confirmed(self) -> bool:
