@@ -48,15 +48,14 @@ from tabulate import tabulate
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.adversaries import ADVERSARIES
+from ropeode import reference
 from ropeode.cache import set_up_jax
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import NORMS, distance
 from ropeode.problems.library import PROBLEMS
 from ropeode.problems.problem import Problem
-from ropeode.references.certificate import Level
-from ropeode.references.compute import reference
+from ropeode.references import Level, Reference
 from ropeode.references.extended.taylor import solve
-from ropeode.references.reference import Reference
 
 # Ropes are what the package is for. Adding a problem changes which one a seed and an index draw.
 SHARES = {

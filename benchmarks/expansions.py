@@ -34,8 +34,7 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.links import LinearDamping
 from ropeode.simulation.method import method_of
 from ropeode.steppers.base import Stepper
-from ropeode.theory.expansion import Expansion, expanded
-from ropeode.theory.step_samples import StepSamples
+from ropeode.theory import Expansion, StepSamples, expanded
 from tests.checking.right_steppers import TABLEAUS as PUBLISHED
 
 STATES = 6

@@ -30,7 +30,7 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from ropeode.checking.checks import CHECKS
+from ropeode.checking import CHECKS
 from tests.checking.random_ropes import findings, ropes, tried_once
 from tests.checking.right_steppers import RIGHT
 

@@ -24,8 +24,8 @@ import numpy as np
 from tabulate import tabulate
 
 from ropeode.files import write_whole
+from ropeode.references import verify_checksum, with_checksum
 from ropeode.references.files import netcdf
-from ropeode.references.files.checksum import verify_checksum, with_checksum
 from ropeode.references.files.encoding import Array
 
 CHUNK = 2**20

@@ -68,8 +68,7 @@ def write_arrays(folder: Path, count: int, nodes: int) -> list[Path]:
 
 def read(path: Path, nodes: int) -> None:
     """Read a file, and print the seconds of processor time and the megabytes that it took."""
-    from ropeode.checking.trajectories.layout import Layout
-    from ropeode.checking.trajectories.run_files import FORMATS
+    from ropeode.checking import FORMATS, Layout
     from ropeode.checking.trajectories.sampling import Sampling
 
     problem = Rope(num_nodes=nodes).problem(frames=FRAMES)

@@ -25,13 +25,12 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from ropeode import reference
 from ropeode.errors import ReferenceRefused
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
+from ropeode.references import SCIPY_DOP853, solve
 from ropeode.references.defect import look_between
-from ropeode.references.solvers import scipy_solver
-from ropeode.references.solvers.solver import SCIPY_DOP853
 
 WIDTHS = (1e-4, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8)
 EFFECT = 1e-6
@@ -75,7 +74,7 @@ def rope(centre, width, gauss, strength=EFFECT):
 def found(build, places, random):
     """For each width and shape the part of pulses that was found, and the seconds of one look."""
     still = build(0.0, 1.0, False, 0.0)
-    run = scipy_solver.solve(still, SCIPY_DOP853, 1e-13, 1e-13 * still.scale, max_steps=10**6)
+    run = solve(still, SCIPY_DOP853, 1e-13, 1e-13 * still.scale, max_steps=10**6)
     bounds = {"state": np.full(len(still.ts), 1e-12 * np.max(np.abs(run.states)))}
     start, span = still.ts[0], still.ts[-1] - still.ts[0]
     looked = look_between(still, run.path, bounds).sampling

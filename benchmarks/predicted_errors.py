@@ -35,13 +35,13 @@ from ropeode.analysis.errors import differences
 from ropeode.analysis.roundoff import in_other_units, least_clear_error, round_off
 from ropeode.norms import norm_for
 from ropeode.problems.library import PROBLEMS
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.render.stepper_list import variants
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import STEPPERS, ConstraintVerlet
 from ropeode.steppers.base import BuiltIn
 from ropeode.study.accuracy_table import problem_class
-from ropeode.theory.global_error import PredictedError, predicted_error
+from ropeode.theory import PredictedError, predicted_error
 
 # Spans over which explicit steppers get to their asymptotic range in seconds.
 SPANS: dict[str, dict[str, Any]] = {

@@ -68,7 +68,7 @@ from ropeode import horizon as horizon_of
 from ropeode.case_studies.pictures import plot_contact_sheets
 from ropeode.case_studies.report import rope_report
 from ropeode.case_studies.results import Report
-from ropeode.checking.check_context import Examination
+from ropeode.checking import Examination
 from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.laboratory.scenes import scenes

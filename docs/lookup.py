@@ -11,10 +11,10 @@ from typing import Any
 
 from tabulate import tabulate
 
-from ropeode.laboratory.controls import parameters_of
+from ropeode.laboratory import parameters_of
 from ropeode.problems.library import PROBLEMS, ROPES
 from ropeode.problems.problem import Problem
-from ropeode.references.files import library
+from ropeode.references import entries
 from ropeode.render.docstrings import argument_words, description, source
 from ropeode.render.stepper_list import variants
 from ropeode.steppers.base import BuiltIn, ProblemClass
@@ -197,7 +197,7 @@ def _documented(name: str) -> Any:
 
 def _stored(name: str) -> list[str]:
     """The stored references of a problem."""
-    return [entry for entry, found in library.entries().items() if found.problem == name]
+    return [entry for entry, found in entries().items() if found.problem == name]
 
 
 # ---- docstrings

@@ -13,11 +13,14 @@ import time
 from pathlib import Path
 
 from ropeode.files import write_whole
-from ropeode.references.compute import reference_for
-from ropeode.references.files.checksum import verify_checksum
-from ropeode.references.files.library import MANIFEST, Entry
-from ropeode.references.files.recipes import read_recipe
-from ropeode.references.files.store import save_reference
+from ropeode.references import (
+    MANIFEST,
+    Entry,
+    read_recipe,
+    reference_for,
+    save_reference,
+    verify_checksum,
+)
 from ropeode.terminal.running import set_up_jax, show_progress
 
 HERE = Path(__file__).resolve().parent

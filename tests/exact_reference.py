@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ropeode import Problem
-from ropeode.references.certificate import Certificate
-from ropeode.references.reference import Reference
-from ropeode.references.solvers.solver import DOPRI8
+from ropeode.references import DOPRI8, Certificate, Reference
 
 
 def exact_reference(problem: Problem, states: np.ndarray) -> Reference:

@@ -36,7 +36,7 @@ from ropeode import (
     stability_limit,
 )
 from ropeode.errors import InputError
-from ropeode.references.options import Asked, More
+from ropeode.references import Asked, More
 from tests.results import kinds
 
 

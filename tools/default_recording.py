@@ -8,14 +8,14 @@ from pathlib import Path
 import jax
 
 from ropeode.files import write_whole
-from ropeode.laboratory import recording
-from ropeode.laboratory.asks import (
+from ropeode.laboratory import (
     DEFAULT_LADDER,
     DEFAULT_PROBLEM,
     DEFAULT_STEPPERS,
+    Laboratory,
     asks_of,
+    recording,
 )
-from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import bar
 
 FILE = Path(__file__).parents[1] / "ropeode/laboratory/page/recordings/default.json"

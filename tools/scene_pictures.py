@@ -23,9 +23,9 @@ from playwright.sync_api import Page, WebSocket, sync_playwright
 
 from benchmarks.lab import opened_lab
 from ropeode.files import write_whole
+from ropeode.laboratory import header_of
 from ropeode.laboratory.messages import SceneFacts
 from ropeode.laboratory.scenes import lessons, scenes
-from ropeode.laboratory.wire import header_of
 from ropeode.progress import bar
 
 IMAGES = Path(__file__).parents[1] / "docs/images"

@@ -12,9 +12,7 @@ import sys
 from pathlib import Path
 
 from ropeode.files import write_whole
-from ropeode.laboratory.opening import link_of
-from ropeode.laboratory.setup import Laboratory
-from ropeode.laboratory.single_file import single_file
+from ropeode.laboratory import Laboratory, link_of, page_with_answers
 from ropeode.terminal.running import set_up_jax, with_progress
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -30,7 +28,9 @@ def main(folder: Path) -> None:
     pages = DOCS.glob("tutorials/*.md")
     for name in sorted({name for page in pages for name in NAMED.findall(page.read_text())}):
         link = link_of(None, name)
-        page = with_progress(lambda progress, link=link: single_file(laboratory, link, progress))
+        page = with_progress(
+            lambda progress, link=link: page_with_answers(laboratory, link, progress)
+        )
         write_whole(folder / "lab" / f"{name}.html", page)
 
 

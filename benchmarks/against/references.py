@@ -15,7 +15,7 @@ from against.solvers import Make, Solver, families, quietly
 from against.timing import Contender, Peers, clocked, race
 from ropeode import Problem, ReferenceRefused, load, reference
 from ropeode.norms import distance, norm_for
-from ropeode.references.options import SMALLEST_RTOL
+from ropeode.references import SMALLEST_RTOL
 
 CERTIFIED = "reference, with its certificate"
 # From loose to tight, two for each digit.

@@ -15,9 +15,8 @@ from scipy.integrate import odeint, solve_ivp
 from against.right_hand_sides import Compiled
 from against.timing import Peers
 from ropeode import Problem
-from ropeode.references.solvers import diffrax_solver
-from ropeode.references.solvers.solver import DOPRI8, KVAERNO5
-from ropeode.references.solvers.solver import Solver as ReferenceSolver
+from ropeode.references import DOPRI8, KVAERNO5
+from ropeode.references import Solver as ReferenceSolver
 
 MOST_STEPS = 10**6
 _SCIPY_TIGHTEST = 100 * np.finfo(np.float64).eps
@@ -76,7 +75,7 @@ def primary(problem: Problem, method: ReferenceSolver) -> Solver:
     """Ropeode's solver of a reference, without what certifies it."""
 
     def solve(rtol: float, of: Problem = problem) -> np.ndarray:
-        run = diffrax_solver.solve(of, method, rtol, rtol * of.scale, max_steps=MOST_STEPS)
+        run = solve(of, method, rtol, rtol * of.scale, max_steps=MOST_STEPS)
         if run.failure:
             raise NotSolved(run.failure)
         return run.states
@@ -95,7 +94,7 @@ def primary(problem: Problem, method: ReferenceSolver) -> Solver:
         jax.effects_barrier()
         return calls[0]
 
-    compiling = diffrax_solver.solve(problem, method, 1e-3, 1e-3, max_steps=10).compile_seconds
+    compiling = solve(problem, method, 1e-3, 1e-3, max_steps=10).compile_seconds
     return Solver("ropeode", f"primary: {method}", "", solve, count, compile_seconds=compiling)
 
 

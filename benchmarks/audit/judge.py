@@ -25,16 +25,14 @@ from typing import Any
 import jax
 import numpy as np
 
+from ropeode import grade, reference
+from ropeode.checking import Layout, states_of, write_start
 from ropeode.checking.energy_drift import measure_drift
-from ropeode.checking.grade import grade
-from ropeode.checking.starter_files import write_start
-from ropeode.checking.trajectories.layout import Layout, states_of
 from ropeode.errors import InputError, RopeodeError
 from ropeode.files import write_whole
 from ropeode.json_form import json_of
 from ropeode.problems.problem import Problem
-from ropeode.references.compute import reference
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.study.spec import TableJob, read_spec
 
 HERE = Path(__file__).resolve().parent

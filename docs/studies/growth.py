@@ -16,7 +16,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
 from ropeode.steppers import as_stepper
-from ropeode.theory.growth import growth_per_frame
+from ropeode.theory import growth_per_frame
 
 STEPPERS = ("explicit-euler", "semi-implicit-euler")
 STEPS_PER_FRAME = tuple(2**k for k in range(2, 17))

@@ -9,18 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from ropeode import reference
 from ropeode.analysis.errors import differences
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import simulate
 from ropeode.simulation.method import method_of
-from ropeode.theory.expansion import Expansion, expanded
+from ropeode.theory import Expansion, PredictedError, StepSamples, expanded, predicted_error
 from ropeode.theory.flow import short_flow
-from ropeode.theory.global_error import PredictedError, predicted_error
-from ropeode.theory.step_samples import StepSamples
 
 DAMPING = 5e-5
 # Steps from half a frame on, and random states near the first one, moving.

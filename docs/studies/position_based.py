@@ -6,14 +6,14 @@ import dataclasses
 
 import numpy as np
 
+from ropeode import reference
 from ropeode.analysis.errors import distances_from, resolution
 from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.norms import norm_for
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import simulate
 
 STEPS_PER_FRAME = (64, 96, 128, 192, 256, 384, 512)

@@ -12,7 +12,7 @@ from ropeode.errors import InputError
 from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import simulate
 from ropeode.steppers.constraint import ConstraintVerlet
 from ropeode.study.accuracy_table import accuracy_table, check_steps

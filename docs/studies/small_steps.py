@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from ropeode import reference
 from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
 from ropeode.analysis.errors import ErrorSeries, distances, resolution
 from ropeode.errors import ReferenceRefused
@@ -19,8 +20,7 @@ from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress, silent
-from ropeode.references.compute import reference
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import Trajectory, jax_stepper, simulate
 
 NODES = (16, 64, 256)

@@ -48,7 +48,7 @@ from ropeode.progress import Progress
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.style import STYLE, Picture, stepper_style
 from ropeode.terminal.running import end_on_ctrl_c, set_up_jax, show_progress
-from ropeode.theory.stability_function import StabilityFunction, stability_function
+from ropeode.theory import StabilityFunction, stability_function_of
 from ropeode.validation import bad_value
 
 # In inches. The plots' letters of 8 to 9 points are large on so small a page.
@@ -167,7 +167,7 @@ def amplification() -> Figure:
     figure, (axes,) = empty("By how much one step stretches an oscillation")
     z = np.linspace(0.0, 3.2, 641)[1:]
     for index, name in enumerate((*EULER, "stormer-verlet", "rk4")):
-        function = stability_function(Rope().problem(1), name)
+        function = stability_function_of(Rope().problem(1), name)
         assert isinstance(function, StabilityFunction), function
         look = {"color": stepper_style(index)[0], "linewidth": 1.8, "linestyle": _DASHES[index]}
         axes.plot(z, function.radius(1j * z), label=name, **look)

@@ -15,7 +15,7 @@ from ropeode.norms import Norm, distance, node_distances, norm_for
 from ropeode.problems.checks import real_array
 from ropeode.problems.ensemble import same_problem
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import Trajectory
 from ropeode.validation import bad_value, check_kind, not_traced
 

@@ -19,9 +19,8 @@ from ropeode.precision import in_float64
 from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
+from ropeode.references import Solver, solve
 from ropeode.references.ladder import EXPLICIT, IMPLICIT, step_budget
-from ropeode.references.solvers import diffrax_solver
-from ropeode.references.solvers.solver import Solver
 from ropeode.validation import bad_value, check_positive, check_whole
 
 # Frames are divided until there are so many samples, to have something to average.
@@ -154,9 +153,7 @@ def lyapunov_exponent(
     solutions, budget = [], step_budget(problem)
     for method in (EXPLICIT, IMPLICIT):
         progress(f"Lyapunov exponent: {method.primary} at {rtol:.0e}", None)
-        solution = diffrax_solver.solve(
-            together, method.primary, rtol, rtol * problem.scale, max_steps=budget
-        )
+        solution = solve(together, method.primary, rtol, rtol * problem.scale, max_steps=budget)
         solutions.append(solution)
         if solution.failure is None or solution.steps < budget:
             break

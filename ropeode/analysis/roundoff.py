@@ -11,7 +11,7 @@ import numpy as np
 from ropeode.norms import Norm, distance
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.problem import FirstOrderForm, Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.system import InUnits

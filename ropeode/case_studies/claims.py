@@ -6,7 +6,7 @@ import math
 
 from ropeode.analysis.motion import Motion, Words
 from ropeode.case_studies.figures import Claim
-from ropeode.theory.growth import Growth
+from ropeode.theory import Growth
 from ropeode.validation import bad_value
 
 HOLDS, FAILS, TOO_SHORT = "holds", "does not hold", "not watched long enough"

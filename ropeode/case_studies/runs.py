@@ -28,7 +28,7 @@ from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import as_stepper
-from ropeode.theory.growth import Growth, growth_per_frame, stability_limit
+from ropeode.theory import Growth, growth_per_frame, stability_limit
 from ropeode.threads import cores, threads
 from ropeode.validation import counted
 

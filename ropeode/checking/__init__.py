@@ -1,1 +1,5 @@
 """Checks of users' steppers, the diagnosis of wrong ones, and grades for trajectories."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -23,8 +23,7 @@ from ropeode.checking.convergence import RunAndDouble, converging, ladder
 from ropeode.checking.report import Claims, Convergence, Finding
 from ropeode.errors import ReferenceRefused, RopeodeError
 from ropeode.problems.problem import Problem
-from ropeode.references.compute import reference_for
-from ropeode.references.reference import Reference
+from ropeode.references import Reference, reference_for
 from ropeode.simulation import simulate, step_size
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import as_stepper

@@ -23,7 +23,7 @@ from ropeode.analysis.roundoff import largest_distance
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
 from ropeode.norms import NORMS, Norm, motion
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 # The step size of a run and its states ``(times, *state)``, not-a-number from where it diverged;
 # and those of the same run with different rounding, which show the size of the round-off, or None.

@@ -28,9 +28,7 @@ from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, names_o
 from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.compute import reference_for
-from ropeode.references.options import ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.simulation import step_size
 from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class

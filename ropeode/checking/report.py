@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 from ropeode.analysis.order import ObservedOrder
 from ropeode.display import Tabular
 from ropeode.json_form import json_shows
-from ropeode.theory.diagnosis import Diagnosis
+from ropeode.theory import Diagnosis
 
 Status = Literal["pass", "fail", "undetermined", "note", "skip"]
 Verdict = Literal["right", "wrong", "undetermined"]

@@ -108,7 +108,7 @@ def _write(out: str, step: str | None, problem: str | None, scene: str | None) -
     from ropeode.laboratory import opening
     from ropeode.laboratory.own_file import OwnFile
     from ropeode.laboratory.setup import Laboratory
-    from ropeode.laboratory.single_file import single_file
+    from ropeode.laboratory.single_file import page_with_answers
     from ropeode.laboratory.watch import WatchedFile
 
     given, choice = opening.opened_with(problem) if problem else (None, None)
@@ -119,7 +119,7 @@ def _write(out: str, step: str | None, problem: str | None, scene: str | None) -
             if each.fault is not None:
                 raise InputError(each.fault)
         laboratory.own = own.own
-    contents = with_progress(lambda progress: single_file(laboratory, link, progress))
+    contents = with_progress(lambda progress: page_with_answers(laboratory, link, progress))
     with not_interrupted():
         write_whole(path, contents)
     click.echo(f"wrote {path} ({len(contents.encode()) / 1e6:.1f} MB)")

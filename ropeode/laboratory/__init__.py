@@ -4,7 +4,6 @@ Python computes every number; the page draws. The page asks, and each answer dep
 alone, so answers can be kept, shipped in a file and asked for again.
 """
 
-from pathlib import Path
+import lazy_loader
 
-# The page's own files.
-PAGE = Path(__file__).parent / "page"
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

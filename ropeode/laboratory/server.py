@@ -21,8 +21,8 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket
 
-from ropeode.laboratory import PAGE
 from ropeode.laboratory.dispatcher import Dispatcher
+from ropeode.laboratory.page_files import PAGE
 from ropeode.laboratory.safety import LOOPBACK, Doorkeeper, Guarded
 from ropeode.laboratory.wants import MOST_TEXT
 from ropeode.validation import bad_value

@@ -17,10 +17,11 @@ from importlib import metadata
 from typing import Any
 from urllib.parse import quote
 
-from ropeode.laboratory import PAGE, recording
+from ropeode.laboratory import recording
 from ropeode.laboratory.answers import answer_to
 from ropeode.laboratory.asks import DEFAULT_LADDER, asks_of, checks_of, shown_first
 from ropeode.laboratory.messages import AskTruth, Truth
+from ropeode.laboratory.page_files import PAGE
 from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import Progress, part_of
 
@@ -31,7 +32,7 @@ _IMPORTED = re.compile(r'(\bfrom\s+|^import\s+)"(\.[^"]+)"', re.MULTILINE)
 _STYLE_SHEET = re.compile(r'<link rel="stylesheet" href="([^"]+)">')
 
 
-def single_file(
+def page_with_answers(
     laboratory: Laboratory, link: Mapping[str, Any], progress: Progress, *, checks: bool = True
 ) -> str:
     """The lab as a page that plays without Python.

@@ -11,10 +11,10 @@ import anywidget
 import traitlets
 
 from ropeode.files import check_suffix, write_whole
-from ropeode.laboratory import PAGE
 from ropeode.laboratory.background import Background
+from ropeode.laboratory.page_files import PAGE
 from ropeode.laboratory.setup import Laboratory
-from ropeode.laboratory.single_file import single_file
+from ropeode.laboratory.single_file import page_with_answers
 from ropeode.laboratory.wants import entries_of
 from ropeode.progress import Progress, bar, shows_progress
 
@@ -48,7 +48,7 @@ class Lab(anywidget.AnyWidget):
         self._background = Background(laboratory, _sender(weakref.ref(self)))
         # The thread ends with the widget, or with the kernel.
         weakref.finalize(self, self._background.close)
-        page = single_file(laboratory, link, progress, checks=False)
+        page = page_with_answers(laboratory, link, progress, checks=False)
         super().__init__(page=page, height=height)
         self.on_msg(_heard)
 
@@ -64,7 +64,7 @@ class Lab(anywidget.AnyWidget):
             InputError: the name ends in something else, or the file cannot be written.
         """
         target = check_suffix("path", path, [".html"])
-        write_whole(target, single_file(self._laboratory, self._link, progress))
+        write_whole(target, page_with_answers(self._laboratory, self._link, progress))
 
     def close(self) -> None:
         """Close the widget, and leave off what it computes."""

@@ -15,7 +15,7 @@ from ropeode.problems.problem import Problem
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.defect import Findings
-from ropeode.references.solvers import diffrax_solver
+from ropeode.references.solvers.one_run import solve
 from ropeode.references.solvers.solution import Path, Solution
 from ropeode.references.solvers.solver import (
     DOPRI8,
@@ -128,10 +128,7 @@ def solve_primary(
     budget.progress(f"reference: {method.primary} at {rtol:.0e}", None)
     atol, seconds = rtol * budget.scale, share * budget.left
     if method.primary.library == "diffrax":
-        solve, more = diffrax_solver.solve, {"room": budget.samples, **more}
-    else:
-        # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
-        from ropeode.references.solvers.scipy_solver import solve
+        more = {"room": budget.samples, **more}
     run = solve(problem, method.primary, rtol, atol, seconds=seconds, **more)
     budget.spent += run.seconds
     return run
@@ -302,19 +299,12 @@ def solve_independent(
     Where it would take many steps, each with a dozen calls from Python, the same method is
     compiled.
     """
-    # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
-    from ropeode.references.solvers import compiled_dop853, scipy_solver
-
     tries = (independent_rtol(method, tightest), tightest), (looser.rtol, looser)
     for rtol, like in tries:
         solver = OWN_DOP853 if is_long(problem, method, tightest) else method.independent
         budget.progress(f"reference: {solver} at {rtol:.0e}", None)
-        tolerances = rtol, rtol * budget.scale
         limits = {"max_steps": independent_steps(like), "seconds": budget.left}
-        if solver == OWN_DOP853:
-            run = compiled_dop853.solve(problem, *tolerances, **limits)
-        else:
-            run = scipy_solver.solve(problem, solver, *tolerances, **limits)
+        run = solve(problem, solver, rtol, rtol * budget.scale, **limits)
         budget.spent += run.seconds
         if run.failure is None or budget.left == 0.0:
             break
@@ -325,11 +315,9 @@ def rough_path(problem: Problem, method: Method, budget: Budget) -> Path | None:
     """The steps of a loose run of the independent solver, where the ladder has failed."""
     if problem.y0.size > MOST_DENSE:
         return None
-    from ropeode.references.solvers import scipy_solver
-
     tolerances = _ROUGH, _ROUGH * budget.scale
     limits = {"max_steps": _ROUGH_STEPS, "seconds": budget.left}
-    return scipy_solver.solve(problem, method.independent, *tolerances, **limits).path
+    return solve(problem, method.independent, *tolerances, **limits).path
 
 
 def is_long(problem: Problem, method: Method, like: Solution) -> bool:
@@ -342,11 +330,9 @@ def solve_closely(
     problem: Problem, method: Method, like: Solution, findings: Findings, budget: Budget
 ) -> Solution:
     """The SciPy solver once more, with steps that end where something was found between steps."""
-    from ropeode.references.solvers import scipy_solver
-
     budget.progress(f"reference: {method.independent} between its steps", None)
     more = 4 * len(findings.stops) + 200 * len(findings.times)
-    run = scipy_solver.solve(
+    run = solve(
         problem,
         method.independent,
         like.rtol,

@@ -22,9 +22,14 @@ from ropeode.json_form import json_shows
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress, silent
-from ropeode.references.compute import reference_for
-from ropeode.references.options import Asked, ReferenceOptions
-from ropeode.references.reference import Reference, ReferenceInNorm, problem_of
+from ropeode.references import (
+    Asked,
+    Reference,
+    ReferenceInNorm,
+    ReferenceOptions,
+    problem_of,
+    reference_for,
+)
 from ropeode.simulation import Trajectory, simulate, step_size
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.trajectory import Status
@@ -37,7 +42,7 @@ from ropeode.threads import cores, threads
 from ropeode.validation import bad_value, counted, whole_number
 
 if TYPE_CHECKING:
-    from ropeode.theory.global_error import PredictedError
+    from ropeode.theory import PredictedError
 
 DEFAULT_STEPPERS = (
     "explicit-euler",
@@ -277,7 +282,7 @@ def _predicted_error(
             no limit.
     """
     # Not above: it takes as long to import as JAX, and most tables predict nothing.
-    from ropeode.theory.global_error import predicted_error
+    from ropeode.theory import predicted_error
 
     def in_time(text: str, done: float | None) -> None:
         del text, done

@@ -15,9 +15,7 @@ from ropeode.display import Tabular
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.compute import reference_for
-from ropeode.references.options import Asked, ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import method_of
 from ropeode.simulation.trajectory import Status
@@ -27,7 +25,7 @@ from ropeode.study.error_constant import leading_term
 from ropeode.validation import counted
 
 if TYPE_CHECKING:
-    from ropeode.theory.global_error import PredictedError
+    from ropeode.theory import PredictedError
 
 # Lines that a reader can follow in a panel.
 _STEPS_PER_FRAME = (16, 64, 256, 1024)
@@ -131,7 +129,7 @@ def error_curves(
         if not predict:
             return None
         # Not above: it takes as long to import as JAX, and most curves predict nothing.
-        from ropeode.theory.global_error import predicted_error
+        from ropeode.theory import predicted_error
 
         return predicted_error(reference, method_of(stepper, reference.problem))
 

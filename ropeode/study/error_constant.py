@@ -15,10 +15,10 @@ from ropeode.analysis.roundoff import least_clear_error
 from ropeode.json_form import json_shows
 from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 if TYPE_CHECKING:
-    from ropeode.theory.global_error import PredictedError
+    from ropeode.theory import PredictedError
 
 # Theory and runs agree to this part, or closely.
 AGREE, AGREE_CLOSELY = 0.1, 0.01

@@ -17,10 +17,14 @@ from ropeode.problems.library import PROBLEMS
 from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.certificate import largest_norms
-from ropeode.references.compute import reference_for
-from ropeode.references.options import Asked, ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import (
+    Asked,
+    Reference,
+    ReferenceOptions,
+    largest_norms,
+    problem_of,
+    reference_for,
+)
 from ropeode.simulation import Trajectory, simulate
 from ropeode.simulation.method import Method, method_of
 from ropeode.steppers import as_stepper
@@ -35,23 +39,34 @@ from ropeode.study.accuracy_table import (
 )
 from ropeode.study.curves import ErrorCurves, error_curve, errors_of
 from ropeode.study.error_constant import ErrorConstant
+from ropeode.theory import (
+    Diagnosis,
+    Expansion,
+    LinearStability,
+    ModifiedEnergy,
+    Property,
+    StabilityFunction,
+    StabilityRegion,
+    StepDifference,
+    StepSamples,
+    StepTableau,
+    Term,
+    diagnose_equation,
+    diagnose_identity,
+    equal_steppers,
+    expanded,
+    linear_stability_of,
+    modified_energy_of,
+    order_once_started,
+    stability_region,
+    step_difference,
+    structure_of,
+    tableau_of,
+)
 from ropeode.theory.changed_parameters import diagnose_parameters
-from ropeode.theory.diagnosis import Diagnosis
-from ropeode.theory.equal_steps import StepDifference, equal_steppers, step_difference
-from ropeode.theory.expansion import Expansion, Term, expanded
-from ropeode.theory.global_error import order_once_started
-from ropeode.theory.linear_stability import LinearStability, linear_stability
-from ropeode.theory.modified_energy import ModifiedEnergy, modified_energy
 from ropeode.theory.nodes_first import nodes_first
 from ropeode.theory.recognised_methods import describe
 from ropeode.theory.rope_terms import is_rope
-from ropeode.theory.solved_equation import diagnose_equation
-from ropeode.theory.stability_function import StabilityFunction
-from ropeode.theory.stability_limits import StabilityRegion, stability_region
-from ropeode.theory.step_at_zero import diagnose_identity
-from ropeode.theory.step_samples import StepSamples
-from ropeode.theory.structure import Property, structure
-from ropeode.theory.tableau_of_step import StepTableau, tableau_of
 
 # Of a step that runs in Python, which takes some 30 us each time.
 _MOST_IN_PYTHON = 1024
@@ -305,7 +320,7 @@ def explain_stepper(
     compared = None if known is None else step_difference(samples, known, at)
     orders = tuple(_class_orders(ready, own, at, local))
     progress("stability and structure", 0.3)
-    stability, properties = linear_stability(reference, ready), structure(own, ready)
+    stability, properties = linear_stability_of(reference, ready), structure_of(own, ready)
     modified = _modified_energy(own, ready, properties, ladder)
     tables = tables_in_norms(
         reference,
@@ -339,7 +354,7 @@ def _modified_energy(
 ) -> ModifiedEnergy | str | None:
     if isinstance(found, str) or not found["symplectic"].holds or found["energy"].holds:
         return None
-    return modified_energy(problem, ready, min(ladder, key=lambda n: abs(np.log2(n / _SHOWN))))
+    return modified_energy_of(problem, ready, min(ladder, key=lambda n: abs(np.log2(n / _SHOWN))))
 
 
 def _region(stability: LinearStability) -> StabilityRegion | None:

@@ -19,15 +19,24 @@ from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.certificate import Role, largest_norms, padded
-from ropeode.references.compute import reference_for
+from ropeode.references import (
+    DIGITS,
+    TIME_LIMIT,
+    ExtendedSolution,
+    Reference,
+    ReferenceOptions,
+    Role,
+    Solution,
+    Solver,
+    budget_of,
+    extended_solution,
+    largest_norms,
+    padded,
+    primary_solution,
+    reference_for,
+    witness_runs,
+)
 from ropeode.references.extended import heyoka
-from ropeode.references.extended.solution import ExtendedSolution, extended_solution
-from ropeode.references.options import DIGITS, TIME_LIMIT, ReferenceOptions
-from ropeode.references.reference import Reference
-from ropeode.references.solvers.solution import Solution
-from ropeode.references.solvers.solver import Solver
-from ropeode.references.witnesses import budget_of, primary_solution, witness_runs
 from ropeode.validation import bad_value, check_positive, check_whole, complaint
 
 SPANS = (100.0, 300.0, 1000.0)

@@ -13,9 +13,7 @@ from ropeode.display import Displayed, Tabular
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.compute import reference_for
-from ropeode.references.options import Asked, ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.simulation.trajectory import Status
 from ropeode.steppers.base import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers

@@ -20,8 +20,7 @@ from ropeode.problems.problem import Problem
 from ropeode.problems.rope import Rope
 from ropeode.problems.ropes import ROPES
 from ropeode.progress import Progress
-from ropeode.references.certificate import Level
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import Level, Reference, problem_of
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
     IN_TIME,
@@ -228,8 +227,7 @@ class TableJob:
         """The stored reference; its problem must be the one that is described, if one is."""
         # Not above: HDF5 takes its time to load, and most tables need none of it.
         from ropeode.problems.library import PROBLEMS
-        from ropeode.references.files.library import find
-        from ropeode.references.files.store import reference_from, stored_facts
+        from ropeode.references import find, reference_from, stored_facts
 
         assert self.spec.reference is not None
         beside = (self.folder or Path()) / self.spec.reference

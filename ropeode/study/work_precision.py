@@ -19,9 +19,14 @@ from ropeode.norms import Norm, motion, norm_for
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, part_of, shows_progress
-from ropeode.references.compute import reference_for
-from ropeode.references.options import AskedButRtol, ReferenceOptions
-from ropeode.references.reference import Reference, ReferenceInNorm, problem_of
+from ropeode.references import (
+    AskedButRtol,
+    Reference,
+    ReferenceInNorm,
+    ReferenceOptions,
+    problem_of,
+    reference_for,
+)
 from ropeode.simulation.trajectory import step_size
 from ropeode.study.accuracy_table import check_steps
 from ropeode.study.energy import energies_of

@@ -15,7 +15,7 @@ from scipy.interpolate import make_interp_spline
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem, Rhs
 from ropeode.progress import Progress, part_of, silent
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation.method import Method
 from ropeode.theory.expansion import SETTLED, STEPS, Expansion, expanded
 from ropeode.theory.solution_along import Pieces, solution_along

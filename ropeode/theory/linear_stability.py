@@ -12,17 +12,17 @@ from ropeode.errors import InputError
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import simulate, step_size
 from ropeode.simulation.method import Method, method_of
 from ropeode.theory.growth import StableSteps, fewest_steps, stable_steps_at_rest
-from ropeode.theory.spectrum import SpectralLimit, Spectrum, spectral_limit, spectrum
+from ropeode.theory.spectrum import SpectralLimit, Spectrum, spectral_limit, spectrum_of
 from ropeode.theory.stability_function import (
     NoStabilityFunction,
     StabilityFunction,
-    stability_function,
+    stability_function_of,
 )
-from ropeode.theory.stability_limits import StabilityLimits, stability_limits
+from ropeode.theory.stability_limits import StabilityLimits, stability_limits_of
 
 # Times between two samples at which a dense reference is asked as well.
 _BETWEEN = 4
@@ -77,7 +77,7 @@ class LinearStability:
 
 
 @in_float64
-def linear_stability(reference: Reference, stepper: Any) -> LinearStability:
+def linear_stability_of(reference: Reference, stepper: Any) -> LinearStability:
     """How long a stepper's steps may be on a problem.
 
     Arguments:
@@ -99,13 +99,13 @@ def linear_stability(reference: Reference, stepper: Any) -> LinearStability:
         states = reference.at(times)
     else:
         states = reference.states[: reference.trusted]
-    along = spectrum(problem, times, states)
-    function = stability_function(problem, method)
+    along = spectrum_of(problem, times, states)
+    function = stability_function_of(problem, method)
     limits = predicted = None
     if isinstance(function, NoStabilityFunction):
         notes.append(function.reason)
     else:
-        limits = stability_limits(function)
+        limits = stability_limits_of(function)
         predicted = spectral_limit(problem, function, along)
         if predicted is None:
             notes.append(
@@ -143,7 +143,7 @@ def _at_rest(
         return None, None
     predicted = None
     try:
-        modes = spectrum(problem, problem.ts[:1], still[None])
+        modes = spectrum_of(problem, problem.ts[:1], still[None])
         if np.any(modes.growing):
             notes.append("The equilibrium is unstable in the problem itself.")
             return None, None

@@ -84,7 +84,9 @@ class ModifiedEnergy:
 
 
 @in_float64
-def modified_energy(problem: Problem, stepper: Any, steps_per_frame: int) -> ModifiedEnergy | str:
+def modified_energy_of(
+    problem: Problem, stepper: Any, steps_per_frame: int
+) -> ModifiedEnergy | str:
     """The leading correction of the energy that a symplectic method keeps, along a run.
 
     A step with the local error ``dt**(p + 1) d(y)`` follows the vector field ``f + dt**p d``, up to

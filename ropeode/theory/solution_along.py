@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.progress import Progress, silent
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.theory.flow import Flow, Rates, short_flow
 from ropeode.theory.step_samples import rates_of
 

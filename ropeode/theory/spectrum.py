@@ -84,7 +84,7 @@ class SpectralLimit:
 
 
 @in_float64
-def spectrum(problem: Problem, times: np.ndarray, states: np.ndarray) -> Spectrum:
+def spectrum_of(problem: Problem, times: np.ndarray, states: np.ndarray) -> Spectrum:
     """The eigenvalues of the derivative of the right-hand side, at states of a solution.
 
     Coordinates that are held are left out.

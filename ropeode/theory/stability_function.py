@@ -146,7 +146,9 @@ class StabilityFunction:
 
 
 @in_float64
-def stability_function(problem: Problem, stepper: Any) -> StabilityFunction | NoStabilityFunction:
+def stability_function_of(
+    problem: Problem, stepper: Any
+) -> StabilityFunction | NoStabilityFunction:
     """The stability function of a stepper, from its own steps.
 
     It is tried on ``y' = lambda y`` with complex lambda first, as a real system of two equations,

@@ -144,7 +144,7 @@ def stable_interval(
     return StableInterval(limit, float(grid[-1]), tuple(islands))
 
 
-def stability_limits(function: StabilityFunction, farthest: float = FARTHEST) -> StabilityLimits:
+def stability_limits_of(function: StabilityFunction, farthest: float = FARTHEST) -> StabilityLimits:
     """The intervals of stability on the axes, and whether the left half plane is one.
 
     Arguments:

@@ -15,7 +15,7 @@ from ropeode.problems.problem import Problem
 from ropeode.simulation.method import Method, method_of
 from ropeode.theory.conserved import Conserved, scales, with_leaves
 from ropeode.theory.sample_map import NoSampleMap, SampleMap
-from ropeode.theory.spectrum import spectrum
+from ropeode.theory.spectrum import spectrum_of
 
 # The longest step, in turns of the fastest mode over 2 pi, and how often it is halved.
 _LONGEST, _HALVINGS = 1.5, 8
@@ -57,7 +57,7 @@ class Property:
 
 
 @in_float64
-def structure(
+def structure_of(
     problem: Problem, stepper: Any, only: Sequence[str] | None = None
 ) -> dict[str, Property] | str:
     """Which properties of the exact solution one step has, at states without any symmetry.
@@ -127,7 +127,7 @@ class Setting:
         at = np.full(_STATES, problem.ts[0])
         away = _AWAY * problem.scale * draw
         still = problem.y0 + np.array([1.0, 0.0]).reshape(2, *[1] * free.ndim) * away
-        modes = spectrum(problem, at, still).eigenvalues
+        modes = spectrum_of(problem, at, still).eigenvalues
         rate = float(np.max(np.abs(modes), initial=0.0))
         if rate == 0.0:
             return None

@@ -13,8 +13,7 @@ from ropeode import InextensibleRope, Problem, Rope
 from ropeode.analysis import lyapunov_exponent, mean_slope
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
-from ropeode.references.solvers.diffrax_solver import solve
-from ropeode.references.solvers.solver import DOPRI8
+from ropeode.references import DOPRI8, solve
 
 
 def lorenz(t, y, args):

@@ -11,7 +11,7 @@ from ropeode import case_studies
 from ropeode.analysis import Motion, Thresholds
 from ropeode.case_studies import Claim, Comparison, Measure, measured, verdict
 from ropeode.errors import InputError
-from ropeode.theory.growth import Growth
+from ropeode.theory import Growth
 
 
 def motion(swings=4, **more) -> Motion:

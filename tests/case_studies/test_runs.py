@@ -10,7 +10,7 @@ import pytest
 
 from ropeode.case_studies import Run, all_figures, frames_for, run_all
 from ropeode.simulation import simulate
-from ropeode.theory.growth import growth_per_frame
+from ropeode.theory import growth_per_frame
 from tests.case_studies.conftest import FRAMES as REPORTED
 
 CHEAP = (4, 5, 26, 31)

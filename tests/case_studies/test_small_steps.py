@@ -26,7 +26,7 @@ from docs.studies.small_steps import (
 )
 from ropeode import Rope, hanging_equilibrium, reference, simulate
 from ropeode.analysis import frequencies
-from ropeode.theory.stability_function import stability_function
+from ropeode.theory import stability_function_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 MASS, STIFFNESS = np.array([1.0, 2.0, 0.7, 1.5, 1.2]), np.array([300.0, 900.0, 500.0, 700.0])
@@ -161,7 +161,7 @@ def test_damping_is_that_of_theory_and_of_runs():
     rows = damping_rates(methods, (6, 20), problem)
     assert [(row.method, row.steps) for row in rows] == [(m, n) for m in methods for n in (6, 20)]
     for row in rows:
-        theory = stability_function(problem, row.method if row.method != "xpbd" else methods[0])
+        theory = stability_function_of(problem, row.method if row.method != "xpbd" else methods[0])
         factor = theory.factors(np.array([1j * omega / row.steps]))[0]
         rate = -row.steps * math.log(abs(factor))
         assert row.of_step == pytest.approx(rate, rel=1e-7, abs=1e-12)

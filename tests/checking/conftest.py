@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ropeode.references.compute import reference
+from ropeode import reference
 
 
 @pytest.fixture(scope="session")

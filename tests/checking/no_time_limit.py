@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 
-from ropeode.checking import check
+from ropeode import check_stepper as with_time_limit
 
 SECONDS = 1e6
-check_stepper = functools.partial(check.check_stepper, time_limit=SECONDS)
+check_stepper = functools.partial(with_time_limit, time_limit=SECONDS)

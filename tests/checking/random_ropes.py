@@ -11,17 +11,24 @@ from unittest import mock
 
 import numpy as np
 
-from ropeode.checking import check_context, check_ropes
-from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import DIM, NODES, check_rope
-from ropeode.checking.checks import CHECKS
-from ropeode.checking.claims import checked_claims
-from ropeode.checking.report import Claims, Finding
+from ropeode.checking import (
+    CHECKS,
+    Claims,
+    Examination,
+    Finding,
+    check_rope,
+    checked_claims,
+)
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.simulation import Method, method_of
 from tests.checking.right_steppers import RIGHT
+
+NODES, DIM = 5, 3
+# They hold what no face has: the ropes, which are replaced here, and where checks look for them.
+check_context = importlib.import_module("ropeode.checking.check_context")
+check_ropes = importlib.import_module("ropeode.checking.check_ropes")
 
 # Modules in which the ropes are replaced. (The package has functions of some of their names.)
 MODULES = (

@@ -11,9 +11,7 @@ import optimistix
 import pytest
 from scipy import integrate
 
-from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import convergence_problems, undamped
-from ropeode.checking.checks.symmetry import rotation, time_shift, translation
+from ropeode.checking import CHECKS, Examination, convergence_problems, undamped
 from ropeode.errors import InputError, UserCodeError
 from ropeode.simulation import simulate
 from ropeode.steppers import ProblemClass, as_stepper
@@ -179,8 +177,8 @@ def test_a_wrong_claim_about_a_solver_is_seen():
 @jax.enable_x64(True)
 def test_what_a_root_finder_leaves_over_breaks_no_symmetry(name):
     examination = examination_of(f"diffrax:{name}")
-    for check in (translation, rotation, time_shift):
-        found = check(examination)
+    for check in ("translation", "rotation", "time-shift"):
+        found = CHECKS[check](examination)
         assert found.status == "pass", found.line
 
 

@@ -15,12 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.checking import check, check_context, time_limit
-from ropeode.checking.check import check_stepper
-from ropeode.checking.check_ropes import convergence_problems
-from ropeode.checking.checks import CHECKS
-from ropeode.checking.diagnosis import stepper as diagnosis_of_steppers
-from ropeode.checking.diagnosis.probe_states import probe_ropes
+from ropeode.checking import (
+    CHECKS,
+    check_stepper,
+    convergence_problems,
+    reference_of,
+)
 from ropeode.errors import InputError, ReferenceRefused, UserCodeError
 from ropeode.render import format_check
 from ropeode.simulation import method_of, on_user_clock, simulate
@@ -148,7 +148,7 @@ def catches_all(acceleration, t, x, v, dt, args):
 )
 def test_a_step_that_never_returns_is_given_up(step, monkeypatch):
     # On a busy machine, too, its processor time ends it, not the time on the clock.
-    monkeypatch.setattr(time_limit, "_WAITING", 1e6)
+    monkeypatch.setattr("ropeode.checking.time_limit._WAITING", 1e6)
     with pytest.raises(UserCodeError, match=r"did not finish within 0\.3 s of processor time"):
         check_stepper(step, 1, time_limit=0.3)
 
@@ -198,7 +198,8 @@ def wrong(acceleration, t, x, v, dt, args):
 
 
 def wrong_and_raises(acceleration, t, x, v, dt, args):
-    if args.mass[0] == probe_ropes()[1].args.mass[0]:
+    # Those of the checks are known; the diagnosis has others.
+    if tuple(args.mass) not in {tuple(each.args.mass) for each in convergence_problems().values()}:
         raise ValueError("another rope")
     return wrong(acceleration, t, x, v, dt, args)
 
@@ -213,13 +214,14 @@ def test_a_report_stands_if_the_diagnosis_does_not_finish(monkeypatch):
     def hangs_by_itself(examination):
         ended.wait(long_enough)
 
-    monkeypatch.setattr(time_limit, "_WAITING", 1e6)
+    monkeypatch.setattr("ropeode.checking.time_limit._WAITING", 1e6)
     for diagnose, limit, words in (
         (hangs_in_the_step, 0.3, "within 0.3 s of processor time in the step; raise the"),
         (hangs_by_itself, 1.0, "within 0.5 s, of which 0 s were processor time in the step"),
     ):
-        monkeypatch.setattr(diagnosis_of_steppers, "diagnose_stepper", diagnose)
-        monkeypatch.setattr(check, "_DIAGNOSIS", 0.5 if diagnose is hangs_by_itself else 1e6)
+        monkeypatch.setattr("ropeode.checking.diagnosis.stepper.diagnose_stepper", diagnose)
+        seconds = 0.5 if diagnose is hangs_by_itself else 1e6
+        monkeypatch.setattr("ropeode.checking.check._DIAGNOSIS", seconds)
         report = check_stepper(wrong, 1, only=["order-textbook"], time_limit=limit)
         assert [finding.check for finding in report.failed] == ["order-textbook"]
         (diagnosis,) = report.diagnosis
@@ -245,43 +247,17 @@ def test_only_a_reference_or_its_refusal_is_kept(monkeypatch, error):
         asked.append(problem)
         raise error("why")
 
-    monkeypatch.setattr(check_context, "reference_for", refuses)
+    monkeypatch.setattr("ropeode.checking.check_context.reference_for", refuses)
     rope = convergence_problems()["textbook"].changed(name=f"never asked for: {error.__name__}")
     for _ in range(2):
         with pytest.raises(error, match="why"):
-            check_context.reference_of(rope)
+            reference_of(rope)
     assert len(asked) == (1 if error is ReferenceRefused else 2)
-    monkeypatch.setattr(check_context, "reference_for", lambda problem: "a reference")
+    monkeypatch.setattr(
+        "ropeode.checking.check_context.reference_for", lambda problem: "a reference"
+    )
     if error is not ReferenceRefused:
-        assert check_context.reference_of(rope) == "a reference"
-
-
-def test_a_command_finds_the_references_of_check_ropes_again(cache_folder, monkeypatch):
-    rope = convergence_problems()["textbook"].changed(name="kept in files")
-    made = check_context.reference_of(rope)
-    assert len(list((cache_folder / "references").iterdir())) == 1
-    check_context._slot.cache_clear()
-    monkeypatch.setattr("ropeode.references.compute._reference", lambda *_: pytest.fail("again"))
-    again = check_context.reference_of(rope)
-    assert again is not made
-    assert again.states.tobytes() == made.states.tobytes()
-
-
-def test_threads_that_make_references_ahead_are_no_daemons(monkeypatch):
-    """A process that ends while a daemon compiles is aborted."""
-    daemons = []
-    before = set(threading.enumerate())
-
-    def counted(problem):
-        # Those of checks before may still be at work.
-        if threading.current_thread() not in before:
-            daemons.append(threading.current_thread().daemon)
-
-    monkeypatch.setattr(check_context, "reference_of", counted)
-    check_context.references_ahead(convergence_problems().values())
-    for thread in set(threading.enumerate()) - before:
-        thread.join()
-    assert daemons == [False] * len(convergence_problems())
+        assert reference_of(rope) == "a reference"
 
 
 @pytest.mark.slow

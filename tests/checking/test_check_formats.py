@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ropeode.checking.checks import CHECKS, SLOW
+from ropeode.checking import CHECKS, SLOW
 from tests.checking import steps
 from tests.checking.no_time_limit import SECONDS
 

@@ -11,9 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.checking.check import chosen_checks
-from ropeode.checking.check_ropes import convergence_problems, hanging
-from ropeode.checking.checks import CHECKS, SLOW
+from ropeode.checking import CHECKS, SLOW, chosen_checks, convergence_problems, hanging
 from ropeode.checking.energy_drift import measure_drift
 from ropeode.precision import in_float64
 from ropeode.problems import Problem

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from ropeode.analysis import observed_order
-from ropeode.checking.convergence import convergence_finding, falls_too_slowly
-from ropeode.checking.report import Convergence
+from ropeode.checking import Convergence, convergence_finding, falls_too_slowly
 
 
 @pytest.mark.parametrize(

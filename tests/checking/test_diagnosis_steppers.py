@@ -6,9 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from ropeode.checking.check_context import Examination
-from ropeode.checking.diagnosis.stepper import diagnose_stepper
-from ropeode.checking.report import Claims
+from ropeode.checking import Claims, Examination, diagnose_stepper
 from ropeode.steppers import Stepper
 from tests.checking.mutants.all import MUTANTS
 from tests.checking.right_steppers import RIGHT

@@ -4,12 +4,9 @@ import jax
 import numpy as np
 import pytest
 
-from ropeode import Rope, simulate
-from ropeode.checking.check_ropes import convergence_problems
-from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
+from ropeode import Rope, reference, simulate
+from ropeode.checking import diagnose_trajectories
 from ropeode.problems import PROBLEMS
-from ropeode.references.compute import reference
-from ropeode.theory.rope_terms import is_rope
 
 FRAMES = 3
 STEPS = (64, 128, 256, 512)
@@ -132,7 +129,3 @@ def test_what_is_no_rope_has_no_such_numbers(known):
     (diagnosis,) = diagnose_trajectories(problem, known, [], problem.quantities)
     assert diagnosis.cause == "unknown"
     assert "no parameters" in diagnosis.line
-
-
-def test_the_ropes_of_a_check_are_ropes_too():
-    assert all(is_rope(problem) for problem in convergence_problems().values())

@@ -13,12 +13,10 @@ import numpy as np
 import pytest
 
 import ropeode
-from ropeode.checking.grade import grade
-from ropeode.checking.starter_files.assignments import ASSIGNMENTS, write_assignment
-from ropeode.checking.trajectories.layout import samples_of
+from ropeode import grade, reference
+from ropeode.checking import ASSIGNMENTS, samples_of, write_assignment
 from ropeode.cli import cli
 from ropeode.errors import InputError
-from ropeode.references.compute import reference
 from ropeode.study import TableJob, read_spec
 
 SOURCE = Path(ropeode.__file__).parent / "checking" / "starter_files" / "games101"

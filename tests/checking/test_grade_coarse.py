@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import jax
 import numpy as np
 import pytest
 from trajectory_writing import node_values, write_npz
 
+from ropeode import grade, reference
 from ropeode.analysis import ROUND_OFF, observed_order
-from ropeode.checking.grade import grade
-from ropeode.checking.report import Convergence
-from ropeode.checking.trajectories import convergence
+from ropeode.checking import Convergence, read_runs
 from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
-from ropeode.checking.trajectories.resolved import fastest_rate, resolved_frames, resolving_step
-from ropeode.checking.trajectories.run_files import read_runs
 from ropeode.problems import Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 PRE_ASYMPTOTIC = (8, 12, 18, 27, 40, 60)
@@ -44,21 +42,31 @@ def verdict(tmp_path, known, problem, stepper, steps, expected=None):
     return report.verdict, next(each.line for each in report.findings if each.check == "order")
 
 
+def largest_eigenvalue(known):
+    """Of the derivative of the right-hand side, along the motion."""
+    problem, shape = known.problem, known.problem.y0.shape
+
+    def flat(y):
+        return problem.rhs(0.0, y.reshape(shape), problem.args).reshape(-1)
+
+    with jax.enable_x64(True):
+        matrices = [jax.jacfwd(flat)(state.reshape(-1)) for state in known.states]
+    return max(np.max(np.abs(np.linalg.eigvals(each))) for each in matrices)
+
+
 @pytest.mark.parametrize(
     "stepper", [pytest.param("implicit-euler", marks=pytest.mark.slow), "xpbd:iterations=4"]
 )
-def test_right_methods_with_steps_that_are_too_coarse(tmp_path, taut, monkeypatch, stepper):
+def test_right_methods_with_steps_that_are_too_coarse(tmp_path, taut, stepper):
     """They damp the springs' oscillations, and for a while tend to a motion without these."""
     found, line = verdict(tmp_path, taut, rope(), stepper, PRE_ASYMPTOTIC)
     assert found == "undetermined"
-    assert "too coarse to tell: the fastest part of the motion changes at a rate of 39.2" in line
+    said = re.search(r"too coarse to tell: the fastest part .* changes at a rate of ([\d.]+)", line)
+    assert float(said[1]) == pytest.approx(largest_eigenvalue(taut), rel=0.1)
     assert "three runs with dt <= 0.01 would resolve the first frame" in line
     assert "; add runs with" in line or "; the positions agree with" in line
     # Nor does a slope below 1 refute order 1.
     assert verdict(tmp_path, taut, rope(), stepper, (4, 6, 8), 1)[0] == "undetermined"
-    # Their numbers alone look like those of another equation.
-    monkeypatch.setattr(convergence, "beginning", lambda reference, _: reference)
-    assert verdict(tmp_path, taut, rope(), stepper, PRE_ASYMPTOTIC)[0] == "wrong"
 
 
 def test_a_lower_whole_order_is_wrong_at_any_step_size(tmp_path, taut):
@@ -74,21 +82,6 @@ def test_another_equation_stays_wrong(tmp_path, taut, changed, stepper):
     steps = (60, 90, 135, 200, 300, 450)
     assert verdict(tmp_path, taut, rope(**changed), stepper, steps)[0] == "wrong"
     assert verdict(tmp_path, taut, rope(), stepper, steps)[0] != "wrong"
-
-
-def test_the_fastest_rate_is_that_of_the_eigenvalues(known):
-    problem, shape = known.problem, known.problem.y0.shape
-
-    def flat(y):
-        return problem.rhs(0.0, y.reshape(shape), problem.args).reshape(-1)
-
-    with jax.enable_x64(True):
-        matrices = [jax.jacfwd(flat)(state.reshape(-1)) for state in known.states]
-    largest = max(np.max(np.abs(np.linalg.eigvals(each))) for each in matrices)
-    rate = fastest_rate(known)
-    assert rate == pytest.approx(largest, rel=0.1)
-    assert resolved_frames(known, resolving_step(known, rate), rate) == 1
-    assert resolved_frames(known, 1.001 * resolving_step(known, rate), rate) == 0
 
 
 DTS = 0.02 / 1.5 ** np.arange(7)

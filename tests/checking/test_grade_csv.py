@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trajectory_writing import csv_lines, write_csv
 
-from ropeode.checking.trajectories import csv_files
-from ropeode.checking.trajectories.run_files import read_runs
+from ropeode.checking import read_runs
 from ropeode.errors import InputError
 from ropeode.problems import Rope
 
@@ -43,11 +42,9 @@ def samples(steps):
 def read(folder, problem, lines, end="\n", block=2**22):
     paths = [folder / "right-1.csv", folder / "right-2.csv", folder / "it.csv"]
     paths[-1].write_bytes(("\n".join(lines) + end).encode())
-    before, csv_files._BLOCK = csv_files._BLOCK, block
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ropeode.checking.trajectories.csv_files._BLOCK", block)
         return read_runs(paths, problem)
-    finally:
-        csv_files._BLOCK = before
 
 
 def right_lines():

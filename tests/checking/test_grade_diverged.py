@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
 
-from ropeode.checking.grade import grade
-from ropeode.checking.trajectories.run_files import read_runs
-from ropeode.checking.trajectories.studies import trajectory_errors
+from ropeode import grade
+from ropeode.checking import read_runs, trajectory_errors
 from ropeode.errors import InputError
 from ropeode.simulation import simulate
 

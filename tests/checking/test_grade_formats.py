@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
 
-from ropeode.checking.grade import grade
-from ropeode.checking.trajectories import array_files
+from ropeode import grade
 from ropeode.errors import InputError
 from ropeode.simulation import simulate
 
@@ -42,8 +41,8 @@ def every_quarter(small_rope):
 )
 def test_the_report_is_the_same(folder, known, every_quarter, between, velocities, said, block):
     reports = []
-    before, array_files._BLOCK = array_files._BLOCK, block
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ropeode.checking.trajectories.array_files._BLOCK", block)
         for suffix, write in WRITERS.items():
             files = []
             for steps in STEPS:
@@ -53,8 +52,6 @@ def test_the_report_is_the_same(folder, known, every_quarter, between, velocitie
                 files.append(write(folder / f"{steps}{suffix}", run.times[shown], values, dt))
             dts = None if said else [1 / steps for steps in STEPS]
             reports.append(grade(files, known, dts, 2))
-    finally:
-        array_files._BLOCK = before
     assert reports[0].findings == reports[1].findings == reports[2].findings
     assert reports[0].passed
     orders = reports[0].findings[1].convergence.orders

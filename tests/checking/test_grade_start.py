@@ -11,13 +11,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ropeode.checking.diagnosis import trajectories
-from ropeode.checking.grade import grade
-from ropeode.checking.starter_files import write_start
-from ropeode.checking.trajectories.layout import samples_of
+from ropeode import grade, reference
+from ropeode.checking import samples_of, write_start
 from ropeode.cli import cli
 from ropeode.errors import InputError
-from ropeode.references.compute import reference
 from ropeode.study import TableJob, read_spec
 
 ROPE = {"num_nodes": 4, "start": [0.0, 1.0, 0.5], "end": [3.0, 1.0, 0.5], "gravity": [0, -1, 0.5]}
@@ -121,7 +118,8 @@ def test_the_program_is_right_and_a_wrong_one_is_not(tmp_path, monkeypatch):
     assert [each.check for each in report.failed] == ["order"]
 
     # The command, on the wrong program's files; what it diagnoses has tests of its own.
-    monkeypatch.setattr(trajectories, "diagnose_trajectories", lambda *_: ())
+    patched = "ropeode.checking.diagnosis.trajectories.diagnose_trajectories"
+    monkeypatch.setattr(patched, lambda *_: ())
     paths = [str(path) for path in files]
     runner, given = CliRunner(), ["grade", *paths, "--problem", str(folder / "spec.toml")]
     done = runner.invoke(cli, [*given, "--order", "2", "--format", "json"], standalone_mode=False)

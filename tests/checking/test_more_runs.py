@@ -7,9 +7,8 @@ import re
 import pytest
 from trajectory_writing import node_values, write_csv
 
-from ropeode.checking.grade import grade
+from ropeode import grade, reference
 from ropeode.problems import PROBLEMS, InextensibleRope, Rope
-from ropeode.references.compute import reference
 from ropeode.simulation import simulate
 
 

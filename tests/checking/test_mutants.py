@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ropeode.checking.checks import CHECKS
+from ropeode.checking import CHECKS
 from tests.checking.mutants.all import AT_LAST, MUTANTS, REFUSED, UNCLAIMED, rejected_by
 from tests.checking.mutants.loops import LOOPS
 from tests.checking.mutants.mutant import from_source, source_of

@@ -8,10 +8,8 @@ import functools
 import numpy as np
 import pytest
 
-from ropeode.checking.check import check_stepper as with_time_limit
-from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import convergence_problems, generic
-from ropeode.checking.report import Finding
+from ropeode.checking import Examination, Finding, convergence_problems, generic
+from ropeode.checking import check_stepper as with_time_limit
 from ropeode.checking.richardson import limit_of
 from ropeode.render import format_check
 from ropeode.simulation import method_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode.checking.checks import CHECKS
+from ropeode.checking import CHECKS
 from tests.checking.no_time_limit import check_stepper
 from tests.checking.steps import forces
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from trajectory_writing import node_values, write_csv
 
-from ropeode.checking.grade import grade
-from ropeode.checking.trajectories.run_files import read_runs
+from ropeode import grade
+from ropeode.checking import read_runs
 from ropeode.checking.trajectories.steps_in_names import by_names, steps_in_names
 from ropeode.errors import InputError
 from ropeode.simulation import simulate

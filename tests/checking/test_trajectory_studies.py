@@ -8,7 +8,7 @@ from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
 
 from ropeode import accuracy_table, node_paths
 from ropeode.analysis import ROUND_OFF
-from ropeode.checking.trajectories.studies import (
+from ropeode.checking import (
     trajectory_energy_curves,
     trajectory_error_curves,
     trajectory_errors,

@@ -7,8 +7,7 @@ import time
 
 import pytest
 
-from ropeode.checking.check import check_stepper
-from ropeode.checking.time_limit import within
+from ropeode.checking import check_stepper, within
 from ropeode.simulation import on_user_clock
 from tests.time_limit import HANGS_AFTER_S
 

@@ -8,12 +8,10 @@ import re
 import numpy as np
 import pytest
 
-from ropeode.checking.grade import CHECKS, grade
-from ropeode.classroom import REFERENCE, Trajectories, examined, trajectory_submissions
+from ropeode import grade, reference
+from ropeode.classroom import OF_FILES, REFERENCE, Trajectories, examined, trajectory_submissions
 from ropeode.problems import Rope
-from ropeode.references.compute import reference
-from ropeode.references.files.store import save_reference
-from ropeode.references.reference import Reference
+from ropeode.references import Reference, save_reference
 from ropeode.render import markdown
 from ropeode.simulation import simulate
 from tests.checking.trajectory_writing import node_values, write_csv, write_npz
@@ -152,7 +150,7 @@ def test_files_are_judged_as_by_the_command(tmp_path, shared, small_rope):
     assert found["anna"].order == pytest.approx(2.0, abs=0.05)
     assert (found["bert"].status, found["bert"].verdict) == ("checked", "wrong")
     # The names that a rubric may use are all there are.
-    assert tuple(found["anna"].findings) == CHECKS
+    assert tuple(found["anna"].findings) == OF_FILES
     report = grade(sorted((tmp_path / "anna").iterdir()), small_rope, expected_order=2)
     assert found["anna"].findings == {each.check: each.status for each in report.findings}
     assert outcomes(tmp_path, shared, expected_order=1)["bert"].verdict == "right"

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from ropeode.cli import cli, run_command
-from ropeode.references.files.library import entries
+from ropeode.references import entries
 from tests.cli.conftest import commands
 from tests.cli.interrupted import interrupt
 from tests.time_limit import HANGS_AFTER_S

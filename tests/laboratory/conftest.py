@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from ropeode.laboratory import recording, single_file
-from ropeode.laboratory.answers import answer_to
+from ropeode.laboratory import Laboratory, answer_to, answers_in, page_with
 from ropeode.laboratory.messages import ProblemChoice
-from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import silent
 from tools.default_recording import FILE
 
@@ -39,6 +37,6 @@ def ask(laboratory):
 @pytest.fixture(scope="session")
 def recorded_file():
     """The lab in one file with the shipped recording."""
-    answers = recording.answers_in(FILE.read_text())
+    answers = answers_in(FILE.read_text())
     (truth,) = (header for ask, header, _ in answers if ask.kind == "truth")
-    return single_file.page_with("", FILE.read_text(), truth["certificate"])
+    return page_with("", FILE.read_text(), truth["certificate"])

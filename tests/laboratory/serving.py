@@ -8,11 +8,16 @@ import json
 
 import websockets
 
-from ropeode.laboratory.dispatcher import Dispatcher
-from ropeode.laboratory.safety import Doorkeeper
-from ropeode.laboratory.server import app, listening, site_of
-from ropeode.laboratory.wire import decoded
-from ropeode.laboratory.worker_process import Limits, WorkerProcess
+from ropeode.laboratory import (
+    Dispatcher,
+    Doorkeeper,
+    Limits,
+    WorkerProcess,
+    app,
+    decoded,
+    listening,
+    site_of,
+)
 from tests.laboratory.stand_in import StandIn
 
 SOON_S = 60.0

@@ -12,9 +12,8 @@ from pydantic import TypeAdapter
 
 from ropeode import sandbox
 from ropeode.errors import InputError
+from ropeode.laboratory import Answering, Loaded
 from ropeode.laboratory.messages import Ask, AskCheck, AskOrder, Order, OwnStepper, Phase, Refused
-from ropeode.laboratory.orders import Loaded
-from ropeode.laboratory.worker import Answering
 
 
 class StandIn(Answering):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from ropeode.laboratory.ahead import asks_ahead
+from ropeode.laboratory import answers_in, asks_ahead
 from ropeode.laboratory.messages import AskRun
-from ropeode.laboratory.recording import answers_in
 from ropeode.laboratory.scenes import lessons
 from tools.default_recording import FILE
 

@@ -6,9 +6,7 @@ import base64
 import io
 import json
 import math
-import pkgutil
 import shlex
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -16,9 +14,9 @@ from PIL import Image
 
 from ropeode import accuracy_table, check_stepper, grade, hanging_equilibrium, simulate
 from ropeode.analysis import frequencies, normal_modes
-from ropeode.checking.checks import CHECKS
+from ropeode.checking import CHECKS
 from ropeode.errors import InputError
-from ropeode.laboratory import answers, messages
+from ropeode.laboratory import answer_to
 from ropeode.laboratory.messages import (
     AskCheck,
     AskCommand,
@@ -152,14 +150,6 @@ def test_what_cannot_be_answered_is_refused_with_the_field(ask, problem, stepper
         ask(question)
 
 
-def test_each_kind_of_question_has_a_file_that_answers_it():
-    (union,) = (each for each in get_args(messages.Ask) if get_args(each))
-    kinds = {get_args(each.model_fields["kind"].annotation)[0] for each in get_args(union)}
-    files = {each.name for each in pkgutil.iter_modules(answers.__path__)}
-    assert kinds == files
-    assert all(callable(answers.answering(kind)) for kind in kinds)
-
-
 def test_theory_predicts_what_a_table_predicts(ask, laboratory):
     found, _ = ask(AskTheory(kind="theory", problem=ROPE, stepper="explicit-euler"))
     table = accuracy_table(
@@ -176,7 +166,7 @@ def test_theory_predicts_what_a_table_predicts(ask, laboratory):
 def test_theory_tells_its_progress(laboratory):
     told = []
     question = AskTheory(kind="theory", problem=ROPE, stepper="semi-implicit-euler")
-    answers.answer_to(question, laboratory, lambda *what: told.append(what))
+    answer_to(question, laboratory, lambda *what: told.append(what))
     words, done = zip(*told, strict=True)
     assert list(done) == sorted(done)
     assert {"expanding a step", "the local error"} <= {*words}

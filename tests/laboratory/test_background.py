@@ -9,11 +9,8 @@ import threading
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.laboratory import background
-from ropeode.laboratory.background import Background
+from ropeode.laboratory import Background, Laboratory, decoded
 from ropeode.laboratory.messages import Checked
-from ropeode.laboratory.setup import Laboratory
-from ropeode.laboratory.wire import decoded
 
 SOON_S = 30.0
 
@@ -56,7 +53,7 @@ class Desk:
 @pytest.fixture
 def desk(monkeypatch):
     desk = Desk()
-    monkeypatch.setattr(background, "answer_to", desk.answer)
+    monkeypatch.setattr("ropeode.laboratory.background.answer_to", desk.answer)
     yield desk
     desk.background.close()
 

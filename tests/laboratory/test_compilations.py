@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from ropeode.laboratory.compilations import told_of
+from ropeode.laboratory import told_of
 
 
 class LeftOff(BaseException):

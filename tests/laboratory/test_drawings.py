@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ropeode import Problem, simulate
-from ropeode.laboratory.drawings import drawing_of, finite_samples
+from ropeode.laboratory import drawing_of, finite_samples
 from ropeode.problems import PICTURES, PROBLEMS, ROPES
 from ropeode.progress import silent
 

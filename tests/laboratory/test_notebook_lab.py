@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ropeode import InputError, Rope, RopeodeError, accuracy_table, as_stepper, lab, reference
-from ropeode.laboratory.recording import answers_in
+from ropeode.laboratory import answers_in
 from ropeode.progress import silent
 
 ROPE = Rope(num_nodes=4, node_mass=2.0, initial_velocity=(3.0, 1.0))

@@ -8,9 +8,7 @@ import sys
 
 import pytest
 
-from ropeode.laboratory import watch
-from ropeode.laboratory.own_file import OwnFile
-from ropeode.laboratory.watch import WatchedFile
+from ropeode.laboratory import OwnFile, WatchedFile
 from tests.time_limit import HANGS_AFTER_S
 
 STEP = "def {}(rhs, t, y, dt, args):\n    return y + {} * dt * rhs(t, y, args)\n"
@@ -83,7 +81,7 @@ def test_what_it_imports_is_run_again_and_watched(tmp_path):
 
 
 def test_versions_follow_the_text_and_not_the_time(tmp_path, monkeypatch):
-    monkeypatch.setattr(watch, "_LOOKS_AGAIN_S", 0.01)
+    monkeypatch.setattr("ropeode.laboratory.watch._LOOKS_AGAIN_S", 0.01)
     path = tmp_path / "steps.py"
     path.write_text("1")
     file = WatchedFile(path)

@@ -8,8 +8,8 @@ from typing import get_args
 import ropeode.laboratory
 from ropeode.analysis import REASONS
 from ropeode.analysis import Verdict as OrderVerdict
-from ropeode.checking.report import Status, Verdict
-from ropeode.laboratory.controls import parameters_of
+from ropeode.checking import Status, Verdict
+from ropeode.laboratory import parameters_of
 from ropeode.norms import norm_for
 from ropeode.problems import PROBLEMS
 from ropeode.steppers import STEPPERS, options

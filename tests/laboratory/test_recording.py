@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 
 from ropeode import Rope, simulate
-from ropeode.laboratory import recording
-from ropeode.laboratory.asks import DEFAULT_LADDER, DEFAULT_PROBLEM, DEFAULT_STEPPERS, asks_of
+from ropeode.laboratory import (
+    DEFAULT_LADDER,
+    DEFAULT_PROBLEM,
+    DEFAULT_STEPPERS,
+    Laboratory,
+    answers_in,
+    asks_of,
+    recorded,
+)
 from ropeode.laboratory.messages import AskRun, ProblemChoice
-from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import silent
 from tests.laboratory.conftest import ROPE
 from tools.default_recording import FILE
@@ -24,7 +30,7 @@ ESTIMATES = {"seconds", "round_off", "resolution", "bound", "energy_bound", "cer
 
 @pytest.fixture(scope="module")
 def shipped():
-    return list(recording.answers_in(FILE.read_text()))
+    return list(answers_in(FILE.read_text()))
 
 
 def default_asks():
@@ -68,8 +74,8 @@ def test_a_recording_has_refusals_too(laboratory):
         AskRun(kind="run", problem=ROPE, stepper="rk4", steps_per_frame=16),
         AskRun(kind="run", problem=ProblemChoice(name="nothing"), stepper="rk4", steps_per_frame=1),
     ]
-    text = recording.recorded(asks, laboratory, silent)
-    (run, header, arrays), (_, refused, _) = recording.answers_in(text)
+    text = recorded(asks, laboratory, silent)
+    (run, header, arrays), (_, refused, _) = answers_in(text)
     assert run == asks[0]
     assert (header["stepper"], header["key"]) == ("rk4", "")
     assert arrays["differences"].shape == (25, 4, 2)
@@ -80,10 +86,8 @@ def test_a_recording_has_refusals_too(laboratory):
 
 @pytest.mark.slow
 def test_all_of_it_is_what_python_answers_today(shipped, laboratory):
-    text = recording.recorded(default_asks(), laboratory, silent)
-    for (question, was, old), (_, is_now, new) in zip(
-        shipped, recording.answers_in(text), strict=True
-    ):
+    text = recorded(default_asks(), laboratory, silent)
+    for (question, was, old), (_, is_now, new) in zip(shipped, answers_in(text), strict=True):
         assert set(was) == set(is_now), question
         for name in set(was) - ESTIMATES:
             same = was[name] == is_now[name]

@@ -11,10 +11,8 @@ import pytest
 import websockets
 
 from ropeode.errors import InputError
-from ropeode.laboratory import connection
+from ropeode.laboratory import MOST_TEXT, listening
 from ropeode.laboratory.messages import MOST_WANTED
-from ropeode.laboratory.server import listening
-from ropeode.laboratory.wants import MOST_TEXT
 from tests.laboratory.serving import do, in_lab
 
 
@@ -188,7 +186,7 @@ def broken(draw, text):
 
 def test_no_message_kills_the_server(monkeypatch):
     # A thousand pauses would be most of the time of this test.
-    monkeypatch.setattr(connection, "_BETWEEN_S", 0.0)
+    monkeypatch.setattr("ropeode.laboratory.connection._BETWEEN_S", 0.0)
     draw = random.Random(20)
 
     def message():

@@ -9,8 +9,8 @@ import pytest
 import ropeode
 from ropeode import accuracy_table
 from ropeode.case_studies import rope_report
+from ropeode.laboratory import verdicts_of
 from ropeode.laboratory.scenes import lessons, scenes, verdicts
-from ropeode.laboratory.scenes.make_verdicts import verdicts_of
 from ropeode.problems import Rope
 from ropeode.steppers import as_stepper
 from ropeode.study import rope_of

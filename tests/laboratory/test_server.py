@@ -12,10 +12,7 @@ import time
 import psutil
 import pytest
 
-from ropeode.laboratory import worker_process
-from ropeode.laboratory.server import open_browser
-from ropeode.laboratory.watch import WatchedFile
-from ropeode.laboratory.worker_process import Limits
+from ropeode.laboratory import Limits, WatchedFile, open_browser
 from tests.laboratory.serving import SOON_S, do, in_lab
 from tests.time_limit import HANGS_AFTER_S
 
@@ -137,7 +134,7 @@ ENDS = {
 )
 def test_a_question_that_ends_the_worker_is_refused_and_the_others_are_answered(ends, monkeypatch):
     # Where other processes keep the processors busy, a second of one lasts long.
-    monkeypatch.setattr(worker_process, "_WAITING", float(HANGS_AFTER_S))
+    monkeypatch.setattr("ropeode.laboratory.worker_process._WAITING", float(HANGS_AFTER_S))
 
     async def test(lab):
         async with lab.page() as page:

@@ -10,9 +10,19 @@ import pytest
 from click.testing import CliRunner
 
 from ropeode.cli import cli
-from ropeode.laboratory import asks, recording, single_file
+from ropeode.laboratory import (
+    DEFAULT_PROBLEM,
+    DEFAULT_STEPPERS,
+    Laboratory,
+    answers_in,
+    asks_of,
+    link_of,
+    page_with_answers,
+    prepared,
+    reachable,
+    shown_first,
+)
 from ropeode.laboratory.messages import AskOrder, AskRun, ProblemChoice
-from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import silent
 from tests.laboratory.conftest import ROPE
 
@@ -45,7 +55,7 @@ def test_each_module_stands_after_those_that_it_imports(inside):
 
 
 def test_it_asks_for_every_order_that_the_keys_can_reach():
-    questions = list(asks.asks_of(Laboratory(), ROPE, ("rk4", "rattle"), (16,)))
+    questions = list(asks_of(Laboratory(), ROPE, ("rk4", "rattle"), (16,)))
     assert len({each.model_dump_json() for each in questions}) == len(questions)
     # From 16, up to two presses of - and five of =, in any order.
     reached = {
@@ -63,24 +73,24 @@ def test_it_asks_for_every_order_that_the_keys_can_reach():
 @pytest.mark.slow
 def test_all_that_it_asks_for_has_an_answer(laboratory):
     link = {"problem": ROPE.model_dump(), "steppers": ("rk4",), "steps": 16, "ladder": (16,)}
-    text = single_file.single_file(laboratory, link, silent)
+    text = page_with_answers(laboratory, link, silent)
     recorded = dict(SCRIPT.findall(text))["recordings/default.json"]
-    answers = list(recording.answers_in(recorded))
-    questions = list(asks.asks_of(laboratory, ROPE, ("rk4",), (16,)))
+    answers = list(answers_in(recorded))
+    questions = list(asks_of(laboratory, ROPE, ("rk4",), (16,)))
     assert [ask for ask, _, _ in answers] == questions
     assert [header["kind"] for _, header, _ in answers] == [each.kind for each in questions]
 
 
 def test_the_keys_go_on_from_the_ladder_of_a_lesson():
-    assert asks.prepared((3, 6)) == ((), (12, 24, 48, 96, 192))
-    assert asks.prepared((32, 64)) == ((16,), (128, 256, 512, 1024, 2048))
-    ladders = list(asks.reachable((6,)))
+    assert prepared((3, 6)) == ((), (12, 24, 48, 96, 192))
+    assert prepared((32, 64)) == ((16,), (128, 256, 512, 1024, 2048))
+    ladders = list(reachable((6,)))
     assert ladders[0] == (6,)
     assert ladders[-1] == (3, 6, 12, 24, 48, 96, 192)
 
 
 def test_its_certificate_can_be_read_without_a_script(recorded_file, inside):
-    answers = recording.answers_in(json.dumps(inside["recordings/default.json"]))
+    answers = answers_in(json.dumps(inside["recordings/default.json"]))
     (truth,) = (header for ask, header, _ in answers if ask.kind == "truth")
     assert truth["certificate"]
     shown = recorded_file.partition('<div id="certificate">')[2].partition("</div>")[0]
@@ -89,17 +99,19 @@ def test_its_certificate_can_be_read_without_a_script(recorded_file, inside):
 
 def test_a_problem_brings_its_steppers():
     rigid = ProblemChoice(name="inextensible-rope", frames=3)
-    problem, steppers = asks.shown_first(Laboratory(), {"problem": rigid.model_dump()})
+    problem, steppers = shown_first(Laboratory(), {"problem": rigid.model_dump()})
     assert problem == rigid
     assert "rattle" in steppers
-    assert asks.shown_first(Laboratory(), {}) == (
-        asks.DEFAULT_PROBLEM,
-        asks.DEFAULT_STEPPERS,
+    assert shown_first(Laboratory(), {}) == (
+        DEFAULT_PROBLEM,
+        DEFAULT_STEPPERS,
     )
 
 
 def test_the_command_writes_the_file_whole_or_refuses(tmp_path: Path, monkeypatch, recorded_file):
-    monkeypatch.setattr(single_file, "single_file", lambda *_: recorded_file)
+    monkeypatch.setattr(
+        "ropeode.laboratory.single_file.page_with_answers", lambda *_: recorded_file
+    )
     # It would switch on 64-bit types for all tests after this one.
     monkeypatch.setattr("ropeode.cli.lab.set_up_jax", lambda: None)
     monkeypatch.chdir(tmp_path)
@@ -119,7 +131,5 @@ def test_the_command_writes_the_file_whole_or_refuses(tmp_path: Path, monkeypatc
 
 
 def test_scenes_say_which_plot_they_show(laboratory):
-    from ropeode.laboratory.opening import link_of
-
     assert link_of(None, "why-euler-explodes")["choices"] == {"steps": "stability"}
     assert link_of(ROPE, "chaos")["choices"] == {"motion": "error"}

@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 
-from ropeode.laboratory import wire
+from ropeode.laboratory import decoded, encoded
 from ropeode.laboratory.messages import Phase
 
 
@@ -18,7 +18,7 @@ def test_an_answer_comes_back_as_it_was():
         "v": np.zeros((0, 2)),
         "big": np.array([1e300]),
     }
-    contents = wire.encoded("k", message, arrays)
+    contents = encoded("k", message, arrays)
     (length,) = struct.unpack_from("<I", contents)
     assert length % 4 == 0
     assert json.loads(contents[4 : 4 + length])["arrays"] == {
@@ -26,7 +26,7 @@ def test_an_answer_comes_back_as_it_was():
         "v": [6, [0, 2]],
         "big": [6, [1]],
     }
-    header, back = wire.decoded(contents)
+    header, back = decoded(contents)
     assert header == {"key": "k", **message.model_dump()}
     assert back["x"].dtype == np.float32
     np.testing.assert_array_equal(back["x"], arrays["x"].astype(np.float32))

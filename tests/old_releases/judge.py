@@ -19,11 +19,15 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from ropeode.checking.check_context import reference_of
-from ropeode.checking.check_ropes import convergence_problems, generic
-from ropeode.checking.convergence import convergence_finding, converging
+from ropeode import reference
+from ropeode.checking import (
+    convergence_finding,
+    convergence_problems,
+    converging,
+    generic,
+    reference_of,
+)
 from ropeode.norms import NORMS, distance
-from ropeode.references.compute import reference
 from ropeode.simulation import step_size
 
 HERE = Path(__file__).parent

@@ -9,10 +9,8 @@ import pytest
 import ropeode
 from ropeode import InputError, Problem, ReferenceRefused, each_reference, reference
 from ropeode.problems import Ensemble
-from ropeode.references import ensemble
-from ropeode.references.solvers import dop853, scipy_solver
-from ropeode.references.solvers.solver import SCIPY_DOP853
-from ropeode.references.witnesses import witness_runs
+from ropeode.references import SCIPY_DOP853, solve, witness_runs
+from ropeode.references.solvers.dop853 import solve as solve_side_by_side
 from tests.references.scalar_problems import scalar
 
 TS = np.linspace(0.0, 2.0, 6)
@@ -68,8 +66,7 @@ def test_each_member_has_the_states_that_it_has_alone(many, together):
         assert np.all(error <= member.bound()[inside])
 
 
-def test_a_member_does_not_depend_on_the_others(many, together, monkeypatch):
-    monkeypatch.setattr(ensemble, "_MOST_AT_ONCE", 2)
+def test_a_member_does_not_depend_on_the_others(many, together):
     found = list(each_reference(Ensemble.of(list(many)[2::-1]), workers=2))[::-1]
     for once, again in zip(together, found, strict=False):
         assert once.states.tobytes() == again.states.tobytes()
@@ -124,13 +121,11 @@ def pendulums(count):
 
 def test_it_is_scipys_method_but_for_rounding():
     problems = pendulums(7)
-    found = dop853.solve(
+    found = solve_side_by_side(
         problems, [1e-10] * 7, [1e-10 * each.scale for each in problems], max_steps=[1000] * 7
     )
     for problem, run in zip(problems, found, strict=True):
-        scipys = scipy_solver.solve(
-            problem, SCIPY_DOP853, 1e-10, 1e-10 * problem.scale, max_steps=1000
-        )
+        scipys = solve(problem, SCIPY_DOP853, 1e-10, 1e-10 * problem.scale, max_steps=1000)
         assert run.failure is None
         assert run.steps == scipys.steps
         # Rounding of each step, grown by no more than a few.
@@ -140,19 +135,20 @@ def test_it_is_scipys_method_but_for_rounding():
 def test_its_error_is_of_the_size_of_the_tolerance():
     problems = [grows(rate) for rate in (0.3, -0.6, 0.1)]
     for rtol in (1e-6, 1e-12):
-        runs = dop853.solve(problems, [rtol] * 3, [rtol] * 3, max_steps=[1000] * 3)
+        runs = solve_side_by_side(problems, [rtol] * 3, [rtol] * 3, max_steps=[1000] * 3)
         for problem, run in zip(problems, runs, strict=True):
             largest = np.max(np.abs(exact(problem)))
             assert np.max(np.abs(run.states[:, 0] - exact(problem))) < 30 * rtol * largest
 
 
-def test_lanes_do_not_feel_each_other(monkeypatch):
-    problems = pendulums(9)
-    rtols = np.logspace(-12, -4, 9)
-    monkeypatch.setattr(dop853, "_MOST_LANES", 4)
+def test_lanes_do_not_feel_each_other():
+    """More problems than lanes, so that those that wait take the places of those that end."""
+    many = 140
+    problems = pendulums(many)
+    rtols = np.logspace(-12, -4, many)
 
     def states(order):
-        runs = dop853.solve(
+        runs = solve_side_by_side(
             [problems[k] for k in order],
             [rtols[k] for k in order],
             [rtols[k] * problems[k].scale for k in order],
@@ -160,16 +156,18 @@ def test_lanes_do_not_feel_each_other(monkeypatch):
         )
         return {k: (run.states.tobytes(), run.steps) for k, run in zip(order, runs, strict=True)}
 
-    whole = states(range(9))
-    assert states([8, 3, 0, 5, 1, 7, 2, 6, 4]) == whole
-    for k in (0, 4, 8):
+    whole = states(range(many))
+    assert states(np.random.default_rng(1).permutation(many).tolist()) == whole
+    for k in (0, many // 2, many - 1):
         assert states([k]) == {k: whole[k]}
 
 
 def test_what_fails_says_where_and_holds_up_nobody():
     # y' = a y^2, with y = y0/(1 - a y0 t), which has a pole.
     problems = [scalar("square", 1.0, TS, a) for a in (0.3, 0.75, -1.0)]
-    fine, pole, short = dop853.solve(problems, [1e-10] * 3, [1e-10] * 3, max_steps=[1000, 10**5, 3])
+    fine, pole, short = solve_side_by_side(
+        problems, [1e-10] * 3, [1e-10] * 3, max_steps=[1000, 10**5, 3]
+    )
     assert fine.failure is None
     assert "t = 1.33" in str(pole.failure)
     assert len(pole.states) == 4

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ropeode import reference
 from ropeode.norms import distance
-from ropeode.references.certificate import largest_norms
-from ropeode.references.compute import reference
-from ropeode.references.witnesses import witness_runs
+from ropeode.references import largest_norms, witness_runs
 
 
 @pytest.mark.parametrize("rtol", [None, 1e-9])

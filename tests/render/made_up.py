@@ -22,12 +22,17 @@ from ropeode.case_studies import (
     all_comparisons,
     all_figures,
 )
-from ropeode.checking.report import Claims, Convergence, Finding
+from ropeode.checking import Claims, Convergence, Finding
 from ropeode.norms import NORMS
-from ropeode.references.certificate import Certificate, Sampling, Witness
-from ropeode.references.extended.solution import ExtendedSolution
-from ropeode.references.reference import Reference
-from ropeode.references.solvers.solver import DOPRI8, SCIPY_DOP853
+from ropeode.references import (
+    DOPRI8,
+    SCIPY_DOP853,
+    Certificate,
+    ExtendedSolution,
+    Reference,
+    Sampling,
+    Witness,
+)
 from ropeode.study import (
     AccuracyTable,
     ClassOrder,
@@ -47,17 +52,21 @@ from ropeode.study import (
 )
 from ropeode.study.error_constant import ErrorConstant
 from ropeode.sweep import StepperSummary, SweepSummary
-from ropeode.theory import growth
-from ropeode.theory.diagnosis import Diagnosis
-from ropeode.theory.equal_steps import StepDifference
-from ropeode.theory.growth import StableSteps
-from ropeode.theory.linear_stability import LinearStability
-from ropeode.theory.modified_energy import ModifiedEnergy
-from ropeode.theory.spectrum import SpectralLimit
-from ropeode.theory.stability_function import LeadingTerm, NoStabilityFunction
-from ropeode.theory.stability_limits import StabilityLimits, StableInterval
-from ropeode.theory.structure import Property
-from ropeode.theory.tableau_of_step import StepTableau
+from ropeode.theory import (
+    Diagnosis,
+    LeadingTerm,
+    LinearStability,
+    ModifiedEnergy,
+    NoStabilityFunction,
+    Property,
+    SpectralLimit,
+    StabilityLimits,
+    StableInterval,
+    StableSteps,
+    StepDifference,
+    StepTableau,
+)
+from ropeode.theory import Growth as Disturbed
 from tests.quartic import HOSTILE
 
 
@@ -419,7 +428,7 @@ def report() -> Report:
             energy_at_rest=None,
             jitter=1e-4,
         )
-        disturbed = growth.Growth(16, 1.001, 1.0161, 0.016, 1e-9, 2.5, 2250)
+        disturbed = Disturbed(16, 1.001, 1.0161, 0.016, 1e-9, 2.5, 2250)
         run = SimpleNamespace(problem=setting)
         return Reading(
             *(meaning, run, motion, False, disturbed, None),  # type: ignore[arg-type]

@@ -33,16 +33,16 @@ from ropeode.analysis import (
     classify_motion,
     error_series,
 )
-from ropeode.checking.report import Claims, Finding
+from ropeode.checking import Claims, Finding
 from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks
 from ropeode.problems import PROBLEMS
-from ropeode.references.solvers.solver import DOPRI8
+from ropeode.references import DOPRI8
 from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
 from ropeode.steppers import Phase, System, as_stepper
 from ropeode.study import NodePath, NodePaths
-from ropeode.theory.growth import Growth
+from ropeode.theory import Growth
 from tests.results import check_result, kinds
 
 # Short enough as they are; a film shows its pictures.

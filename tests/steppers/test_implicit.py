@@ -10,7 +10,7 @@ import pytest
 from scipy import integrate
 
 from ropeode import accuracy_table, format_table
-from ropeode.checking.check_ropes import undamped
+from ropeode.checking import undamped
 from ropeode.precision import in_float64
 from ropeode.problems import PROBLEMS, Ensemble, InextensibleRope, Problem, Rope
 from ropeode.simulation import simulate
@@ -20,7 +20,7 @@ from ropeode.steppers.block_tridiagonal import (
     solve_neighbours,
     solve_small,
 )
-from ropeode.theory.structure import structure
+from ropeode.theory import structure_of
 
 IMPLICIT = [each.name for each in by_family()["implicit"]]
 EVERY = pytest.mark.parametrize("name", IMPLICIT)
@@ -414,7 +414,7 @@ def test_declared_orders(name):
 def test_one_iteration_is_not_symplectic_and_says_so(name):
     for label, expected in ((name, True), (f"{name}:newton=1", False)):
         stepper = as_stepper(label)
-        found = structure(undamped(), stepper, ["symplectic"])
+        found = structure_of(undamped(), stepper, ["symplectic"])
         assert not isinstance(found, str)
         assert stepper.symplectic is found["symplectic"].holds is expected
 

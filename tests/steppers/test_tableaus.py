@@ -17,7 +17,7 @@ from ropeode.problems import Problem
 from ropeode.steppers import STEPPERS, ProblemClass, RungeKutta, as_stepper
 from ropeode.sweep import SweepSpec, evaluate
 from ropeode.tableaus import NystromTableau
-from ropeode.theory.tableau_of_step import tableau_of
+from ropeode.theory import tableau_of
 
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/heun3.toml"
 METHODS = {name: cls for name, cls in STEPPERS.items() if issubclass(cls, RungeKutta)}

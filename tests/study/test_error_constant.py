@@ -13,7 +13,7 @@ from ropeode.analysis import observed_order
 from ropeode.norms import norm_for
 from ropeode.problems import PROBLEMS
 from ropeode.study.error_constant import ErrorConstant, believed, error_constant
-from ropeode.theory.global_error import PredictedError
+from ropeode.theory import PredictedError
 
 
 def decay(t, y, args):

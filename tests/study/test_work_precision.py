@@ -175,9 +175,7 @@ def test_evaluations_with_a_jump_are_those_that_a_right_hand_side_counts(name, c
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Tsit5", "Heun"])
 def test_the_counting_program_of_implicit_solvers_counts_what_is_known(name, swing):
-    from ropeode.references.solvers.diffrax_counts import Counter
-    from ropeode.references.solvers.diffrax_solver import solve
-    from ropeode.references.solvers.solver import Solver
+    from ropeode.references import Counter, Solver, solve
 
     problem, solver = swing.problem, Solver("diffrax", name)
     run = solve(problem, solver, 1e-5, 1e-5, compensated=False)

@@ -12,10 +12,10 @@ from ropeode.analysis import classify_motion
 from ropeode.errors import InputError
 from ropeode.norms import motion
 from ropeode.problems import PROBLEMS, Ensemble
-from ropeode.references.compute import each_reference
+from ropeode.references import each_reference
 from ropeode.simulation import simulate
 from ropeode.sweep import STATUSES, SweepSpec, Task, read_sweep
-from ropeode.theory.growth import stability_limit
+from ropeode.theory import stability_limit
 
 VALUES = {
     "steppers": ["velocity-verlet"],

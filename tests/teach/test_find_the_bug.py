@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import generic
+from ropeode.checking import Examination, generic
 from ropeode.precision import in_float64
 from ropeode.steppers import as_stepper
 from tests.checking.mutants.all import MUTANTS

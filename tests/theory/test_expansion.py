@@ -10,8 +10,7 @@ from ropeode import Problem
 from ropeode.problems import InextensibleRope
 from ropeode.simulation import method_of
 from ropeode.steppers import Phase, Stepper
-from ropeode.theory.expansion import expanded
-from ropeode.theory.step_samples import StepSamples
+from ropeode.theory import StepSamples, expanded
 
 RATE = 0.3
 

@@ -7,15 +7,19 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ropeode import reference
 from ropeode.analysis import hanging_equilibrium
 from ropeode.problems import PROBLEMS, Problem, Rope
-from ropeode.references.compute import reference
-from ropeode.references.files.library import load
+from ropeode.references import load
 from ropeode.simulation import simulate
 from ropeode.steppers import STEPPERS
-from ropeode.theory.linear_stability import linear_stability
-from ropeode.theory.spectrum import spectral_limit, spectrum
-from ropeode.theory.stability_function import StabilityFunction, stability_function
+from ropeode.theory import (
+    StabilityFunction,
+    linear_stability_of,
+    spectral_limit,
+    spectrum_of,
+    stability_function_of,
+)
 
 FOR_FORCES = [name for name, stepper in STEPPERS.items() if not stepper().moves_links]
 # What agrees to a thousandth is taken as it was predicted.
@@ -48,7 +52,7 @@ def damped():
     ],
 )
 def test_what_is_predicted_is_measured(damped, stepper):
-    found = linear_stability(damped, stepper)
+    found = linear_stability_of(damped, stepper)
     assert found.predicted is not None
     assert found.measured_at_rest is not None
     assert found.predicted.steps.dt == pytest.approx(found.measured_at_rest.dt, rel=CLOSE)
@@ -66,10 +70,10 @@ def test_the_mode_and_the_time_that_decide():
     problem = Problem.second_order(
         lambda t, x, v, args: -(1.0 + t) * x, [[1.0]], [[0.0]], 0.75 * np.arange(5.0)
     )
-    function = stability_function(problem, "velocity-verlet")
+    function = stability_function_of(problem, "velocity-verlet")
     assert isinstance(function, StabilityFunction)
     times = np.array([0.0, 3.0, 1.5])
-    found = spectral_limit(problem, function, spectrum(problem, times, np.ones((3, 2, 1, 1))))
+    found = spectral_limit(problem, function, spectrum_of(problem, times, np.ones((3, 2, 1, 1))))
     assert found is not None
     assert (found.time, abs(found.eigenvalue)) == (3.0, pytest.approx(2.0))
     assert found.steps.steps_per_frame == 1
@@ -81,14 +85,14 @@ def test_growth_of_the_solution_itself_asks_for_no_step():
     # Upside down: x'' = x grows, whatever the step; a pendulum passes both kinds of states.
     problem = PROBLEMS["pendulum"]()
     states = np.array([0.0, np.pi])[:, None, None, None] * np.array([1.0, 0.0])[:, None, None]
-    along = spectrum(problem, np.zeros(2), states)
+    along = spectrum_of(problem, np.zeros(2), states)
     assert along.fastest_growth == pytest.approx(1.0)
-    function = stability_function(problem, "semi-implicit-euler")
+    function = stability_function_of(problem, "semi-implicit-euler")
     assert isinstance(function, StabilityFunction)
     found = spectral_limit(problem, function, along)
     assert found is not None
     assert found.steps.dt == pytest.approx(2.0, rel=1e-5)
-    upright = spectrum(problem, np.zeros(1), states[1:])
+    upright = spectrum_of(problem, np.zeros(1), states[1:])
     assert spectral_limit(problem, function, upright) is None
 
 
@@ -97,17 +101,17 @@ def test_what_is_kept_forever_has_the_eigenvalue_zero():
     rates = np.random.default_rng(8).lognormal(sigma=4.0, size=(6, 6))
     exchange = rates - np.diag(np.sum(rates, axis=0))
     problem = Problem(lambda t, y, args: args @ y, np.ones(6), [0.0, 1e12], exchange)
-    along = spectrum(problem, np.zeros(1), np.ones((1, 6)))
+    along = spectrum_of(problem, np.zeros(1), np.ones((1, 6)))
     assert np.count_nonzero(along.eigenvalues) == 5
     assert np.max(np.real(along.eigenvalues)) == 0.0
 
 
 def test_slow_growth_is_told_however_slow():
     problem = PROBLEMS["oscillator"](damping=0.0)
-    function = stability_function(problem, "explicit-euler")
+    function = stability_function_of(problem, "explicit-euler")
     assert isinstance(function, StabilityFunction)
     found = spectral_limit(
-        problem, function, spectrum(problem, np.zeros(1), np.zeros((1, 2, 1, 1)))
+        problem, function, spectrum_of(problem, np.zeros(1), np.zeros((1, 2, 1, 1)))
     )
     assert found is not None
     assert (found.steps.steps_per_frame, found.steps.dt) == (None, 0.0)
@@ -127,7 +131,7 @@ def test_slow_growth_is_told_however_slow():
 )
 @pytest.mark.parametrize("stepper", [*FOR_FORCES, "stormer-verlet:damping=lagged"])
 def test_predicted_limits_are_those_of_the_step_itself(problem, stepper):
-    found = linear_stability(reference(problem), stepper)
+    found = linear_stability_of(reference(problem), stepper)
     assert found.predicted_at_rest is not None
     assert found.measured_at_rest is not None
     predicted, measured = found.predicted_at_rest.steps, found.measured_at_rest
@@ -135,7 +139,7 @@ def test_predicted_limits_are_those_of_the_step_itself(problem, stepper):
         # It grows at every step size, in the end by less than a step's roundings.
         assert any("rounding hides that" in note for note in found.notes)
         assert isinstance(found.function, StabilityFunction)
-        modes = spectrum(problem, problem.ts[:1], hanging_equilibrium(problem)[None])
+        modes = spectrum_of(problem, problem.ts[:1], hanging_equilibrium(problem)[None])
         z = measured.dt * modes.eigenvalues[0]
         assert 0 < np.max(found.function.radius(z, np.conj(z))) - 1 < HIDDEN
         return
@@ -148,9 +152,9 @@ def test_predicted_limits_are_those_of_the_step_itself(problem, stepper):
 def test_runs_grow_just_past_the_limit_and_not_just_before(stepper):
     """Without eigenvalues: by a small disturbance of rest, in runs one percent to either side."""
     problem = PROBLEMS["oscillator"](damping=0.2, stiffness=4.0, x0=1e-3, frames=1)
-    function = stability_function(problem, stepper)
+    function = stability_function_of(problem, stepper)
     assert isinstance(function, StabilityFunction)
-    at_rest = spectrum(problem, np.zeros(1), np.zeros((1, 2, 1, 1)))
+    at_rest = spectrum_of(problem, np.zeros(1), np.zeros((1, 2, 1, 1)))
     limit = spectral_limit(problem, function, at_rest)
     assert limit is not None
     steps = [(0.99 * limit.steps.dt, False), (1.01 * limit.steps.dt, True)]

@@ -7,7 +7,7 @@ import pytest
 
 from ropeode.problems import PROBLEMS, Rope
 from ropeode.simulation import simulate
-from ropeode.theory.modified_energy import ModifiedEnergy, modified_energy
+from ropeode.theory import ModifiedEnergy, modified_energy_of
 
 # Of the pendulum with mass, length and gravity 1: H = p^2/2 - cos q. Hairer, Lubich, Wanner,
 # Geometric Numerical Integration, examples IX.3.1 and IX.3.2: H_1 = -p V'/2 with kicks first, and
@@ -21,7 +21,7 @@ FORMULAS = {
 @pytest.mark.parametrize("stepper", FORMULAS)
 def test_the_correction_is_that_of_the_formula(stepper):
     problem = PROBLEMS["pendulum"](frames=6)
-    found = modified_energy(problem, stepper, 64)
+    found = modified_energy_of(problem, stepper, 64)
     assert isinstance(found, ModifiedEnergy)
     expected = FORMULAS[stepper](*simulate(problem, stepper, 64).states[:, :, 0, 0].T)
     np.testing.assert_allclose(found.correction, expected - expected[0], atol=1e-7)
@@ -32,7 +32,7 @@ def test_the_correction_is_that_of_the_formula(stepper):
 def test_it_is_kept_to_twice_the_order(stepper, order):
     drifts = []
     for steps in (12, 24):
-        found = modified_energy(PROBLEMS["pendulum"](frames=6), stepper, steps)
+        found = modified_energy_of(PROBLEMS["pendulum"](frames=6), stepper, steps)
         assert isinstance(found, ModifiedEnergy)
         assert found.order == order
         drifts.append([np.ptp(found.energy), np.ptp(found.modified)])
@@ -44,7 +44,7 @@ def test_it_is_kept_to_twice_the_order(stepper, order):
 @pytest.mark.parametrize("stepper", ["velocity-verlet", "stormer-verlet"])
 def test_a_rope_keeps_it_far_better_than_the_energy(stepper):
     problem = Rope(num_nodes=4, start=(0, 0), end=(-60, 0)).problem(6)
-    found = modified_energy(problem, stepper, 40)
+    found = modified_energy_of(problem, stepper, 40)
     assert isinstance(found, ModifiedEnergy)
     assert np.ptp(found.modified) < 1e-4 * np.ptp(found.energy)
 
@@ -52,7 +52,7 @@ def test_a_rope_keeps_it_far_better_than_the_energy(stepper):
 @pytest.mark.slow
 def test_the_way_to_a_sample_leads_around_what_is_singular():
     # Half a turn from the start, the sun is on the straight line.
-    found = modified_energy(PROBLEMS["kepler"](frames=20), "velocity-verlet", 64)
+    found = modified_energy_of(PROBLEMS["kepler"](frames=20), "velocity-verlet", 64)
     assert isinstance(found, ModifiedEnergy)
     predicted, measured, left = found.swings
     assert predicted == pytest.approx(measured, rel=1e-3)

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 
 from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.tableaus.rooted_trees import FIRST_ORDER, Tree, formula, trees_of_order
-from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
+from ropeode.theory import EXPLICIT, IMPLICIT, SECOND_ORDER
 from tests.theory.random_tableaus import explicit_tableaus
 
 RK4, HEUN = EXPLICIT["RK4"], EXPLICIT["Heun's method"]

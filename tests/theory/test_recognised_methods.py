@@ -10,9 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.tableaus import NystromTableau, Tableau
-from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
-from ropeode.theory.recognised_methods import describe, recognised
-from ropeode.theory.tableau_of_step import tableau_of
+from ropeode.theory import EXPLICIT, IMPLICIT, SECOND_ORDER, describe, recognised, tableau_of
 from tests.theory.random_tableaus import coefficients
 
 RK4, HEUN, VERLET = EXPLICIT["RK4"], EXPLICIT["Heun's method"], SECOND_ORDER["velocity-verlet"]
@@ -157,6 +155,25 @@ def test_a_changed_entry_is_named(data):
         old = old[int(index) - 1]
     expected = (f"{place} = {value} in place of {old}",) if value != old else ()
     assert found.differences == expected or "all slopes taken at time t" in found.differences
+
+
+@pytest.mark.parametrize(
+    ("tableau", "corrections"),
+    [
+        (RK4, []),
+        (changed(RK4, a43="1/2"), ["k4 = f(t + dt, y + dt * k3)"]),
+        (
+            changed(RK4, b2="2/3", b3=0),
+            ["y_new = y + dt * (1/6 * k1 + 1/3 * k2 + 1/3 * k3 + 1/6 * k4)"],
+        ),
+        (
+            dataclasses.replace(VERLET, q=(F(1), F(0))),
+            ["k2 = a(t + dt, x_new)", "x_new = x + dt * v + 1/2 * dt**2 * k1"],
+        ),
+    ],
+)
+def test_only_the_lines_that_differ_are_corrected(tableau, corrections):
+    assert recognised(tableau).corrections == corrections
 
 
 def test_an_order_that_is_not_the_declared_one_is_said():

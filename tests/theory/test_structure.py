@@ -7,7 +7,7 @@ import pytest
 
 from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
 from ropeode.steppers import Stepper
-from ropeode.theory.structure import structure
+from ropeode.theory import structure_of
 
 # With damping, which is left out, pins and gravity.
 ROPE = Rope(num_nodes=4, start=(0, 0), end=(-40, 0), stiffness=3.0, damping=0.2).problem(2)
@@ -96,7 +96,7 @@ def holds(found):
     ],
 )
 def test_a_rope(stepper, kept, powers):
-    found = structure(ROPE, stepper)
+    found = structure_of(ROPE, stepper)
     assert not isinstance(found, str)
     assert holds(found) == kept
     assert {name: found[name].power for name in powers} == powers
@@ -108,7 +108,7 @@ def test_a_rope(stepper, kept, powers):
 
 
 def test_a_planet_keeps_its_angular_momentum():
-    found = structure(KEPLER, "velocity-verlet", ["angular momentum", "momentum"])
+    found = structure_of(KEPLER, "velocity-verlet", ["angular momentum", "momentum"])
     assert not isinstance(found, str)
     assert found["angular momentum"].holds
     assert not found["angular momentum"].note
@@ -118,7 +118,7 @@ def test_a_planet_keeps_its_angular_momentum():
 
 def test_momenta_may_depend_on_the_positions():
     """The double pendulum's mass matrix does: kicks of its velocities are not symplectic."""
-    found = structure(
+    found = structure_of(
         PROBLEMS["double-pendulum"](), "semi-implicit-euler", ["symplectic", "volume"]
     )
     assert not isinstance(found, str)
@@ -129,20 +129,20 @@ def test_what_a_problem_does_not_keep_no_step_is_asked_for():
     falling = Problem.second_order(
         lambda t, x, v, args: -x + 0.1 * v, [[1.0]], [[0.0]], np.arange(3.0)
     )
-    found = structure(falling, "explicit-euler")
+    found = structure_of(falling, "explicit-euler")
     assert not isinstance(found, str)
     assert {each.holds for each in found.values()} == {None}
     assert "declares no energy" in found["symplectic"].note
     driven = Problem.second_order(
         lambda t, x, v, args: -x + np.sin(1.0) * t, [[1.0]], [[0.0]], np.arange(3.0)
     )
-    found = structure(driven, "explicit-euler", ["reversible", "volume"])
+    found = structure_of(driven, "explicit-euler", ["reversible", "volume"])
     assert not isinstance(found, str)
     assert {each.holds for each in found.values()} == {None}
 
 
 def test_what_remembers_more_than_it_shows_is_no_map():
-    found = structure(
+    found = structure_of(
         PROBLEMS["oscillator"](damping=0.0), RemembersThreeStates(), ["symplectic", "energy"]
     )
     assert not isinstance(found, str)
@@ -158,14 +158,14 @@ def test_what_remembers_more_than_it_shows_is_no_map():
     ],
 )
 def test_where_there_is_nothing_to_say(problem, why):
-    assert why in str(structure(problem, "explicit-euler"))
+    assert why in str(structure_of(problem, "explicit-euler"))
 
 
 @pytest.mark.slow
 def test_a_high_order_is_no_structure():
     """Defects at usual steps are below what differences show."""
     for stepper in ("scipy:DOP853", "diffrax:Dopri8"):
-        found = structure(KEPLER, stepper)
+        found = structure_of(KEPLER, stepper)
         assert not isinstance(found, str)
         assert not holds(found), (stepper, found)
 
@@ -180,6 +180,6 @@ def midpoint_by_fixed_point(rhs, t, y, dt, args):
 
 def test_an_iteration_that_ends_too_soon_at_long_steps_breaks_no_symmetry():
     problem = Problem.second_order(lambda t, x, v, args: -x - x**3, [1.0], [0.0], [0.0, 1.0])
-    found = structure(problem, midpoint_by_fixed_point, only=["reversible"])["reversible"]
+    found = structure_of(problem, midpoint_by_fixed_point, only=["reversible"])["reversible"]
     assert found.holds
     assert "iteration ends too soon" in found.note

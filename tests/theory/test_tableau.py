@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from ropeode.errors import InputError
 from ropeode.tableaus import Tableau
-from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT
+from ropeode.theory import EXPLICIT, IMPLICIT
 from tests.theory.random_tableaus import explicit_tableaus
 
 RK4 = EXPLICIT["RK4"]

@@ -16,8 +16,7 @@ from scipy import integrate
 from ropeode.errors import InputError
 from ropeode.problems import Problem
 from ropeode.tableaus import Tableau
-from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER
-from ropeode.theory.tableau_of_step import tableau_of
+from ropeode.theory import EXPLICIT, IMPLICIT, SECOND_ORDER, tableau_of
 from tests.theory.random_tableaus import explicit_tableaus, nystrom_tableaus, step_of
 
 RK4 = EXPLICIT["RK4"]

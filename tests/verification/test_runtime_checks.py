@@ -8,15 +8,15 @@ import sys
 
 import pytest
 
+from ropeode import reference
 from ropeode.problems import Rope
-from ropeode.references.compute import reference
 from tests.time_limit import HANGS_AFTER_S
 
 CODE = """
 import sys
 from equinox._config import EQX_ON_ERROR
 from ropeode.problems.rope import Rope
-from ropeode.references.compute import reference
+from ropeode import reference
 print(EQX_ON_ERROR, file=sys.stderr)
 known = reference(Rope(num_nodes=4).problem(frames=3))
 print(known.states.tobytes().hex(), known.bound().tobytes().hex())

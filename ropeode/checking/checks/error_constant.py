@@ -8,7 +8,7 @@ from ropeode.checking.check_context import Examination, reference_of
 from ropeode.checking.report import Finding
 from ropeode.norms import NORMS
 from ropeode.study.error_constant import AGREE, ErrorConstant, error_constant
-from ropeode.theory.global_error import predicted_error
+from ropeode.theory import predicted_error
 
 _ROPE = "unequal"
 

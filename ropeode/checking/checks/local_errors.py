@@ -14,7 +14,7 @@ import numpy as np
 from ropeode.errors import UserCodeError
 from ropeode.problems.problem import Problem
 from ropeode.simulation.method import Method
-from ropeode.theory.step_samples import StepSamples
+from ropeode.theory import StepSamples
 
 # How long steps are beside the shortest time in which something changes.
 LENGTHS = np.array([1e-5, 1e-3, 0.03])

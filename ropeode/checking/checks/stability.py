@@ -12,8 +12,7 @@ from ropeode.checking.check_ropes import hanging
 from ropeode.checking.report import Finding
 from ropeode.simulation.step_map import StepMap
 from ropeode.steppers.base import BuiltIn
-from ropeode.theory.stability_function import StabilityFunction, stability_function
-from ropeode.theory.stability_limits import stable_interval
+from ropeode.theory import StabilityFunction, stability_function_of, stable_interval
 
 # In units of 1/omega: where the search begins and ends.
 _SMALLEST, _LARGEST = 0.05, 8.0
@@ -65,7 +64,7 @@ def _limit(radius: Callable[[np.ndarray], np.ndarray]) -> float:
 
 def _in_theory(method: str) -> float | None:
     """The limit of a known method, from its stability function; None if it has none."""
-    function = stability_function(hanging(), method)
+    function = stability_function_of(hanging(), method)
     if not isinstance(function, StabilityFunction):
         return None
     return _limit(lambda z: function.radius(1j * z))

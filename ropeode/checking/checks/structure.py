@@ -5,7 +5,7 @@ from __future__ import annotations
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import undamped
 from ropeode.checking.report import Finding, as_claimed
-from ropeode.theory.structure import structure
+from ropeode.theory import structure_of
 
 # What the errors of finite differences and of iterations, and of rounding, leave of zero.
 _SYMPLECTIC, _REVERSIBLE = 1e-7, 1e-10
@@ -44,7 +44,7 @@ def reversible(examination: Examination) -> Finding:
 def _finding(
     examination: Examination, name: str, claimed: bool | None, small: float, good: str, bad: str
 ) -> Finding:
-    found = structure(undamped(), examination.method, [name])
+    found = structure_of(undamped(), examination.method, [name])
     assert not isinstance(found, str)
     own = found[name]
     if own.defect is None:

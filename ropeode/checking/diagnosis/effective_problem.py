@@ -23,7 +23,7 @@ from ropeode.checking.report import Diagnosis
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import NORMS, motion
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 # By how much of its spread a number that is not simple may be rounded.
 _PART = 0.1

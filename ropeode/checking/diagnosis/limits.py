@@ -11,7 +11,7 @@ from ropeode.analysis.errors import differences
 from ropeode.checking.richardson import Limit, limit_of
 from ropeode.norms import NORMS
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 # The step size and the states ``(times, *state)`` of each run.
 Runs = Sequence[tuple[float, np.ndarray]]

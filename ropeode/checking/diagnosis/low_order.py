@@ -13,7 +13,7 @@ import numpy as np
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Acceleration
-from ropeode.theory.expansion import Expansion
+from ropeode.theory import Expansion
 from ropeode.theory.projection import project
 
 # What may be left over of the local error, and how close coefficients must be.

@@ -10,8 +10,8 @@ import numpy as np
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import CROOKED, check_rope
 from ropeode.problems.problem import Problem
-from ropeode.theory.expansion import STEPS, Expansion, expanded
-from ropeode.theory.step_samples import StepSamples
+from ropeode.theory import Expansion, StepSamples, expanded
+from ropeode.theory.expansion import STEPS
 
 # States on each rope, and on the one that a `Probe` has; the longest step.
 _STATES, _FEW, LONGEST = 12, 3, 0.5

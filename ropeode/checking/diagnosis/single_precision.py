@@ -7,7 +7,7 @@ import numpy as np
 from ropeode.checking.check_ropes import in_other_units
 from ropeode.checking.diagnosis.probe_states import LONGEST, Probe
 from ropeode.problems.problem import Problem
-from ropeode.theory.diagnosis import Diagnosis
+from ropeode.theory import Diagnosis
 from ropeode.validation import listed
 
 # How near to a number of float32, and to the middle between two, a step is tried: as a part of it.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.checking.report import Diagnosis
-from ropeode.theory.expansion import Expansion
+from ropeode.theory import Expansion
 from ropeode.theory.global_error import derivative
 from ropeode.theory.projection import project
 

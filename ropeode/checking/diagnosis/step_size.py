@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.checking.diagnosis.probe_states import LONGEST, Probe
-from ropeode.theory.diagnosis import Diagnosis
+from ropeode.theory import Diagnosis
 from ropeode.theory.extrapolation import LADDER
 
 # Step sizes, none of them a round number, and by which part of each another one differs that must

@@ -21,11 +21,15 @@ from ropeode.checking.diagnosis.start import diagnose_start
 from ropeode.checking.diagnosis.step_size import diagnose_step_size
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
-from ropeode.theory.expansion import HIGHEST, Expansion
-from ropeode.theory.recognised_methods import describe, recognised
-from ropeode.theory.solved_equation import diagnose_equation
-from ropeode.theory.step_at_zero import diagnose_identity
-from ropeode.theory.tableau_of_step import tableau_of
+from ropeode.theory import (
+    Expansion,
+    describe,
+    diagnose_equation,
+    diagnose_identity,
+    recognised,
+    tableau_of,
+)
+from ropeode.theory.expansion import HIGHEST
 
 # What the coefficients of a Runge-Kutta method may explain.
 _OF_A_METHOD = {"order", "pace", "stage-time", "lagged-damping"}

@@ -20,8 +20,8 @@ from ropeode.checking.report import Diagnosis
 from ropeode.checking.written_precision import rounding_of
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.references import Reference
 from ropeode.references.compute import reference as certify
-from ropeode.references.reference import Reference
 from ropeode.theory.rope_terms import is_rope
 
 # At first a motion depends on the parameters most simply, and later frames add little. With

@@ -23,7 +23,7 @@ from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.validation import not_traced
 
 

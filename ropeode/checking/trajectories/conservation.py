@@ -9,7 +9,7 @@ import numpy as np
 from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import Finding, exactly
 from ropeode.checking.trajectories.run_files import Run
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 # A pinned node may move by so many units of rounding of the problem's size.
 _PIN_ROUNDINGS = 500.0

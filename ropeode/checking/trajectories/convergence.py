@@ -29,7 +29,7 @@ from ropeode.checking.trajectories.resolved import (
 )
 from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.checking.written_precision import digits_of, single_precision
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 # Errors below 30 times the round-off are left out; for the largest possible round-off, three times
 # are enough.

@@ -22,7 +22,7 @@ from ropeode.checking.trajectories.run_files import Run, finite, opened_files, r
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, motion
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.validation import complaint
 
 # Where the step sizes show no order, the errors of the finest run must be tiny, as a part of the

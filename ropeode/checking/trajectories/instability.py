@@ -15,11 +15,11 @@ from ropeode.checking.trajectories.run_files import Run
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, Norm, motion
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import step_size
 from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class
-from ropeode.theory.growth import stability_limit
+from ropeode.theory import stability_limit
 from ropeode.validation import listed
 
 # So many further runs, each with twice the steps of the one before.

@@ -24,7 +24,7 @@ from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.norms import NORMS, motion
 from ropeode.problems.problem import Problem
 from ropeode.progress import silent
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.simulation import simulate, step_size
 from ropeode.steppers import as_stepper
 from ropeode.study.accuracy_table import problem_class

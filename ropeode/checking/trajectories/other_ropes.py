@@ -16,7 +16,7 @@ from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import NORMS
 from ropeode.problems.problem import Problem
 from ropeode.problems.ropes import ROPES
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 # By kind: the links of the rope, and methods that solve it.
 _LINKS = {

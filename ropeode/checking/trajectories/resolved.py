@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 # The error of a method of order 1, after a time T, is a part of about `rate^2 T dt / 2` of what
 # moves fastest: it has another phase or amplitude. Beyond so many times that, errors need not fall.

@@ -21,9 +21,7 @@ from ropeode.display import Tabular
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.compute import reference_for
-from ropeode.references.options import ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
+from ropeode.references import Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.study.accuracy_table import StepperOrder
 from ropeode.study.curves import Curve, ErrorCurves, errors_of
 from ropeode.study.energy import EnergyCurves, check_energy, energies_of

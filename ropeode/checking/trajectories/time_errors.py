@@ -17,7 +17,7 @@ from ropeode.checking.trajectories.run_files import Run
 from ropeode.norms import NORMS, motion
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 
 _ROUNDING = 1e-6
 # If only one quantity is late, the errors of the others are smaller by this factor, as parts of the

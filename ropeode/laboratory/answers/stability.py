@@ -13,9 +13,9 @@ from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import Progress
 from ropeode.render.stability_words import limit_words, region_words
 from ropeode.simulation.method import Method
-from ropeode.theory.spectrum import Spectrum, spectral_limit, spectrum
-from ropeode.theory.stability_function import NoStabilityFunction, stability_function
-from ropeode.theory.stability_limits import stability_limits, stability_region
+from ropeode.theory.spectrum import Spectrum, spectral_limit, spectrum_of
+from ropeode.theory.stability_function import NoStabilityFunction, stability_function_of
+from ropeode.theory.stability_limits import stability_limits_of, stability_region
 
 # Multiplications, of which eigenvalues take some dozens for the cube of the size of a matrix.
 _MOST_WORK, _OF_A_MATRIX = 3e9, 30.0
@@ -44,7 +44,7 @@ def _judged(
     said: functools.partial[Stability],
     arrays: dict[str, np.ndarray],
 ) -> Answer:
-    function = stability_function(motion.problem, method)
+    function = stability_function_of(motion.problem, method)
     if isinstance(function, NoStabilityFunction):
         none = {"real": None, "imaginary": None, "largest_stable_dt": None}
         return said(why_none=function.reason, words=function.reason, **none), arrays
@@ -53,7 +53,7 @@ def _judged(
     if largest is not None and not np.isfinite(largest):
         largest = None
     words = f"{region_words(function)}; {limit_words(limit)}"
-    region = stability_region(function, stability_limits(function), _POINTS)
+    region = stability_region(function, stability_limits_of(function), _POINTS)
     if region is None:
         none = {"real": None, "imaginary": None}
         why = "it takes no damping, and has an interval of stability in place of a region"
@@ -75,4 +75,4 @@ def _along(motion: CertifiedMotion) -> Spectrum:
     most = int(_MOST_WORK / (_OF_A_MATRIX * motion.problem.y0.size**3))
     count = min(reference.trusted, max(1, most))
     some = np.unique(np.linspace(0, reference.trusted - 1, count).astype(int))
-    return spectrum(motion.problem, reference.times[some], reference.states[some])
+    return spectrum_of(motion.problem, reference.times[some], reference.states[some])

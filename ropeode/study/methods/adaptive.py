@@ -10,10 +10,8 @@ import warnings
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
+from ropeode.references import Counter, Solution, Solver
 from ropeode.references.solvers import diffrax_solver, scipy_solver
-from ropeode.references.solvers.diffrax_counts import Counter
-from ropeode.references.solvers.solution import Solution
-from ropeode.references.solvers.solver import Solver
 from ropeode.study.methods.method import Attempt, Run, Status, tolerances
 
 EXPLICIT, IMPLICIT = "adaptive explicit", "adaptive implicit"

@@ -6,8 +6,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from ropeode.checking.checks import SLOW
-from ropeode.checking.report import CheckReport
+from ropeode.checking import SLOW, CheckReport
 from ropeode.errors import InputError
 from tests.checking.mutants.loops import LOOPS, graded
 from tests.checking.mutants.mistakes import MISTAKES

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ropeode.checking.check_ropes import convergence_problems
-from ropeode.checking.grade import grade
-from ropeode.checking.report import CheckReport
+from ropeode import grade
+from ropeode.checking import CheckReport, convergence_problems
 from tests.checking.mutants.mutant import Mutant, replaced
 from tests.checking.mutants.originals import trajectory
 

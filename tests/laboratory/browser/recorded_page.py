@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import quote
 
 import ropeode.laboratory
-from ropeode.laboratory.wire import encoded
+from ropeode.laboratory import encoded
 
 PAGE = Path(ropeode.laboratory.__file__).parent / "page"
 RECORDING = json.loads((PAGE / "recordings/default.json").read_text())

@@ -9,11 +9,8 @@ import queue
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.laboratory import PAGE, background
+from ropeode.laboratory import PAGE, Laboratory, answers_in, page_with
 from ropeode.laboratory.messages import Order, Run, Theory
-from ropeode.laboratory.recording import answers_in
-from ropeode.laboratory.setup import Laboratory
-from ropeode.laboratory.single_file import page_with
 from ropeode.progress import silent
 from tools.default_recording import FILE
 
@@ -105,9 +102,9 @@ def shown(monkeypatch):
         message = {"run": Run, "order": Order, "theory": Theory}[ask.kind]
         return message.model_validate({n: v for n, v in header.items() if n != "key"}), arrays
 
-    monkeypatch.setattr(background, "answer_to", answer)
+    monkeypatch.setattr("ropeode.laboratory.background.answer_to", answer)
     text = page_with("", json.dumps(others), ())
-    monkeypatch.setattr(widget, "single_file", lambda *_, **__: text)
+    monkeypatch.setattr(widget, "page_with_answers", lambda *_, **__: text)
     link = {"problem": {"name": "rope"}, "steppers": ["rk4"]}
     return widget.Lab(Laboratory(), link, 720, silent)
 

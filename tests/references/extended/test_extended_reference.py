@@ -9,14 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode import reference
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import distance
 from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
-from ropeode.references.certificate import Reason, Witness, largest_norms
-from ropeode.references.compute import reference
-from ropeode.references.extended import reference as module
-from ropeode.references.files.store import load_reference, save_reference
-from ropeode.references.solvers.solver import DOPRI8
+from ropeode.references import extended_solution, largest_norms, load_reference, save_reference
 from tests.problems.exact import EXACT
 
 pytest.importorskip("heyoka", reason="heyoka is an extra")
@@ -25,17 +22,10 @@ pytest.importorskip("heyoka", reason="heyoka is an extra")
 NEVER = 1e9
 
 
-@pytest.fixture
-def alone(monkeypatch):
-    """References without the float64 witness, which other tests look at."""
-    monkeypatch.setattr(module, "_consensus", lambda *_: module._Evidence(None, None, ()))
-
-
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=() if name == "forced" else pytest.mark.slow) for name in EXACT],
 )
-@pytest.mark.usefixtures("alone")
 def test_it_is_the_exact_solution_rounded(name):
     problem = PROBLEMS[name](frames=3)
     known = reference(problem, level="extended", time_limit=NEVER)
@@ -64,7 +54,6 @@ def test_it_is_the_exact_solution_rounded(name):
     ],
     ids=["kepler", "rope", "inextensible"],
 )
-@pytest.mark.usefixtures("alone")
 def test_the_other_level_lies_within_its_bound(make):
     problem = make(frames=3)
     extended = reference(problem, level="extended", time_limit=NEVER)
@@ -76,7 +65,6 @@ def test_the_other_level_lies_within_its_bound(make):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("alone")
 def test_it_comes_back_from_a_file(tmp_path):
     known = reference(PROBLEMS["kepler"](frames=3), level="extended", time_limit=NEVER)
     found = load_reference(save_reference(known, tmp_path / "kepler.nc"))
@@ -86,7 +74,6 @@ def test_it_comes_back_from_a_file(tmp_path):
     assert found.trusted == known.trusted
 
 
-@pytest.mark.usefixtures("alone")
 def test_a_pole_ends_it():
     """y' = y^2 from 1 has the solution 1/(1 - t)."""
     problem = Problem(lambda t, y, args: y**2, [1.0], [0.0, 0.5, 0.9, 1.1])
@@ -101,13 +88,12 @@ def test_what_float64_solvers_contradict_is_refused(monkeypatch):
     """As it would be if both runs stepped over the same thing, or were translated wrongly."""
 
     def wrong(problem, **more):
-        found = solution(problem, **more)
+        found = extended_solution(problem, **more)
         states = found.states.copy()
         states[2:] *= 1 + 1e-9
         return dataclasses.replace(found, states=states)
 
-    solution = module.extended_solution
-    monkeypatch.setattr(module, "extended_solution", wrong)
+    monkeypatch.setattr("ropeode.references.extended.reference.extended_solution", wrong)
     with pytest.raises(ReferenceRefused, match=r"from t = 2 on it is further from that of float64"):
         reference(PROBLEMS["oscillator"](frames=4), level="extended", time_limit=NEVER)
 
@@ -128,36 +114,6 @@ def test_the_trust_ends_where_some_float64_runs_see_what_others_pass_by():
     early = Problem(pulse, [1.0], ts, (0.64, 1e-3))
     with pytest.raises(ReferenceRefused, match="some float64 solvers see .* already at t = 1"):
         reference(early, level="extended", time_limit=NEVER)
-
-
-@pytest.mark.parametrize(
-    ("distances", "first"),
-    [
-        # Each run has lost its digits in its own way: chaos.
-        ([[0, 3e-9, 0.3], [0, 1e-9, 2.1], [0, 9e-9, 1.2], [0, 5e-9, 0.7]], 3),
-        # One run has seen something, or all but the reference have, or the neighbour has.
-        ([[0, 3e-15, 0.3], [0, 1e-15, 2e-15], [0, 2e-15, 5e-15], [0, 5e-15, 7e-15]], 2),
-        ([[0, 3e-15, 0.3], [0, 1e-15, 0.3], [0, 2e-15, 0.3], [0, 5e-15, 0.3]], 2),
-        ([[0, 3e-15, 7e-15], [0, 2e-3, 3e-3], [0, 2e-15, 9e-15], [0, 2e-3, 3e-3]], 1),
-        # Where runs have ended, nothing is known.
-        ([[0, 3e-15, 0.3], [0, 1e-15, np.inf], [0, 2e-15, np.inf], [0, 5e-15, 0.3]], 3),
-    ],
-)
-def test_runs_that_fall_into_groups(distances, first):
-    problem = Problem(pulse, [1.0], np.arange(3.0), (9.0, 1.0))
-    roles = ["tighter", "neighbour", "short steps", "independent"]
-    runs = [
-        Witness(DOPRI8, 1e-14, role, 100, 0.0, {"state": np.array(series, dtype=float)})
-        for role, series in zip(roles, distances, strict=True)
-    ]
-    evidence = module._Evidence(None, Reason.INACCURATE, tuple(runs))
-    assert evidence.unexplained_at(problem, np.ones((3, 1))) == first
-
-
-def test_tolerances_that_do_not_settle_end_the_trust():
-    problem = Problem(pulse, [1.0], np.arange(3.0), (9.0, 1.0))
-    evidence = module._Evidence(None, Reason.UNSETTLED, ())
-    assert evidence.unexplained_at(problem, np.ones((3, 1))) == 1
 
 
 def test_float64_solvers_are_among_the_witnesses():
@@ -204,7 +160,7 @@ def pulsed(centre):
     return Problem(rhs, [1.0], np.arange(11.0), args=centre)
 
 
-@pytest.mark.usefixtures("alone", "looked_at_as_for_users")
+@pytest.mark.usefixtures("looked_at_as_for_users")
 def test_a_pulse_that_both_runs_step_over_ends_it():
     known = reference(pulsed(6.4), level="extended", time_limit=NEVER)
     assert known.horizon == 7.0
@@ -216,8 +172,8 @@ def test_a_pulse_that_both_runs_step_over_ends_it():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [5.2e-3, 1.3e-3, 2.6e-3])
-@pytest.mark.usefixtures("alone", "looked_at_as_for_users")
-def test_pulses_longer_than_the_parts_of_a_step_are_found(width, monkeypatch):
+@pytest.mark.usefixtures("looked_at_as_for_users")
+def test_pulses_longer_than_the_parts_of_a_step_are_found(width):
     """In a part they are smooth, and the Taylor series of the step has not a trace of them."""
 
     def rhs(t, y, args):
@@ -227,11 +183,10 @@ def test_pulses_longer_than_the_parts_of_a_step_are_found(width, monkeypatch):
     # As near to an unstable balance as float64 numbers are.
     args = {"height": 5.7e-11, "width": width}
     problem = Problem(rhs, [20.0 / 33.0], [0.0, 2.077], args)
-    monkeypatch.setattr(module, "default_accuracy", lambda *_: 1e-3)
     try:
-        known = reference(problem, level="extended")
+        known = reference(problem, level="extended", accuracy=1e-3)
     except ReferenceRefused:
         return
     told = dataclasses.replace(problem, jump_times=0.6113 + width * np.array([-8.0, 0.0, 8.0]))
-    apart = known.states - reference(told, level="extended").states
+    apart = known.states - reference(told, level="extended", accuracy=1e-3).states
     assert abs(apart[-1, 0]) <= known.bound()[-1]

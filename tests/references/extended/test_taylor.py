@@ -11,8 +11,8 @@ import pytest
 
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
+from ropeode.references import extended_solution
 from ropeode.references.defect import look_between
-from ropeode.references.extended.solution import extended_solution
 from ropeode.references.extended.taylor import solve
 from tests.verification.extrapolation import (
     Links,
@@ -224,6 +224,15 @@ def test_digits_grow_with_what_is_lost():
     assert known.failure is None
     assert np.all(known.differences["state"] <= 1e-30)
     assert known.coarse.precision > 100 + 20
+
+
+def test_runs_agree_to_the_digits_asked_for_wherever_they_end():
+    """However much of them an unstable balance has lost by then."""
+    for end in np.arange(1.0, 6.0):
+        problem = Problem(lambda t, y, a: jnp.stack([3 * y[0], -y[1]]), [0.0, 1.0], [0.0, end])
+        known = extended_solution(problem, digits=15, time_limit=NEVER)
+        assert known.agreed == 2
+        assert np.all(known.differences["state"] <= 1e-15)
 
 
 def jump(t, y, a):

@@ -13,9 +13,6 @@ import pytest
 
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS, ROPES, InextensibleRope, Problem, Rope
-from ropeode.references.extended import jaxprs, rules
-from ropeode.references.extended.choices import PLACES, STEPS
-from ropeode.references.extended.entries import CHOICES, CHOICES_COMPLEX, OF_ONE_COMPLEX
 from ropeode.references.extended.taylor import solve
 from ropeode.references.extended.translate import translate
 
@@ -323,33 +320,6 @@ def test_each_primitive_is_what_jax_computes(name):
     assert largest_difference(found[:, own], wanted[:, own]) < 1e-14
 
 
-def primitives(jaxpr):
-    found = set()
-    for equation in jaxpr.eqns:
-        found.add(equation.primitive.name)
-        for param in equation.params.values():
-            inner = getattr(param, "jaxpr", param)
-            if hasattr(inner, "eqns"):
-                found |= primitives(inner)
-    return found
-
-
-def test_no_primitive_goes_untested():
-    found = set()
-    with jax.enable_x64(True):
-        for rhs in CASES.values():
-            found |= primitives(jax.make_jaxpr(rhs)(0.0, np.ones(3), np.ones(3)).jaxpr)
-    of_complex = {*OF_ONE_COMPLEX, *CHOICES_COMPLEX}
-    of_real = {*rules.RULES, *rules.MOVES, *rules.SCATTERED, *CHOICES, *STEPS, *PLACES}
-    # Before JAX 0.12 some of these are put together from others.
-    absent = {
-        name
-        for name in ("log2", "one_minus_square", "polynomial")
-        if not hasattr(jax.lax, f"{name}_p")
-    }
-    assert of_real | of_complex | {"lu", "conv_general_dilated"} <= found | absent
-
-
 def exact_value(expression):
     """A constant derivative, as a fraction; 300 bits hold every number here."""
     compiled = heyoka.cfunc([expression], [heyoka.expression("y0")], fp_type=heyoka.real, prec=300)
@@ -390,15 +360,14 @@ def drawn_by(t):
         ("digamma", lambda t, y, a: jax.scipy.special.digamma(y)),
         ("erf_inv", lambda t, y, a: drawn_by(t) * y),
         ("eigh", lambda t, y, a: jnp.linalg.eigvalsh(jnp.diag(y))),
-        ("while", lambda t, y, a: jax.lax.while_loop(lambda z: z[0] < 1, lambda z: z + 1e-3, y)),
-        ("scan", lambda t, y, a: jax.lax.fori_loop(0, 30, lambda i, z: z * 0.5, y)),
+        ("while", lambda t, y, a: jax.lax.while_loop(lambda z: z[0] < 1, lambda z: z + 1e-4, y)),
+        ("scan", lambda t, y, a: jax.lax.fori_loop(0, 3000, lambda i, z: z * 0.5, y)),
         ("nextafter", lambda t, y, a: jnp.nextafter(y, 1.0)),
         ("reduce_precision", lambda t, y, a: jax.lax.reduce_precision(y, 8, 7)),
         ("asin", lambda t, y, a: jnp.real(jnp.arcsin(y + 1j))),
     ],
 )
-def test_other_primitives_are_named(monkeypatch, name, rhs):
-    monkeypatch.setattr(jaxprs, "_MOST_ROUNDS", 20)
+def test_other_primitives_are_named(name, rhs):
     with pytest.raises(
         InputError, match=r"^rhs: uses the JAX primitive .*allowed: .*Fix: "
     ) as error:
@@ -502,6 +471,23 @@ def test_choices_are_remembered():
     assert translation.first_break(problem.ts, np.stack([problem.y0] * len(problem.ts))) is None
     fallen = np.stack([problem.y0, -problem.y0, problem.y0])
     assert translation.first_break([0.0, 1.0, 2.0], fallen) == (1, "gt")
+
+
+@pytest.mark.parametrize(
+    ("rhs", "states", "first"),
+    [
+        # Inside the two ends at the start; then at an end's other side.
+        (lambda y: jax.lax.clamp(-1.0, y, 1.0), [0.5, 0.9, 1.1], (2, "clamp")),
+        (lambda y: jax.lax.clamp(-1.0, y, 1.0), [0.5, -0.9, -1.1], (2, "clamp")),
+        (lambda y: jax.lax.clamp(-1.0, y, 1.0), [0.5, -0.9, 0.9], None),
+        # Above both ends, and then inside.
+        (lambda y: jax.lax.clamp(-1.0, y, 0.0), [0.5, 0.1, -0.5], (2, "clamp")),
+        (jnp.abs, [0.5, 0.1, -0.1], (2, "abs")),
+    ],
+)
+def test_the_first_state_with_another_choice(rhs, states, first):
+    translation = translate(Problem(lambda t, y, args: rhs(y), [0.5], [0.0, 1.0, 2.0]), BITS)
+    assert translation.first_break([0.0, 1.0, 2.0], np.array(states)[:, None]) == first
 
 
 def test_more_states_than_a_block():

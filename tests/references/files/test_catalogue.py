@@ -10,12 +10,15 @@ import pytest
 
 from ropeode import load
 from ropeode.errors import InputError
-from ropeode.references.compute import reference_for
-from ropeode.references.extended.solution import extended_solution
-from ropeode.references.files import library
-from ropeode.references.files.checksum import verify_checksum
-from ropeode.references.files.library import entries, find, folder
-from ropeode.references.files.recipes import read_recipe
+from ropeode.references import (
+    entries,
+    extended_solution,
+    find,
+    folder,
+    read_recipe,
+    reference_for,
+    verify_checksum,
+)
 from tests.problems.exact import EXACT
 
 MOST_BYTES = 20 * 2**20
@@ -178,6 +181,6 @@ def test_what_is_not_there_is_told(look):
 def test_a_file_that_is_not_the_manifests_is_refused(tmp_path, monkeypatch):
     shutil.copy(folder() / "manifest.json", tmp_path)
     shutil.copy(folder() / "lorenz.nc", tmp_path / "kepler.nc")
-    monkeypatch.setattr(library, "folder", lambda: tmp_path)
+    monkeypatch.setattr("ropeode.references.files.library.folder", lambda: tmp_path)
     with pytest.raises(InputError, match=r"sha256 differs.*install ropeode again"):
         load("kepler")

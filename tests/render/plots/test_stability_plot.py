@@ -13,10 +13,7 @@ from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
 from ropeode.render import figure_bytes
 from ropeode.study import Explanation
-from ropeode.theory.linear_stability import linear_stability
-from ropeode.theory.spectrum import Spectrum
-from ropeode.theory.stability_function import StabilityFunction
-from ropeode.theory.stability_limits import stability_region
+from ropeode.theory import Spectrum, StabilityFunction, linear_stability_of, stability_region
 from tests.render.plots.legible import assert_legible
 
 
@@ -27,7 +24,7 @@ def drawn():
     problem = PROBLEMS["oscillator"](damping=0.2, stiffness=1.01, frames=stored.problem.frames)
     assert problem.exact is not None
     given = dataclasses.replace(stored, problem=problem, states=problem.exact(problem.ts))
-    found = linear_stability(given, "explicit-euler")
+    found = linear_stability_of(given, "explicit-euler")
     assert isinstance(found.function, StabilityFunction)
     assert found.limits is not None
     region = stability_region(found.function, found.limits, points=41)
