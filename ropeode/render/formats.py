@@ -168,8 +168,11 @@ def format_check(report: CheckReport, form: str = "text") -> str:
         >>> report = check_stepper("rk4", expected_order=4, only=["order-driven"])
         >>> print(format_check(report))
         Check of rk4: claimed to be of order 4
+        <BLANKLINE>
+        Right: 1 of 1 check passed, none failed (... s). On the problem 'driven' its order
+        is ...; expected 4.
+        <BLANKLINE>
         ok     order-driven  positions order ...
-        Right: 1 of 1 check passed, none failed (... s).
     """
     from ropeode.checking.report import CheckReport
 
@@ -192,9 +195,9 @@ def format_explanation(explanation: Explanation, form: str = "text") -> str:
         >>> explained = explain_stepper("explicit-euler", Rope(num_nodes=4).problem(frames=3))
         >>> print(format_explanation(explained))
         explicit-euler: rope, 4 nodes, damping 0.01, 3 frames
-        One step
-        --------
-        At dt = 0 the step is the identity, to ...
+        <BLANKLINE>
+        In theory its order on this problem is 1; in its runs its order is ...
+        <BLANKLINE>
         ...
     """
     from ropeode.study.explanation import Explanation
