@@ -241,7 +241,12 @@ class Nursery(contextlib.AbstractContextManager["Nursery"]):
         prepare: is called in it, before the first child; what it registers with `atexit` is
             called at its end.
         args: of that.
+
+    Attributes:
+        has_ended: whether it was told to end.
     """
+
+    has_ended = False
 
     def __init__(self, prepare: Callable[..., object], *args: Any) -> None:
         self._line, theirs = socket.socketpair()
@@ -256,6 +261,7 @@ class Nursery(contextlib.AbstractContextManager["Nursery"]):
 
     def end(self) -> None:
         """End it with all children; nothing where it has ended."""
+        self.has_ended = True
         with contextlib.suppress(OSError):
             self._line.shutdown(socket.SHUT_RDWR)
         self._process.wait()
