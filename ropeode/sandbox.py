@@ -38,7 +38,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, Self
+from typing import Any, NamedTuple, NoReturn
 
 from ropeode.errors import RopeodeError
 
@@ -135,7 +135,7 @@ def run(
         return child.wait()
 
 
-class Child:
+class Child(contextlib.AbstractContextManager["Child"]):
     """A process that runs a function, as the parent sees it; it ends with the ``with`` block.
 
     Arguments:
@@ -227,14 +227,11 @@ class Child:
         if self._guard is not None:
             self._guard.wait()
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.end()
 
 
-class Nursery:
+class Nursery(contextlib.AbstractContextManager["Nursery"]):
     """A process that has made preparations once, and is forked for each child.
 
     It runs no user's code and must start no thread: JAX has threads from its first computation on,
@@ -244,7 +241,12 @@ class Nursery:
         prepare: is called in it, before the first child; what it registers with `atexit` is
             called at its end.
         args: of that.
+
+    Attributes:
+        has_ended: whether it was told to end.
     """
+
+    has_ended = False
 
     def __init__(self, prepare: Callable[..., object], *args: Any) -> None:
         self._line, theirs = socket.socketpair()
@@ -259,13 +261,11 @@ class Nursery:
 
     def end(self) -> None:
         """End it with all children; nothing where it has ended."""
+        self.has_ended = True
         with contextlib.suppress(OSError):
             self._line.shutdown(socket.SHUT_RDWR)
         self._process.wait()
         self._line.close()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.end()
@@ -451,10 +451,8 @@ def end_if_python_stops(seconds: float) -> None:
 
 def _work(stream: _Stream, quiet: bool, main: str | None) -> None:
     """Run the function that the parent names, and hand over its result."""
-    if quiet:
-        nothing = os.open(os.devnull, os.O_RDWR)
-        os.dup2(nothing, 1)
-        os.dup2(nothing, 2)
+    for number in (1, 2) if quiet else ():
+        os.dup2(os.open(os.devnull, os.O_WRONLY), number)
     # Ctrl-C is for the parent; here it can only be the user's code that sends it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -26,7 +26,7 @@ from ropeode.files import make_folder
 from ropeode.progress import Progress
 from ropeode.references.files.store import save_reference
 from ropeode.references.reference import Reference
-from ropeode.sandbox import Child, Nursery, doing
+from ropeode.sandbox import Child, Ended, GuardLost, Nursery, doing
 from ropeode.threads import cores, use_cores
 
 
@@ -101,24 +101,29 @@ class Class:
         scratch = Path(tempfile.mkdtemp(prefix="ropeode-"))
         if self._reference is not None:
             save_reference(self._reference, scratch / REFERENCE)
-        self._nursery = Nursery(_prepare, self._asked.ahead, scratch)
-        with ThreadPoolExecutor(cores()) as pool, self._nursery:
-            jobs = [pool.submit(self._outcome, each, scratch) for each in submissions]
+        self._nursery = nursery = Nursery(_prepare, self._asked.ahead, scratch)
+        with ThreadPoolExecutor(cores()) as pool, nursery:
+            jobs = [pool.submit(self._outcome, each, scratch, nursery) for each in submissions]
             try:
                 for done in as_completed(jobs):
                     yield done.result()
             finally:
                 pool.shutdown(wait=False, cancel_futures=True)
 
-    def _outcome(self, submission: Submission, scratch: Path) -> Outcome:
+    def _outcome(self, submission: Submission, scratch: Path, nursery: Nursery) -> Outcome:
         name, where, asked = submission.name, submission.where, self._asked
         with Child(
             *(_examine, name, where, self._folder, asked, scratch),
             limits=asked.limits,
             quiet=True,
-            nursery=self._nursery,
+            nursery=nursery,
         ) as child:
-            ended = child.wait()
+            try:
+                ended = child.wait()
+            except GuardLost:
+                if nursery.has_ended:
+                    raise
+                ended = Ended("ended the process that guards it", child.during)
         if ended.result is not None:
             if (outcome := from_json(ended.result)) is not None:
                 # Whatever it says of itself, it is this one's.

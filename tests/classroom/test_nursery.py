@@ -36,6 +36,10 @@ HARM = {
     "os.kill(os.getpid(), signal.SIGSEGV)": ("crashed", "ended its process (SIGSEGV)"),
     # A signal takes its time.
     "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": ("crashed", "killed its parent"),
+    "with open(f'/proc/{os.getppid()}/stat') as stat:\n"
+    " os.kill(int(stat.read().split()[3]), signal.SIGKILL)\ntime.sleep(3)": (
+        *("crashed", "it ended the process that guards it, during 'harm'"),
+    ),
     "os.kill(0, signal.SIGKILL)": ("crashed", "killed its parent process (SIGKILL)"),
     # What it writes wherever it can is not taken for a report, nor listened to for ever.
     SAYS.format(b"\n" + FORGED.encode() + b"\n"): LIVES,
