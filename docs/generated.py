@@ -65,14 +65,15 @@ from ropeode import (
     stability_limit,
 )
 from ropeode import horizon as horizon_of
-from ropeode.case_studies.formats import blocks
 from ropeode.case_studies.pictures import plot_contact_sheets
-from ropeode.case_studies.report import Report, rope_report
+from ropeode.case_studies.report import rope_report
+from ropeode.case_studies.results import Report
 from ropeode.checking import Examination
 from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.laboratory.scenes import scenes
 from ropeode.precision import in_float64
+from ropeode.render import blocks
 from ropeode.render.markup import markdown
 from ropeode.render.plots.animation import gif
 from ropeode.render.plots.files import figure_bytes

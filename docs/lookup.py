@@ -86,9 +86,10 @@ def _type(found: dict[str, Any]) -> str:
     if "prefixItems" in found:
         return f"{len(found['prefixItems'])} × {_type(found['prefixItems'][0])}"
     if found.get("type") == "array":
-        return f"list of {_type(found['items'])}"
+        return f"list of {_type(found.get('items', {}))}"
     if found.get("type") == "object":
-        inside = _type(found["additionalProperties"])
+        values = found["additionalProperties"]
+        inside = "any" if values is True else _type(values)
         return f"object of {inside}" if inside else "object"
     return {"string": "text", "integer": "whole number"}.get(found.get("type", ""), "") or (
         found.get("type", "any")

@@ -10,7 +10,18 @@ from typing import Any
 
 import lazy_loader
 
+from ropeode import written_by
+
 _public_name, _public_names, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def _render() -> Any:
+    from ropeode import render
+
+    return render
+
+
+written_by.writer = _render
 
 
 def __dir__() -> list[str]:

@@ -23,9 +23,9 @@ from .analysis.motion import Thresholds as Thresholds
 from .analysis.motion import classify_motion as classify_motion
 from .analysis.order import ObservedOrder as ObservedOrder
 from .analysis.order import observed_order as observed_order
-from .case_studies.formats import format_report as format_report
-from .case_studies.report import Report as Report
 from .case_studies.report import rope_report as rope_report
+from .case_studies.results import Report as Report
+from .case_studies.results import format_report as format_report
 from .checking.check import check_stepper as check_stepper
 from .checking.check_ropes import CheckArgs as CheckArgs
 from .checking.grade import grade as grade

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, TextIO
 
 # Work that is done sooner shows no bar.
 AFTER_S = 2.0
@@ -51,6 +51,8 @@ class TerminalBar:
             progress.TextColumn("{task.description}"),
             console=Console(stderr=True),
             transient=True,
+            # What code prints into a file while a bar is shown belongs into that file.
+            redirect_stdout=_is_terminal(sys.stdout),
         )
         self._task = self._bar.add_task("", total=None)
 
@@ -152,13 +154,15 @@ class TimedBar:
 
 
 def bar_here() -> TimedBar | None:
-    """A bar where somebody looks on: in a notebook, or the REPL. None in scripts and workers."""
+    """A bar where somebody looks on: in a notebook or a terminal. None in workers and files."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython else None
     if multiprocessing.parent_process() is not None:
         return None
     if getattr(shell, "kernel", None) is not None:
         return TimedBar(NotebookBar)
-    if hasattr(sys, "ps1") and sys.stderr is not None and sys.stderr.isatty():
-        return TimedBar(TerminalBar)
-    return None
+    return TimedBar(TerminalBar) if _is_terminal(sys.stderr) else None
+
+
+def _is_terminal(stream: TextIO | None) -> bool:
+    return stream is not None and stream.isatty()

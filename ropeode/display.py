@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import Any, ClassVar
+from typing import Any
 
+from ropeode import written_by
 from ropeode.equality import ByContent
 
 # Of a result's headings, in the middle of somebody's notebook.
@@ -14,35 +14,21 @@ _HEADINGS = 4
 class Displayed(ByContent):
     """A result that the REPL shows as one line, and a notebook as a page.
 
-    A subclass names the module that writes both: its ``line(result)`` returns a text, its
-    ``blocks(result)`` the page. Words about results are written above the rooms that make them, so
-    the module is imported when a result is first shown.
+    Both are written by `ropeode.render`, which is imported when a result is first shown.
     """
 
-    _written_by: ClassVar[str] = "ropeode.render.display"
-
-    def __init_subclass__(cls, written_by: str | None = None, **others: Any):
-        super().__init_subclass__(**others)
-        if written_by is not None:
-            cls._written_by = written_by
-
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {self._writer().line(self)}>"
+        return f"<{type(self).__name__}: {written_by.writer().line(self)}>"
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows where it shows no HTML."""
-        return self._page("markdown")
+        render = written_by.writer()
+        return render.markdown(render.blocks(self), level=_HEADINGS)
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        return self._page("html_part")
-
-    def _page(self, form: str) -> str:
-        markup = importlib.import_module("ropeode.render.markup")
-        return getattr(markup, form)(self._writer().blocks(self), level=_HEADINGS)
-
-    def _writer(self) -> Any:
-        return importlib.import_module(self._written_by)
+        render = written_by.writer()
+        return render.html_part(render.blocks(self), level=_HEADINGS)
 
 
 class Tabular(Displayed):
@@ -61,7 +47,7 @@ class Tabular(Displayed):
             2   2.0 -399.99  198.01
             3   3.0 -399.93  195.54
         """
-        return _frames().dataframe(self)
+        return written_by.writer().dataframe(self)
 
 
 class Sampled(Tabular):
@@ -78,8 +64,4 @@ class Sampled(Tabular):
             >>> run.to_xarray()["position"].sel(time=3.0, node=3).values.round(2)
             array([-399.93,  195.54])
         """
-        return _frames().dataset(self)
-
-
-def _frames() -> Any:
-    return importlib.import_module("ropeode.render.frames")
+        return written_by.writer().dataset(self)

@@ -8,12 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.errors import InputError
+from ropeode.json_form import json_as
 from ropeode.problems.problem import Problem
 from ropeode.validation import bad_value, unknown
 
 _BLOCK_BYTES = 2**24
 
 
+@json_as(str, lambda norm: norm.name)
 class Norm(NamedTuple):
     """A distance between two states.
 

@@ -50,8 +50,19 @@ def part_of(progress: Progress, start: float, end: float) -> Progress:
     return report
 
 
+@contextlib.contextmanager
+def outermost() -> Iterator[bool]:
+    """Whether no function that shows progress is at work yet."""
+    first = _at_work.acquire(blocking=False)
+    try:
+        yield first
+    finally:
+        if first:
+            _at_work.release()
+
+
 def shows_progress(work: Callable[P, T]) -> Callable[P, T]:
-    """A function that shows a bar in notebooks and the REPL, unless it is given other progress.
+    """A function that shows a bar in notebooks and terminals, unless it is given other progress.
 
     Of an iterator that it returns, too, what is computed from one value to the next counts.
 
@@ -69,7 +80,7 @@ def shows_progress(work: Callable[P, T]) -> Callable[P, T]:
             allowed = "a function that is called with a text and a fraction"
             fix = "use ropeode.progress.silent to show nothing"
             raise bad_value("progress", progress, allowed, fix)
-        with _outermost() as first:
+        with outermost() as first:
             shown = _bar_here() if first and progress is bar else None
             if shown is None:
                 return work(*given, **named)
@@ -83,17 +94,6 @@ def shows_progress(work: Callable[P, T]) -> Callable[P, T]:
     return working
 
 
-@contextlib.contextmanager
-def _outermost() -> Iterator[bool]:
-    """Whether no function that shows progress is at work yet."""
-    first = _at_work.acquire(blocking=False)
-    try:
-        yield first
-    finally:
-        if first:
-            _at_work.release()
-
-
 def _bar_here() -> TimedBar | None:
     from ropeode.bars import bar_here
 
@@ -104,7 +104,7 @@ def _in_pieces(values: Iterator[T], shown: TimedBar) -> Iterator[T]:
     """The same values, with a bar while the next one is computed."""
     try:
         while True:
-            with _outermost() as first, shown if first else contextlib.nullcontext():
+            with outermost() as first, shown if first else contextlib.nullcontext():
                 value: Any = next(values, _END)
             if value is _END:
                 return

@@ -28,11 +28,14 @@ GROUND = {
     "equality",
     "errors",
     "files",
+    "json_form",
     "lapack",
     "precision",
     "progress",
+    "sandbox",
     "threads",
     "validation",
+    "written_by",
 }
 ALLOWED: dict[str, set[str]] = {}
 ALLOWED["problems"] = set()

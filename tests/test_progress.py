@@ -1,4 +1,4 @@
-"""Bars where somebody looks on: in notebooks and the REPL."""
+"""Bars where somebody looks on: in notebooks and terminals."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import ropeode
 from ropeode import bars, simulate
 from ropeode.errors import InputError
 from ropeode.progress import bar, shows_progress, silent
+from ropeode.terminal import show_progress
 
 LONG_S = 5.0
 LOOK_S = 0.01
@@ -137,21 +138,19 @@ def test_an_iterator_has_one_bar_for_all_that_it_yields(notebook):
     assert len(notebook.outputs) >= 3
 
 
-def test_scripts_and_workers_show_nothing(notebook, monkeypatch):
+def test_files_and_workers_show_nothing(notebook, monkeypatch):
     monkeypatch.setattr("multiprocessing.parent_process", lambda: "a process")
     assert bars.bar_here() is None
     monkeypatch.undo()
     assert bars.bar_here() is None
 
 
-def test_a_terminal_where_somebody_types_shows_a_bar(monkeypatch):
+def test_a_terminal_shows_a_bar(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
             return True
 
     monkeypatch.setattr(sys, "stderr", screen := Terminal())
-    assert bars.bar_here() is None
-    monkeypatch.setattr(sys, "ps1", ">>> ", raising=False)
     monkeypatch.setattr(bars, "AFTER_S", 0.0)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(bars, "EVERY_S", LOOK_S)
@@ -171,6 +170,15 @@ def test_a_terminal_where_somebody_types_shows_a_bar(monkeypatch):
     left = pieces(lambda: drawn("piece 0"))
     next(left)
     assert screen.getvalue().endswith("\x1b[2K")
+
+
+def test_a_command_shows_one_bar(monkeypatch):
+    """What it calls shows none of its own beside it."""
+    monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr(bars, "TerminalBar", lambda **_: SimpleNamespace(draw=print, erase=print))
+    monkeypatch.setattr(bars, "bar_here", lambda: pytest.fail("a second bar"))
+    with show_progress():
+        assert work() == "done"
 
 
 def test_every_public_function_that_takes_progress_shows_a_bar():

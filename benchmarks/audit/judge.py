@@ -30,9 +30,9 @@ from ropeode.checking import Layout, states_of, write_start
 from ropeode.checking.energy_drift import measure_drift
 from ropeode.errors import InputError, RopeodeError
 from ropeode.files import write_whole
+from ropeode.json_form import json_of
 from ropeode.problems.problem import Problem
 from ropeode.references import Reference
-from ropeode.render.check import as_dict
 from ropeode.study.spec import TableJob, read_spec
 
 HERE = Path(__file__).resolve().parent
@@ -128,7 +128,7 @@ def states_in(file: Path, problem: Problem) -> np.ndarray | None:
 def judged(files: Sequence[Path], case: str) -> dict[str, Any]:
     """The verdict of `ropeode grade` on a case, as JSON."""
     try:
-        return dict(as_dict(grade(files, certified(case))))
+        return json_of(grade(files, certified(case)))
     except (InputError, RopeodeError) as refused:
         return {"refused": str(refused)}
 

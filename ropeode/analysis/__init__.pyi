@@ -19,6 +19,7 @@ from .order import REASONS as REASONS
 from .order import ROUND_OFF as ROUND_OFF
 from .order import UNRESOLVED as UNRESOLVED
 from .order import UNSTABLE as UNSTABLE
+from .order import LeftOut as LeftOut
 from .order import ObservedOrder as ObservedOrder
 from .order import Verdict as Verdict
 from .order import observed_order as observed_order

@@ -14,6 +14,7 @@ from jax.flatten_util import ravel_pytree
 from scipy import special
 
 from ropeode.display import Tabular
+from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
 from ropeode.problems.probes import free_coordinates
 from ropeode.problems.problem import Problem, require_problem
@@ -28,6 +29,7 @@ _BATCHES = 10
 _CONFIDENCE = 0.95
 
 
+@json_shows("value", "ci95=interval", "sign", "resolution", "span", "failure")
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class LyapunovExponent(Tabular):
     """The mean rate at which neighbouring solutions separate, from a finite span.
@@ -74,7 +76,7 @@ class LyapunovExponent(Tabular):
 
     @property
     def sign(self) -> Literal["positive", "negative", "not told from zero"]:
-        """The sign, where the interval leaves no doubt."""
+        """`positive` or `negative` if the whole interval is, else `not told from zero`."""
         low, high = self.interval
         if low > 0:
             return "positive"

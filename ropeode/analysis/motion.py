@@ -12,6 +12,7 @@ from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.analysis.motion_measures import RopeMeasures, lengthening, measured
 from ropeode.display import Tabular
 from ropeode.errors import InputError
+from ropeode.json_form import Unbounded
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
 from ropeode.simulation import Trajectory
@@ -120,11 +121,11 @@ class Motion(Tabular, Words):
         ('never_settles', 0, '2.2e-05')
     """
 
-    largest_stretch: float
+    largest_stretch: Unbounded
     largest_stretch_at: int
     energy: np.ndarray | None
     energy_at_rest: float | None
-    jitter: float
+    jitter: Unbounded
 
 
 class Sensitivity(NamedTuple):

@@ -45,8 +45,8 @@ def report(
     end_on_ctrl_c("finished runs are kept; the same command goes on from there")
     import platformdirs
 
-    from ropeode.case_studies.formats import format_report
     from ropeode.case_studies.report import rope_report
+    from ropeode.case_studies.results import format_report
 
     def work(progress: Progress) -> tuple[str, dict[str, bytes]]:
         result = rope_report(

@@ -12,19 +12,21 @@ import numpy as np
 from ropeode.analysis.motion import Motion
 from ropeode.case_studies.claims import FAILS, HOLDS
 from ropeode.case_studies.figures import Comparison, Measure
+from ropeode.json_form import json_shows
 
 # A period must be longer by this part to count as slower; differences below it are what
 # sampling once per frame leaves.
 _SLOWER = 1e-3
 
 
+@json_shows("comparison.figures", "comparison.claim", "measured", "verdict")
 class Compared(NamedTuple):
     """A comparison and what became of it.
 
     Fields:
         comparison: the claim.
         measured: what each figure showed, in words.
-        verdict: `holds` or `does not hold`.
+        verdict: `holds`, `does not hold` or `not watched long enough`.
     """
 
     comparison: Comparison

@@ -69,7 +69,7 @@ class Figure:
         damping: damping coefficient; the Verlet programs multiply by one minus this in each
             step.
         num_nodes: nodes of the rope.
-        claim: what the report sees in it, as one word.
+        claim: what the report sees in it, as one word: those of `motion`, `swings` or `drawn`.
         words: what the report sees in it.
     """
 

@@ -15,8 +15,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ropeode.case_studies.figures import ENDS
-from ropeode.case_studies.formats import measured_words, theory_words
-from ropeode.case_studies.report import FigureResult, Reading, Report
+from ropeode.case_studies.results import (
+    FigureResult,
+    Reading,
+    Report,
+    measured_words,
+    theory_words,
+)
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress
 from ropeode.render.plots.files import figure_bytes

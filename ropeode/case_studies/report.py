@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from ropeode.analysis.motion import DEFAULTS, Motion, Thresholds, classify_motion, sensitivity
+from ropeode.analysis.motion import DEFAULTS, classify_motion, sensitivity
 from ropeode.case_studies import claims
 from ropeode.case_studies.comparisons import Compared, compared
 from ropeode.case_studies.figures import ENDS, Figure, Meaning, all_comparisons, check_figures
+from ropeode.case_studies.results import (
+    FigureResult,
+    Reading,
+    Report,
+    RoundingEffect,
+    ThresholdEffect,
+)
 from ropeode.case_studies.runs import (
     Images,
     Run,
@@ -22,132 +28,13 @@ from ropeode.case_studies.runs import (
     run_all,
     stable_from,
 )
-from ropeode.display import Tabular
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation import Trajectory
-from ropeode.theory import Growth
 from ropeode.validation import check_whole
 
 # What a change of the last digits must leave as it is.
 _MEASURES = ("diverged_at", "settled_at", "unsettled_at", "swings")
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Reading:
-    """A figure under one of its meanings, measured.
-
-    Arguments:
-        meaning: `words`, or `listing` for what the printed program does.
-        trajectory: of the rope that is drawn to the left.
-        motion: what that rope did.
-        mirrored: whether the rope drawn to the right did the same to the last bit, mirrored.
-        growth: of disturbances of hanging still, by linear theory.
-        limit: steps per frame from which on the stepper lets the rope hang still, by theory;
-            None where there is no such number.
-        measured: what the rope did, in words.
-        verdict: on the claim.
-        verdict_mirrored: on the claim, for the rope drawn to the right.
-    """
-
-    meaning: Meaning
-    trajectory: Trajectory
-    motion: Motion
-    mirrored: bool
-    growth: Growth
-    limit: int | None
-    measured: str
-    verdict: str
-    verdict_mirrored: str
-
-
-@dataclasses.dataclass(frozen=True)
-class ThresholdEffect:
-    """A threshold that a verdict depends on.
-
-    Arguments:
-        figure: number of the figure.
-        meaning: its meaning.
-        threshold: name of the threshold.
-        value: of the threshold, which changes the verdict.
-        verdict: with that value.
-    """
-
-    figure: int
-    meaning: Meaning
-    threshold: str
-    value: float
-    verdict: str
-
-
-@dataclasses.dataclass(frozen=True)
-class RoundingEffect:
-    """A measurement that changes with the last digits of the initial positions.
-
-    Arguments:
-        figure: number of the figure.
-        meaning: its meaning.
-        measure: `diverged_at`, `settled_at`, `unsettled_at` or `swings`.
-        value: as it is reported; None if there is none.
-        nudged: with the last digits changed; likewise.
-        verdict: with the last digits changed.
-    """
-
-    figure: int
-    meaning: Meaning
-    measure: str
-    value: int | None
-    nudged: int | None
-    verdict: str
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class FigureResult:
-    """A figure and what became of its claim.
-
-    Arguments:
-        figure: setting and claim.
-        measured: what the rope did, in words.
-        verdict: `holds`, `does not hold` or `holds until frame N`.
-        frames: that were watched; 0 where nothing moves.
-        readings: one for each meaning, the report's words first; none where nothing moves.
-    """
-
-    figure: Figure
-    measured: str
-    verdict: str
-    frames: int
-    readings: tuple[Reading, ...]
-
-    @property
-    def motion(self) -> Motion | None:
-        """What the rope did, as the report's words have it."""
-        return self.readings[0].motion if self.readings else None
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Report(Tabular, written_by="ropeode.case_studies.formats"):
-    """The report, run again.
-
-    Arguments:
-        figures: the chosen ones, by number.
-        comparisons: those whose figures are all among them.
-        thresholds: behind the words.
-        sensitive_to_thresholds: verdicts that change where a threshold is halved or doubled.
-        sensitive_to_rounding: measurements that change with the last digits of the start.
-
-    Examples:
-        >>> from ropeode import rope_report
-        >>> report = rope_report([8], frames=20)
-        >>> report.figures[0].figure.claim, report.figures[0].verdict
-        ('diverges', 'not watched long enough')
-    """
-
-    figures: tuple[FigureResult, ...]
-    comparisons: tuple[Compared, ...]
-    thresholds: Thresholds
-    sensitive_to_thresholds: tuple[ThresholdEffect, ...]
-    sensitive_to_rounding: tuple[RoundingEffect, ...]
 
 
 @shows_progress

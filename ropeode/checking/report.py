@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from ropeode.analysis.order import ObservedOrder
 from ropeode.display import Tabular
+from ropeode.json_form import json_shows
 from ropeode.theory import Diagnosis
 
 Status = Literal["pass", "fail", "undetermined", "note", "skip"]
@@ -37,6 +38,31 @@ class Claims:
     conserves_energy: bool | None = None
 
 
+@json_shows(
+    *("errors", "resolution", "limit_off", "limit_allowed", "order.observed", "order.ci95"),
+    *("order.verdict", "order.why", "order.used", "order.left_out", "order.add"),
+)
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """Errors and order of one quantity.
+
+    Arguments:
+        errors: the largest error at each step size; None for a run that diverged.
+        resolution: ten times the reference's estimated bound: a smaller error is unresolved.
+        limit_off: the distance between the limit of the runs as dt goes to zero and the reference;
+            None where too few runs have a limit.
+        limit_allowed: the largest distance that the uncertainty of both allows; None likewise.
+        order: that was observed.
+    """
+
+    errors: tuple[float | None, ...]
+    resolution: float
+    limit_off: float | None
+    limit_allowed: float | None
+    order: ObservedOrder
+
+
+@json_shows("problem", "expected", "dt=dts", "quantities")
 @dataclasses.dataclass(frozen=True)
 class Convergence:
     """Errors of the runs of one problem against its reference, and their orders.
@@ -65,7 +91,17 @@ class Convergence:
     expected: int | None
     limits: Mapping[str, tuple[float, float]]
 
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """Position and velocity, or the state, each with its errors and order."""
+        found = {}
+        for name, order in self.orders.items():
+            off, allowed = self.limits.get(name, (None, None))
+            found[name] = Quantity(self.errors[name], self.resolution[name], off, allowed, order)
+        return found
 
+
+@json_shows("check", "status", "finding=line", "evidence", "convergence")
 @dataclasses.dataclass(frozen=True)
 class Finding:
     """The result of one check.
@@ -125,8 +161,9 @@ def exactly(difference: float) -> str:
     return "exactly" if difference == 0.0 else f"to rounding ({difference:.1e})"
 
 
+@json_shows(*("label", "claims", "passed", "verdict", "findings", "diagnosis", "notes", "seconds"))
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class CheckReport(Tabular, written_by="ropeode.render.check"):
+class CheckReport(Tabular):
     """The report on a stepper, or on trajectories.
 
     Arguments:
@@ -143,6 +180,8 @@ class CheckReport(Tabular, written_by="ropeode.render.check"):
         >>> report.verdict, [finding.check for finding in report.failed]
         ('wrong', ['order-unequal', 'order-driven'])
     """
+
+    SCHEMA: ClassVar[str] = "ropeode.check/1"
 
     label: str
     claims: Claims
@@ -163,7 +202,10 @@ class CheckReport(Tabular, written_by="ropeode.render.check"):
 
     @property
     def verdict(self) -> Verdict:
-        """Wrong if a check failed; right if all that could decide passed, at least one."""
+        """`wrong` if a check failed; `right` if all that could decide passed, at least one.
+
+        Otherwise it is `undetermined`.
+        """
         if self.failed:
             return "wrong"
         decided = any(finding.status == "pass" for finding in self.findings)

@@ -1,5 +1,4 @@
 from .asked import Asked as Asked
-from .asked import Limits as Limits
 from .command import check_class as check_class
 from .command import grade_class as grade_class
 from .examination import examined as examined

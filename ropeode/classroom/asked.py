@@ -6,29 +6,16 @@ import abc
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 from ropeode.checking.report import CheckReport
 from ropeode.classroom.outcome import Status
-
-
-class Limits(NamedTuple):
-    """What a whole submission may take.
-
-    Fields:
-        processor_s: processor time.
-        wall_s: wall time.
-        memory_mib: memory that it may hold, in MiB.
-    """
-
-    processor_s: int
-    wall_s: float
-    memory_mib: float
+from ropeode.sandbox import Limits
 
 
 @dataclasses.dataclass(frozen=True)
 class Asked(abc.ABC):
-    """What is asked, as plain JSON values: another process reads it.
+    """What is asked, as plain values: another process reads it.
 
     Arguments:
         memory_mib: memory that a submission may hold, in MiB.

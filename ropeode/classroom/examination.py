@@ -14,8 +14,8 @@ from ropeode.checking.time_limit import OutOfTime
 from ropeode.classroom.asked import Asked
 from ropeode.classroom.outcome import Outcome, Status, parts
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
-from ropeode.render import check as of_check
-from ropeode.render.data import plain
+from ropeode.json_form import json_of
+from ropeode.render import blocks as blocks_of
 from ropeode.render.markup import Block, Code, Heading, Paragraph
 
 # What an exception says may be as long as its code likes; so many letters are kept.
@@ -62,7 +62,6 @@ def examined(
 
 def outcome_of(name: str, report: CheckReport, status: Status = "checked", **more: Any) -> Outcome:
     """The outcome of a submission that has a report."""
-    blocks = of_check.blocks(report)
     return Outcome(
         name=name,
         status=status,
@@ -70,11 +69,11 @@ def outcome_of(name: str, report: CheckReport, status: Status = "checked", **mor
         order=_observed(report),
         message=_reason(report),
         findings={each.check: each.status for each in report.findings},
-        report=parts(*blocks),
+        report=parts(*blocks_of(report)),
         orders={
-            each["check"]: plain(each["convergence"])
-            for each in of_check.as_dict(report)["findings"]
-            if each["convergence"] is not None
+            each.check: json_of(each.convergence)
+            for each in report.findings
+            if each.convergence is not None
         },
         **more,
     )

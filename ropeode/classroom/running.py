@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
+import gc
 import hashlib
+import importlib
 import json
 import os
-import signal
-import subprocess
-import sys
+import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any
 
-from ropeode.cache import software
+from ropeode.cache import set_up_jax, software
 from ropeode.classroom.asked import Asked
-from ropeode.classroom.examination import outcome_of, without_report
-from ropeode.classroom.outcome import Outcome, Status, from_json, keep, kept
+from ropeode.classroom.examination import examined, outcome_of, without_report
+from ropeode.classroom.outcome import Outcome, Status, as_json, from_json, keep, kept
 from ropeode.classroom.submissions import Submission
 from ropeode.classroom.trajectories import REFERENCE
 from ropeode.errors import RopeodeError
@@ -25,9 +26,8 @@ from ropeode.files import make_folder
 from ropeode.progress import Progress
 from ropeode.references.files.store import save_reference
 from ropeode.references.reference import Reference
-from ropeode.threads import cores
-
-_ENDS_IN_S = 5.0
+from ropeode.sandbox import Child, Ended, GuardLost, Nursery, doing
+from ropeode.threads import cores, use_cores
 
 
 class Class:
@@ -52,20 +52,14 @@ class Class:
         self._folder, self.submissions = folder.resolve(), submissions
         self._asked, self._reference = asked, reference
         self._results = results
-        self._process: subprocess.Popen | None = None
+        self._nursery: Nursery | None = None
         if results is not None:
             make_folder(results)
 
     def end(self) -> None:
         """End all processes; nothing where there are none."""
-        if self._process is not None and self._process.stdin is not None:
-            # It ends the others when nobody is there any more.
-            self._process.stdin.close()
-            try:
-                self._process.wait(_ENDS_IN_S)
-            except subprocess.TimeoutExpired:
-                os.killpg(self._process.pid, signal.SIGKILL)
-                self._process.wait()
+        if self._nursery is not None:
+            self._nursery.end()
 
     def outcomes(self, progress: Progress) -> list[Outcome]:
         """What became of each submission, in their order.
@@ -74,7 +68,7 @@ class Class:
             progress: is called with the submission that was done last, and the fraction.
 
         Raises:
-            RopeodeError: the process that checks them has died.
+            RopeodeError: something else has ended the processes that check them.
         """
         done: dict[str, Outcome] = {}
         keys = {each.name: self._key(each) for each in self.submissions}
@@ -104,69 +98,65 @@ class Class:
         return hashlib.sha256(words.encode()).hexdigest()
 
     def _examined(self, submissions: Sequence[Submission]) -> Iterator[Outcome]:
-        where = {each.name: each.where for each in submissions}
-        # The process that is started removes it.
-        scratch = tempfile.mkdtemp(prefix="ropeode-")
+        scratch = Path(tempfile.mkdtemp(prefix="ropeode-"))
         if self._reference is not None:
-            save_reference(self._reference, Path(scratch) / REFERENCE)
-        told = {
-            "kind": [type(self._asked).__module__, type(self._asked).__qualname__],
-            "asked": dataclasses.asdict(self._asked),
-            "submissions": list(where.items()),
-            "folder": str(self._folder),
-            "scratch": scratch,
-            "workers": cores(),
-        }
-        start = (
-            f"import os, sys; sys.path[:] = {sys.path!r}\n"
-            # XLA reads this for the number of its threads; there is a process for each processor.
-            "os.environ['NPROC'] = '1'\n"
-            "from ropeode.classroom.nursery import main; main()"
-        )
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", start],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            # Ctrl-C is for this process.
-            start_new_session=True,
-        )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write(json.dumps(told).encode() + b"\n")
-        self._process.stdin.flush()
-        with self._process.stdout as lines:
-            for line in lines:
-                event = json.loads(line)
-                name = event["name"]
-                yield self._outcome(name, where.pop(name), event)
-        self.end()
-        if where:
-            raise RopeodeError(
-                f"the process that checks submissions ended before {len(where)} of them were "
-                f"done. Fix: run the command again; with -o DIR, what is done is kept."
-            )
+            save_reference(self._reference, scratch / REFERENCE)
+        self._nursery = nursery = Nursery(_prepare, self._asked.ahead, scratch)
+        with ThreadPoolExecutor(cores()) as pool, nursery:
+            jobs = [pool.submit(self._outcome, each, scratch, nursery) for each in submissions]
+            try:
+                for done in as_completed(jobs):
+                    yield done.result()
+            finally:
+                pool.shutdown(wait=False, cancel_futures=True)
 
-    def _outcome(self, name: str, where: Sequence[str], event: Mapping[str, Any]) -> Outcome:
-        if event["outcome"] is not None:
-            if (outcome := from_json(event["outcome"])) is not None:
+    def _outcome(self, submission: Submission, scratch: Path, nursery: Nursery) -> Outcome:
+        name, where, asked = submission.name, submission.where, self._asked
+        with Child(
+            *(_examine, name, where, self._folder, asked, scratch),
+            limits=asked.limits,
+            quiet=True,
+            nursery=nursery,
+        ) as child:
+            try:
+                ended = child.wait()
+            except GuardLost:
+                if nursery.has_ended:
+                    raise
+                ended = Ended("ended the process that guards it", child.during)
+        if ended.result is not None:
+            if (outcome := from_json(ended.result)) is not None:
                 # Whatever it says of itself, it is this one's.
                 return dataclasses.replace(outcome, name=name)
             error = RopeodeError("its process wrote something in place of its report")
             return without_report(name, "crashed", error, self._folder)
-        during = f", during {event['during']!r}" if event["during"] else ""
-        limits = self._asked.limits
-        words = {
-            "processor": f"within {limits.processor_s} s of processor time",
-            "wall": f"within {limits.wall_s:g} s",
-            "memory": f"with {limits.memory_mib:g} MiB of memory",
-            "report": "without a flood of words in place of its report",
-        }
-        if limit := event["limit"]:
-            known: dict[str, Status] = {"memory": "out of memory", "report": "crashed"}
-            error = RopeodeError(f"it did not finish {words[limit]}{during}")
-            return without_report(name, known.get(limit, "out of time"), error, self._folder)
-        report = self._asked.cut_off(where, event["how"], event["during"])
-        if report is None:
-            error = RopeodeError(f"its process {event['how']}{during}")
-            return without_report(name, "crashed", error, self._folder)
-        return outcome_of(name, report, "crashed")
+        report = None if ended.limit else asked.cut_off(where, ended.how, ended.during)
+        if report is not None:
+            return outcome_of(name, report, "crashed")
+        status: Status = "out of time" if ended.limit else "crashed"
+        if ended.limit == "memory":
+            status = "out of memory"
+        during = f", during {ended.during!r}" if ended.during else ""
+        error = RopeodeError(f"it {ended.how}{during}")
+        return without_report(name, status, error, self._folder)
+
+
+def _prepare(ahead: Sequence[str], scratch: Path) -> None:
+    """Prepare the process from which those of submissions are forked: it imports what they need."""
+    # Whatever becomes of the process that has made it.
+    atexit.register(shutil.rmtree, scratch, ignore_errors=True)
+    # XLA reads this for the number of its threads; there is a process for each processor.
+    os.environ["NPROC"] = "1"
+    set_up_jax()
+    for module in ahead:
+        importlib.import_module(module)
+    use_cores(1)
+    gc.collect()
+    # What is imported stays: to look for garbage in it takes long, in each process.
+    gc.freeze()
+
+
+def _examine(name: str, where: Sequence[str], folder: Path, asked: Asked, scratch: Path) -> bytes:
+    """What becomes of a submission, in its own process with a working directory of its own."""
+    os.chdir(tempfile.mkdtemp(dir=scratch))
+    return as_json(examined(name, where, folder, asked, scratch, doing))

@@ -16,10 +16,11 @@ from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import generic, undamped
 from ropeode.checking.report import CheckReport, Claims
 from ropeode.checking.time_limit import kept_output, within
-from ropeode.classroom.asked import Asked, Limits
+from ropeode.classroom.asked import Asked
 from ropeode.errors import RopeodeError
 from ropeode.precision import in_float64
 from ropeode.problems.files import keep_apart
+from ropeode.sandbox import MEBIBYTE, Limits
 from ropeode.steppers import as_stepper
 from ropeode.steppers.base import Stepper
 
@@ -52,7 +53,7 @@ class Steppers(Asked):
     def limits(self) -> Limits:
         """Of the time, ropeode needs a part itself."""
         each = self.check["time_limit"]
-        return Limits(round(20.0 + 6.0 * each), 60.0 + 10.0 * each, self.memory_mib)
+        return Limits(20.0 + 6.0 * each, 60.0 + 10.0 * each, self.memory_mib * MEBIBYTE)
 
     def report(
         self, where: Sequence[str], folder: Path, scratch: Path, say: Callable[[str], None]

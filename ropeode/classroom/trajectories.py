@@ -11,8 +11,9 @@ from typing import Any
 from ropeode.checking.grade import grade
 from ropeode.checking.report import CheckReport
 from ropeode.checking.trajectories.run_files import read_runs
-from ropeode.classroom.asked import Asked, Limits
+from ropeode.classroom.asked import Asked
 from ropeode.errors import InputError
+from ropeode.sandbox import MEBIBYTE, Limits
 from ropeode.study.spec import TableJob
 
 # The reference that all submissions share, in the folder that is laid ready for them.
@@ -53,7 +54,7 @@ class Trajectories(Asked):
     def limits(self) -> Limits:
         """Large files take their time, and causes that are sought."""
         longest = self.time_limit
-        return Limits(round(_PROCESSOR * longest), _WALL * longest, self.memory_mib)
+        return Limits(_PROCESSOR * longest, _WALL * longest, self.memory_mib * MEBIBYTE)
 
     def report(
         self, where: Sequence[str], folder: Path, scratch: Path, say: Callable[[str], None]

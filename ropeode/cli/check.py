@@ -15,10 +15,10 @@ from ropeode.cli.options import (
     memory_limit,
     no_code_option,
 )
+from ropeode.sandbox import Ended, end_if_python_stops
 from ropeode.terminal.lists import CommaSeparated
 from ropeode.terminal.output import format_for, format_option, out_option_with, put_out
 from ropeode.terminal.running import set_up_jax, with_progress
-from ropeode.terminal.supervision import Ended, end_if_nothing_runs
 from ropeode.validation import check_positive
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def check(
         return check_class(folder, arguments, mebibytes, stepper_name, rubric, form, path)
 
     def checked(progress: Progress) -> CheckReport:
-        end_if_nothing_runs(limit)
+        end_if_python_stops(limit)
         return check_stepper(step, **arguments, progress=progress)
 
     if ended is None:

@@ -16,7 +16,7 @@ from ropeode.terminal.output import out_option_with
 from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
 from ropeode.validation import bad_value
 
-_PACKAGES = ("uvicorn", "starlette", "websockets", "psutil")
+_PACKAGES = ("uvicorn", "starlette", "websockets")
 
 
 @click.command()
@@ -73,7 +73,7 @@ def lab(
         if not no_browser:
             open_browser(address)
 
-    worker = WorkerProcess(Limits(), (step, problem, scene))
+    worker = WorkerProcess(Limits(), step, problem, scene)
     dispatcher = Dispatcher(worker, file, code)
     if problem is None and scene is None:
         # The page need not wait for the worker.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import sys
 import traceback
 import warnings
@@ -26,8 +27,8 @@ from ropeode.cli.reference import reference
 from ropeode.cli.sweep import sweep
 from ropeode.cli.work_precision import work_precision
 from ropeode.errors import InputError, InputWarning, RopeodeError, UserCodeError, users_traceback
-from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c, say
-from ropeode.terminal.supervision import Ended, watch
+from ropeode.sandbox import Child, Ended, GuardLost, doing
+from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c, is_users
 
 # What is wrong with ropeode itself is none of the answers that a command may give.
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3
@@ -37,6 +38,8 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 # of its own for it.
 _JUDGES, _USERS_CODE, _WATCHES = "check", (".py", ".toml"), "lab"
 _OF_CLASSES = (_JUDGES, "grade")
+# With this begins what Python says of a crash.
+_CRASH = "Fatal Python error: "
 
 
 @click.group(
@@ -113,7 +116,7 @@ def _ended_well_or_not(words: list[str], debug: bool, ended: Ended | None) -> in
     """The exit code of the command with these words."""
     try:
         if ended is None:
-            say("the imports")
+            doing("the imports")
         code = cli.main(words, prog_name="ropeode", standalone_mode=False, obj=ended)
         sys.stdout.flush()
         return int(code or 0)
@@ -185,20 +188,34 @@ def _command_in(words: Sequence[str]) -> str:
 
 
 def _run_watched(command: str) -> int:
-    code = (
-        "from ropeode.cli.main import run_command\n"
-        "from ropeode.terminal.supervision import watched\n"
-        "watched(FD, run_command)"
-    )
-    ended = watch(code, sys.argv[1:], KEPT if command == "sweep" else NOTHING)
-    return run_command(ended=ended) if ended.code is None else ended.code
+    """Run the command in a process of its own, which the user's code may end."""
+    with Child(_in_child, sys.argv[1:]) as child:
+        end_on_ctrl_c(KEPT if command == "sweep" else NOTHING, before=child.end)
+        try:
+            ended = child.wait()
+        except GuardLost as error:
+            return _fail(BAD_INPUT, [str(error)], debug=False)
+    code = (ended.result or b"").decode(errors="replace")
+    return int(code) if code.isdecimal() else run_command(ended=ended)
+
+
+def _in_child(words: list[str]) -> bytes:
+    """Run the command; its exit code.
+
+    Output goes where it went, but the user's code does not find it by its number: what compiled
+    code prints goes to standard error, and the output is there if standard output is closed.
+    """
+    sys.argv[1:] = words
+    sys.stdout = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding, errors="backslashreplace")
+    os.dup2(2, 1)
+    return str(run_command()).encode()
 
 
 def _no_verdict(command: str, ended: Ended) -> tuple[int, str] | None:
     """Exit code and message of a command that was ended; None where that is a verdict."""
     if not ended.during:
         return BROKEN, f"the command {ended.how} before it began; please report it."
-    if ended.crashed:
+    if _crashed_elsewhere(ended):
         return BROKEN, (
             f"the command {ended.how} in compiled code, during: {ended.during}. If your code calls "
             "compiled functions of its own, look there; else this is a fault of ropeode, please "
@@ -210,3 +227,9 @@ def _no_verdict(command: str, ended: Ended) -> tuple[int, str] | None:
     return BAD_INPUT, (
         f"your code {ended.how}; allowed: {allowed}. Fix: look for what ends it there."
     )
+
+
+def _crashed_elsewhere(ended: Ended) -> bool:
+    """Whether it crashed in compiled code that none of the user's Python code called."""
+    files = re.findall(r'^  File "(.*)", line ', ended.noise, re.MULTILINE)
+    return _CRASH in ended.noise and not any(map(is_users, files))

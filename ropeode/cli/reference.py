@@ -64,9 +64,9 @@ def show(file: Path) -> None:
     """Print the problem, bound, witnesses and checksum of FILE."""
     from ropeode.references.files.library import find
     from ropeode.references.files.store import stored_facts
-    from ropeode.render.reference import as_text
+    from ropeode.render import blocks, plain
 
-    click.echo(as_text(stored_facts(find(file))), nl=False)
+    click.echo(plain(blocks(stored_facts(find(file)))), nl=False)
 
 
 @reference.command()
@@ -111,7 +111,7 @@ def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
     from ropeode.references.files.library import find
     from ropeode.references.files.verify import verify_reference
     from ropeode.references.options import TIME_LIMIT
-    from ropeode.render.reference import verification_text
+    from ropeode.render import blocks, plain
     from ropeode.validation import check_positive
 
     limit = TIME_LIMIT
@@ -125,6 +125,6 @@ def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
             progress=progress,
         )
     )
-    click.echo(verification_text(verification), nl=False)
+    click.echo(plain(blocks(verification)), nl=False)
     if not verification.agrees:
         raise SystemExit(1)

@@ -46,12 +46,12 @@ def run(spec: Path, out: str, **options: Any) -> None:
     with reserved(out) as lock:
         set_up_jax()
         end_on_ctrl_c(KEPT)
-        from ropeode.render.sweep import as_text
+        from ropeode.render import FORMATS
 
         summary = with_progress(
             lambda progress: run_in(out, lock, spec, progress=progress, **options), time_left=True
         )
-    click.echo(as_text(summary), nl=False)
+    click.echo(FORMATS["text"](summary), nl=False)
     if died := summary.statuses["worker-died"]:
         raise RopeodeError(
             f"{counted(died, 'case')} killed the process that ran it, each time; the rows "
@@ -63,7 +63,7 @@ def run(spec: Path, out: str, **options: Any) -> None:
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 def show(folder: Path) -> None:
     """Print the progress of the sweep in DIR, stepper by stepper."""
-    from ropeode.render.sweep import as_text
+    from ropeode.render import FORMATS
     from ropeode.sweep.storage.summary import summarize
 
-    click.echo(as_text(summarize(folder)), nl=False)
+    click.echo(FORMATS["text"](summarize(folder)), nl=False)

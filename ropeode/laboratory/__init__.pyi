@@ -36,6 +36,5 @@ from .wire import decoded as decoded
 from .wire import encoded as encoded
 from .wire import header_of as header_of
 from .worker import Answering as Answering
-from .worker import main as main
 from .worker_process import Limits as Limits
 from .worker_process import WorkerProcess as WorkerProcess

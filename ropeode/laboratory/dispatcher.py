@@ -17,7 +17,6 @@ from ropeode.laboratory.connection import Connection
 from ropeode.laboratory.messages import OwnStepper, Refused, Reloaded, Working
 from ropeode.laboratory.recent import Recent
 from ropeode.laboratory.watch import Version, WatchedFile, hash_of
-from ropeode.laboratory.wire import header_of
 from ropeode.laboratory.worker_process import Lost, WorkerProcess
 from ropeode.validation import bad_value
 
@@ -164,7 +163,7 @@ class Dispatcher:
                 "problem", str(self._problem), allowed, "close the lab and open it again"
             )
         self._tell_that_it_starts()
-        await self._worker.start()
+        self._worker.start()
         try:
             header, _ = await self._end_of(0)
             if header["kind"] == "refused":
@@ -239,8 +238,7 @@ class Dispatcher:
     async def _end_of(self, number: int, question: str = "") -> tuple[dict[str, Any], bytes]:
         """The answer to an order, after what is said of its progress."""
         while True:
-            contents = await self._worker.said()
-            header, _ = header_of(contents)
+            header, contents = await self._worker.said()
             if header["key"] != str(number):
                 continue
             if header["kind"] != "working":

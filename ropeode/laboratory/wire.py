@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 # Little-endian, as JavaScript's typed arrays are on every machine that browsers run on.
-_LENGTH, _FLOAT, _FLOAT_BYTES = struct.Struct("<I"), "<f4", 4
+_LENGTH, _FLOAT, FLOAT_BYTES = struct.Struct("<I"), "<f4", 4
 
 
 def encoded(key: str, message: Message, arrays: Mapping[str, np.ndarray]) -> bytes:
@@ -43,7 +43,7 @@ def encoded(key: str, message: Message, arrays: Mapping[str, np.ndarray]) -> byt
 
 def _packed(header: Mapping[str, Any]) -> bytes:
     text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
-    text += b" " * (-len(text) % _FLOAT_BYTES)
+    text += b" " * (-len(text) % FLOAT_BYTES)
     return _LENGTH.pack(len(text)) + text
 
 

@@ -1,24 +1,22 @@
 """The process that computes the answers; it is the only one that runs JAX, and the user's code.
 
-Orders come on standard input, a line of JSON each: ``{"number": N, "ask": {...}}``, a question;
-``{"stop": N}``, leave it off; ``{"number": N, "load": {...}}``, a version of the user's file.
-Messages leave on standard output: their length, and then bytes as `wire.encoded` writes them, with
-the number of the order for a key. The first, of number 0, says what the lab was opened with.
+It hears orders: ``{"number": N, "ask": {...}}``, a question; ``{"stop": N}``, leave it off;
+``{"number": N, "load": {...}}``, a version of the user's file. It says messages, bytes as
+`wire.encoded` writes them with the number of the order for a key. The first, of number 0, says what
+the lab was opened with.
 """
 
 from __future__ import annotations
 
 import collections
 import functools
-import json
 import os
 import queue
-import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn, Protocol
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from pydantic import TypeAdapter
 
@@ -27,9 +25,8 @@ from ropeode.laboratory.messages import Ask, Message, Refused, Working
 from ropeode.laboratory.orders import Loaded, Ready, Stopped
 from ropeode.laboratory.replies import NotWanted, reply
 from ropeode.laboratory.wire import encoded
-from ropeode.laboratory.worker_process import LENGTH
 from ropeode.progress import Progress
-from ropeode.terminal.supervision import end_if_python_stops
+from ropeode.sandbox import end_if_python_stops, heard, say
 
 if TYPE_CHECKING:
     from ropeode.laboratory.answers import Answer
@@ -68,8 +65,14 @@ class Answering(Protocol):
         ...
 
 
-class _OfRopeode:
-    """The answers of ropeode."""
+class OfRopeode:
+    """The answers of ropeode, as `Answering`.
+
+    Arguments:
+        own: the user's file, with a name where one is asked for; None for none.
+        problem: that the lab is opened with; None for none.
+        scene: likewise.
+    """
 
     def __init__(self, own: str | None, problem: str | None, scene: str | None) -> None:
         from ropeode.cache import set_up_jax
@@ -114,40 +117,35 @@ class _OfRopeode:
         return Refused(message=in_words(error), line=line_of(error, self._own.path))
 
 
-def main(answering: Callable[..., Answering] = _OfRopeode) -> NoReturn:
+def serve(answering: Callable[..., Answering], *words: Any) -> NoReturn:
     """Answer questions until the server is gone.
 
     Arguments:
-        answering: makes what has the answers, from the words of the process in JSON.
+        answering: makes what has the answers.
+        words: that it makes them from.
     """
     # Of two compiled files with the same second and size, the older might be taken.
     sys.dont_write_bytecode = True
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICE)
-    # The user's code finds neither by its number: what it prints goes to standard error.
-    orders, messages = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    # What the user's code prints goes to standard error.
     os.dup2(2, 1)
     end_if_python_stops(_PYTHON_STOPS_S)
-    _Worker(orders, messages).run(answering)
+    _Worker().run(answering, words)
 
 
 class _Worker:
-    def __init__(self, orders: BinaryIO, messages: BinaryIO) -> None:
-        self._orders, self._messages = orders, messages
+    def __init__(self) -> None:
         self._waiting: queue.SimpleQueue[Mapping[str, Any]] = queue.SimpleQueue()
-        # Held while a message is written; progress may come from any thread.
-        self._writing = threading.Lock()
         self._stopped = 0
 
-    def run(self, answering: Callable[..., Answering]) -> NoReturn:
+    def run(self, answering: Callable[..., Answering], words: Sequence[Any]) -> NoReturn:
         threading.Thread(target=self._listen, daemon=True).start()
         try:
-            answers = answering(*map(json.loads, sys.argv[1:]))
+            answers = answering(*words)
         except RopeodeError as error:
-            self._say(0, Refused(message=str(error)), {})
+            _say(0, Refused(message=str(error)), {})
             os._exit(1)
-        self._say(0, Ready(link=answers.link), {})
+        _say(0, Ready(link=answers.link), {})
         ahead = collections.deque(answers.ahead())
         while True:
             try:
@@ -157,13 +155,12 @@ class _Worker:
                     ahead.popleft()
                 continue
             if "load" in order:
-                self._say(order["number"], answers.load(**order["load"]), {})
+                _say(order["number"], answers.load(**order["load"]), {})
             else:
                 self._answer(answers, order["number"], order["ask"])
 
     def _listen(self) -> NoReturn:
-        for line in self._orders:
-            order = json.loads(line)
+        for order in heard():
             if "stop" in order:
                 self._stopped = order["stop"]
             else:
@@ -191,7 +188,7 @@ class _Worker:
         question = TypeAdapter(Ask).validate_python(ask)
 
         def tell(text: str, fraction: float | None) -> None:
-            self._say(number, Working(key=str(number), text=text, fraction=fraction), {})
+            _say(number, Working(key=str(number), text=text, fraction=fraction), {})
 
         found = reply(
             functools.partial(answers.answer, question),
@@ -199,13 +196,8 @@ class _Worker:
             tell,
             answers.refusal,
         )
-        self._say(number, *(found or (Stopped(), {})))
+        _say(number, *(found or (Stopped(), {})))
 
-    def _say(self, number: int, message: Message, arrays: Mapping[str, Any]) -> None:
-        contents = encoded(str(number), message, arrays)
-        with self._writing:
-            try:
-                self._messages.write(LENGTH.pack(len(contents)) + contents)
-                self._messages.flush()
-            except OSError:
-                os._exit(0)
+
+def _say(number: int, message: Message, arrays: Mapping[str, Any]) -> None:
+    say(encoded(str(number), message, arrays))

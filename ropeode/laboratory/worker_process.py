@@ -3,29 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import json
-import os
-import signal
-import struct
-import sys
 import time
-from asyncio.subprocess import PIPE, Process
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import psutil
-
+from ropeode import sandbox
 from ropeode.errors import RopeodeError
-from ropeode.terminal.supervision import how_it_ended
+from ropeode.laboratory.orders import checked_header
+from ropeode.laboratory.worker import Answering, OfRopeode, serve
+from ropeode.sandbox import MEBIBYTE, Child, Ended, GuardLost
 
-# In front of each message from the worker.
-LENGTH = struct.Struct("<I")
-_WORKER = "from ropeode.laboratory.worker import main; main()"
-_LOOKS_AGAIN_S = 0.25
 # The wall time that is allowed, over the processor time: user's code may wait for something.
 _WAITING = 10.0
-_MEBIBYTE = 2**20
 
 
 class Limits(NamedTuple):
@@ -34,14 +23,14 @@ class Limits(NamedTuple):
     Fields:
         seconds: of processor time without a sign of life; of wall time ten times as many.
         stops_in: seconds within which it leaves off what nobody wants any more.
-        memory: in bytes.
+        memory: in bytes, with what it started.
         tidy_memory: with more than this it is replaced as soon as it has nothing to do.
     """
 
     seconds: float = 20.0
     stops_in: float = 10.0
-    memory: float = 4096 * _MEBIBYTE
-    tidy_memory: float = 2048 * _MEBIBYTE
+    memory: float = 4096 * MEBIBYTE
+    tidy_memory: float = 2048 * MEBIBYTE
 
 
 class Lost(RopeodeError):
@@ -53,108 +42,66 @@ class WorkerProcess:
 
     Arguments:
         limits: what it may take.
-        words: its arguments, in JSON.
-        code: that it runs, in Python.
+        words: what its answers are made from.
+        answering: makes what has the answers, in the process.
     """
 
-    def __init__(self, limits: Limits, words: Iterable[Any], code: str = _WORKER) -> None:
-        self._limits, self._code = limits, code
-        self._words = [json.dumps(word) for word in words]
+    def __init__(
+        self, limits: Limits, *words: Any, answering: Callable[..., Answering] = OfRopeode
+    ) -> None:
+        self._limits, self._answering, self._words = limits, answering, words
         # Whether it has imported what it needs.
         self.is_ready = False
-        self._process: Process | None = None
+        self._child: Child | None = None
         self._stop_sent: float | None = None
 
-    async def start(self) -> None:
+    def start(self) -> None:
         """Start it."""
-        # Set before anything is imported: a file in the current folder is not imported by mistake.
-        code = f"import sys; sys.path[:] = {sys.path!r}\n{self._code}"
-        self._process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-c", code, *self._words),
-            stdin=PIPE,
-            stdout=PIPE,
-            # Ctrl-C is for the server; and what the user's code starts ends with the worker.
-            start_new_session=True,
-        )
+        self._child = Child(serve, self._answering, *self._words)
 
     async def kill(self) -> None:
         """End it at once, with all processes that it started; nothing, if it does not run."""
-        process, self._process, self._stop_sent = self._process, None, None
+        child, self._child, self._stop_sent = self._child, None, None
         self.is_ready = False
-        if process is not None:
-            await _end(process)
+        if child is not None:
+            await asyncio.to_thread(child.end)
 
     def order(self, **order: Any) -> None:
         """Send an order, as `ropeode.laboratory.worker` reads them."""
         self._stop_sent = time.monotonic() if "stop" in order else None
-        process = self._running()
-        assert process.stdin is not None
-        # The worker reads while it computes, so little waits here.
-        process.stdin.write(json.dumps(order).encode() + b"\n")
+        self._running().send(order)
 
-    async def said(self) -> bytes:
-        """The next message.
+    async def said(self) -> tuple[dict[str, Any], bytes]:
+        """The header of the next message, and the message.
 
         Raises:
-            Lost: the worker has died, did not say anything for too long, or takes too much
-                memory.
+            Lost: the worker has died, did not say anything for too long, takes too much memory,
+                or says what is no message.
         """
-        read = asyncio.ensure_future(self._read())
-        began = time.monotonic(), self._processor_s()
+        limits, child = self._limits, self._running()
+        wall = _WAITING * limits.seconds
+        if self._stop_sent is not None:
+            wall = min(wall, self._stop_sent + limits.stops_in - time.monotonic())
+        child.limit(sandbox.Limits(limits.seconds, wall, limits.memory))
         try:
-            while not read.done():
-                await asyncio.wait([read], timeout=_LOOKS_AGAIN_S)
-                if not read.done():
-                    self._check(*began)
-            return read.result()
-        finally:
-            read.cancel()
+            said = await asyncio.to_thread(child.read)
+            # Nobody waits for it until the next order.
+            child.limit(sandbox.Limits(memory=limits.memory))
+            if not isinstance(said, Ended):
+                return checked_header(said), said
+        except GuardLost:
+            raise Lost("ended the process that guards it") from None
+        except ValueError as error:
+            why = " ".join(str(error).split())
+            raise Lost(f"wrote something in place of its answer ({why:.200})") from None
+        if said.limit == "wall" and self._stop_sent is not None:
+            raise Lost("did not stop when nobody wanted it any more")
+        raise Lost(said.how)
 
     def wants_rest(self) -> bool:
         """Whether it takes more memory than one that has nothing to do should."""
-        return self._memory() > self._limits.tidy_memory
+        return self._running().memory() > self._limits.tidy_memory
 
-    def _running(self) -> Process:
-        assert self._process is not None, "the worker was not started"
-        return self._process
-
-    async def _read(self) -> bytes:
-        process = self._running()
-        assert process.stdout is not None
-        try:
-            (length,) = LENGTH.unpack(await process.stdout.readexactly(LENGTH.size))
-            return await process.stdout.readexactly(length)
-        except asyncio.IncompleteReadError:
-            # It may have closed its output and go on.
-            raise Lost(how_it_ended(await _end(process))) from None
-
-    def _check(self, began: float, processor_s: float) -> None:
-        limits, now = self._limits, time.monotonic()
-        if self._processor_s() - processor_s > limits.seconds:
-            raise Lost(f"did not finish within {limits.seconds:g} s of processor time")
-        if now - began > _WAITING * limits.seconds:
-            raise Lost(f"did not finish within {_WAITING * limits.seconds:g} s")
-        if self._stop_sent is not None and now - self._stop_sent > limits.stops_in:
-            raise Lost("did not stop when nobody wanted it any more")
-        if self._memory() > limits.memory:
-            raise Lost(f"needed more than {limits.memory / _MEBIBYTE:.0f} MiB of memory")
-
-    def _processor_s(self) -> float:
-        with contextlib.suppress(psutil.Error):
-            times = psutil.Process(self._running().pid).cpu_times()
-            return times.user + times.system
-        return 0.0
-
-    def _memory(self) -> int:
-        with contextlib.suppress(psutil.Error):
-            return psutil.Process(self._running().pid).memory_info().rss
-        return 0
-
-
-async def _end(process: Process) -> int:
-    """The exit code of a process that has ended by now, or is ended."""
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-    if process.stdin is not None:
-        process.stdin.close()
-    return await process.wait()
+    def _running(self) -> Child:
+        assert self._child is not None, "the worker was not started"
+        return self._child

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ropeode.display import Displayed
 from ropeode.errors import InputError, call_user_code
+from ropeode.json_form import json_shows
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems import checks
 from ropeode.problems.functions import again, evaluated_once, traced
@@ -93,6 +94,7 @@ class FirstOrderRhs:
         return rhs_in_float64(self.function, t, y, args)
 
 
+@json_shows("name", "frames", "t_start", "t_end", "parameters")
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Problem(Displayed):
     """An initial value problem ``y' = rhs(t, y, args)``, ``y(ts[0]) = y0``.
@@ -119,7 +121,8 @@ class Problem(Displayed):
         jump_times: times inside the span at which `rhs` jumps.
         constraints: ``constraints(t, y, args)`` in JAX gives, for some of `quantities`, what
             is zero along each solution, in the units of the quantity.
-        parameters: from which the library builds the problem, as plain JSON values.
+        parameters: from which the library builds the problem, as plain JSON values; for a rope
+            `kind`, `frames` and the arguments of `Rope`. Empty if there are none.
         mechanics: set by `Problem.second_order`.
         structure: set where the state is a pytree.
 
@@ -482,6 +485,16 @@ class Problem(Displayed):
     def quantities(self) -> tuple[str, ...]:
         """The quantities that have errors: position and velocity, or the state."""
         return ("state",) if self.mechanics is None else ("position", "velocity")
+
+    @property
+    def t_start(self) -> float:
+        """The first sample time."""
+        return float(self.ts[0])
+
+    @property
+    def t_end(self) -> float:
+        """The last sample time."""
+        return float(self.ts[-1])
 
     @property
     def frames(self) -> int:

@@ -38,6 +38,7 @@ from .options import AskedButRtol as AskedButRtol
 from .options import More as More
 from .options import ReferenceOptions as ReferenceOptions
 from .reference import Reference as Reference
+from .reference import ReferenceInNorm as ReferenceInNorm
 from .reference import problem_of as problem_of
 from .solvers.diffrax_counts import Counter as Counter
 from .solvers.one_run import solve as solve

@@ -15,6 +15,7 @@ import numpy as np
 
 from ropeode.display import Tabular
 from ropeode.equality import ByContent
+from ropeode.json_form import Unbounded, json_shows
 from ropeode.norms import NORMS, Norm, distance
 from ropeode.problems.problem import Problem
 from ropeode.references.solvers.solution import Solution
@@ -57,6 +58,7 @@ class Reason(enum.StrEnum):
     )
 
 
+@json_shows("solver", "tolerance", "role", "steps", "difference")
 @dataclasses.dataclass(frozen=True, eq=False)
 class Witness(ByContent):
     """A run that checks a reference.
@@ -64,17 +66,18 @@ class Witness(ByContent):
     Arguments:
         solver: which one.
         tolerance: its relative tolerance.
-        role: `tighter` and `looser` are runs of the primary solver, `independent` is another
-            solver, `neighbour` is the primary solver started one unit of rounding away, `short
-            steps` cannot step over what lasts longer than 1/32 of a frame, `rounding` is the
-            primary solver with each rounded number of the right-hand side moved by a unit, `close
-            look` ends its steps where the right-hand side does something between those of the
-            others, `more digits` is a run beyond float64, and `fewer digits` checks a reference in
-            extended precision.
+        role: `looser` and `tighter` are runs of the primary solver at another tolerance,
+            `neighbour` starts one unit of rounding away, `short steps` cannot step over what lasts
+            longer than 1/32 of a frame, `rounding` has each rounded number of the right-hand side
+            moved by a unit, `independent` is another solver, `more digits` is a run beyond
+            float64 (where heyoka is installed), `close look` is another solver that ends its steps
+            where the right-hand side does something between those of the others, and `fewer
+            digits` checks a reference in extended precision.
         steps: how many (diffrax counts rejected ones, SciPy does not).
         seconds: to run, without compiling.
         differences: its distance from the reference at each sample, for each quantity.
-        difference: the largest of the first quantity inside the horizon.
+        difference: the largest of the first quantity inside the horizon; not a number where it
+            did not arrive.
     """
 
     solver: Solver
@@ -83,7 +86,7 @@ class Witness(ByContent):
     steps: int
     seconds: float = dataclasses.field(compare=False)
     differences: Mapping[str, np.ndarray]
-    difference: float = np.nan
+    difference: Unbounded = np.nan
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,8 +122,8 @@ class Certificate(Tabular):
             constraints (for an inextensible rope: its links' lengths, and the rates at which
             these change). Empty for a problem without constraints.
         trusted: the number of leading samples inside the trust horizon.
-        horizon: the first sample time outside of it; None if there is none.
-        horizon_reason: why it ends there.
+        horizon: the first sample time outside the trust horizon; None if there is none.
+        horizon_reason: why it ends there; None likewise.
         witnesses: the runs that check the reference.
         stiff: the explicit solver needed too many steps, so that the solvers are implicit.
         seconds: for all the runs, without compiling.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.display import Sampled
+from ropeode.json_form import json_shows
 from ropeode.norms import Norm, norm_for
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.references.certificate import Certificate
@@ -139,6 +140,38 @@ class Reference(Sampled):
             fix = "make it with reference(problem, dense=True), or --dense on the command line"
             raise bad_value("dense", self.dense, allowed, fix)
         return self.dense
+
+
+@json_shows(
+    *(f"reference.certificate.{name}" for name in ("level", "solver", "rtol", "atol", "steps")),
+    *(f"reference.certificate.{name}" for name in ("stiff", "witnesses", "sampling")),
+    *("drift_max", "bound_max"),
+    *(f"reference.certificate.{name}" for name in ("accuracy", "horizon", "horizon_reason")),
+    "reference.certificate.versions",
+)
+@dataclasses.dataclass(frozen=True, eq=False)
+class ReferenceInNorm:
+    """What errors are measured against.
+
+    Arguments:
+        reference: with its certificate.
+        norm: in which they are measured.
+    """
+
+    reference: Reference
+    norm: Norm
+
+    @property
+    def drift_max(self) -> dict[str, float]:
+        """How far the trusted samples violate constraints, by quantity; empty if there are none."""
+        inside = slice(self.reference.trusted)
+        drift = self.reference.certificate.drift.items()
+        return {quantity: float(np.max(series[inside])) for quantity, series in drift}
+
+    @property
+    def bound_max(self) -> float:
+        """The largest estimated bound of the norm's quantity: that at the last trusted sample."""
+        return float(self.reference.bound(self.norm)[-1])
 
 
 def problem_of(problem: Problem | Reference) -> Problem:

@@ -1,47 +1,23 @@
-"""The report on a stepper or on trajectories, in every format."""
+"""The report on a stepper or on trajectories: the verdict, what explains it, the evidence."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any
 
 from ropeode.analysis.order import UNSOLVED
 from ropeode.checking.report import CheckReport, Claims, Convergence
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
-from ropeode.render.schemas.check import CheckForm, ConvergenceForm
-from ropeode.render.text_layout import columns, hanging, wrapped
+from ropeode.render.results import blocks, line, rows
 from ropeode.theory.diagnosis import Diagnosis
 
-SCHEMA: Literal["ropeode.check/1"] = "ropeode.check/1"
 _MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip": "skip"}
 _COLOURS = {"ok": "#00703c", "WRONG": "#c00000", "?": "#b25d00"}
-_REMEDY = "Fix: "
 _HEADERS = ("", "check", "finding")
 _NO_ORDER = {"does not converge": "none", "undetermined": "undetermined"}
 
 
-def as_text(report: CheckReport) -> str:
-    """The verdict, what explains it, a few lines for each check, and errors of a failed order."""
-    width = max(len(finding.check) for finding in report.findings)
-    lines = [*wrapped(title(report)), "", *wrapped(summary(report)), ""]
-    for diagnosis in report.diagnosis:
-        lines += wrapped(_cause(diagnosis))
-        lines += [*(hanging(_REMEDY, diagnosis.remedy) if diagnosis.remedy else []), ""]
-    for finding in report.findings:
-        head = f"{_MARKS[finding.status]:5}  {finding.check:{width}}  "
-        lines += hanging(head, finding.line)
-    if convergence := shown(report):
-        grid = _errors_grid(convergence)
-        lines += ["", *wrapped(_errors_title(convergence))]
-        lines += columns([grid.headers, *grid.rows], grid.left)
-    for note in report.notes:
-        words, code = _apart(note)
-        lines += ["", *wrapped(f"Note: {words}")]
-        lines += ["", *code.splitlines()] if code else []
-    return "\n".join([*lines, ""])
-
-
-def as_lines(report: CheckReport) -> list[dict[str, Any]]:
-    """One line for each check."""
+@rows.register
+def _(report: CheckReport) -> list[dict[str, Any]]:
     return [
         {
             "label": report.label,
@@ -53,98 +29,37 @@ def as_lines(report: CheckReport) -> list[dict[str, Any]]:
     ]
 
 
-def as_dict(report: CheckReport) -> CheckForm:
-    """The report in its JSON form."""
-    return {
-        "schema": SCHEMA,
-        "label": report.label,
-        "claims": report.claims,
-        "passed": report.passed,
-        "verdict": report.verdict,
-        "findings": [
-            {
-                "check": finding.check,
-                "status": finding.status,
-                "finding": finding.line,
-                "evidence": dict(finding.evidence),
-                "convergence": _convergence_dict(finding.convergence),
-            }
-            for finding in report.findings
-        ],
-        "diagnosis": [
-            {
-                "cause": each.cause,
-                "finding": each.line,
-                "remedy": each.remedy or None,
-                "evidence": dict(each.evidence),
-            }
-            for each in report.diagnosis
-        ],
-        "notes": list(report.notes),
-        "seconds": report.seconds,
-    }
-
-
-def _convergence_dict(convergence: Convergence | None) -> ConvergenceForm | None:
-    if convergence is None:
-        return None
-    return {
-        "problem": convergence.problem,
-        "expected": convergence.expected,
-        "dt": list(convergence.dts),
-        "quantities": {
-            quantity: {
-                "errors": list(convergence.errors[quantity]),
-                "resolution": convergence.resolution[quantity],
-                "limit_off": convergence.limits.get(quantity, (None, None))[0],
-                "limit_allowed": convergence.limits.get(quantity, (None, None))[1],
-                "observed": order.observed,
-                "ci95": order.ci95,
-                "verdict": order.verdict,
-                "why": order.why,
-                "used": list(order.used),
-                "left_out": list(order.left_out),
-                "add": list(order.add),
-            }
-            for quantity, order in convergence.orders.items()
-        },
-    }
-
-
-def line(report: CheckReport) -> str:
-    """What was checked, and the verdict."""
+@line.register
+def _(report: CheckReport) -> str:
     return f"{report.label}: {verdict(report)}"
 
 
-def blocks(report: CheckReport) -> list[Block]:
-    """The report as headings, paragraphs and tables."""
-    rows = [(_MARKS[each.status], each.check, each.line) for each in report.findings]
+@blocks.register
+def _(report: CheckReport) -> list[Block]:
+    findings = [(_MARKS[each.status], each.check, each.line) for each in report.findings]
     left, long = frozenset({0, 1, 2}), frozenset({2})
-    shown_blocks: list[Block] = [
+    page: list[Block] = [
         Heading(title(report)),
         Paragraph(summary(report)),
-        *map(Paragraph, diagnosis_lines(report)),
-        Grid(_HEADERS, rows, left, long, _COLOURS, folded=_counted(report)),
+        *(Paragraph("\n".join(_lines_of(each))) for each in report.diagnosis),
+        Grid(_HEADERS, findings, left, long, _COLOURS, folded=_counted(report)),
     ]
     if convergence := shown(report):
-        shown_blocks += [Paragraph(_errors_title(convergence)), _errors_grid(convergence)]
+        page += [Paragraph(_errors_title(convergence)), _errors_grid(convergence)]
     for note in report.notes:
         words, code = _apart(note)
-        shown_blocks += [Paragraph(f"Note: {words}"), *([Code(code)] if code else [])]
-    return shown_blocks
+        page += [Paragraph(f"Note: {words}"), *([Code(code)] if code else [])]
+    return page
 
 
 def diagnosis_lines(report: CheckReport) -> list[str]:
     """Each cause of failures, and how it is mended where that is known."""
-    return [
-        text
-        for each in report.diagnosis
-        for text in (_cause(each), *([f"{_REMEDY}{each.remedy}"] if each.remedy else []))
-    ]
+    return [text for each in report.diagnosis for text in _lines_of(each)]
 
 
-def _cause(diagnosis: Diagnosis) -> str:
-    return f"Diagnosis ({diagnosis.cause}): {diagnosis.line}"
+def _lines_of(diagnosis: Diagnosis) -> list[str]:
+    words = f"Diagnosis ({diagnosis.cause}): {diagnosis.line}"
+    return [words, *([f"Fix: {diagnosis.remedy}"] if diagnosis.remedy else [])]
 
 
 def _apart(note: str) -> tuple[str, str]:
@@ -245,12 +160,12 @@ def shown(report: CheckReport) -> Convergence | None:
 
 
 def _errors_title(convergence: Convergence) -> str:
-    return f"Largest errors on the problem {convergence.problem!r}, as dt goes to 0"
+    return f"Largest errors on the problem {convergence.problem!r}, as dt goes to 0:"
 
 
 def _errors_grid(convergence: Convergence) -> Grid:
     quantities = list(convergence.errors)
-    rows = [
+    runs = [
         (
             f"{dt:.4g}",
             *(_error(convergence, q, i) for q in quantities),
@@ -259,9 +174,9 @@ def _errors_grid(convergence: Convergence) -> Grid:
         for i, dt in enumerate(convergence.dts)
     ]
     headers = ("dt", *quantities, "not used")
-    if not any(row[-1] for row in rows):
-        headers, rows = headers[:-1], [row[:-1] for row in rows]
-    return Grid(headers, rows, left=frozenset({1 + len(quantities)}))
+    if not any(run[-1] for run in runs):
+        headers, runs = headers[:-1], [run[:-1] for run in runs]
+    return Grid(headers, runs, left=frozenset({1 + len(quantities)}))
 
 
 def _error(convergence: Convergence, quantity: str, i: int) -> str:

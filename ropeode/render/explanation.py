@@ -1,36 +1,27 @@
-"""The explanation of a stepper in every format."""
+"""The explanation of a stepper: what one step does, and what follows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from typing import Any
 
-from ropeode.render import data, markup, table_words
+from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
-from ropeode.render.schemas.explanation import (
-    DefectForm,
-    DifferenceForm,
-    EnergyForm,
-    ExplanationForm,
-    StabilityForm,
-)
+from ropeode.render.results import blocks, line, rows
 from ropeode.steppers.base import ProblemClass
 from ropeode.study.accuracy_table import AccuracyTable
-from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
+from ropeode.study.error_constant import AGREE, ErrorConstant
 from ropeode.study.explanation import ClassOrder, Explanation, LocalQuantity, LocalStep, Part
 from ropeode.theory.equal_steps import StepDifference
 from ropeode.theory.growth import StableSteps
 from ropeode.theory.linear_stability import LinearStability
 from ropeode.theory.modified_energy import ModifiedEnergy
-from ropeode.theory.recognised_methods import describe
 from ropeode.theory.solved_equation import SOLVES_ANOTHER
 from ropeode.theory.stability_limits import StabilityLimits, StableInterval
 from ropeode.theory.structure import Property
-from ropeode.theory.tableau_of_step import StepTableau
 from ropeode.validation import listed
 
-SCHEMA: Literal["ropeode.explain/1"] = "ropeode.explain/1"
 # Of the swing of the energy, what may be left where its leading correction explains it.
 _KEPT = 0.1
 _STABILITY = ("disturbances", "predicted", "dt", "measured")
@@ -43,21 +34,16 @@ _ORDERS = ("problems", "local", "observed", "declared")
 _CONSTANTS = ("error", "p", "C predicted", "C measured", "at", "ratio", "10% from", "1% from")
 
 
-def as_text(explanation: Explanation) -> str:
-    """Paragraphs and tables, for 80 columns."""
-    return markup.plain(blocks(explanation))
-
-
-def line(explanation: Explanation) -> str:
-    """The stepper, the problem, and the order in theory and in runs."""
+@line.register
+def _(explanation: Explanation) -> str:
     local = explanation.orders[0].local
     observed = table_words.observed_words(explanation.tables[0].orders[0].order)
     local_words = "not known" if local is None else str(local) if local > 0 else "none"
     return f"{title(explanation)}; local order {local_words}, observed {observed}"
 
 
-def blocks(explanation: Explanation) -> list[Block]:
-    """The page, part by part."""
+@blocks.register
+def _(explanation: Explanation) -> list[Block]:
     return [
         Heading(title(explanation)),
         *_other_problem(explanation),
@@ -140,8 +126,8 @@ def _identity_words(local: LocalStep) -> str:
     if local.order != -1:
         return f"At dt = 0 the step is the identity, to {_bound(local, 'identity')}."
     if local.wrong is not None:
-        line = local.wrong.line.removeprefix("at dt = 0 ")
-        return f"At dt = 0 the step is not the identity. {_sentence(line)}"
+        said = local.wrong.line.removeprefix("at dt = 0 ")
+        return f"At dt = 0 the step is not the identity. {_sentence(said)}"
     changes = listed(
         f"multiplies {_PLURAL[each.quantity]} by {1.0 + each.identity.factor:.7g}"
         if each.identity.factor is not None
@@ -211,7 +197,7 @@ def _local_grid(explanation: Explanation) -> Grid:
     known = local.order is not None and local.order >= 1
     if known:
         headers.insert(4, f"error/dt^{local.order + 1}")  # type: ignore[operator]
-    rows = []
+    quantities = []
     for each in local.quantities:
         shown = _shown_part(local, each)
         row = [
@@ -223,8 +209,8 @@ def _local_grid(explanation: Explanation) -> Grid:
         ]
         if known:
             row.insert(4, _size(each.local_error) if each.local_error else "-")
-        rows.append(row)
-    return Grid(headers, rows, left=frozenset({0, len(headers) - 1}))
+        quantities.append(row)
+    return Grid(headers, quantities, left=frozenset({0, len(headers) - 1}))
 
 
 def _shown_part(local: LocalStep, each: LocalQuantity) -> Part:
@@ -256,16 +242,8 @@ def likeness_words(explanation: Explanation) -> list[str]:
         names = listed(each.name for each in same)
         worst = max(each.largest for each in same)
         words.append(f"Its steps equal those of {names}, {_to(worst)}.")
-    words.append(tableau_words(explanation.tableau))
+    words.append(explanation.method)
     return words
-
-
-def tableau_words(found: StepTableau) -> str:
-    """The method that a step is by its coefficients, or why it has none."""
-    if found.tableau is None:
-        return f"Its step shows no Runge-Kutta or Nystrom coefficients: it {found.reason}."
-    words = describe(found.tableau)
-    return f"By the coefficients that its step shows, {words[0].lower()}{words[1:]}"
 
 
 def _compared_words(stepper: str, other: StepDifference) -> str:
@@ -287,7 +265,7 @@ def _to(difference: float) -> str:
 def _order_blocks(explanation: Explanation) -> list[Block]:
     table = explanation.tables[0]
     observed = table_words.order_cells(table, table.orders[0])
-    rows = [
+    classes = [
         (
             class_words(each, explanation),
             _local_order(each),
@@ -296,7 +274,7 @@ def _order_blocks(explanation: Explanation) -> list[Block]:
         )
         for each in explanation.orders
     ]
-    parts: list[Block] = [Grid(_ORDERS, rows, left=frozenset({0}))]
+    parts: list[Block] = [Grid(_ORDERS, classes, left=frozenset({0}))]
     for table in explanation.tables:
         order = table.orders[0]
         name = _PLURAL[table.norm.quantity]
@@ -335,10 +313,10 @@ def _local_order(each: ClassOrder) -> str:
 
 
 def _constant_blocks(explanation: Explanation) -> list[Block]:
-    rows = []
+    constants = []
     for table, constant in _constants(explanation):
         if constant.order is not None:
-            rows.append(
+            constants.append(
                 (
                     table.norm.name,
                     str(constant.order),
@@ -346,12 +324,12 @@ def _constant_blocks(explanation: Explanation) -> list[Block]:
                     "-" if constant.measured is None else f"{constant.measured:.5g}",
                     "-" if constant.dt is None else _steps_at(table, constant.dt),
                     "-" if constant.ratio is None else f"{constant.ratio:.4f}",
-                    _steps_at(table, constant.agree_from(AGREE)),
-                    _steps_at(table, constant.agree_from(AGREE_CLOSELY)),
+                    _steps_at(table, constant.agree_10_percent),
+                    _steps_at(table, constant.agree_1_percent),
                 )
             )
     parts: list[Block] = []
-    if rows:
+    if constants:
         last = explanation.reference.trusted - 1
         parts += [
             Paragraph(
@@ -361,7 +339,7 @@ def _constant_blocks(explanation: Explanation) -> list[Block]:
                 "open less than 1% of the error. The last columns say from how many steps per "
                 "frame on, up to there, the two agree to 10% and to 1%."
             ),
-            Grid(_CONSTANTS, rows, left=frozenset({0})),
+            Grid(_CONSTANTS, constants, left=frozenset({0})),
         ]
     return parts + [Paragraph(words) for words in constant_words(explanation)]
 
@@ -418,21 +396,21 @@ def _stability_blocks(found: LinearStability) -> list[Block]:
     parts: list[Block] = []
     if found.limits is not None:
         parts.append(Paragraph(_limits_words(found.limits)))
-    rows = [
+    limits = [
         (where, _steps(predicted and predicted.steps), _dt(predicted and predicted.steps), measured)
         for where, predicted, measured in (
             ("along the solution", found.predicted, _count(found.bounded_from)),
             ("about its equilibrium", found.predicted_at_rest, _steps(found.measured_at_rest)),
         )
     ]
-    if rows := [row for row in rows if any(cell != "-" for cell in row[1:])]:
+    if limits := [row for row in limits if any(cell != "-" for cell in row[1:])]:
         parts += [
             Paragraph(
                 "Steps per frame from which on nothing grows that does not grow in the solution: "
                 "predicted from the problem's eigenvalues, and measured. Along the solution, runs "
                 "are measured that do not blow up; slow growth does not show in a short run."
             ),
-            Grid(_STABILITY, rows, left=frozenset({0})),
+            Grid(_STABILITY, limits, left=frozenset({0})),
         ]
     return parts + [Paragraph(note) for note in found.notes]
 
@@ -470,7 +448,7 @@ def _dt(found: StableSteps | None) -> str:
 def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
     if isinstance(found, str):
         return [Paragraph(f"There is nothing to say: {found}.")]
-    rows = [
+    properties = [
         (
             name,
             _HOLDS[each.holds],
@@ -486,7 +464,7 @@ def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
             by_note.setdefault(each.note, []).append(name)
     return [
         Paragraph("Without damping, by what part one step misses what the exact solution keeps:"),
-        Grid(_STRUCTURE, rows, left=frozenset({0, 1})),
+        Grid(_STRUCTURE, properties, left=frozenset({0, 1})),
         *(Paragraph(f"{listed(names).capitalize()}: {note}.") for note, names in by_note.items()),
     ]
 
@@ -511,106 +489,7 @@ def energy_words(found: ModifiedEnergy | str | None) -> list[str]:
     return [f"{words}The ratio is {ratio:.5f}, and H + {power} H_{p} swings by {left:.1g} only."]
 
 
-def as_lines(explanation: Explanation) -> list[dict[str, Any]]:
-    """One line for each run and norm, with the prediction beside its error."""
-    lines = []
-    for table in explanation.tables:
-        lines += [{"norm": table.norm.name, **line} for line in data.as_lines(table)]
-    return lines
-
-
-def as_dict(explanation: Explanation) -> ExplanationForm:
-    """The explanation in its JSON form."""
-    local = explanation.local
-    order = explanation.tables[0].orders[0]
-    constants = [data.constant_dict(each) for _, each in _constants(explanation)]
-    return {
-        "schema": SCHEMA,
-        "stepper": explanation.stepper,
-        "problem": data.problem_dict(explanation.problem),
-        "identity_defect": _defect_dict(
-            {each.quantity: each.identity for each in local.quantities}, local, -1
-        ),
-        "rhs_defect": _defect_dict(
-            {each.quantity: each.rate for each in local.quantities}, local, 0
-        ),
-        "local_error": {each.quantity: each.local_error for each in local.quantities},
-        "one_step": local.one_step,
-        "order": {
-            "local": explanation.orders[0].local,
-            "at_least": explanation.orders[0].at_least,
-            "observed": order.order.observed,
-            "declared": order.expected,
-            "by_quantity": {each.quantity: each.order for each in local.quantities},
-            "classes": [
-                {
-                    "damped": each.of_class.damped,
-                    "at_rest": each.of_class.at_rest,
-                    "rigid": each.of_class.rigid,
-                    "own": each.own,
-                    "local": each.local,
-                    "at_least": each.at_least,
-                    "declared": each.declared,
-                }
-                for each in explanation.orders
-            ],
-        },
-        "error_constant": {
-            **constants[0],
-            "by_norm": {
-                table.norm.name: constant
-                for table, constant in zip(explanation.tables, constants, strict=True)
-            },
-        },
-        "stability": _stability_dict(explanation.stability),
-        "structure": explanation.structure,
-        "modified_energy": _energy_dict(explanation.modified),
-        "method": tableau_words(explanation.tableau),
-        "equal_to": [_difference_dict(each) for each in explanation.equal],
-        "compared_with": explanation.compared and _difference_dict(explanation.compared),
-        "tables": {table.norm.name: data.as_dict(table) for table in explanation.tables},
-    }
-
-
-def _energy_dict(found: ModifiedEnergy | str | None) -> EnergyForm | str | None:
-    if not isinstance(found, ModifiedEnergy):
-        return found
-    predicted, measured, left = found.swings
-    return {
-        "order": found.order,
-        "steps_per_frame": found.steps_per_frame,
-        "frames": len(found.times) - 1,
-        "predicted": predicted,
-        "measured": measured,
-        "ratio": measured / predicted if predicted else None,
-        "modified": left,
-    }
-
-
-def _defect_dict(parts: dict[str, Any], local: LocalStep, order: int) -> DefectForm:
-    """What is wrong at dt = 0 by quantity; in words and numbers, if it is of this order."""
-    wrong = local.wrong if local.order == order else None
-    return DefectForm(
-        **parts,
-        sentence=wrong and wrong.line,
-        coefficients=wrong and dict(wrong.evidence),
-    )
-
-
-def _stability_dict(found: LinearStability) -> StabilityForm:
-    """Steps per frame, along the solution and about its equilibrium; and the limits on the axes."""
-    along, at_rest, measured = found.predicted, found.predicted_at_rest, found.measured_at_rest
-    return {
-        "predicted": along and along.steps.steps_per_frame,
-        "measured": found.bounded_from,
-        "predicted_dt": along and along.steps.dt,
-        "predicted_at_rest": at_rest and at_rest.steps.steps_per_frame,
-        "measured_at_rest": measured and measured.steps_per_frame,
-        "imaginary_axis": found.limits and found.limits.imaginary.limit,
-        "real_axis": found.limits and found.limits.real and found.limits.real.limit,
-        "notes": list(found.notes),
-    }
-
-
-def _difference_dict(each: StepDifference) -> DifferenceForm:
-    return {"name": each.name, "largest": each.largest, "power": each.power, "same": each.same}
+@rows.register
+def _(explanation: Explanation) -> list[dict[str, Any]]:
+    """One for each run and norm, with the prediction beside its error."""
+    return [{"norm": table.norm.name, **row} for table in explanation.tables for row in rows(table)]

@@ -5,16 +5,15 @@ from __future__ import annotations
 import functools
 import importlib
 import importlib.util
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ropeode.errors import InputError
 from ropeode.render import markup
-from ropeode.render.data import as_dict, as_lines, csv_text, json_text
-from ropeode.render.documents import blocks
+from ropeode.render.data import csv_text, json_text
 from ropeode.render.latex_table import latex_table
 from ropeode.render.markup import Block
-from ropeode.render.plain_text import as_text
+from ropeode.render.results import blocks
 from ropeode.study.accuracy_table import AccuracyTable
 from ropeode.validation import bad_value, check_kind, unknown
 
@@ -23,32 +22,6 @@ if TYPE_CHECKING:
     from ropeode.study.explanation import Explanation
     from ropeode.study.horizon import Horizon
     from ropeode.study.work_precision import WorkPrecision
-
-
-def formats_of(
-    text: Callable[[Any], str],
-    blocks: Callable[[Any], Sequence[Block]],
-    lines: Callable[[Any], list[dict[str, Any]]],
-    values: Callable[[Any], Any],
-    drawings: Callable[[Any], Sequence[Block]] = lambda _: (),
-) -> dict[str, Callable[[Any], str]]:
-    """All formats of a kind of result.
-
-    Arguments:
-        text: writes it for a terminal.
-        blocks: its headings, paragraphs and tables, for documents.
-        lines: its lines for CSV, the columns by name.
-        values: its JSON form.
-        drawings: pictures at the end of its HTML page.
-    """
-    return {
-        "text": text,
-        "markdown": lambda result: markup.markdown(blocks(result)),
-        "latex": lambda result: markup.latex_part(blocks(result)),
-        "csv": lambda result: csv_text(lines(result)),
-        "json": lambda result: json_text(values(result)),
-        "html": lambda result: markup.html_page([*blocks(result), *drawings(result)]),
-    }
 
 
 def _drawn(name: str, draw: str, result: Any) -> list[Block]:
@@ -71,16 +44,34 @@ def _drawn_for_each_cost(study: WorkPrecision) -> list[Block]:
     return [markup.Drawing(picture_with_hover(study, cost)) for cost in COSTS]
 
 
-FORMATS = {
-    **formats_of(
-        as_text,
-        blocks,
-        as_lines,
-        as_dict,
-        functools.partial(_drawn, "convergence", "plot_convergence"),
-    ),
-    "latex": latex_table,
+FORMATS: dict[str, Callable[[Any], str]] = {
+    "text": lambda result: markup.plain(blocks(result)),
+    "markdown": lambda result: markup.markdown(blocks(result)),
+    "latex": lambda result: markup.latex_part(blocks(result)),
+    "csv": csv_text,
+    "json": json_text,
+    "html": lambda result: markup.html_page(blocks(result)),
 }
+
+
+def formatted(
+    result: Any, form: str, pictures: Callable[[Any], Sequence[Block]] = lambda _: ()
+) -> str:
+    """A result as text.
+
+    Arguments:
+        result: of any kind that `blocks` and `rows` know.
+        form: one of `FORMATS`.
+        pictures: at the end of its HTML page.
+
+    Raises:
+        InputError: there is no such format.
+    """
+    if form not in FORMATS:
+        raise InputError(unknown("format", form, FORMATS))
+    if form == "html":
+        return markup.html_page([*blocks(result), *pictures(result)])
+    return FORMATS[form](result)
 
 
 def format_table(table: AccuracyTable, form: str = "text", **layout: Any) -> str:
@@ -102,14 +93,16 @@ def format_table(table: AccuracyTable, form: str = "text", **layout: Any) -> str
         Accuracy of steppers: rope, 4 nodes, damping 0.01, 3 frames
         Error: largest distance of a node, over samples 1 to 3.
         ...
-        rk4
-            converges, order 3.9... [3.6..., 4.2...], 16 to 64 steps/frame; expected 4
+        stepper  expected  observed    95% interval  steps used  verdict
+        rk4             4     3.9...  [3.6..., 4.2...]    16 to 64  converges
         ...
     """
     check_kind("table", table, AccuracyTable, "accuracy_table")
-    if layout and form != "latex":
+    if form == "latex":
+        return latex_table(table, **layout)
+    if layout:
         raise bad_value("format", form, f"latex, with {', '.join(layout)}", "choose latex")
-    return formatted(table, form, {**FORMATS, "latex": functools.partial(latex_table, **layout)})
+    return formatted(table, form, functools.partial(_drawn, "convergence", "plot_convergence"))
 
 
 def format_horizon(study: Horizon, form: str = "text") -> str:
@@ -128,14 +121,11 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
         Horizon of float64 references: rope, 4 nodes, damping 0.01, 3 frames
         ...
     """
-    # Each kind of result is imported with its own renderer: few commands have two.
-    from ropeode.render import horizon as of
     from ropeode.study.horizon import Horizon
 
     check_kind("study", study, Horizon, "horizon")
     drawn = functools.partial(_drawn, "horizon", "plot_horizon")
-    forms = formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict, drawn)
-    return formatted(study, form, forms)
+    return formatted(study, form, drawn)
 
 
 def format_work_precision(study: WorkPrecision, form: str = "text") -> str:
@@ -157,12 +147,10 @@ def format_work_precision(study: WorkPrecision, form: str = "text") -> str:
         Work and precision: rope, 4 nodes, damping 0.01, 3 frames
         ...
     """
-    from ropeode.render import work_precision as of
     from ropeode.study.work_precision import WorkPrecision
 
     check_kind("study", study, WorkPrecision, "work_precision")
-    forms = formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict, _drawn_for_each_cost)
-    return formatted(study, form, forms)
+    return formatted(study, form, _drawn_for_each_cost)
 
 
 def format_check(report: CheckReport, form: str = "text") -> str:
@@ -180,14 +168,16 @@ def format_check(report: CheckReport, form: str = "text") -> str:
         >>> report = check_stepper("rk4", expected_order=4, only=["order-driven"])
         >>> print(format_check(report))
         Check of rk4: claimed to be of order 4
+        <BLANKLINE>
+        Right: 1 of 1 check passed, none failed (... s). On the problem 'driven' its order
+        is ...; expected 4.
+        <BLANKLINE>
         ok     order-driven  positions order ...
-        Right: 1 of 1 check passed, none failed (... s).
     """
     from ropeode.checking.report import CheckReport
-    from ropeode.render import check as of
 
     check_kind("report", report, CheckReport, "check_stepper")
-    return formatted(report, form, formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict))
+    return formatted(report, form)
 
 
 def format_explanation(explanation: Explanation, form: str = "text") -> str:
@@ -205,24 +195,12 @@ def format_explanation(explanation: Explanation, form: str = "text") -> str:
         >>> explained = explain_stepper("explicit-euler", Rope(num_nodes=4).problem(frames=3))
         >>> print(format_explanation(explained))
         explicit-euler: rope, 4 nodes, damping 0.01, 3 frames
-        One step
-        --------
-        At dt = 0 the step is the identity, to ...
+        <BLANKLINE>
+        In theory its order on this problem is 1; in its runs its order is ...
+        <BLANKLINE>
         ...
     """
-    from ropeode.render import explanation as of
     from ropeode.study.explanation import Explanation
 
     check_kind("explanation", explanation, Explanation, "explain_stepper")
-    return formatted(explanation, form, formats_of(of.as_text, of.blocks, of.as_lines, of.as_dict))
-
-
-def formatted(result: Any, form: str, formats: Mapping[str, Callable[[Any], str]]) -> str:
-    """A result as text, in the format of this name.
-
-    Raises:
-        InputError: there is no such format.
-    """
-    if form not in formats:
-        raise InputError(unknown("format", form, formats))
-    return formats[form](result)
+    return formatted(explanation, form)

@@ -1,22 +1,20 @@
-"""A horizon study in every format."""
+"""A horizon study: when which digit is lost, and what longer spans need."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from ropeode.norms import NORMS
 from ropeode.problems.ropes import ROPES
-from ropeode.render import markup, table_words
-from ropeode.render.data import problem_dict
+from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
-from ropeode.render.schemas.horizon import HorizonForm
+from ropeode.render.results import blocks, line, rows
 from ropeode.study.horizon import Growth, Horizon, Run
 
-SCHEMA: Literal["ropeode.horizon/1"] = "ropeode.horizon/1"
 # Digits that are left where errors are a few units of rounding.
 _KEPT = 14
 _RUNS = ("run", "tolerance", "role", "steps", "largest error", "digits left")
@@ -24,13 +22,9 @@ _DIGITS = ("digits left", "reference", "luckiest run", "certificate")
 _NEEDS = ("span", "digits lost", "digits needed", "95% interval", "bits", "known by")
 
 
-def as_text(study: Horizon) -> str:
-    """Tables between paragraphs, for 80 columns."""
-    return markup.plain(blocks(study))
-
-
-def as_lines(study: Horizon) -> list[dict[str, Any]]:
-    """One line for each sample: the bound, each run's error, and the digits lost."""
+@rows.register
+def _(study: Horizon) -> list[dict[str, Any]]:
+    """One for each sample: the bound, each run's error, and the digits lost."""
     columns = {"time": study.times, "bound": study.bound}
     kinds: Counter[str] = Counter()
     for run in study.runs:
@@ -39,18 +33,18 @@ def as_lines(study: Horizon) -> list[dict[str, Any]]:
         # There are two runs whose rounding is moved.
         columns[kind if kinds[kind] == 1 else f"{kind}, {kinds[kind]}"] = run.errors
     columns["digits lost in extended precision"] = study.lost
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return [dict(zip(columns, row, strict=True)) for row in rows]
+    samples = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, values, strict=True)) for values in samples]
 
 
-def line(study: Horizon) -> str:
-    """The problem, and where the trust in float64 ends."""
+@line.register
+def _(study: Horizon) -> str:
     trust = table_words.trust_words(study.reference.certificate)
     return f"{table_words.problem_words(study.problem)}; float64 {trust}"
 
 
-def blocks(study: Horizon) -> list[Block]:
-    """The tables, and the words around them."""
+@blocks.register
+def _(study: Horizon) -> list[Block]:
     parts: list[Block] = [
         Heading(f"Horizon of float64 references: {table_words.problem_words(study.problem)}"),
         Paragraph(truth_words(study)),
@@ -58,11 +52,11 @@ def blocks(study: Horizon) -> list[Block]:
         Paragraph(loss_words(study)),
     ]
     if _loses(study):
-        rows = [
+        digits = [
             (str(each.digits), _time(each.reference), _time(each.luckiest), _time(each.certificate))
             for each in study.digits_left
         ]
-        parts += [Grid(_DIGITS, rows, left=frozenset())]
+        parts += [Grid(_DIGITS, digits, left=frozenset())]
     parts += [Paragraph(words) for words in growth_words(study)]
     parts += [
         Paragraph(
@@ -171,47 +165,3 @@ def _run_cells(study: Horizon, run: Run) -> tuple[str, ...]:
 
 def _time(time: float | None) -> str:
     return "-" if time is None else f"{time:g}"
-
-
-def as_dict(study: Horizon) -> HorizonForm:
-    """The study in its JSON form."""
-    problem, reference, exponent = study.problem, study.reference, study.exponent
-    return {
-        "schema": SCHEMA,
-        "problem": problem_dict(problem),
-        "truth": {
-            "bits": (study.truth.coarse.precision, study.truth.fine.precision),
-            "digits": study.digits,
-            "t_end": float(study.times[-1]),
-            "failure": study.truth.failure,
-            "seconds": study.truth.seconds,
-        },
-        "size": study.size,
-        "times": study.times.tolist(),
-        "bound": study.bound.tolist(),
-        "horizon": reference.horizon,
-        "horizon_reason": reference.certificate.horizon_reason,
-        "largest_error_over_bound": study.worst_cover,
-        "runs": [
-            {
-                "solver": str(run.solver),
-                "tolerance": run.tolerance,
-                "role": run.role,
-                "steps": run.steps,
-                "errors": run.errors.tolist(),
-            }
-            for run in study.runs
-        ],
-        "digits_lost_in_extended_precision": study.lost.tolist(),
-        "digits_left": list(study.digits_left),
-        "growth": {"float64": study.float64_growth, "extended": study.extended_growth},
-        "lyapunov_exponent": {
-            "value": exponent.value,
-            "ci95": list(exponent.interval),
-            "sign": exponent.sign,
-            "resolution": exponent.resolution,
-            "t_end": float(exponent.times[-1]),
-            "failure": exponent.failure,
-        },
-        "needs": list(study.needs),
-    }

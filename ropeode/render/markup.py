@@ -12,7 +12,7 @@ from typing import NamedTuple
 from tabulate import tabulate
 
 from ropeode.render import latex
-from ropeode.render.text_layout import columns, wrapped
+from ropeode.render.text_layout import hanging, table, wrapped
 
 _STYLE = """
 :root { color-scheme: light }
@@ -64,7 +64,7 @@ class Section(NamedTuple):
 
 
 class Paragraph(NamedTuple):
-    """A paragraph."""
+    """A paragraph, which may have lines."""
 
     text: str
 
@@ -110,16 +110,24 @@ def plain(blocks: Sequence[Block]) -> str:
     lines: list[str] = []
     for block in blocks:
         if isinstance(block, Heading):
-            lines += wrapped(block.text)
+            lines += [*wrapped(block.text), ""]
         elif isinstance(block, Section):
             lines += [*[""] * (lines[-1] != ""), block.text, "-" * len(block.text)]
         elif isinstance(block, Paragraph):
-            lines += [*wrapped(block.text), ""]
+            lines += [*_paragraph(block.text), ""]
         elif isinstance(block, Code):
             lines += [*block.text.splitlines(), ""]
         elif isinstance(block, Grid):
-            lines += [*columns([block.headers, *block.rows], block.left), ""]
+            lines += [*table(block.headers, block.rows, block.left, block.long), ""]
     return "\n".join(lines)
+
+
+def _paragraph(text: str) -> list[str]:
+    """Its lines; of several, each stays to the right of a word that it begins with, as `Fix:`."""
+    if "\n" not in text:
+        return wrapped(text)
+    labelled = [re.fullmatch(r"(\w+: )?(.*)", each) for each in text.split("\n")]
+    return [line for each in labelled if each for line in hanging(each[1] or "", each[2])]
 
 
 def markdown(blocks: Sequence[Block], level: int = 1) -> str:
@@ -132,7 +140,7 @@ def markdown(blocks: Sequence[Block], level: int = 1) -> str:
         blocks,
         heading=lambda text: f"{'#' * level} {text}",
         section=lambda text: f"{'#' * (level + 1)} {text}",
-        paragraph=lambda text: text,
+        paragraph=lambda text: text.replace("\n", "\\\n"),
         grid=lambda grid: _tabulated(grid, "pipe", cell),
         code=_fenced,
     )
@@ -161,7 +169,7 @@ def latex_part(blocks: Sequence[Block]) -> str:
         blocks,
         heading=bold,
         section=bold,
-        paragraph=lambda words: latex.text(words) + "\n",
+        paragraph=lambda words: "\\\\\n".join(map(latex.text, words.split("\n"))) + "\n",
         grid=grid,
         code=lambda words: f"\\begin{{verbatim}}\n{words.rstrip()}\n\\end{{verbatim}}",
     )
@@ -200,7 +208,7 @@ def html_part(blocks: Sequence[Block], level: int) -> str:
         blocks,
         heading=lambda text: f"<h{level}>{html.escape(text)}</h{level}>",
         section=lambda text: f"<h{level + 1}>{html.escape(text)}</h{level + 1}>",
-        paragraph=lambda text: f"<p>{html.escape(text)}</p>",
+        paragraph=lambda text: f"<p>{html.escape(text)}</p>".replace("\n", "<br>\n"),
         grid=_html_grid,
         code=lambda text: f"<pre>{html.escape(text.rstrip())}</pre>",
     )

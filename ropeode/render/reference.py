@@ -1,4 +1,4 @@
-"""References and stored references, as text for a terminal."""
+"""References that are stored, and what they claim."""
 
 from __future__ import annotations
 
@@ -15,93 +15,90 @@ from ropeode.references.files.store import Facts
 from ropeode.references.files.verify import Verification
 from ropeode.references.hints import remarks
 from ropeode.references.reference import Reference
+from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph, plain
+from ropeode.render.results import blocks
 from ropeode.render.table_words import trust_words
-from ropeode.render.text_layout import columns, wrapped
 
 _COLUMNS, _ROWS = 60, 8
 _SPARKS = 24
+_WITNESSES = ("witness", "tolerance", "role", "steps", "difference")
+_LIBRARY = ("name", "level", "samples", "until t =", "error bound", "title")
+_DISTANCES = ("quantity", "at most apart", "verdict")
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 
 
 def describe_reference(reference: Reference) -> str:
-    """One paragraph on a reference that has just been computed."""
+    """A few paragraphs on a reference that has just been computed, for a terminal."""
     problem, dense = reference.problem, reference.dense
-    between = [] if dense is None else _dense_claim(dense.times, dense.order, dense.bounds)
-    return _lines(
-        wrapped(f"{problem.name}, {problem.frames} frames: {claim(reference.certificate)}"),
-        between,
-        *(wrapped(remark) for remark in remarks(reference)),
-    )
+    lines = [f"{problem.name}, {problem.frames} frames: {claim(reference.certificate)}"]
+    if dense is not None:
+        lines.append(_dense_claim(dense.times, dense.order, dense.bounds))
+    return plain([Paragraph("\n".join([*lines, *remarks(reference)]))])
 
 
-def as_text(facts: Facts) -> str:
+@blocks.register
+def _(facts: Facts) -> list[Block]:
     """All that a file says of its reference, with a plot of its bound."""
     certificate, times = facts.certificate, facts.numbers["time"]
     parameters = dict(facts.problem.parameters)
-    rows = [
+    witnesses = [
         (str(w.solver), f"{w.tolerance:.0e}", w.role, str(w.steps), f"{w.difference:.1e}")
         for w in certificate.witnesses
     ]
-    witnesses = columns([("witness", "tolerance", "role", "steps", "difference"), *rows])
     first_bound = next(iter(certificate.bounds.values()))
     versions = ", ".join(f"{name} {number}" for name, number in certificate.versions.items())
     span = f"{len(times)} samples from t = {times[0]:g} to {times[-1]:g}."
     kind = parameters.pop("kind", None)
     listed = ", ".join(f"{name} {value_words(value)}" for name, value in parameters.items())
-    return _lines(
-        wrapped(f"{facts.problem.name}" + (f" ({kind}): {listed}" if kind else "")),
-        wrapped(f"{span} {claim(certificate)}"),
-        _stored_dense_claim(facts),
-        [""],
-        witnesses,
-        [""],
-        _plot(times[: certificate.trusted], first_bound[: certificate.trusted]),
-        [""],
-        wrapped(f"Computed with {versions}."),
-        [f"sha256 {facts.digest}"],
-    )
+    plot = _plot(times[: certificate.trusted], first_bound[: certificate.trusted])
+    return [
+        Heading(f"{facts.problem.name}" + (f" ({kind}): {listed}" if kind else "")),
+        Paragraph(" ".join([span, claim(certificate), *_stored_dense_claim(facts)])),
+        Grid(_WITNESSES, witnesses, left=frozenset({0, 2})),
+        Code("\n".join(line.rstrip() for line in plot)),
+        Paragraph(f"Computed with {versions}."),
+        Paragraph(f"sha256 {facts.digest}"),
+    ]
 
 
 def library_list(entries: Mapping[str, Entry]) -> str:
-    """The stored library, two lines for each entry."""
+    """The stored library, for a terminal."""
     rows = [
-        (name, entry.level, str(entry.samples), f"{entry.end:g}", f"{entry.bound:.1e}")
-        for name, entry in entries.items()
+        (name, each.level, str(each.samples), f"{each.end:g}", f"{each.bound:.1e}", each.title)
+        for name, each in entries.items()
     ]
-    head, *lines = columns([("name", "level", "samples", "until t =", "error bound"), *rows])
-    titled = [
-        part
-        for line, entry in zip(lines, entries.values(), strict=True)
-        for part in (line, f"    {entry.title}")
-    ]
-    return _lines(
-        [head],
-        titled,
-        [""],
-        wrapped(
-            "Bounds are those at the last sample, of positions or of the state. Use a name in "
-            "place of a file: `ropeode reference show NAME`, `ropeode table --reference NAME`, "
-            'ropeode.load("NAME").'
-        ),
+    words = (
+        "Bounds are those at the last sample, of positions or of the state. Use a name in place of "
+        "a file: `ropeode reference show NAME`, `ropeode table --reference NAME`, "
+        'ropeode.load("NAME").'
     )
+    left, long = frozenset({0, 1, 5}), frozenset({5})
+    return plain([Grid(_LIBRARY, rows, left, long), Paragraph(words)])
 
 
-def verification_text(verification: Verification) -> str:
-    """The result of a verification."""
-    certificate = verification.recomputed.certificate
-    lines = [
-        f"{verification.path}: checksum, structure and problem are right; sha256 "
-        f"{verification.digest}",
-        f"Computed again: {certificate.solver} at rtol {certificate.rtol:.0e}, "
-        f"{verification.samples} of {verification.of} samples compared"
-        f"{_why_not_all(verification)}.",
+@blocks.register
+def _(verification: Verification) -> list[Block]:
+    certificate, outside = verification.recomputed.certificate, verification.outside
+    distances = [
+        (
+            quantity,
+            f"{largest:.1e}",
+            f"OUTSIDE the bounds from t = {outside[quantity]:g} on"
+            if quantity in outside
+            else "within the bounds",
+        )
+        for quantity, largest in verification.distances.items()
     ]
-    for quantity, largest in verification.distances.items():
-        verdict = "within the bounds"
-        if quantity in verification.outside:
-            verdict = f"OUTSIDE the bounds from t = {verification.outside[quantity]:g} on"
-        lines.append(f"{quantity}: at most {largest:.1e} apart, {verdict}.")
-    return _lines(*(wrapped(line) for line in lines))
+    return [
+        Heading(f"{verification.path}: {'DISAGREES' if outside else 'agrees'}"),
+        Paragraph(f"Checksum, structure and problem are right; sha256 {verification.digest}."),
+        Paragraph(
+            f"Computed again: {certificate.solver} at rtol {certificate.rtol:.0e}, "
+            f"{verification.samples} of {verification.of} samples compared"
+            f"{_why_not_all(verification)}."
+        ),
+        Grid(_DISTANCES, distances, left=frozenset({0, 2})),
+    ]
 
 
 def _why_not_all(verification: Verification) -> str:
@@ -127,9 +124,9 @@ def claim(certificate: Certificate) -> str:
     )
 
 
-def _dense_claim(times: np.ndarray, order: int, bounds: Mapping[str, np.ndarray]) -> list[str]:
+def _dense_claim(times: np.ndarray, order: int, bounds: Mapping[str, np.ndarray]) -> str:
     listed = ", ".join(f"{quantity} {series[-1]:.1e}" for quantity, series in bounds.items())
-    return wrapped(
+    return (
         f"Dense output to t = {times[-1]:g}: {len(times)} nodes, order {order}. Estimated error "
         f"bound at any time: {listed}."
     )
@@ -141,7 +138,7 @@ def _stored_dense_claim(facts: Facts) -> list[str]:
         return []
     bounds = {q: facts.numbers[dense_name("bound", q)] for q in quantities}
     count = facts.numbers[f"dense_{quantities[0]}"].shape[1]
-    return _dense_claim(facts.numbers["dense_time"], 2 * count, bounds)
+    return [_dense_claim(facts.numbers["dense_time"], 2 * count, bounds)]
 
 
 def sparkline(values: np.ndarray) -> str:
@@ -166,9 +163,9 @@ def _plot(times: np.ndarray, bound: np.ndarray) -> list[str]:
     wide = max(1, _COLUMNS // len(columns))
     lines = ["estimated error bound"]
     for row in reversed(range(_ROWS)):
-        blocks = "".join(_BLOCKS[int(np.clip(level - 8 * row, 0, 8))] * wide for level in filled)
+        bars = "".join(_BLOCKS[int(np.clip(level - 8 * row, 0, 8))] * wide for level in filled)
         label = {_ROWS - 1: f"1e{high:+03.0f}", 0: f"1e{low:+03.0f}"}.get(row, "")
-        lines.append(f"{label:>7} |{blocks}")
+        lines.append(f"{label:>7} |{bars}")
     lines.append(f"{'':>7} +{'-' * wide * len(columns)}")
     end = f"t = {times[-1]:g}"
     lines.append(f"{'':>9}{f't = {times[0]:g}':<{max(1, wide * len(columns) - len(end))}}{end}")
@@ -179,7 +176,3 @@ def value_words(value: Any) -> str:
     """A parameter in a word or two."""
     text = f"{value:g}" if isinstance(value, float) else json.dumps(value)
     return text if len(text) <= 30 else "one for each"
-
-
-def _lines(*parts: list[str]) -> str:
-    return "\n".join(line.rstrip() for part in parts for line in part) + "\n"

@@ -1,63 +1,61 @@
-"""A sweep for a terminal of 80 columns, and as a page."""
+"""A sweep: its design, its progress, and what became of each stepper."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
-from ropeode.render.text_layout import hanging, wrapped
+from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.results import blocks, line, rows
 from ropeode.sweep.design.columns import STATUSES
 from ropeode.sweep.storage.summary import StepperSummary, SweepSummary
 from ropeode.validation import shown
 
+_STATUS = ("status", "cases", "meaning")
+_STEPPER = ("stepper", "runs", "max error", "order", "largest stable dt")
 _REASONS = 5
 _LONGEST_REASON = 200
 
 
-def as_text(summary: SweepSummary) -> str:
-    """The spec, the progress, and a summary for each stepper."""
-    lines = [
-        *wrapped(f"Sweep in {line(summary)}"),
-        *(each for words in _design_words(summary.spec) for each in wrapped(words)),
-        "",
-        *(
-            line
-            for status, meaning in STATUSES.items()
-            if (number := summary.statuses[status])
-            for line in hanging(f"{status:12} {number:>10}  ", meaning)
-        ),
-    ]
-    for name, stepper in summary.steppers.items():
-        lines += ["", name, *(line for text in _results(stepper) for line in wrapped(text, 4))]
-    if summary.reasons:
-        lines += ["", "Most frequent reasons"]
-        lines += [each for words in _reason_words(summary) for each in wrapped(words, 4)]
-    return "\n".join([*lines, ""])
-
-
-def line(summary: SweepSummary) -> str:
-    """The folder and the progress."""
+@line.register
+def _(summary: SweepSummary) -> str:
     return f"{summary.folder}: {summary.done} of {summary.total} cases"
 
 
-def blocks(summary: SweepSummary) -> list[Block]:
-    """The spec, the progress, and a section for each stepper."""
-    rows = [
+@blocks.register
+def _(summary: SweepSummary) -> list[Block]:
+    statuses = [
         (status, str(number), meaning)
         for status, meaning in STATUSES.items()
         if (number := summary.statuses[status])
     ]
+    steppers = [(name, *_results(each)) for name, each in summary.steppers.items()]
     parts: list[Block] = [
         Heading(f"Sweep in {line(summary)}"),
-        *(Paragraph(words) for words in _design_words(summary.spec)),
-        Grid(("status", "cases", "meaning"), rows, left=frozenset({0, 2}), long=frozenset({2})),
+        Paragraph("\n".join(_design_words(summary.spec))),
+        Grid(_STATUS, statuses, left=frozenset({0, 2}), long=frozenset({2})),
+        Grid(_STEPPER, steppers, left=frozenset(range(5)), long=frozenset(range(1, 5))),
     ]
-    for name, stepper in summary.steppers.items():
-        parts += [Section(name), *(Paragraph(words) for words in _results(stepper))]
     if summary.reasons:
-        parts += [Section("Most frequent reasons"), *map(Paragraph, _reason_words(summary))]
+        words = "\n".join(_reason_words(summary))
+        parts += [Paragraph(f"Most frequent reasons:\n{words}")]
     return parts
+
+
+@rows.register
+def _(summary: SweepSummary) -> list[dict[str, Any]]:
+    return [
+        {
+            "stepper": name,
+            **each.counts["status"],
+            **{
+                f"{column}_{end}": value
+                for column, ends in each.ranges.items()
+                for end, value in zip(("least", "greatest"), ends, strict=True)
+            },
+        }
+        for name, each in summary.steppers.items()
+    ]
 
 
 def _reason_words(summary: SweepSummary) -> Iterator[str]:
@@ -84,29 +82,23 @@ def _design_words(spec: Mapping[str, Any]) -> list[str]:
     return [f"Problem: {', '.join([problem, *fixed])}", f"Design: {' x '.join(words)}"]
 
 
-def _results(stepper: StepperSummary) -> list[str]:
-    """One sentence on the runs, one on errors, one on orders, one on stability."""
+def _results(stepper: StepperSummary) -> tuple[str, ...]:
+    """The cells under `_STEPPER`, but for its name."""
     counts, ranges = stepper.counts, stepper.ranges
-    sentences = [", ".join(f"{n} {status}" for status, n in counts["status"].most_common())]
     errors = []
     if "error_max" in ranges:
         low, high = ranges["error_max"]
         errors.append(f"{low:.3e} to {high:.3e}")
     if unresolved := counts["resolved"][False]:
         errors.append(f"{unresolved} unresolved")
-    if errors:
-        sentences.append(f"max error {'; '.join(errors)}")
-    verdicts = {name: n for name, n in counts["order_verdict"].most_common() if name}
-    if verdicts:
-        words = ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())
-        if "observed_order" in ranges:
-            low, high = ranges["observed_order"]
-            words += f"; observed {low:.3f} to {high:.3f}"
-        expected = [str(order or "none") for order in counts["expected_order"] if order is not None]
-        if expected:
-            words += f"; expected {' or '.join(sorted(expected))}"
-        sentences.append(f"order: {words}")
-    if "largest_stable_dt" in ranges:
-        low, high = ranges["largest_stable_dt"]
-        sentences.append(f"largest stable dt {low:.4g} to {high:.4g}")
-    return sentences
+    orders = [f"{n} {verdict}" for verdict, n in counts["order_verdict"].most_common() if verdict]
+    words = [", ".join(orders)] if orders else []
+    if orders and "observed_order" in ranges:
+        low, high = ranges["observed_order"]
+        words.append(f"observed {low:.3f} to {high:.3f}")
+    expected = [str(order or "none") for order in counts["expected_order"] if order is not None]
+    if orders and expected:
+        words.append(f"expected {' or '.join(sorted(expected))}")
+    stable = "{:.4g} to {:.4g}".format(*ends) if (ends := ranges.get("largest_stable_dt")) else ""
+    runs = ", ".join(f"{n} {status}" for status, n in counts["status"].most_common())
+    return runs, "; ".join(errors), "; ".join(words), stable

@@ -13,7 +13,7 @@ from ropeode.problems.ropes import ROPES
 from ropeode.references.certificate import Certificate
 from ropeode.references.hints import remarks
 from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
-from ropeode.study.error_constant import AGREE, AGREE_CLOSELY, ErrorConstant
+from ropeode.study.error_constant import AGREE_CLOSELY, ErrorConstant
 from ropeode.validation import counted
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def constant_words(table: AccuracyTable, each: StepperOrder) -> str | None:
         return f"{words}; no run can be held against it"
     where = steps_at(table, each.stepper, constant.dt)
     words += f", measured {constant.ratio:.4f} times that at {where} steps/frame"
-    first = constant.agree_from(AGREE)
+    first = constant.agree_10_percent
     if first is None:
         return f"{words}: {unlike_words(constant)}"
     if abs(constant.ratio - 1.0) > AGREE_CLOSELY:

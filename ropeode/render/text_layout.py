@@ -8,6 +8,8 @@ from collections.abc import Collection, Sequence
 from tabulate import tabulate
 
 WIDTH = 80
+# Text is not broken into lines shorter than this.
+_NARROWEST = 40
 
 
 def wrapped(text: str, indent: int = 0) -> list[str]:
@@ -41,3 +43,55 @@ def columns(rows: Sequence[Sequence[str]], left: Collection[int] | None = None) 
     # tabulate pads headers, which would make tables too wide: for it they are a row like others.
     table = tabulate(rows, tablefmt="plain", disable_numparse=True, colalign=sides)
     return [line.rstrip() for line in table.splitlines()]
+
+
+def table(
+    headers: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    left: Collection[int],
+    long: Collection[int] = (),
+) -> list[str]:
+    """The lines of a table, whatever it takes to keep within the width.
+
+    A long last column is broken into lines. Other long columns stand below their rows, and if
+    that does not do, the first column stands above them, once for rows that share it.
+
+    Arguments:
+        headers: of the columns; without a first one there is no line of headers.
+        rows: cells as text.
+        left: the columns whose text is flush left.
+        long: the columns whose text may be broken into lines.
+    """
+    head = [headers] if headers[0] else []
+
+    def shown(chosen: Sequence[int]) -> list[str]:
+        cells = [[row[i] for i in chosen] for row in (*head, *rows)]
+        return columns(cells, [at for at, i in enumerate(chosen) if i in left])
+
+    *others, last = range(len(headers))
+    if _fits(whole := shown([*others, last])):
+        return whole
+    if {*long} == {last}:
+        begun = shown(others)
+        width = max(map(len, begun)) + 2
+        if width <= WIDTH - _NARROWEST:
+            texts = [row[last] for row in (*head, *rows)]
+            pairs = zip(begun, texts, strict=True)
+            return [each for line, text in pairs for each in hanging(line.ljust(width), text)]
+    short = [i for i in range(len(headers)) if i not in long]
+    apart = len(short) == 1 or not _fits(shown(short))
+    beside = short[1:] if apart else short
+    lines = iter(shown(beside) if beside else ())
+    written, above = [next(lines) for _ in head if beside], None
+    for row in rows:
+        if apart and row[0] != above:
+            above = row[0]
+            written.append(above)
+        written += [next(lines)] if beside else []
+        for i in sorted(long):
+            written += wrapped(f"{headers[i]}: {row[i]}", 4) if row[i] else []
+    return written
+
+
+def _fits(lines: Sequence[str]) -> bool:
+    return max(map(len, lines)) <= WIDTH

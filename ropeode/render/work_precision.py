@@ -1,15 +1,12 @@
-"""A work-precision study in every format."""
+"""A work-precision study: what errors cost, and the runs that show it."""
 
 from __future__ import annotations
 
-import itertools
-from typing import Any, Literal
+from typing import Any
 
-from ropeode.render import markup, table_words
-from ropeode.render.data import problem_dict, reference_dict
-from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
-from ropeode.render.schemas.work_precision import CostAxisForm, WorkPrecisionForm
-from ropeode.render.text_layout import WIDTH, columns
+from ropeode.render import table_words
+from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.render.results import blocks, line, rows
 from ropeode.study.work_precision import (
     COSTS,
     RUN_LIMIT,
@@ -21,7 +18,6 @@ from ropeode.study.work_precision import (
 )
 from ropeode.validation import counted
 
-SCHEMA: Literal["ropeode.work-precision/1"] = "ropeode.work-precision/1"
 COST_WORDS: dict[Cost, str] = {
     "seconds": "milliseconds",
     "rhs_evaluations": "evaluations of the right-hand side",
@@ -36,55 +32,14 @@ _KEY = (
 )
 
 
-def as_text(study: WorkPrecision) -> str:
-    """What errors cost, then a block of runs for each method, for 80 columns."""
-    head, *rest = blocks(study)
-    assert isinstance(head, Heading)
-    runs = next(block for block in rest if isinstance(block, Grid) and "max error" in block.headers)
-    at = rest.index(runs)
-    return "\n".join(
-        [
-            markup.plain([head, *map(_narrow, rest[:at])]).rstrip("\n"),
-            "",
-            *_runs_by_method(study),
-            "",
-            markup.plain(rest[at + 1 :]),
-        ]
-    )
-
-
-def _narrow(block: Block) -> Block:
-    """The block, or lines of its own for each method where it is a table that is too wide."""
-    if not isinstance(block, Grid):
-        return block
-    rows = [block.headers, *block.rows]
-    if max(map(len, columns(rows, block.left))) <= WIDTH:
-        return block
-    _, *names = [row[0] for row in rows]
-    header, *lines = columns([("", *row[1:]) for row in rows], left=())
-    return Code("\n".join([header, *itertools.chain(*zip(names, lines, strict=True))]))
-
-
-def _runs_by_method(study: WorkPrecision) -> list[str]:
-    front = study.front()
-    cells = [run_cells(study, row, row in front) for row in study.rows]
-    header, *lines = columns([RUN_HEADERS, *cells], left=())
-    shown = [header]
-    of_rows = list(zip(study.rows, lines, strict=True))
-    for method, family in study.methods.items():
-        shown.append(f"{method} ({family})")
-        shown += [line for row, line in of_rows if row.method == method]
-    return shown
-
-
-def line(study: WorkPrecision) -> str:
-    """The problem, and how many runs of how many methods."""
+@line.register
+def _(study: WorkPrecision) -> str:
     words = f"{table_words.problem_words(study.problem)}; {counted(len(study.rows), 'run')}"
     return f"{words} of {counted(len(study.methods), 'method')}"
 
 
-def blocks(study: WorkPrecision) -> list[Block]:
-    """What errors cost, the runs, and the words around them."""
+@blocks.register
+def _(study: WorkPrecision) -> list[Block]:
     parts: list[Block] = [
         Heading(f"Work and precision: {table_words.problem_words(study.problem)}"),
         Paragraph(error_words(study)),
@@ -93,7 +48,9 @@ def blocks(study: WorkPrecision) -> list[Block]:
         parts += [Paragraph(f"Least {COST_WORDS[cost]} known to reach a max error:")]
         parts += [_reached_grid(study, cost)]
     front = study.front()
-    runs = [(row.method, *run_cells(study, row, row in front)) for row in study.rows]
+    runs = [
+        (f"{row.method} ({row.family})", *run_cells(study, row, row in front)) for row in study.rows
+    ]
     parts += [
         Paragraph(_KEY),
         Paragraph(run_words(study)),
@@ -180,11 +137,11 @@ def _ms(seconds: float) -> str:
 
 def _reached_grid(study: WorkPrecision, cost: Cost) -> Grid:
     by_target = [study.costs_to_reach(target, cost) for target in TARGETS]
-    rows = [
+    methods = [
         (of_method[0].method, *(_reached_cell(each, cost) for each in of_method))
         for of_method in zip(*by_target, strict=True)
     ]
-    return Grid(("method", *(f"{target:g}" for target in TARGETS)), rows, left=frozenset({0}))
+    return Grid(("method", *(f"{target:g}" for target in TARGETS)), methods, left=frozenset({0}))
 
 
 def _reached_cell(each: CostToReach, cost: Cost) -> str:
@@ -197,8 +154,9 @@ def _reached_cell(each: CostToReach, cost: Cost) -> str:
     return f"{most}{value} ({times}){star}"
 
 
-def as_lines(study: WorkPrecision) -> list[dict[str, Any]]:
-    """One line for each run, with what the reference resolves and the fronts that it is on."""
+@rows.register
+def _(study: WorkPrecision) -> list[dict[str, Any]]:
+    """One for each run, with what the reference resolves and the fronts that it is on."""
     fronts = {cost: study.front(cost) for cost in COSTS}
     return [
         {
@@ -209,29 +167,3 @@ def as_lines(study: WorkPrecision) -> list[dict[str, Any]]:
         }
         for row in study.rows
     ]
-
-
-def as_dict(study: WorkPrecision) -> WorkPrecisionForm:
-    """The study in its JSON form."""
-    return {
-        "schema": SCHEMA,
-        "problem": problem_dict(study.problem),
-        "norm": study.norm.name,
-        "reference": reference_dict(study.reference, study.norm),
-        "resolution": study.resolution,
-        "energy_resolution": study.energy_resolution,
-        "run_limit": study.run_limit,
-        "rounds": study.rounds,
-        "rows": list(study.rows),
-        "costs": [_cost_axis(study, cost) for cost in COSTS],
-    }
-
-
-def _cost_axis(study: WorkPrecision, cost: Cost) -> CostAxisForm:
-    return {
-        "cost": cost,
-        "front": [{"method": row.method, "effort": row.effort} for row in study.front(cost)],
-        "costs_to_reach": [
-            each for target in TARGETS for each in study.costs_to_reach(target, cost)
-        ],
-    }

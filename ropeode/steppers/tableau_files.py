@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import math
 import re
 import warnings
-from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, ValidationInfo
 
 from ropeode.errors import InputError, InputWarning
 from ropeode.files import parse_toml, read_text
 from ropeode.steppers.registry import STEPPERS
 from ropeode.steppers.runge_kutta import RungeKutta
-from ropeode.tableaus.stages import Number, Row, number, same
+from ropeode.tableaus.stages import Matrix, Number, Row, number, same
 from ropeode.tableaus.tableau import Tableau
-from ropeode.validation import bad_value, check_whole, complaint, unknown
+from ropeode.validation import Input, WholePositive, bad_value, complaint, field
 
 # What the text of such a stepper begins with.
 PREFIX = "runge-kutta"
 # Sums over trees of more stages take long, and other texts may be numbers of millions of digits.
 _MOST_STAGES, _LONGEST, _HUGE = 256, 100, re.compile(r"[eE][+-]?[\d_]{4,}")
-_KEYS = ("A", "b", "c", "name", "order")
 _EXAMPLE = 'for Heun\'s method A = [[], [1]], b = ["1/2", "1/2"]'
 
 
@@ -94,102 +95,114 @@ def tableau_stepper(text: str, folder: Path) -> OwnTableau:
 @functools.lru_cache(maxsize=64)
 def _from_text(text: str, path: str, contents: str) -> tuple[OwnTableau, tuple[str, ...]]:
     """The stepper, and what is doubtful about it."""
-    given = parse_toml("stepper", path, contents, "docs/howto/steppers.md for one")
-    tableau, faults = _tableau(given)
-    faults += [unknown("key", key, _KEYS) for key in given if key not in _KEYS]
-    name = given.get("name", text)
-    if not isinstance(name, str) or not name.isprintable() or not name.strip() or _is_taken(name):
-        allowed = "a line of text that is not the name of a stepper of ropeode"
-        faults.append(complaint("name", name, allowed, 'for example name = "my method"'))
-    claimed = 0
-    if "order" in given:
-        try:
-            claimed = check_whole("order", given["order"], at_least=1, example="4")
-        except InputError as error:
-            faults += error.problems
-    if tableau is not None and claimed > tableau.order:
-        faults.append(_too_high(claimed, tableau))
-    if tableau is None or faults:
+    try:
+        given = _Given(**parse_toml("stepper", path, contents, "docs/howto/steppers.md for one"))
+        tableau = _tableau(given)
+        if (given.order or 0) > tableau.order:
+            raise InputError(_too_high(given.order, tableau))
+    except InputError as error:
         # Several files may be given.
-        raise InputError([f"{path}: {fault}" for fault in faults])
-    return OwnTableau(tableau, tableau.order, name), tuple(_doubts(path, tableau))
+        raise InputError([f"{path}: {fault}" for fault in error.problems]) from None
+    return OwnTableau(tableau, tableau.order, given.name or text), tuple(_doubts(path, tableau))
 
 
-def _tableau(given: Mapping[str, Any]) -> tuple[Tableau | None, list[str]]:
-    """The tableau that is given; None and the faults where there are any."""
-    faults: list[str] = []
-    b = _row("b", given.get("b", ...), faults)
-    rows = given.get("A", ...)
-    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
-        faults.append(complaint("A", rows, "a list of rows, each a list", _EXAMPLE))
-    if faults:
-        return None, faults
-    a = [_row(f"A[{i}]", row, faults) for i, row in enumerate(rows, 1)]  # type: ignore[arg-type]
-    c = _row("c", given["c"], faults) if "c" in given else None
-    stages = len(b)
+def _entry(name: str, given: Any) -> Number:
+    """An entry of a file; of texts, fractions and decimal numbers."""
+    huge = isinstance(given, str) and (len(given) > _LONGEST or _HUGE.search(given))
+    if isinstance(given, int | float | str) and not isinstance(given, bool) and not huge:
+        with contextlib.suppress(ValueError, ZeroDivisionError, OverflowError):
+            if math.isfinite(value := number(given)):
+                return value
+    allowed = 'finite numbers, and fractions as texts such as "1/3"'
+    raise bad_value(name, given, allowed, 'write 0.25, or "1/4"')
+
+
+def _row(name: str, given: Any) -> Row:
+    if not isinstance(given, list):
+        raise bad_value(name, given, "a list of numbers", _EXAMPLE)
+    return tuple(_entry(f"{name}[{i}]", each) for i, each in enumerate(given, 1))
+
+
+def _row_of_field(given: Any, info: ValidationInfo) -> Row | None:
+    name = str(info.field_name)
+    if given == []:
+        raise bad_value(name, given, "a list of numbers", _EXAMPLE)
+    return None if given is None else _row(name, given)
+
+
+def _rows(given: Any) -> Matrix:
+    if not isinstance(given, list) or not all(isinstance(row, list) for row in given):
+        raise bad_value("A", given, "a list of rows, each a list", _EXAMPLE)
+    return tuple(_row(f"A[{i}]", row) for i, row in enumerate(given, 1))
+
+
+def _own_name(name: str | None) -> str | None:
+    if name is not None and not (name.isprintable() and name.strip()):
+        raise ValueError("it is no line of text")
+    if name is not None and name.partition(":")[0] in STEPPERS:
+        raise ValueError("a stepper of ropeode has it")
+    return name
+
+
+class _Given(Input):
+    """The keys of a file."""
+
+    A: Annotated[Matrix, BeforeValidator(_rows)] = field(
+        ..., allowed="a list of rows, each a list", example="[[], [1]]"
+    )
+    b: Annotated[Row, BeforeValidator(_row_of_field)] = field(
+        ..., allowed="a list of numbers", example='["1/2", "1/2"]'
+    )
+    c: Annotated[Row | None, BeforeValidator(_row_of_field)] = field(
+        None, allowed="a list of numbers", example="[0, 1]"
+    )
+    name: Annotated[str | None, AfterValidator(_own_name)] = field(
+        None,
+        allowed="a line of text that is not the name of a stepper of ropeode",
+        example='"my method"',
+    )
+    order: WholePositive | None = field(None, allowed="a whole number >= 1", example="4")
+
+
+def _tableau(given: _Given) -> Tableau:
+    """The tableau that is given.
+
+    Raises:
+        InputError: it has not the form of an explicit one.
+    """
+    stages = len(given.b)
+    faults = []
     if stages > _MOST_STAGES:
         faults.append(_of_length("b", f"{stages} weights", _MOST_STAGES, "weights or fewer"))
-    if len(a) != stages:
-        faults.append(_of_length("A", f"{len(a)} rows", stages, "rows, one for each weight b"))
-    if c and len(c) != stages:
-        faults.append(_of_length("c", f"{len(c)} times", stages, "times, one for each weight b"))
-    for i, row in enumerate(a):
+    if len(given.A) != stages:
+        faults.append(
+            _of_length("A", f"{len(given.A)} rows", stages, "rows, one for each weight b")
+        )
+    if given.c and len(given.c) != stages:
+        times = f"{len(given.c)} times"
+        faults.append(_of_length("c", times, stages, "times, one for each weight b"))
+    for i, row in enumerate(given.A):
         if row and len(row) not in (i, stages):
             allowed = f"{i} of them, or {stages} with the zeros"
             fix = f"write as many as there are slopes before k{i + 1}"
             faults.append(complaint(f"A[{i + 1}]", f"{len(row)} entries", allowed, fix))
-            continue
-        for j, entry in enumerate(row[i:], i):
-            if entry:
-                allowed = (
-                    "0 there, in explicit methods: the slope "
-                    f"k{i + 1} would depend on k{j + 1}; implicit tableaus are not taken"
-                )
-                fix = "take an implicit stepper, or a solver such as diffrax:Kvaerno3"
-                faults.append(complaint(f"A[{i + 1}][{j + 1}]", _plain(entry), allowed, fix))
-                break
-    return (None, faults) if faults else (Tableau.of(a, b, c), [])
+        elif (j := next((j for j, entry in enumerate(row) if entry and j >= i), None)) is not None:
+            allowed = (
+                "0 there, in explicit methods: the slope "
+                f"k{i + 1} would depend on k{j + 1}; implicit tableaus are not taken"
+            )
+            fix = "take an implicit stepper, or a solver such as diffrax:Kvaerno3"
+            faults.append(complaint(f"A[{i + 1}][{j + 1}]", _plain(row[j]), allowed, fix))
+    if faults:
+        raise InputError(faults)
+    return Tableau.of(given.A, given.b, given.c)
 
 
 def _of_length(name: str, given: str, wanted: int, what: str) -> str:
     return complaint(name, given, f"{wanted} {what}", "add or drop some")
 
 
-def _row(name: str, given: Any, faults: list[str]) -> Row:
-    """Numbers; faults are added to the others."""
-    if not isinstance(given, list) or (not given and name in ("b", "c")):
-        faults.append(complaint(name, given, "a list of numbers", _EXAMPLE))
-        return ()
-    row = []
-    for i, entry in enumerate(given, 1):
-        value = _number(entry)
-        if value is None:
-            allowed = 'finite numbers, and fractions as texts such as "1/3"'
-            faults.append(complaint(f"{name}[{i}]", entry, allowed, 'write 0.25, or "1/4"'))
-        else:
-            row.append(value)
-    return tuple(row)
-
-
-def _number(entry: Any) -> Number | None:
-    """An entry of a file; None where it is no number."""
-    if isinstance(entry, bool) or not isinstance(entry, int | float | str):
-        return None
-    if isinstance(entry, str) and (len(entry) > _LONGEST or _HUGE.search(entry)):
-        return None
-    try:
-        value = number(entry)
-        return value if math.isfinite(value) else None
-    except (ValueError, ZeroDivisionError, OverflowError):
-        return None
-
-
-def _is_taken(name: str) -> bool:
-    """Whether a stepper of ropeode, or one of its forms with options, has this name."""
-    return name.partition(":")[0] in STEPPERS
-
-
-def _too_high(claimed: int, tableau: Tableau) -> str:
+def _too_high(claimed: int | None, tableau: Tableau) -> str:
     """The complaint about an order that is higher than that of the conditions."""
     found = tableau.order
     unmet = next(each for each in tableau.errors(found + 1) if not each.met)

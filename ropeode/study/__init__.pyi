@@ -9,9 +9,17 @@ from .accuracy_table import problem_class as problem_class
 from .curves import Curve as Curve
 from .curves import error_curves as error_curves
 from .energy import energy_curves as energy_curves
+from .explanation import ClassOrder as ClassOrder
 from .explanation import Explanation as Explanation
+from .explanation import LocalQuantity as LocalQuantity
+from .explanation import LocalStep as LocalStep
+from .explanation import Part as Part
 from .explanation import explain_stepper as explain_stepper
+from .horizon import DigitsLeft as DigitsLeft
+from .horizon import Growth as Growth
 from .horizon import Horizon as Horizon
+from .horizon import Need as Need
+from .horizon import Run as Run
 from .methods.naming import as_method as as_method
 from .node_paths import NodePath as NodePath
 from .node_paths import NodePaths as NodePaths
@@ -25,3 +33,4 @@ from .work_precision import COSTS as COSTS
 from .work_precision import INFINITE as INFINITE
 from .work_precision import TARGETS as TARGETS
 from .work_precision import WorkPrecision as WorkPrecision
+from .work_precision import WorkRow as WorkRow

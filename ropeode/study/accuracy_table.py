@@ -8,7 +8,7 @@ from concurrent.futures import as_completed
 from functools import partial
 from pathlib import Path
 from time import process_time
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,10 +18,18 @@ from ropeode.analysis.order import ObservedOrder, observed_order
 from ropeode.analysis.roundoff import in_other_units, round_off
 from ropeode.display import Tabular
 from ropeode.errors import InputError
+from ropeode.json_form import json_shows
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, shows_progress, silent
-from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
+from ropeode.references import (
+    Asked,
+    Reference,
+    ReferenceInNorm,
+    ReferenceOptions,
+    problem_of,
+    reference_for,
+)
 from ropeode.simulation import Trajectory, simulate, step_size
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.trajectory import Status
@@ -94,6 +102,10 @@ class Row:
     seconds: float = dataclasses.field(compare=False)
 
 
+@json_shows(
+    *("stepper", "solves_this_problem=solves", "expected", "order.observed", "order.ci95"),
+    *("order.verdict", "order.why", "order.used", "order.left_out", "error_constant=constant"),
+)
 @dataclasses.dataclass(frozen=True)
 class StepperOrder:
     """The order of one stepper.
@@ -103,10 +115,10 @@ class StepperOrder:
         expected: what it declares for this class of problem (0: it converges to another
             solution); None where it declares nothing, or where the right-hand side jumps.
         order: what was observed.
-        solves: whether the stepper is meant for this kind of problem; if not, the table says
-            that it solves another one.
+        solves: whether the stepper is meant for this kind of problem. One that keeps lengths is
+            not, on a rope with springs: it solves another one.
         constant: of the error, as theory predicts it and as the runs show it; None where nobody
-            asked for it.
+            asked for it (``accuracy_table(..., predict=True)`` asks).
     """
 
     stepper: str
@@ -116,8 +128,9 @@ class StepperOrder:
     constant: ErrorConstant | None = None
 
 
+@json_shows("problem", "norm", "reference=measured_against", "rows", "orders")
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class AccuracyTable(Tabular, written_by="ropeode.render.documents"):
+class AccuracyTable(Tabular):
     """Errors and observed orders, with the reference that they rest on.
 
     Arguments:
@@ -134,11 +147,18 @@ class AccuracyTable(Tabular, written_by="ropeode.render.documents"):
         ['0.0625: 9.0e-07', '0.03125: 6.1e-08', '0.015625: 3.9e-09']
     """
 
+    SCHEMA: ClassVar[str] = "ropeode.accuracy-table/1"
+
     problem: Problem
     reference: Reference
     norm: Norm
     rows: tuple[Row, ...]
     orders: tuple[StepperOrder, ...]
+
+    @property
+    def measured_against(self) -> ReferenceInNorm:
+        """What the errors are measured against: the reference, in their norm."""
+        return ReferenceInNorm(self.reference, self.norm)
 
 
 @shows_progress

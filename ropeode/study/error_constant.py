@@ -12,6 +12,7 @@ import numpy as np
 from ropeode.analysis.errors import error_sizes
 from ropeode.analysis.order import NARROW, UNSTABLE, ObservedOrder
 from ropeode.analysis.roundoff import least_clear_error
+from ropeode.json_form import json_shows
 from ropeode.norms import Norm
 from ropeode.problems.problem import Problem
 from ropeode.references import Reference
@@ -24,13 +25,20 @@ AGREE, AGREE_CLOSELY = 0.1, 0.01
 # Over more than the first factor in dt runs agree with theory by no accident; over more than the
 # second they refute it, if finer ones are further from it.
 _LASTING, _SPAN = 1.99, 7.99
+# Up to this width an interval without a whole order decides against the declared one: on the way to
+# the asymptotic range slopes are fractional, too.
+_FRACTIONAL = 0.1
 # A predicted size that is not so many times its uncertainty may be zero.
 _CERTAIN = 10.0
 
 
+@json_shows(
+    *("order", "predicted", "why", "measured", "dt", "ratio"),
+    *("agree_10_percent", "agree_1_percent"),
+)
 @dataclasses.dataclass(frozen=True, eq=False)
 class ErrorConstant:
-    """C in ``max error = C dt**order``, predicted and measured in one norm.
+    """The constant C in ``max error = C dt**order``, predicted and measured in one norm.
 
     Arguments:
         order: the power of dt; None where there is no prediction, and no whole order was observed.
@@ -48,17 +56,17 @@ class ErrorConstant:
 
     @property
     def predicted(self) -> float | None:
-        """C by theory."""
+        """The constant by theory; None where there is none."""
         return None if self.predicted_at is None else float(np.max(self.predicted_at))
 
     @property
     def dt(self) -> float | None:
-        """The finest step size of `measured_at`."""
+        """The finest step size whose run is stable, and clear of round-off and the bound."""
         return next(iter(self.measured_at), None)
 
     @property
     def measured(self) -> float | None:
-        """C by the run with that step size."""
+        """The constant by the run with step size `dt`; None where no run can be used."""
         return next(iter(self.measured_at.values()), None)
 
     @property
@@ -80,6 +88,16 @@ class ErrorConstant:
                 break
             found = dt
         return found
+
+    @property
+    def agree_10_percent(self) -> float | None:
+        """The largest step size from which on, down to `dt`, the two agree to within 10%."""
+        return self.agree_from(AGREE)
+
+    @property
+    def agree_1_percent(self) -> float | None:
+        """The largest step size from which on, down to `dt`, the two agree to within 1%."""
+        return self.agree_from(AGREE_CLOSELY)
 
     @property
     def confirmed(self) -> bool:
@@ -142,7 +160,8 @@ def believed(
     low, high = order.ci95 or (-np.inf, np.inf)
     dt = None if constant is None else constant.dt
     if constant is None or dt is None or constant.predicted is None:
-        wide = order.verdict == "converges" and high - low > NARROW
+        narrow = NARROW if np.floor(high) >= low else _FRACTIONAL
+        wide = order.verdict == "converges" and high - low > narrow
         if not declared or low <= declared <= high or not wide:
             return order
         why = f"{order.slope_words}, too wide to refute the declared order {declared}"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ropeode.display import Tabular
+from ropeode.json_form import json_shows
 from ropeode.norms import norm_for
 from ropeode.precision import in_float64
 from ropeode.problems.library import PROBLEMS
@@ -64,6 +65,7 @@ from ropeode.theory import (
 )
 from ropeode.theory.changed_parameters import diagnose_parameters
 from ropeode.theory.nodes_first import nodes_first
+from ropeode.theory.recognised_methods import describe
 from ropeode.theory.rope_terms import is_rope
 
 # Of a step that runs in Python, which takes some 30 us each time.
@@ -157,6 +159,10 @@ class LocalStep:
     wrong: Diagnosis | None
 
 
+@json_shows(
+    *("of_class.damped", "of_class.at_rest", "of_class.rigid"),
+    *("own", "local", "at_least", "declared"),
+)
 @dataclasses.dataclass(frozen=True)
 class ClassOrder:
     """The order on a class of problems.
@@ -176,8 +182,12 @@ class ClassOrder:
     declared: int | None
 
 
+@json_shows(
+    *("stepper", "problem", "local", "orders", "tables", "stability", "structure"),
+    *("modified_energy=modified", "method", "equal_to=equal", "compared_with=compared"),
+)
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Explanation(Tabular, written_by="ropeode.render.explanation"):
+class Explanation(Tabular):
     """What one step of a stepper does, and what follows from it, beside what its runs show.
 
     Arguments:
@@ -205,6 +215,8 @@ class Explanation(Tabular, written_by="ropeode.render.explanation"):
         observed 1.0...>
     """
 
+    SCHEMA: ClassVar[str] = "ropeode.explain/2"
+
     stepper: str
     problem: Problem
     reference: Reference
@@ -219,6 +231,15 @@ class Explanation(Tabular, written_by="ropeode.render.explanation"):
     modified: ModifiedEnergy | str | None
     equal: tuple[StepDifference, ...]
     compared: StepDifference | None
+
+    @property
+    def method(self) -> str:
+        """What the step is by its coefficients, in a sentence."""
+        found, reason = self.tableau
+        if found is None:
+            return f"Its step shows no Runge-Kutta or Nystrom coefficients: it {reason}."
+        words = describe(found)
+        return f"By the coefficients that its step shows, {words[0].lower()}{words[1:]}"
 
 
 @shows_progress

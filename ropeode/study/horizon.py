@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from ropeode.analysis.errors import distances_from
 from ropeode.analysis.lyapunov import LyapunovExponent, lyapunov_exponent, mean_slope
 from ropeode.display import Tabular
 from ropeode.errors import InputError, ReferenceRefused
+from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
@@ -58,6 +59,7 @@ _CHANCE = 1.96 * math.sqrt(2) * math.pi / math.sqrt(8) / math.log(10)
 Law = Literal["exponential", "algebraic"]
 
 
+@json_shows("solver", "tolerance", "role", "steps", "errors")
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
     """The errors of one run.
@@ -137,8 +139,16 @@ class Need:
     measured: bool
 
 
+@json_shows(
+    *("problem", "truth", "digits", "size", "times", "bound", "reference.horizon"),
+    "horizon_reason=reference.certificate.horizon_reason",
+    "largest_error_over_bound=worst_cover",
+    "runs",
+    "digits_lost_in_extended_precision=lost",
+    *("digits_left", "float64_growth", "extended_growth", "lyapunov_exponent=exponent", "needs"),
+)
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Horizon(Tabular, written_by="ropeode.render.horizon"):
+class Horizon(Tabular):
     """When float64 solvers lose their digits, and the precision that longer spans need.
 
     Arguments:
@@ -165,6 +175,8 @@ class Horizon(Tabular, written_by="ropeode.render.horizon"):
         >>> [(need.span, round(need.digits, 1)) for need in study.needs]
         [(3.0, 18.2)]
     """
+
+    SCHEMA: ClassVar[str] = "ropeode.horizon/2"
 
     problem: Problem
     reference: Reference

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Sequence
-from typing import Any, Literal, Unpack
+from typing import Any, ClassVar, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,11 +14,19 @@ from ropeode.analysis.errors import RESOLUTION_FACTOR, energy_errors, error_seri
 from ropeode.analysis.order import UNSTABLE_FROM
 from ropeode.display import Tabular
 from ropeode.errors import InputError
+from ropeode.json_form import json_shows
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, bar, part_of, shows_progress
-from ropeode.references import AskedButRtol, Reference, ReferenceOptions, problem_of, reference_for
+from ropeode.references import (
+    AskedButRtol,
+    Reference,
+    ReferenceInNorm,
+    ReferenceOptions,
+    problem_of,
+    reference_for,
+)
 from ropeode.simulation.trajectory import step_size
 from ropeode.study.accuracy_table import check_steps
 from ropeode.study.energy import energies_of
@@ -139,8 +147,40 @@ class CostToReach:
     best_of_family: bool
 
 
+@dataclasses.dataclass(frozen=True)
+class FrontRun:
+    """A run on a Pareto front.
+
+    Arguments:
+        method: as in `rows`.
+        effort: as in `rows`.
+    """
+
+    method: str
+    effort: float
+
+
+@dataclasses.dataclass(frozen=True)
+class CostAxis:
+    """What is best where one kind of cost counts, against `error_max`.
+
+    Arguments:
+        cost: `seconds`, `rhs_evaluations` or `steps`.
+        front: the certified runs that no other one beats, from cheap to costly.
+        costs_to_reach: what each error costs with each method.
+    """
+
+    cost: Cost
+    front: tuple[FrontRun, ...]
+    costs_to_reach: tuple[CostToReach, ...]
+
+
+@json_shows(
+    *("problem", "norm", "reference=measured_against", "resolution", "energy_resolution"),
+    *("run_limit", "rounds", "rows", "costs"),
+)
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class WorkPrecision(Tabular, written_by="ropeode.render.work_precision"):
+class WorkPrecision(Tabular):
     """Errors of methods, and what they cost.
 
     Arguments:
@@ -161,6 +201,8 @@ class WorkPrecision(Tabular, written_by="ropeode.render.work_precision"):
         [(16, '9.0e-07', 192), (64, '3.9e-09', 768)]
     """
 
+    SCHEMA: ClassVar[str] = "ropeode.work-precision/1"
+
     problem: Problem
     reference: Reference
     norm: Norm
@@ -169,6 +211,23 @@ class WorkPrecision(Tabular, written_by="ropeode.render.work_precision"):
     run_limit: float
     rounds: int
     rows: tuple[WorkRow, ...]
+
+    @property
+    def measured_against(self) -> ReferenceInNorm:
+        """What the errors are measured against: the reference, in their norm."""
+        return ReferenceInNorm(self.reference, self.norm)
+
+    @property
+    def costs(self) -> tuple[CostAxis, ...]:
+        """What is best, for each kind of cost."""
+        return tuple(
+            CostAxis(
+                cost,
+                tuple(FrontRun(row.method, row.effort) for row in self.front(cost)),
+                tuple(each for target in TARGETS for each in self.costs_to_reach(target, cost)),
+            )
+            for cost in COSTS
+        )
 
     @property
     def methods(self) -> dict[str, str]:

@@ -21,6 +21,7 @@ from .storage.extend import take_over as take_over
 from .storage.load import load_sweep as load_sweep
 from .storage.row_files import Store as Store
 from .storage.row_files import read_parts as read_parts
+from .storage.summary import StepperSummary as StepperSummary
 from .storage.summary import SweepSummary as SweepSummary
 from .storage.summary import summarize as summarize
 from .task_queue import dispatched as dispatched

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from ropeode.errors import RopeodeError
 from ropeode.progress import Progress, silent
 from ropeode.sweep.design.columns import DIED, TIMED_OUT, Row, failed_row
-from ropeode.sweep.execution.engines import Engine, TookTooLong
+from ropeode.sweep.execution.engines import Engine, TookTooLong, WorkFailed
 from ropeode.sweep.storage.row_files import Store
 
 if TYPE_CHECKING:
@@ -179,4 +179,6 @@ def _failure(future: Future[list[Row]], engine: Engine) -> tuple[str, str]:
             f"a worker cannot go on ({error}); finished cases are kept. Fix: remove the cause, "
             "then run the same command again"
         ) from error
+    if isinstance(error, WorkFailed):
+        return "failed", str(error)
     return "failed", f"{type(error).__name__}: {' '.join(str(error).split())}"

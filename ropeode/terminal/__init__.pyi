@@ -14,13 +14,6 @@ from .running import KEPT as KEPT
 from .running import NOTHING as NOTHING
 from .running import end_on_ctrl_c as end_on_ctrl_c
 from .running import not_interrupted as not_interrupted
-from .running import say as say
 from .running import set_up_jax as set_up_jax
 from .running import show_progress as show_progress
 from .running import with_progress as with_progress
-from .supervision import Ended as Ended
-from .supervision import end_if_nothing_runs as end_if_nothing_runs
-from .supervision import end_if_python_stops as end_if_python_stops
-from .supervision import how_it_ended as how_it_ended
-from .supervision import watch as watch
-from .supervision import watched as watched

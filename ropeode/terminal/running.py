@@ -8,7 +8,6 @@ import faulthandler
 import gc
 import os
 import signal
-import socket
 import sys
 import sysconfig
 import threading
@@ -20,7 +19,8 @@ from typing import Any, TypeVar
 
 import click
 
-from ropeode.progress import Progress
+from ropeode.progress import Progress, outermost
+from ropeode.sandbox import doing as tell_parent
 
 T = TypeVar("T")
 
@@ -35,28 +35,6 @@ _LOOKS_AT_THREADS = 12
 # Clock ticks in a second, a hundredth of its time, of a process that waits.
 _IDLE = 1.0
 _CLEAR_LINE_SHOW_CURSOR = "\r\x1b[2K\x1b[?25h"
-
-
-# A line to the process that watches this one, of what this one does, begins with it.
-DOES = ">"
-
-
-class _Watched:
-    """What this process knows of the one that watches it."""
-
-    def __init__(self) -> None:
-        self.line: socket.socket | None = None
-        self.doing = ""
-
-
-this = _Watched()
-
-
-def say(doing: str) -> None:
-    """Tell the process that watches this one what it does; nothing where none watches."""
-    if this.line is not None and doing != this.doing:
-        this.doing = doing
-        this.line.sendall(f"{DOES}{doing}\n".encode())
 
 
 def end_on_ctrl_c(left: str = NOTHING, *, before: Callable[[], None] = lambda: None) -> None:
@@ -113,8 +91,10 @@ def show_progress(*, time_left: bool = False) -> Iterator[Progress]:
 
     bar = TerminalBar(time_left=time_left)
     try:
-        bar.draw("starting", None)
-        yield bar.draw
+        # What is called inside shows no bar beside this one.
+        with outermost():
+            bar.draw("starting", None)
+            yield bar.draw
     finally:
         bar.erase()
 
@@ -160,7 +140,7 @@ def with_progress(
         def seen(text: str, fraction: float | None) -> None:
             nonlocal doing
             doing = text
-            say(text)
+            tell_parent(text)
             progress(text, fraction)
 
         return _interruptible(lambda: work(seen), lambda: doing, gives_up_after)

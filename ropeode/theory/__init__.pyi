@@ -26,6 +26,7 @@ from .spectrum import SpectralLimit as SpectralLimit
 from .spectrum import Spectrum as Spectrum
 from .spectrum import spectral_limit as spectral_limit
 from .spectrum import spectrum_of as spectrum_of
+from .stability_function import LeadingTerm as LeadingTerm
 from .stability_function import NoStabilityFunction as NoStabilityFunction
 from .stability_function import StabilityFunction as StabilityFunction
 from .stability_function import stability_function_of as stability_function_of

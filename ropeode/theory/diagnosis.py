@@ -6,7 +6,10 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from ropeode.json_form import json_shows
 
+
+@json_shows("cause", "finding=line", "remedy=known_remedy", "evidence")
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
     """What is wrong, as far as the evidence goes.
@@ -16,10 +19,15 @@ class Diagnosis:
             `damping-per-step`, `stage-time`, `in-place`, `float32`, `step-size`, `unknown`.
         line: a sentence for the author.
         evidence: the numbers behind it, as plain JSON values.
-        remedy: what to write instead, if that is known.
+        remedy: what to write instead; empty where that is not known.
     """
 
     cause: str
     line: str
     evidence: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     remedy: str = ""
+
+    @property
+    def known_remedy(self) -> str | None:
+        """What to write instead; None where that is not known."""
+        return self.remedy or None

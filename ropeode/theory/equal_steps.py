@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ropeode.json_form import json_shows
 from ropeode.problems.problem import Problem
 from ropeode.simulation.method import method_of
 from ropeode.simulation.trial import Trial
@@ -26,6 +27,7 @@ _SAME = 1e-12
 _CLEAR = 1e-10
 
 
+@json_shows("name", "largest", "power", "same")
 class StepDifference(NamedTuple):
     """How far the steps of two steppers are apart.
 

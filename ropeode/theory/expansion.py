@@ -136,6 +136,19 @@ class Expansion:
         """The error of this order at the start."""
         return self._term(order, 0)
 
+    def swing(self, order: int) -> np.ndarray:
+        """How far the error of this order swings from step to step, ``(states,)``.
+
+        What a root of the method at -1 has set swinging does not die away.
+        """
+        if self.one_step:
+            return np.zeros(len(self.t))
+        shape = (len(self.problem.quantities), len(self.t))
+        *_, before, here, after = (each[order] for each in self._series.values())
+        swing = _largest(after.value - 2.0 * here.value + before.value) / 4.0
+        known = swing > _CERTAIN * (before.error + here.error + after.error)
+        return np.max(np.where(known, swing, 0.0).reshape(shape), axis=0) / self.ladder**order
+
     def at_zero(self) -> tuple[np.ndarray, Term]:
         """What a settled step does at dt = 0: the states before it, and how it changes them."""
         if self.one_step:

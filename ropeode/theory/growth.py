@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from ropeode.analysis.equilibrium import hanging_equilibrium
+from ropeode.json_form import Unbounded
 from ropeode.precision import in_float64
 from ropeode.problems.checks import real_array
 from ropeode.problems.probes import free_coordinates
@@ -182,7 +183,7 @@ class StableSteps:
     """
 
     steps_per_frame: int | None
-    dt: float
+    dt: Unbounded
 
 
 @in_float64

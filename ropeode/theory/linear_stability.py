@@ -9,6 +9,7 @@ import numpy as np
 
 from ropeode.analysis.equilibrium import hanging_equilibrium
 from ropeode.errors import InputError
+from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.references import Reference
@@ -31,6 +32,16 @@ _BLOWN_UP = 100.0
 _MOST_COMPILED, _MOST_IN_PYTHON = 2**12, 2**6
 
 
+@json_shows(
+    "predicted=predicted.steps.steps_per_frame",
+    "measured=bounded_from",
+    "predicted_dt=predicted.steps.dt",
+    "predicted_at_rest=predicted_at_rest.steps.steps_per_frame",
+    "measured_at_rest=measured_at_rest.steps_per_frame",
+    "imaginary_axis=limits.imaginary.limit",
+    "real_axis=limits.real.limit",
+    "notes",
+)
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinearStability:
     """What linear theory says of a stepper on a problem, beside what its own steps do.

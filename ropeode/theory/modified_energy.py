@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
 from ropeode.simulation import simulate, step_size
@@ -21,6 +22,24 @@ from ropeode.validation import check_whole
 _POINTS, _SAMPLES = 6, 25
 
 
+class Swings(NamedTuple):
+    """How far an energy swings along a run.
+
+    Fields:
+        predicted: by its leading correction.
+        measured: of the energy H.
+        modified: of the corrected energy H + dt^p H_p.
+    """
+
+    predicted: float
+    measured: float
+    modified: float
+
+
+@json_shows(
+    *("order", "steps_per_frame", "frames", "swings.predicted", "swings.measured", "ratio"),
+    "swings.modified",
+)
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModifiedEnergy:
     """The energy H along a run, and ``H + dt**p H_p``, which is constant to a higher order.
@@ -47,10 +66,21 @@ class ModifiedEnergy:
         return self.energy + self.dt**self.order * self.correction
 
     @property
-    def swings(self) -> tuple[float, float, float]:
-        """How far H swings along the run by theory and as measured, and the modified one."""
+    def frames(self) -> int:
+        """Of the run."""
+        return len(self.times) - 1
+
+    @property
+    def swings(self) -> Swings:
+        """How far H and the modified energy swing along the run."""
         by_theory = self.dt**self.order * self.correction
-        return float(np.ptp(by_theory)), float(np.ptp(self.energy)), float(np.ptp(self.modified))
+        return Swings(*(float(np.ptp(each)) for each in (by_theory, self.energy, self.modified)))
+
+    @property
+    def ratio(self) -> float | None:
+        """The measured swing over the predicted one; None where nothing is predicted to swing."""
+        swings = self.swings
+        return swings.measured / swings.predicted if swings.predicted else None
 
 
 @in_float64

@@ -7,8 +7,9 @@ import os
 import signal
 import time
 
-from ropeode.classroom import Asked, Limits
+from ropeode.classroom import Asked
 from ropeode.errors import RopeodeError
+from ropeode.sandbox import MEBIBYTE, Limits
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,7 +17,7 @@ class Harm(Asked):
     """Runs the code, without a check, which would take longer than what is tested."""
 
     refused, ahead = "refused", ()
-    limits = Limits(1, 8.0, 300.0)
+    limits = Limits(cpu=1.0, wall=8.0, memory=300.0 * MEBIBYTE)
 
     def report(self, where, folder, scratch, say):
         say("harm")

@@ -26,7 +26,7 @@ EXPECTED = {
     "empty": ("no stepper", "", "0", "stepper: 'empty.py:step' given"),
     "exits": ("crashed", "wrong", "0", "purity: the step ended its process (exit code 0)"),
     "hangs": ("out of time", "", "0", "step: a trial of a few steps did not finish within 3 s"),
-    "hoards": ("out of memory", "", "0", "it did not finish with 1500 MiB of memory"),
+    "hoards": ("out of memory", "", "0", "it needed more than 1500 MiB of memory"),
     "no-function": ("no stepper", "", "0", "name in no-function.py: 'step' given"),
     "prints": ("checked", "right", "10", ""),
     "right": ("checked", "right", "10", ""),

@@ -15,25 +15,39 @@ from tests.classroom.harm import Harm
 FORGED = json.dumps({"name": "forges", "status": "checked", "verdict": "right"})
 SAYS = "for n in range(3, 99):\n try: os.write(n, {!r})\n except OSError: pass\n"
 LIVES = ("raised", "it lives, in 0 files")
+# The line to the guard, which nobody finds who does not look for it.
+LINE = "from ropeode import sandbox\nline = sandbox._this.stream\n"
 # By the harm: the status of the submission, and what the message says.
 HARM = {
     "pass": LIVES,
     "open('left', 'w')": ("raised", "it lives, in 1 files"),
     "for n in range(3, 99):\n try: os.write(n, b'[1]\\n{')\n except OSError: pass": LIVES,
     "while True: pass": ("out of time", "within 1 s of processor time, during 'harm'"),
+    "os.fork()\nwhile True: pass": ("out of time", "within 1 s of processor time, during 'harm'"),
     "time.sleep(1000)": ("out of time", "within 8 s, during 'harm'"),
     # No more than needed: taking memory costs processor time, of which it has a second.
-    "hoard = bytearray(5 * 2**26)\ntime.sleep(1000)": ("out of memory", "with 300 MiB of memory"),
+    "hoard = bytearray(5 * 2**26)\ntime.sleep(1000)": ("out of memory", "more than 300 MiB"),
+    # What it starts counts too, but what they share counts once.
+    "if os.fork() == 0: hoard = bytearray(5 * 2**26)\ntime.sleep(1000)": (
+        *("out of memory", "it needed more than 300 MiB of memory, during 'harm'"),
+    ),
+    "for _ in range(3):\n if os.fork() == 0: time.sleep(1000)\ntime.sleep(0.5)": LIVES,
     "os._exit(7)": ("crashed", "ended its process (exit code 7), during 'harm'"),
     "os.kill(os.getpid(), signal.SIGSEGV)": ("crashed", "ended its process (SIGSEGV)"),
     # A signal takes its time.
     "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": ("crashed", "killed its parent"),
+    "with open(f'/proc/{os.getppid()}/stat') as stat:\n"
+    " os.kill(int(stat.read().split()[3]), signal.SIGKILL)\ntime.sleep(3)": (
+        *("crashed", "it ended the process that guards it, during 'harm'"),
+    ),
     "os.kill(0, signal.SIGKILL)": ("crashed", "killed its parent process (SIGKILL)"),
-    # Whatever it says of itself.
-    SAYS.format(b"\noutcome " + FORGED.encode() + b"\n")
-    + "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": ("crashed", "killed its parent"),
-    # It may not be listened to for ever, and neither may what it leaves.
-    SAYS.format(b"x" * 2**20).replace("try: ", "try:\n  while True: "): ("crashed", "a flood of"),
+    # What it writes wherever it can is not taken for a report, nor listened to for ever.
+    SAYS.format(b"\n" + FORGED.encode() + b"\n"): LIVES,
+    SAYS.format(b"x" * 2**20).replace("try: ", "try:\n  while True: "): ("out of time", "within"),
+    # Half a report.
+    f"{LINE}line.line.sendall(line.packed(b'r', b'{{}}')[:-1])\nos._exit(7)": (
+        *("crashed", "it ended its process (exit code 7)"),
+    ),
     "if os.fork() == 0:\n os.setsid()\n STAYS\nWAIT": LIVES,
     # The one that it leaves has begun before it is an orphan, which is ended at once.
     "if os.fork() == 0:\n os.setsid()\n if os.fork() == 0:\n  STAYS\n WAIT\n os._exit(0)\nWAIT": (
@@ -56,8 +70,7 @@ REPORTS = {
 
 
 def says(report):
-    line = b"\noutcome " + report.encode(errors="surrogateescape") + b"\n"
-    return f"{SAYS.format(line)}os._exit(0)"
+    return f"{LINE}line.send(b'r', {report.encode(errors='surrogateescape')!r})\nos._exit(0)"
 
 
 def test_harm_reaches_no_other(tmp_path, monkeypatch):

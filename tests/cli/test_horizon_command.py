@@ -23,7 +23,7 @@ def test_json_and_picture(run, tmp_path):
     text = (tmp_path / "a.json").read_text()
     assert_conforms(text)
     found = json.loads(text)
-    assert found["schema"] == "ropeode.horizon/1"
+    assert found["schema"] == "ropeode.horizon/2"
     assert [need["measured"] for need in found["needs"]] == [True, False]
     with Image.open(tmp_path / "new" / "horizon.png") as image:
         assert image.width == 1300

@@ -12,72 +12,22 @@ import time
 import pytest
 
 from ropeode.cli import run_command
-from ropeode.terminal import Ended, show_progress, watch
+from ropeode.sandbox import Ended
+from ropeode.terminal import show_progress
 from tests.time_limit import HANGS_AFTER_S
 
-# Of a process that says what it does, and then runs this.
-BEGINS = """
-import ctypes, os, signal, sys, threading, time
-from ropeode.terminal import end_if_nothing_runs, say, watched
-def command():
-    say("the trial")
-    say("pins")
-    end_if_nothing_runs(0.1)
-    {}
-    return 5
-watched(FD, command)
-"""
-EXIT = "ended its process (exit code {})"
-
-
-@pytest.mark.parametrize(
-    ("does", "code", "how"),
-    [
-        ("pass", 5, ""),
-        ("os._exit(0)", None, EXIT.format(0)),
-        ("threading.Thread(target=lambda: os._exit(0)).start(); time.sleep(9)", None, "code 0"),
-        ("ctypes.string_at(0)", None, "ended its process (SIGSEGV)"),
-        ("os.kill(os.getpid(), signal.SIGINT); time.sleep(9)", None, "SIGINT"),
-        ("os.kill(os.getppid(), signal.SIGKILL); time.sleep(9)", None, "killed its parent"),
-        ("os.kill(0, signal.SIGTERM); time.sleep(9)", None, "killed its parent"),
-        ("sum(range(10**15))", None, "did not return"),
-        ("os.closerange(0, 100); time.sleep(0.1)", None, "ended its process"),
-        ("os.close(1); sys.stdout.write('')", 5, ""),
-        # Half a line, and no letters.
-        ("os.write(FD, b'\\xff\\n=x\\n=')", 5, ""),
-        # The process does not wait for what still computes in it.
-        ("threading.Thread(target=time.sleep, args=(99,)).start()", 5, ""),
-    ],
-)
-def test_what_ends_a_process_is_seen_by_another_one(does, code, how):
-    before = signal.getsignal(signal.SIGINT)
-    try:
-        ended = watch(BEGINS.format(does), [])
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert (ended.code, ended.during) == (code, "pins")
-    assert how in ended.how
-
-
-@pytest.mark.parametrize("users", [True, False])
-def test_a_crash_is_the_users_where_their_code_ran(users, tmp_path):
-    (tmp_path / "mine.py").write_text("import ctypes\ndef step():\n    ctypes.string_at(0)\n")
-    calls = f"sys.path[:0] = [{str(tmp_path)!r}]; import mine; mine.step()"
-    before = signal.getsignal(signal.SIGINT)
-    try:
-        ended = watch(BEGINS.format(calls if users else "ctypes.string_at(0)"), [])
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert (ended.code, ended.crashed) == (None, not users)
+SEGV, EXIT = "ended its process (SIGSEGV)", "ended its process (exit code {})"
+CRASH = 'Fatal Python error: Segmentation fault\n\n  File "{}", line 3 in step\n'
 
 
 @pytest.mark.parametrize(
     ("command", "ended", "code", "says"),
     [
-        ("check", Ended(None, "pins", "ended its process (SIGSEGV)", crashed=True), 3, "pins"),
-        ("table", Ended(None, "pins", "ended its process (SIGSEGV)", crashed=True), 3, "SIGSEGV"),
-        ("check", Ended(None, "", EXIT.format(0)), 3, "before it began"),
-        ("table", Ended(None, "a step", EXIT.format(0)), 2, "your code ended its process (exit"),
+        ("check", Ended(SEGV, "pins", noise=CRASH.format(json.__file__)), 3, "pins"),
+        ("table", Ended(SEGV, "pins", noise=CRASH.format(json.__file__)), 3, "SIGSEGV"),
+        ("table", Ended(SEGV, "pins", noise=CRASH.format("/home/me/mine.py")), 2, "SIGSEGV"),
+        ("check", Ended(EXIT.format(0)), 3, "before it began"),
+        ("table", Ended(EXIT.format(0), "a step"), 2, "your code ended its process (exit"),
     ],
 )
 def test_a_crash_of_other_code_is_no_verdict(command, ended, code, says, capsys):
@@ -120,17 +70,9 @@ def test_a_program_that_waits_for_ever_ends_the_command(does, ends):
     assert ("rk4: 16 steps per frame" in said) == ends
 
 
-def test_output_is_there_though_it_was_closed(capfd):
-    before = signal.getsignal(signal.SIGINT)
-    watch(BEGINS.format("os.write(1, b'from compiled code'); os.close(1); print('report')"), [])
-    signal.signal(signal.SIGINT, before)
-    out, err = capfd.readouterr()
-    assert (out, "from compiled code" in err) == ("report\n", True)
-
-
 @pytest.mark.parametrize("form", ["json", "text"])
 def test_a_step_that_ends_its_process_has_failed_a_check(form, capsys, command_surroundings):
-    ended = Ended(None, "order-free", EXIT.format(0))
+    ended = Ended(EXIT.format(0), "order-free")
     words = ["check", "mine.py:step", "--order", "2", "--only", "pins,order-free"]
     assert run_command([*words, "--format", form], ended) == 1
     out = capsys.readouterr().out
@@ -158,6 +100,16 @@ def test_a_check_of_such_a_step_as_a_process(does, run_process, tmp_path):
     found = {each["check"]: each["status"] for each in json.loads(done.stdout)["findings"]}
     assert done.returncode == 1
     assert found == {"purity": "fail", "order-driven": "skip", "pins": "skip"}
+
+
+def test_output_is_there_though_it_was_closed(run_process, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import os\nos.write(1, b'from compiled code')\nos.close(1)\nstep = 1\n"
+    )
+    done = run_process("explain", "mine.py", "--format", "json")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "from compiled code" in done.stderr
+    assert "stepper: " in done.stderr
 
 
 @pytest.mark.slow

@@ -85,7 +85,7 @@ def test_the_output(swept, monkeypatch):
     assert "8 of 8 cases" in " ".join(output.split())
     assert re.search(r"^ok +8  the run stayed finite", output, re.MULTILINE)
     assert re.search(
-        r"^rk4\n    4 ok\n    max error .*\n    order: 4 converges", output, re.MULTILINE
+        r"^rk4\n    runs: 4 ok\n    max error: .*\n    order: 4 converges", output, re.MULTILINE
     )
     assert all(len(line) <= 80 for line in output.splitlines())
     assert call("sweep", "show", "out").output == output

@@ -18,7 +18,7 @@ from ropeode.laboratory import (
     listening,
     site_of,
 )
-from tests.laboratory.stand_in import CODE
+from tests.laboratory.stand_in import StandIn
 
 SOON_S = 60.0
 
@@ -84,7 +84,7 @@ async def running(limits=None, file=None, ahead=()):
     limits = limits or Limits()
     listener = listening(0)
     port = listener.getsockname()[1]
-    worker = WorkerProcess(limits, ahead, CODE)
+    worker = WorkerProcess(limits, *ahead, answering=StandIn)
     doorkeeper, dispatcher = Doorkeeper(port), Dispatcher(worker, file)
     site = site_of(app(dispatcher, doorkeeper))
     task = asyncio.create_task(site.serve(sockets=[listener]))

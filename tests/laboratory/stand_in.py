@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import time
@@ -9,12 +10,10 @@ import time
 import numpy as np
 from pydantic import TypeAdapter
 
+from ropeode import sandbox
 from ropeode.errors import InputError
 from ropeode.laboratory import Answering, Loaded
-from ropeode.laboratory import main as answer_questions
 from ropeode.laboratory.messages import Ask, AskCheck, AskOrder, Order, OwnStepper, Phase, Refused
-
-CODE = "from tests.laboratory.stand_in import main; main()"
 
 
 class StandIn(Answering):
@@ -36,6 +35,25 @@ class StandIn(Answering):
             raise InputError("stepper: raises given")
         if does == "break":
             raise ZeroDivisionError("by zero")
+        if does == "spit":
+            # Whatever it finds: a whole message that is none, and bytes.
+            sandbox.say(argument.encode())
+            for n in range(3, 99):
+                with contextlib.suppress(OSError):
+                    os.write(n, b"[1]\n{")
+        if does == "fork":
+            if os.fork() == 0:
+                os.setsid()
+                if os.fork() == 0:
+                    os.symlink(str(os.getpid()), argument)
+                    eaten = b"x" * (2**29 if "eats" in argument else 0)
+                    time.sleep(1000)
+                    del eaten
+                os._exit(0)
+            while not os.path.lexists(argument):
+                time.sleep(0.01)
+            if "eats" in argument:
+                time.sleep(1000)
         if does == "spin":
             while True:
                 pass
@@ -79,7 +97,3 @@ def order(words):
         left_out=(),
         constant=None,
     )
-
-
-def main():
-    answer_questions(StandIn)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import os
+import sys
 import threading
 import time
 
@@ -155,6 +157,48 @@ def test_a_question_that_takes_too_much_memory_is_refused_and_the_next_is_answer
             assert answers["good"]["kind"] == "order"
 
     in_lab(test, limits=NARROW)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="an orphan in a session of its own")
+def test_what_a_question_starts_counts_and_ends_with_the_worker(tmp_path):
+    stays, eats = str(tmp_path / "stays"), str(tmp_path / "eats")
+
+    async def test(lab):
+        async with lab.page() as page:
+            await page.want(stays=do(f"fork {stays}"), eats=do(f"fork {eats}"), good=do("work"))
+            answers = await page.answers("stays", "eats", "good")
+            assert "needed more than 400 MiB of memory" in answers["eats"]["message"]
+            assert answers["stays"]["kind"] == answers["good"]["kind"] == "order"
+
+    in_lab(test, limits=NARROW)
+    assert not any(os.path.exists(f"/proc/{os.readlink(each)}") for each in (stays, eats))
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        *["", "{", "\xff" * 9],
+        *[
+            f"{chr(len(header))}\0\0\0{header}"
+            for header in (
+                "[]",
+                "{}",
+                '{"kind":"order","key":"1","arrays":{}}',
+                '{"kind":"stopped","key":1,"arrays":{}}',
+                '{"kind":"stopped","key":"1","arrays":{"x":[0,[9]]}}',
+            )
+        ],
+    ],
+)
+def test_a_message_that_is_none_is_refused_and_the_next_question_answered(message):
+    async def test(lab):
+        async with lab.page() as page:
+            await page.want(spit=do(f"spit {message}"), good=do("work"))
+            answers = await page.answers("spit", "good")
+            assert "wrote something in place of its answer" in answers["spit"]["message"]
+            assert answers["good"]["kind"] == "order"
+
+    in_lab(test)
 
 
 def test_a_new_worker_is_ready_before_the_next_question():

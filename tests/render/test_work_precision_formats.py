@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
-import json
 import re
 from xml.etree import ElementTree
 
@@ -16,13 +13,12 @@ from matplotlib.text import Text
 from ropeode import Problem, plot_work_precision, work_precision
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
-from ropeode.render import FORMATS, format_work_precision
-from ropeode.study import COSTS, INFINITE, TARGETS
+from ropeode.render import format_work_precision
+from ropeode.study import COSTS, INFINITE
 from tests.exact_reference import exact_reference
 from tests.quartic import HOSTILE
 from tests.render.plots.drawn import legend_of, look
 from tests.render.plots.legible import assert_legible
-from tests.schemas import assert_conforms
 
 
 def cubic(t, y, args):
@@ -63,52 +59,6 @@ def test_the_study_has_all_that_one_can_have(study):
     assert [row.status for row in own] == ["diverged", "failed", "ok", "ok", "ok"]
     assert [row.error_max for row in own][2:4] == [pytest.approx(1e-6), pytest.approx(3e-8)]
     assert {"diverged", "unstable"} & {row.status for row in study.rows if row.effort == 3}
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_every_format_holds_the_findings(study, form):
-    text = format_work_precision(study, form)
-    assert text.endswith("\n")
-    assert not re.search(r"\b(nan|NaN|Infinity|None)\b", text)
-    if form == "csv":
-        rows = list(csv.DictReader(io.StringIO(text)))
-        assert [row["method"] for row in rows] == [row.method for row in study.rows]
-        front = {(row.method, f"{row.effort}") for row in study.front("rhs_evaluations")}
-        marked = {
-            (row["method"], row["effort"])
-            for row in rows
-            if row["on_front_of_rhs_evaluations"] == "True"
-        }
-        assert marked == front
-        failed = next(row for row in rows if row["status"] == "failed")
-        assert failed["error_max"] == failed["seconds"] == ""
-        return
-    if form == "json":
-        assert_conforms(text)
-        found = json.loads(text)
-        assert found["schema"] == "ropeode.work-precision/1"
-        assert len(found["rows"]) == len(study.rows)
-        assert [each["cost"] for each in found["costs"]] == list(COSTS)
-        for each, cost in zip(found["costs"], COSTS, strict=True):
-            assert [run["method"] for run in each["front"]] == [
-                row.method for row in study.front(cost)
-            ]
-            assert len(each["costs_to_reach"]) == len(TARGETS) * len(study.methods)
-        return
-    assert "<b>" not in text or form in ("text", "markdown")
-    reached = {each.method: each for each in study.costs_to_reach(1e-6, "rhs_evaluations")}
-    assert f"{reached['rk4'].cost:.0f} ({reached['rk4'].ratio:.2g})" in text
-    assert "diverged" in text
-    assert "failed" in text
-    if form == "html":
-        assert text.count("<svg") == len(COSTS)
-        # Nothing from outside is asked for.
-        assert not re.search(r"""(src|href)\s*=\s*["'](?!#)|url\((?!#)|@import""", text)
-
-
-def test_no_such_format(study):
-    with pytest.raises(InputError, match="did you mean 'html'"):
-        format_work_precision(study, "htm")
 
 
 def points_of(axes):
@@ -211,24 +161,6 @@ def made_up(truth, name, runs):
     return solve
 
 
-def test_text_fits_80_columns_with_long_names_and_large_ratios(swing):
-    name = "stormer-verlet:damping=per-step,start=rest"
-    methods = [
-        made_up(swing, "quick", [(1e-3, 1), (1e-5, 10), (1e-7, 100), (1e-10, 200)]),
-        made_up(
-            swing, name, [(2e-3, 123456), (1e-5, 1234567), (1e-7, 12345678), (1e-10, 99999999)]
-        ),
-    ]
-    found = work_precision(swing, methods, rtol=[1e-2, 1e-3, 1e-4, 1e-5], rounds=1)
-    text = format_work_precision(found)
-    assert max(map(len, text.splitlines())) <= 80
-    (reached,) = found.costs_to_reach(1e-6, "rhs_evaluations")[1:]
-    below = text[text.index("Least evaluations") :].split(f"{name}\n")[1]
-    cells = [each for each in below.splitlines()[0].split("  ") if each]
-    assert len(cells) == 4
-    assert cells[2].strip() == f"{reached.cost:.0f} ({reached.ratio:.0f})"
-
-
 def test_lines_join_neighbours_only(swing):
     """Nothing is interpolated over a run that failed, so nothing is drawn there."""
     run = made_up(swing, "gap", [(1e-1, 10), None, (1e-3, 1000), (1e-4, 10000)])
@@ -282,14 +214,6 @@ def test_points_and_legends_say_what_is_not_known(swing):
     assert "close (your own)" in texts
     assert not any("distance" in text for text in texts)
     assert any("difference from the true energy" in text for text in texts)
-
-
-def test_efforts_are_said_in_full(swing):
-    found = work_precision(swing, "rk4", steps_per_frame=[16], rounds=1)
-    row = dataclasses.replace(found.rows[0], effort=12345678)
-    assert re.search(
-        r"\b12345678\b", format_work_precision(dataclasses.replace(found, rows=(row,)))
-    )
 
 
 def test_other_measures_and_bad_names(study):

@@ -129,6 +129,17 @@ def test_without_theory_a_wide_interval_refutes_no_declared_order(bend, verdict)
         assert believed(order, 2, theory, 1.0) == believed(order, None, theory, 1.0) == order
 
 
+def test_without_theory_a_fractional_slope_refutes_no_declared_order():
+    """Semi-implicit Euler on the Pleiades, whose prediction is too uncertain to be shown."""
+    dts, errors = 0.15 / np.array([96, 144, 216, 324]), [0.7585, 0.3628, 0.1791, 0.08758]
+    order = observed_order(dts, errors)
+    assert order.verdict == "converges"
+    assert believed(order, 1, None, 0.15).verdict == "undetermined"
+    # A corner of the solution makes such an order, but the slopes are then all the same.
+    order = observed_order(DTS, DTS**1.5)
+    assert believed(order, 2, None, 1.0) == order
+
+
 @pytest.mark.slow
 def test_three_points_that_theory_confirms_are_an_order():
     """Of rk4 on Lorenz's equations; coarser ones only look like order 5."""

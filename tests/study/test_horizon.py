@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 
 import jax.numpy as jnp
@@ -90,15 +88,6 @@ def test_a_prediction_holds(chaotic):
 @pytest.fixture(scope="module")
 def calm():
     return horizon(PROBLEMS["oscillator"](frames=4), [4, 100], time_limit=NEVER)
-
-
-def test_runs_of_the_same_kind_have_columns_of_their_own(calm):
-    """Two witnesses differ only in how their rounding is moved."""
-    kinds = [(run.role, run.solver, run.tolerance) for run in calm.runs]
-    assert len(set(kinds)) < len(kinds)
-    *_, last = csv.DictReader(io.StringIO(format_horizon(calm, "csv")))
-    # After the time and the bound; the digits lost are the last.
-    assert [float(each) for each in last.values()][2:-1] == [run.errors[-1] for run in calm.runs]
 
 
 def test_nothing_is_lost(calm):

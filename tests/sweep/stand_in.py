@@ -12,6 +12,7 @@ import signal
 import time
 from pathlib import Path
 
+from ropeode import sandbox
 from ropeode.sweep import (
     COLUMNS,
     INPUTS,
@@ -79,6 +80,8 @@ class Rows:
         notes: a folder with a note of each case that has killed once.
         raising: cases that raise.
         slow: cases that never end.
+        leaving: cases that leave a process, in a session of its own, and note which.
+        saying: a case, and what it says in place of rows.
     """
 
     seconds: float = 0.0
@@ -87,6 +90,8 @@ class Rows:
     notes: Path = Path()
     raising: frozenset[int] = frozenset()
     slow: frozenset[int] = frozenset()
+    leaving: frozenset[int] = frozenset()
+    saying: tuple[int, bytes] | None = None
 
     def __call__(self, task: Task) -> list[dict]:
         time.sleep(self.seconds)
@@ -98,6 +103,17 @@ class Rows:
             if case.number in self.deadly:
                 os.kill(os.getpid(), signal.SIGKILL)
             if case.number in self.slow:
+                time.sleep(3600.0)
+            if case.number in self.leaving:
+                left = self.notes / "left"
+                if os.fork() == 0:
+                    os.setsid()
+                    left.symlink_to(str(os.getpid()))
+                    time.sleep(3600.0)
+                while not left.is_symlink():
+                    time.sleep(0.01)
+            if self.saying and case.number == self.saying[0]:
+                sandbox.say(self.saying[1])
                 time.sleep(3600.0)
             if case.number in self.raising:
                 raise ArithmeticError(f"number {case.number}")

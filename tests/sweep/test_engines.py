@@ -55,6 +55,23 @@ def test_a_case_that_hangs_is_killed(tmp_path):
     assert rows[3]["seconds"] == 0.3
 
 
+@pytest.mark.skipif(not Path("/proc").exists(), reason="looks at /proc")
+def test_what_a_case_has_started_ends_with_its_process(tmp_path):
+    engine = LocalProcesses(Rows(leaving=ALWAYS, notes=tmp_path), 1)
+    assert run(engine, tmp_path / "rows") == expected(SWEEP)
+    assert not alive((tmp_path / "left").readlink())
+
+
+@pytest.mark.parametrize("says", [b"", b"{", b'{"rows": [{"key": [1]}]}', b'{"raised": 1}', b"[1]"])
+def test_rows_that_are_none_fail_their_case(says, tmp_path):
+    """Whatever a case says in place of them; the next ones are computed."""
+    rows = run(LocalProcesses(Rows(saying=(3, says)), 1), tmp_path)
+    assert (rows[3]["status"], rows[3]["reason"]) == (
+        *("failed", "its process wrote something in place of its rows"),
+    )
+    assert rows[:3] == expected(SWEEP)[:3]
+
+
 @pytest.mark.slow
 def test_local_processes_of_which_some_die(tmp_path):
     notes = tmp_path / "notes"
@@ -65,16 +82,16 @@ def test_local_processes_of_which_some_die(tmp_path):
 
 
 def test_processes_that_cannot_start_are_reported(tmp_path):
-    """As in a script that has no `if __name__ == "__main__"`."""
+    """As in a script with work of its own that has no `if __name__ == "__main__"`."""
     (tmp_path / "script.py").write_text(
-        "from ropeode.sweep import LocalProcesses\nLocalProcesses(print, 1)\n"
+        "from ropeode.sweep import LocalProcesses\ndef mine(task): pass\nLocalProcesses(mine, 1)\n"
     )
     done = subprocess.run(
         [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith(
-        "ropeode.errors.RopeodeError: workers: the Python process of a worker ends while it starts"
+        "ropeode.errors.RopeodeError: workers: the Python process of a worker ended its process"
     )
 
 
@@ -122,7 +139,6 @@ def cluster(workers, deaths):
     quick = {
         "distributed.scheduler.allowed-failures": deaths - 1,
         "distributed.worker.multiprocessing-method": "spawn",
-        "distributed.worker.daemon": False,
         "distributed.admin.tick.limit": "1h",
     }
     with (

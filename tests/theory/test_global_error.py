@@ -82,6 +82,48 @@ def test_the_error_of_an_oscillator(stepper, order, positions, velocities):
     assert found.uncertain < 1e-4
 
 
+class TwoStepMidpoint(Stepper):
+    """``y(t + dt) = y(t - dt) + 2 dt f``, whose other root is -1.
+
+    Arguments:
+        exact: whether the state of one step ago comes from a method of order 4, or from Euler's.
+    """
+
+    equal_frames = True
+
+    def __init__(self, exact):
+        self.exact = exact
+
+    def init(self, system, t, y, dt):
+        k1 = system.rhs(t, y)
+        if not self.exact:
+            return y, y - dt * k1
+        k2 = system.rhs(t - dt / 2, y - dt / 2 * k1)
+        k3 = system.rhs(t - dt / 2, y - dt / 2 * k2)
+        k4 = system.rhs(t - dt, y - dt * k3)
+        return y, y - dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+    def step(self, system, t, carried, dt):
+        y, before = carried
+        return before + 2 * dt * system.rhs(t, y), y
+
+    def state(self, system, t, carried, dt):
+        return carried[0]
+
+
+def test_what_swings_from_step_to_step_is_not_predicted():
+    """A start of order 1 sets a root -1 swinging, which adds to the error what runs show."""
+    found = predicted_error(KNOWN, method_of(TwoStepMidpoint(exact=False), KNOWN.problem))
+    assert isinstance(found, str)
+    assert "swings from step to step" in found
+    # Two steps lack dt**3/3 of the third derivative, -y': half of it in each, e' = J e + y'/6.
+    found = predicted_error(KNOWN, method_of(TwoStepMidpoint(exact=True), KNOWN.problem))
+    assert not isinstance(found, str), found
+    t = TIMES[:, None]
+    expected = np.stack([t * V / 6, -t * X / 6], axis=1)
+    np.testing.assert_allclose(found.states, expected, atol=1e-5)
+
+
 def test_what_settles_slowly_is_not_predicted():
     """Slopes from before the start: the first steps' own errors look like growth for long."""
     found = predicted_error(KNOWN, method_of("adams-bashforth3:start=euler", KNOWN.problem))

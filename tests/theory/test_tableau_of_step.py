@@ -311,20 +311,21 @@ def test_what_is_no_method_has_no_tableau(step, reason):
     assert reason in found.reason
 
 
-def test_memory_between_steps_is_noticed():
-    """The second Adams-Bashforth method, started by a step of Euler's, from a class."""
+@pytest.mark.parametrize("first", [1, 2, 12])
+def test_memory_between_steps_is_noticed(first):
+    """The second Adams-Bashforth method, started by steps of Euler's, from a class."""
     from ropeode.steppers import Stepper
 
     class AdamsBashforth(Stepper):
         compiled = False
 
         def init(self, system, t, y, dt):
-            return y, None
+            return y, y, 0
 
         def step(self, system, t, carried, dt):
-            y, before = carried
+            y, before, made = carried
             k = system.rhs(t, y)
-            return y + dt * (k if before is None else 1.5 * k - 0.5 * before), k
+            return y + dt * (k if made < first else 1.5 * k - 0.5 * before), k, made + 1
 
         def state(self, system, t, carried, dt):
             return carried[0]

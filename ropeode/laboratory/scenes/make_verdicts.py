@@ -9,7 +9,8 @@ import json
 from importlib import resources
 from pathlib import Path
 
-from ropeode.case_studies.report import Report, rope_report
+from ropeode.case_studies.report import rope_report
+from ropeode.case_studies.results import Report
 from ropeode.files import write_whole
 
 

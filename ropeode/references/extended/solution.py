@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ropeode.json_form import json_shows
 from ropeode.problems.problem import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import SAFETY_FACTOR, distances, smallest
@@ -29,6 +30,7 @@ _MOST_BITS = 1000
 _SATURATED = 1e-3
 
 
+@json_shows("bits", "failure", "seconds")
 @dataclasses.dataclass(frozen=True, eq=False)
 class ExtendedSolution:
     """States accurate to about float64's own rounding, with their error bounds.
@@ -55,6 +57,11 @@ class ExtendedSolution:
     fine: ExtendedRun
     seconds: float = dataclasses.field(compare=False)
     failure: str | None
+
+    @property
+    def bits(self) -> tuple[int, int]:
+        """The working precision of the coarser and of the finer run."""
+        return self.coarse.precision, self.fine.precision
 
 
 def extended_solution(

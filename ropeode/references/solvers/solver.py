@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 
+from ropeode.json_form import json_as
 
+
+@json_as(str, str)
 @dataclasses.dataclass(frozen=True)
 class Solver:
     """A solver; `str` gives its name in tables and files.

@@ -25,9 +25,9 @@ from PIL import Image, ImageDraw, ImageFont
 from ropeode.equality import ByContent
 from ropeode.files import check_suffix, write_whole
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.render.display import line
 from ropeode.render.plots.film import DPI, film
 from ropeode.render.plots.style import COLOURS, STYLE
+from ropeode.render.results import line
 from ropeode.study.node_paths import NodePaths
 from ropeode.validation import bad_value, check_kind, finite_number, require
 

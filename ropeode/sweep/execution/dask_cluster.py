@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import functools
-import multiprocessing
 import threading
 import time
-from concurrent.futures import BrokenExecutor, Future
+from concurrent.futures import Future
 from typing import Any
 
 from ropeode.errors import RopeodeError
 from ropeode.sweep.design.columns import Row
-from ropeode.sweep.execution.engines import AHEAD, Engine, Work, Worker, on_one_core
+from ropeode.sweep.execution.engines import AHEAD, Engine, Work, Worker, WorkerDied, on_one_core
 from ropeode.validation import bad_value, require
 
 _COUNT_EVERY_S = 1.0
@@ -46,7 +45,7 @@ class DaskCluster(Engine):
         import distributed
 
         # A process that a worker starts may die too.
-        self.lost = (distributed.KilledWorker, BrokenExecutor)
+        self.lost = (distributed.KilledWorker, WorkerDied)
         self._work = functools.partial(_in_thread, work)
         if case_limit is not None:
             self._work = functools.partial(_in_process, work, case_limit)
@@ -125,15 +124,7 @@ _of_thread = threading.local()
 
 
 def _in_process(work: Work, case_limit: float, task: Any) -> list[Row]:
-    """Compute a task in a process that this thread of a worker starts, and kills if it must.
-
-    Raises:
-        InputError: the worker may start no process.
-    """
-    if multiprocessing.current_process().daemon:
-        allowed = "workers that may start processes"
-        fix = "start the cluster with DASK_DISTRIBUTED__WORKER__DAEMON=False in its environment"
-        raise bad_value("case_limit", case_limit, allowed, fix)
+    """Compute a task in a process that this thread of a worker starts, and ends if it must."""
     if getattr(_of_thread, "work", None) != repr(work):
         _of_thread.worker, _of_thread.work = Worker(work), repr(work)
     return _of_thread.worker.run(task, case_limit)

@@ -6,19 +6,20 @@ case that is to blame, for all engines alike.
 
 from __future__ import annotations
 
-import concurrent.futures
-import contextlib
-import multiprocessing
+import dataclasses
+import json
 import os
 import queue
-import signal
-import threading
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Protocol
 
+from pydantic import TypeAdapter
+
 from ropeode.errors import RopeodeError
+from ropeode.sandbox import NO_LIMITS, Child, Ended, GuardLost, Limits, heard, say
 from ropeode.sweep.design.columns import Row
+from ropeode.validation import in_one_line
 
 # Computes the rows of a task, or of its first cases.
 Work = Callable[[Any], list[Row]]
@@ -41,6 +42,14 @@ class TookTooLong(Exception):
     def __init__(self, seconds: float):
         super().__init__(seconds)
         self.seconds = seconds
+
+
+class WorkerDied(Exception):
+    """The process that computed a task has ended."""
+
+
+class WorkFailed(Exception):
+    """Work raised in another process; the message is what, in one line."""
 
 
 class Engine(Protocol):
@@ -107,7 +116,7 @@ class LocalProcesses(Engine):
         RopeodeError: processes cannot be started.
     """
 
-    lost = (BrokenExecutor,)
+    lost = (WorkerDied,)
 
     def __init__(self, work: Work, workers: int, case_limit: float | None = None):
         self._work, self._case_limit = work, case_limit
@@ -149,34 +158,34 @@ class Worker:
     """
 
     def __init__(self, work: Work):
-        self._work, self._process = work, 0
-        self._pool: ProcessPoolExecutor | None = None
+        self._work = work
+        self._child: Child | None = None
+        self._is_ready = False
         self.begin()
 
-    def begin(self) -> ProcessPoolExecutor:
+    def begin(self) -> Child:
         """Begin to start the process, if there is none."""
-        if self._pool is None:
-            # Never by fork: a fork of a process in which JAX has started hangs.
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
-            self._started = self._pool.submit(_set_up, self._work)
-        return self._pool
+        if self._child is None:
+            self._child = Child(_serve, self._work, limits=Limits(wall=_START_S))
+        return self._child
 
-    def start(self) -> ProcessPoolExecutor:
+    def start(self) -> Child:
         """Wait until the process has started, and imported what its work needs.
 
         Raises:
             RopeodeError: it cannot.
         """
+        how = ""
         for _ in range(_STARTS):
-            pool = self.begin()
-            with contextlib.suppress(BrokenExecutor):
-                self._process = self._started.result(_START_S)
-                return pool
+            child = self.begin()
+            if self._is_ready or isinstance(said := child.read(), bytes):
+                self._is_ready = True
+                return child
+            how = said.how
             self.close()
         raise RopeodeError(
-            "workers: the Python process of a worker ends while it starts. Fix: in a script, call "
-            "this below `if __name__ == '__main__':`"
+            f"workers: the Python process of a worker {how} while it starts. Fix: in a script, "
+            "call this below `if __name__ == '__main__':`"
         )
 
     def run(self, task: Any, case_limit: float | None = None) -> list[Row]:
@@ -185,49 +194,82 @@ class Worker:
         Arguments:
             task: what to compute.
             case_limit: seconds that a case may take. The process of a task that takes longer is
-                killed; if the task has several cases, that is after three minutes at least.
+                ended; if the task has several cases, that is after three minutes at least.
 
         Raises:
-            BrokenExecutor: the process has died.
-            TookTooLong: it was killed.
-            RopeodeError: no process can be started.
+            WorkerDied: the process has died.
+            WorkFailed: the work raised.
+            TookTooLong: the process was ended.
+            RopeodeError: no process can be started, or the sweep cannot go on.
         """
         seconds = case_limit
         if seconds is not None and len(task.cases) > 1:
             seconds = max(seconds, _MANY_CASES_S)
-        pool = self.start()
         try:
-            future = pool.submit(on_one_core, self._work, task)
-            concurrent.futures.wait([future], seconds)
-            if not future.done():
-                assert case_limit is not None
-                self.close()
-                raise TookTooLong(case_limit)
-            return future.result()
-        except BrokenExecutor:
+            child = self.start()
+            child.limit(Limits(wall=seconds))
+            child.send(task)
+            said = child.read()
+            child.limit(NO_LIMITS)
+        except GuardLost:
             self.close()
-            raise
+            raise WorkerDied from None
+        if isinstance(said, Ended):
+            self.close()
+            raise WorkerDied if case_limit is None or not said.limit else TookTooLong(case_limit)
+        try:
+            reply = _REPLY.validate_json(said, strict=True)
+        except ValueError:
+            self.close()
+            raise WorkFailed("its process wrote something in place of its rows") from None
+        if reply.rows is None:
+            raise RopeodeError(reply.raised) if reply.stops else WorkFailed(reply.raised)
+        return reply.rows
 
     def close(self) -> None:
-        """Kill the process."""
-        pool, self._pool = self._pool, None
-        if pool is None:
-            return
-        # The pool would wait for the current task.
-        if self._process:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._process, signal.SIGKILL)
-        pool.shutdown(cancel_futures=True)
-        self._process = 0
+        """End the process with all that it has started."""
+        child, self._child, self._is_ready = self._child, None, False
+        if child is not None:
+            child.end()
 
 
-def _set_up(work: Work) -> int:
-    """Set JAX up in a process that does nothing else; the work is imported to hand it over."""
+@dataclasses.dataclass
+class _Reply:
+    """What a worker says of a task, in whose process any code may have written.
+
+    Arguments:
+        rows: of it; None where there are none.
+        raised: what its work raised, in one line.
+        stops: whether every case would raise it.
+    """
+
+    rows: list[dict[str, str | bool | int | float | None]] | None = None
+    raised: str = ""
+    stops: bool = False
+
+
+_REPLY = TypeAdapter(_Reply)
+
+
+def _serve(work: Work) -> bytes:
+    """In the process of a worker: compute tasks, until nobody wants them any more."""
+    # XLA reads this for the number of its threads. Several wait for one another on one processor,
+    # which takes half as much time again.
+    os.environ.setdefault("NPROC", "1")
     from ropeode.cache import set_up_jax
 
-    del work
     set_up_jax()
-    return os.getpid()
+    # It is ready.
+    say(b"")
+    for task in heard():
+        try:
+            reply = _Reply(on_one_core(work, task))
+        except Exception as error:
+            stops = isinstance(error, (OSError, RopeodeError))
+            reply = _Reply(raised=str(error) if stops else in_one_line(error), stops=stops)
+        # Numbers of NumPy are written as Python's.
+        say(json.dumps(vars(reply), default=lambda number: number.item()).encode())
+    return b""
 
 
 def on_one_core(work: Work, task: Any) -> list[Row]:
@@ -236,19 +278,3 @@ def on_one_core(work: Work, task: Any) -> list[Row]:
 
     use_cores(1)
     return work(task)
-
-
-def _begin() -> None:
-    """Set up a worker: it ignores Ctrl-C, and ends with its parent, however that ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # XLA reads this for the number of its threads. Several wait for one another on one processor,
-    # which takes half as much time again.
-    os.environ.setdefault("NPROC", "1")
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -35,7 +35,7 @@ class StepperSummary:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class SweepSummary(Tabular, written_by="ropeode.render.sweep"):
+class SweepSummary(Tabular):
     """The contents of a sweep's folder.
 
     Arguments:

@@ -1,11 +1,9 @@
-"""Problems, references, runs and curves, as a line and as a page.
-
-Results that are reports of their own are written in the modules of their formats.
-"""
+"""Problems, references, runs and curves, as a line, as a page and in rows."""
 
 from __future__ import annotations
 
-import functools
+import dataclasses
+import itertools
 from collections.abc import Iterable
 from typing import Any
 
@@ -23,6 +21,7 @@ from ropeode.references.files.verify import Verification
 from ropeode.references.reference import Reference
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.reference import claim, sparkline, value_words
+from ropeode.render.results import blocks, line, rows
 from ropeode.render.table_words import (
     RUN_HEADERS,
     error_cell,
@@ -40,18 +39,8 @@ from ropeode.study.node_paths import NodePath, NodePaths
 from ropeode.validation import counted
 
 _FACTS = ("", "")
-
-
-@functools.singledispatch
-def line(result: Any) -> str:
-    """A result in a line, without its type."""
-    raise TypeError(f"nobody has written how a {type(result).__name__} looks")
-
-
-@functools.singledispatch
-def blocks(result: Any) -> list[Block]:
-    """A result as a page; by default its line."""
-    return [Paragraph(f"{type(result).__name__}: {line(result)}")]
+_AXES = "xyz"
+_LETTERS = {"position": "", "velocity": "v"}
 
 
 @line.register
@@ -115,7 +104,7 @@ def _certified(certificate: Certificate) -> str:
 def _certificate(certificate: Certificate, times: np.ndarray | None) -> list[Block]:
     """The claim, the bounds over time, and the runs that they rest on."""
     bounds = {name: each[: certificate.trusted] for name, each in certificate.bounds.items()}
-    rows = [
+    ranges = [
         (name, f"{np.min(each):.1e}", sparkline(each), f"{np.max(each):.1e}")
         for name, each in bounds.items()
     ]
@@ -126,7 +115,7 @@ def _certificate(certificate: Certificate, times: np.ndarray | None) -> list[Blo
     ]
     return [
         Paragraph(claim(certificate)),
-        Grid(("error bound", "least", f"over time{end}", "most"), rows, left=frozenset({0, 2})),
+        Grid(("error bound", "least", f"over time{end}", "most"), ranges, left=frozenset({0, 2})),
         Grid(("witness", "tolerance", "role", "difference"), witnesses, left=frozenset({0, 2})),
     ]
 
@@ -245,3 +234,125 @@ def _(verification: Verification) -> str:
 
 def _grid(facts: dict[str, str]) -> Grid:
     return Grid(_FACTS, list(facts.items()), left=frozenset({0, 1}), long=frozenset({1}))
+
+
+@rows.register
+def _(reference: Reference) -> dict[str, np.ndarray]:
+    columns = _states(reference.problem, reference.times, reference.states)
+    return {**columns, **bound_columns(reference.certificate, len(reference.times))}
+
+
+@rows.register
+def _(run: Trajectory) -> dict[str, np.ndarray]:
+    return _states(run.problem, run.times, run.states)
+
+
+@rows.register
+def _(errors: ErrorSeries) -> dict[str, np.ndarray]:
+    return {"time": errors.times, "error": errors.values, "resolution": errors.resolution}
+
+
+@rows.register
+def _(errors: TrajectoryErrors) -> list[dict[str, Any]]:
+    return [dataclasses.asdict(row) for row in errors.rows]
+
+
+@rows.register
+def _(curves: ErrorCurves) -> list[dict[str, Any]]:
+    return [point for each in curves.curves for point in _curve(each, "error")]
+
+
+@rows.register
+def _(curves: EnergyCurves) -> list[dict[str, Any]]:
+    lines = []
+    for each in curves.curves:
+        # Outside the trust horizon the true energy, and so the error, is not a number.
+        errors = itertools.chain(curves.errors(each).tolist(), itertools.repeat(float("nan")))
+        points = zip(_curve(each, "energy"), errors, strict=False)
+        lines += [{**point, "error": error} for point, error in points]
+    return lines
+
+
+@rows.register
+def _(curve: Curve) -> list[dict[str, Any]]:
+    return _curve(curve, "value")
+
+
+def _curve(curve: Curve, name: str) -> list[dict[str, Any]]:
+    run = {"stepper": curve.stepper, "run": curve.label, "dt": curve.dt}
+    pairs = zip(curve.times.tolist(), curve.values.tolist(), strict=False)
+    return [{**run, "time": time, name: value} for time, value in pairs]
+
+
+@rows.register
+def _(runs: Trajectories) -> dict[str, np.ndarray]:
+    columns = [
+        {"member": np.full(len(each.times), runs.start + index), **rows(each)}
+        for index, each in enumerate(runs)
+    ]
+    return {name: np.concatenate([each[name] for each in columns]) for name in columns[0]}
+
+
+@rows.register
+def _(paths: NodePaths) -> list[dict[str, Any]]:
+    return [
+        {"stepper": path.stepper, "time": time, "node": node, **dict(zip(_AXES, x, strict=False))}
+        for path in paths.paths
+        for time, positions in zip(paths.times.tolist(), path.positions.tolist(), strict=False)
+        for node, x in enumerate(positions)
+    ]
+
+
+@rows.register
+def _(exponent: LyapunovExponent) -> dict[str, np.ndarray]:
+    growth = {f"log_growth{index}": row for index, row in enumerate(exponent.log_growth)}
+    return {"time": exponent.times, **growth}
+
+
+@rows.register
+def _(certificate: Certificate) -> list[dict[str, Any]]:
+    names = ("tolerance", "role", "steps", "seconds", "difference")
+    return [
+        {"solver": str(each.solver), **{name: getattr(each, name) for name in names}}
+        for each in certificate.witnesses
+    ]
+
+
+@rows.register
+def _(verification: Verification) -> list[dict[str, Any]]:
+    outside = verification.outside
+    return [
+        {"quantity": name, "distance": distance, "outside_at": outside.get(name)}
+        for name, distance in verification.distances.items()
+    ]
+
+
+@rows.register
+def _(motion: Motion) -> list[dict[str, Any]]:
+    plain = {field.name: getattr(motion, field.name) for field in dataclasses.fields(motion)}
+    numbers = {n: each for n, each in plain.items() if isinstance(each, (int, float, str))}
+    return [numbers]
+
+
+def _states(problem: Problem, times: np.ndarray, states: np.ndarray) -> dict[str, np.ndarray]:
+    """The time, and each number of the state under a name such as ``x0``, ``vy3`` or ``y2``."""
+    columns = {"time": times}
+    for quantity in problem.quantities:
+        values = problem.quantity(quantity, states)
+        for node, axis in itertools.product(*map(range, values.shape[1:])):
+            if problem.mechanics is None:
+                name = f"y{node}"
+            else:
+                name = f"{_LETTERS[quantity]}{_AXES[axis : axis + 1] or f'x{axis}_'}{node}"
+            columns[name] = values[:, node, axis]
+    return columns
+
+
+def bound_columns(certificate: Certificate, samples: int) -> dict[str, np.ndarray]:
+    """The bound of each quantity; not a number outside the trust horizon."""
+    columns = {}
+    for quantity, series in certificate.bounds.items():
+        bound = np.full(samples, np.nan)
+        bound[: certificate.trusted] = series[: certificate.trusted]
+        columns[f"{quantity}_bound"] = bound
+    return columns

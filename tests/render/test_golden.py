@@ -1,0 +1,56 @@
+"""Every kind of result in every format, held by files that a reviewer reads."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ropeode import (
+    format_check,
+    format_explanation,
+    format_horizon,
+    format_report,
+    format_table,
+    format_work_precision,
+)
+from ropeode.errors import InputError
+from ropeode.terminal import FORMATS
+from tests.golden import check_golden
+from tests.render.made_up import MADE_UP
+from tests.schemas import assert_conforms
+
+WRITTEN_BY = {
+    "accuracy-table": format_table,
+    "check": format_check,
+    "explain": format_explanation,
+    "horizon": format_horizon,
+    "hostile": format_table,
+    "report": format_report,
+    "work-precision": format_work_precision,
+}
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("name", WRITTEN_BY)
+def test_every_format_is_that_of_its_file(name, form):
+    text = WRITTEN_BY[name](MADE_UP[name](), form)
+    assert text.endswith("\n")
+    if form == "text":
+        assert max(map(len, text.splitlines())) <= 80
+    if form == "json":
+        assert_conforms(text)
+    # How a picture is drawn, is a matter of matplotlib.
+    check_golden(name + FORMATS[form], re.sub(r"<svg.*?</svg>", "<svg/>", text, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize("name", MADE_UP)
+def test_what_a_notebook_shows_is_that_of_its_file(name):
+    result = MADE_UP[name]()
+    check_golden(f"{name}.notebook.md", f"{result!r}\n\n{result._repr_markdown_()}")
+
+
+@pytest.mark.parametrize("name", WRITTEN_BY)
+def test_a_format_that_does_not_exist_is_refused(name):
+    with pytest.raises(InputError, match="format: 'htm' given.*did you mean 'html'"):
+        WRITTEN_BY[name](MADE_UP[name](), "htm")
