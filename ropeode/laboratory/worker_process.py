@@ -70,6 +70,9 @@ class WorkerProcess:
         """Send an order, as `ropeode.laboratory.worker` reads them."""
         self._stop_sent = time.monotonic() if "stop" in order else None
         self._running().send(order)
+        if self._stop_sent is not None:
+            # It may be waited for already.
+            self._set_limits()
 
     async def said(self) -> tuple[dict[str, Any], bytes]:
         """The header of the next message, and the message.
@@ -78,15 +81,12 @@ class WorkerProcess:
             Lost: the worker has died, did not say anything for too long, takes too much memory,
                 or says what is no message.
         """
-        limits, child = self._limits, self._running()
-        wall = _WAITING * limits.seconds
-        if self._stop_sent is not None:
-            wall = min(wall, self._stop_sent + limits.stops_in - time.monotonic())
-        child.limit(sandbox.Limits(limits.seconds, wall, limits.memory))
+        child = self._running()
+        self._set_limits()
         try:
             said = await asyncio.to_thread(child.read)
             # Nobody waits for it until the next order.
-            child.limit(sandbox.Limits(memory=limits.memory))
+            child.limit(sandbox.Limits(memory=self._limits.memory))
             if not isinstance(said, Ended):
                 return checked_header(said), said
         except GuardLost:
@@ -97,6 +97,13 @@ class WorkerProcess:
         if said.limit == "wall" and self._stop_sent is not None:
             raise Lost("did not stop when nobody wanted it any more")
         raise Lost(said.how)
+
+    def _set_limits(self) -> None:
+        limits = self._limits
+        wall = _WAITING * limits.seconds
+        if self._stop_sent is not None:
+            wall = min(wall, self._stop_sent + limits.stops_in - time.monotonic())
+        self._running().limit(sandbox.Limits(limits.seconds, wall, limits.memory))
 
     def wants_rest(self) -> bool:
         """Whether it takes more memory than one that has nothing to do should."""

@@ -237,7 +237,8 @@ def test_a_worker_that_does_not_stop_is_replaced():
             second = await page.ask(do("work", 2), "b")
             assert first["words"].split()[3] != second["words"].split()[3]
 
-    in_lab(test, limits=Limits(stops_in=0.2))
+    # No other limit ends it.
+    in_lab(test, limits=Limits(seconds=1000.0, stops_in=0.2))
 
 
 @pytest.mark.slow
