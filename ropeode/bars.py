@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol, TextIO
 
+from ropeode import sandbox
+
 # Work that is done sooner shows no bar.
 AFTER_S = 2.0
 # A notebook keeps the messages that it is sent.
@@ -157,7 +159,7 @@ def bar_here() -> TimedBar | None:
     """A bar where somebody looks on: in a notebook or a terminal. None in workers and files."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython else None
-    if multiprocessing.parent_process() is not None:
+    if sandbox.is_child() or multiprocessing.parent_process() is not None:
         return None
     if getattr(shell, "kernel", None) is not None:
         return TimedBar(NotebookBar)

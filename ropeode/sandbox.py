@@ -389,6 +389,11 @@ class _This:
 _this = _This()
 
 
+def is_child() -> bool:
+    """Whether this process is a child."""
+    return _this.stream is not None
+
+
 def doing(what: str) -> None:
     """Tell the parent what this process does; nothing where it is no child."""
     if _this.stream is not None and what != _this.doing:
@@ -464,7 +469,9 @@ def _work(stream: _Stream, quiet: bool, main: str | None) -> None:
         # The user's code may have closed it.
         with contextlib.suppress(OSError, ValueError):
             output.flush()
-    stream.send(_RETURNS, result)
+    # Whoever wanted it may be gone.
+    with contextlib.suppress(OSError):
+        stream.send(_RETURNS, result)
 
 
 # In the guard and the keeper.

@@ -138,8 +138,9 @@ def test_an_iterator_has_one_bar_for_all_that_it_yields(notebook):
     assert len(notebook.outputs) >= 3
 
 
-def test_files_and_workers_show_nothing(notebook, monkeypatch):
-    monkeypatch.setattr("multiprocessing.parent_process", lambda: "a process")
+@pytest.mark.parametrize("worker", ["multiprocessing.parent_process", "ropeode.sandbox.is_child"])
+def test_files_and_workers_show_nothing(worker, notebook, monkeypatch):
+    monkeypatch.setattr(worker, lambda: True)
     assert bars.bar_here() is None
     monkeypatch.undo()
     assert bars.bar_here() is None

@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import hashlib
 import io
+import math
 import threading
 import zipfile
 import zlib
@@ -167,6 +168,8 @@ def _read_or_run(runs: list[Run], folder: Path | None, progress: Progress) -> di
                 Ensemble.of([problem for run in missing for problem in problems_of(run)]),
                 setting.stepper,
                 setting.steps_per_frame,
+                # They end: the number of their steps is known.
+                time_limit=math.inf,
                 progress=lambda _, fraction: progress(text, fraction),
             )
         )
