@@ -396,7 +396,8 @@ class Line(Message):
     """A line of a report: what kind of line it is, and its text.
 
     Kinds: "title"; the status of a finding, "pass", "fail", "undetermined", "note" or "skip";
-    "diagnosis"; and the verdict, "right", "wrong" or "undetermined", in the last line.
+    "diagnosis"; and the verdict, "right", "wrong" or "undetermined", in the second line where
+    all checks are made.
     """
 
     status: str

@@ -61,7 +61,7 @@ export class OwnSteppers extends Controls {
 
 /** What a check has found; before its end, how far it is. @param {import("./messages").Checked} checked */
 function inShort({ made, checks, lines }) {
-  if (made === checks) return say(`own.${lines[lines.length - 1].status}`);
+  if (made === checks) return say(`own.${lines[1].status}`);
   const failed = lines.some(({ status }) => status === "fail");
   return [say("own.part", { made, checks }), ...(failed ? [say("own.wrong")] : [])].join("; ");
 }
