@@ -250,22 +250,23 @@ def _scatters(local: np.ndarray) -> bool:
     return len(turns) > 1 and bool(np.mean(turns) > 0.5)
 
 
-def _whole_orders(low: float, high: float) -> range:
+def whole_orders(low: float, high: float) -> range:
+    """The whole orders inside an interval."""
     return range(max(math.ceil(low), 0), math.floor(high) + 1)
 
 
 def _decides(low: float, high: float, claimed: int | None) -> bool:
     """Whether an interval decides what the order is, or whether it is the claimed one at least."""
     if claimed is None:
-        orders = len(_whole_orders(low, high))
+        orders = len(whole_orders(low, high))
         return low > 0 and (orders == 1 or (orders == 0 and high - low <= NARROW))
     return high < claimed - TOLERANCE or low > claimed - 1
 
 
 def _orders_in(low: float, high: float) -> str:
-    if not _whole_orders(low, high):
+    if not whole_orders(low, high):
         return "no whole order"
-    first, *others = _whole_orders(low, high)
+    first, *others = whole_orders(low, high)
     if len(others) == 1:
         return f"the orders {first} and {others[0]}"
     return f"the orders {first} to {others[-1]}" if others else f"the order {first}"

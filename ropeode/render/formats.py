@@ -44,13 +44,13 @@ def _drawn_for_each_cost(study: WorkPrecision) -> list[Block]:
     return [markup.Drawing(picture_with_hover(study, cost)) for cost in COSTS]
 
 
-FORMATS: dict[str, Callable[[Any], str]] = {
+FORMATS: dict[str, Callable[..., str]] = {
     "text": lambda result: markup.plain(blocks(result)),
     "markdown": lambda result: markup.markdown(blocks(result)),
     "latex": lambda result: markup.latex_part(blocks(result)),
     "csv": csv_text,
     "json": json_text,
-    "html": lambda result: markup.html_page(blocks(result)),
+    "html": lambda result, pictures=(): markup.html_page([*blocks(result), *pictures]),
 }
 
 
@@ -69,9 +69,7 @@ def formatted(
     """
     if form not in FORMATS:
         raise InputError(unknown("format", form, FORMATS))
-    if form == "html":
-        return markup.html_page([*blocks(result), *pictures(result)])
-    return FORMATS[form](result)
+    return FORMATS[form](result, *([pictures(result)] if form == "html" else []))
 
 
 def format_table(table: AccuracyTable, form: str = "text", **layout: Any) -> str:

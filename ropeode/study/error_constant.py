@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ropeode.analysis.errors import error_sizes
-from ropeode.analysis.order import NARROW, UNSTABLE, ObservedOrder
+from ropeode.analysis.order import NARROW, UNSTABLE, ObservedOrder, whole_orders
 from ropeode.analysis.roundoff import least_clear_error
 from ropeode.json_form import json_shows
 from ropeode.norms import Norm
@@ -160,8 +160,9 @@ def believed(
     low, high = order.ci95 or (-np.inf, np.inf)
     dt = None if constant is None else constant.dt
     if constant is None or dt is None or constant.predicted is None:
-        narrow = NARROW if np.floor(high) >= low else _FRACTIONAL
-        wide = order.verdict == "converges" and high - low > narrow
+        wide = order.verdict == "converges" and high - low > (
+            NARROW if whole_orders(low, high) else _FRACTIONAL
+        )
         if not declared or low <= declared <= high or not wide:
             return order
         why = f"{order.slope_words}, too wide to refute the declared order {declared}"
@@ -221,6 +222,5 @@ def _whole(order: ObservedOrder) -> int | None:
     """The one whole number that the observed order can be."""
     if order.ci95 is None or order.verdict != "converges":
         return None
-    low, high = order.ci95
-    inside = [p for p in range(1, int(high) + 1) if p >= low]
+    inside = [p for p in whole_orders(*order.ci95) if p]
     return inside[0] if len(inside) == 1 else None

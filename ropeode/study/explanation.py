@@ -51,6 +51,7 @@ from ropeode.theory import (
     StepSamples,
     StepTableau,
     Term,
+    describe,
     diagnose_equation,
     diagnose_identity,
     equal_steppers,
@@ -65,7 +66,6 @@ from ropeode.theory import (
 )
 from ropeode.theory.changed_parameters import diagnose_parameters
 from ropeode.theory.nodes_first import nodes_first
-from ropeode.theory.recognised_methods import describe
 from ropeode.theory.rope_terms import is_rope
 
 # Of a step that runs in Python, which takes some 30 us each time.

@@ -141,7 +141,7 @@ class Expansion:
 
         What a root of the method at -1 has set swinging does not die away.
         """
-        if self.one_step:
+        if self.one_step or order < self._missing:
             return np.zeros(len(self.t))
         shape = (len(self.problem.quantities), len(self.t))
         *_, before, here, after = (each[order] for each in self._series.values())

@@ -10,8 +10,8 @@ import warnings
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.problems.problem import Problem
-from ropeode.references import Counter, Solution, Solver
-from ropeode.references.solvers import diffrax_solver, scipy_solver
+from ropeode.references import Counter, Solution, Solver, solve
+from ropeode.references.solvers import scipy_solver
 from ropeode.study.methods.method import Attempt, Run, Status, tolerances
 
 EXPLICIT, IMPLICIT = "adaptive explicit", "adaptive implicit"
@@ -50,14 +50,14 @@ class DiffraxAdaptive:
     def ready(self, problem: Problem) -> Run:
         """Compile the solver; one program serves all tolerances."""
         solver = Solver("diffrax", self.name)
-        solve = functools.partial(diffrax_solver.solve, problem, solver, compensated=False)
+        solved = functools.partial(solve, problem, solver, compensated=False)
         with contextlib.suppress(InputError):
-            solve(*tolerances(problem, 1e-3), max_steps=1)
+            solved(*tolerances(problem, 1e-3), max_steps=1)
         counter = Counter(problem, solver)
 
         def run(effort: float, seconds: float) -> Attempt:
             both = tolerances(problem, effort)
-            found = solve(*both, max_steps=MOST_STEPS, seconds=seconds)
+            found = solved(*both, max_steps=MOST_STEPS, seconds=seconds)
             rhs, jacobians = counter.of(found)
             found = dataclasses.replace(found, rhs_evaluations=rhs, jacobian_evaluations=jacobians)
             return _attempt(found, problem)
@@ -107,7 +107,7 @@ class ScipyAdaptive:
             # LSODA warns where it gives up, which the status says.
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                found = scipy_solver.solve(problem, solver, *both, **limits, functions=functions)
+                found = solve(problem, solver, *both, **limits, functions=functions)
             return _attempt(found, problem)
 
         return run
