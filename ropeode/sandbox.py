@@ -554,10 +554,15 @@ class _Guard:
                 has_returned = self._hand_on()
             has_ended = self._status in readable
             limit = self._broken_limit()
-        how = _in_words(limit, self._limits) if limit else self._how_it_ended(has_ended)
+        how = self._how_it_ended() if has_ended else ""
         _end_all_below()
         while self._child.is_open and not has_returned:
             has_returned = self._hand_on()
+        if limit:
+            how = _in_words(limit, self._limits)
+        elif has_returned:
+            # It may have ended before this was seen.
+            how = "returned"
         noise = (self._child.noise + self._child.rest).decode(errors="replace")
         ended = {"how": how, "limit": limit, "noise": noise}
         self._parent.send(_ENDS, json.dumps(ended).encode())
@@ -613,10 +618,8 @@ class _Guard:
             return "memory" if sum(map(_exact_memory, tree)) > memory else ""
         return ""
 
-    def _how_it_ended(self, has_ended: bool) -> str:
+    def _how_it_ended(self) -> str:
         """How the child ended by itself, in words."""
-        if not has_ended:
-            return "returned"
         if status := os.read(self._status, 20):
             number = os.waitstatus_to_exitcode(int(status))
             if -number in _HANGS:

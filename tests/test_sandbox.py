@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from ropeode import sandbox
@@ -59,6 +60,23 @@ def test_whatever_ends_a_process_is_told(code, result, how):
     ended = run(runs, code)
     assert (ended.result, ended.during, ended.limit) == (result, "pins", "")
     assert how in ended.how
+
+
+def says_and_returns():
+    sandbox.say(b"here")
+    time.sleep(0.3)
+    return b"5"
+
+
+def test_what_has_returned_and_ended_has_returned():
+    """On a busy machine both are seen at once."""
+    with Child(says_and_returns) as child:
+        assert child.read() == b"here"
+        (guard,) = (each for each in psutil.Process().children() if "guard" in each.cmdline()[2])
+        guard.suspend()
+        time.sleep(1.0)
+        guard.resume()
+        assert child.wait().how == "returned"
 
 
 @pytest.mark.parametrize(
