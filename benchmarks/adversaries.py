@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 Random = np.random.Generator
 # An array of heyoka's real numbers, and a function of times, the initial state and args to states.

@@ -52,8 +52,7 @@ from ropeode import reference
 from ropeode.cache import set_up_jax
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import NORMS, distance
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Problem
 from ropeode.references import Level, Reference
 from ropeode.references.extended.taylor import solve
 

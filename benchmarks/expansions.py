@@ -30,10 +30,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from ropeode import Problem, Rope
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.problems.links import LinearDamping
-from ropeode.simulation.method import method_of
-from ropeode.steppers.base import Stepper
+from ropeode.simulation import method_of
+from ropeode.steppers import Stepper
 from ropeode.theory import Expansion, StepSamples, expanded
 from tests.checking.right_steppers import TABLEAUS as PUBLISHED
 

@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from ropeode import reference
 from ropeode.errors import ReferenceRefused
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references import SCIPY_DOP853, solve
 from ropeode.references.defect import look_between

@@ -31,16 +31,14 @@ from tabulate import tabulate
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from ropeode import reference, simulate
-from ropeode.analysis.errors import differences
-from ropeode.analysis.roundoff import in_other_units, least_clear_error, round_off
+from ropeode.analysis import differences, in_other_units, least_clear_error, round_off
 from ropeode.norms import norm_for
-from ropeode.problems.library import PROBLEMS
+from ropeode.problems import PROBLEMS
 from ropeode.references import Reference
-from ropeode.render.stepper_list import variants
-from ropeode.simulation.method import Method, method_of
-from ropeode.steppers import STEPPERS, ConstraintVerlet
-from ropeode.steppers.base import BuiltIn
-from ropeode.study.accuracy_table import problem_class
+from ropeode.render import variants
+from ropeode.simulation import Method, method_of
+from ropeode.steppers import STEPPERS, BuiltIn, ConstraintVerlet
+from ropeode.study import problem_class
 from ropeode.theory import PredictedError, predicted_error
 
 # Spans over which explicit steppers get to their asymptotic range in seconds.

@@ -27,7 +27,7 @@ from tabulate import tabulate
 
 from ropeode import Problem, Rope, each_reference, reference
 from ropeode.norms import distance, norm_for
-from ropeode.problems.ensemble import Ensemble
+from ropeode.problems import Ensemble
 from ropeode.references import DOPRI8, KVAERNO5
 from ropeode.references.solvers import diffrax_solver, program_cache
 from ropeode.threads import cores

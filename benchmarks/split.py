@@ -21,14 +21,13 @@ EVENTS = {
 
 
 def main() -> None:
-    from ropeode.terminal.running import set_up_jax
+    from ropeode.terminal import set_up_jax
 
     set_up_jax()
     import jax.monitoring
 
-    from ropeode.render.formats import format_table
-    from ropeode.study import accuracy_table
-    from ropeode.study.spec import TableJob
+    from ropeode.render import format_table
+    from ropeode.study import TableJob, accuracy_table
 
     spent: dict[str, float] = defaultdict(float)
     ends: dict[str, float] = {}

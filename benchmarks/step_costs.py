@@ -14,8 +14,7 @@ from collections.abc import Sequence
 
 from ropeode import InextensibleRope, Problem, Rope, simulate
 from ropeode.errors import InputError
-from ropeode.steppers import STEPPERS
-from ropeode.steppers.registry import by_family
+from ropeode.steppers import STEPPERS, by_family
 
 NODE_STEPS = 300_000  # per run: a call takes about a tenth of a millisecond besides its steps
 # Whose time is held against the number of nodes, where they are registered.

@@ -28,14 +28,18 @@ from tabulate import tabulate
 
 from ropeode import SweepSpec, read_sweep
 from ropeode.cache import set_up_jax
-from ropeode.sweep.design.cases import Task
-from ropeode.sweep.design.columns import RESULTS, Row
+from ropeode.sweep import (
+    RESULTS,
+    DaskCluster,
+    InProcess,
+    LocalProcesses,
+    Row,
+    Store,
+    Task,
+    evaluate,
+    work_through,
+)
 from ropeode.sweep.design.spec import MOST_PROBLEMS
-from ropeode.sweep.execution.dask_cluster import DaskCluster
-from ropeode.sweep.execution.engines import InProcess, LocalProcesses
-from ropeode.sweep.execution.evaluate import evaluate
-from ropeode.sweep.storage.row_files import Store
-from ropeode.sweep.task_queue import work_through
 
 # Of a hundred million cases, nearly: 10000 dampings, 2500 stiffnesses, 2 steppers, 2 steps.
 HUGE = {

@@ -65,21 +65,15 @@ from ropeode import (
     stability_limit,
 )
 from ropeode import horizon as horizon_of
-from ropeode.case_studies.pictures import plot_contact_sheets
-from ropeode.case_studies.report import rope_report
-from ropeode.case_studies.results import Report
+from ropeode.case_studies import Report, plot_contact_sheets, rope_report
 from ropeode.checking import Examination
 from ropeode.errors import InputError
 from ropeode.files import write_whole
 from ropeode.laboratory.scenes import scenes
 from ropeode.precision import in_float64
-from ropeode.render import blocks
-from ropeode.render.markup import markdown
+from ropeode.render import blocks, figure_bytes, markdown, plot_horizon
 from ropeode.render.plots.animation import gif
-from ropeode.render.plots.files import figure_bytes
-from ropeode.render.plots.horizon import plot_horizon
-from ropeode.steppers import diffrax_solvers, scipy_solvers
-from ropeode.steppers.base import ProblemClass
+from ropeode.steppers import ProblemClass, library_solvers
 
 IMAGES = Path(__file__).parent / "images"
 # Enough for lines and text, and a third of the size.
@@ -324,9 +318,8 @@ def figures() -> str:
 def solver_orders(*libraries: str) -> str:
     """The documented and the observed orders of the solvers of libraries."""
     rows = []
-    modules = {"diffrax": diffrax_solvers, "scipy": scipy_solvers}
     for given in [
-        f"{library}:{name}" for library in libraries for name in modules[library].solvers()
+        f"{library}:{name}" for library in libraries for name in library_solvers(library)
     ]:
         try:
             examination = Examination(given)

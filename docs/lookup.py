@@ -12,13 +12,12 @@ from typing import Any
 from tabulate import tabulate
 
 from ropeode.laboratory import parameters_of
-from ropeode.problems.library import PROBLEMS, ROPES
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Problem
+from ropeode.problems.library import ROPES
 from ropeode.references import entries
-from ropeode.render.docstrings import argument_words, description, source
-from ropeode.render.stepper_list import variants
-from ropeode.steppers.base import BuiltIn, ProblemClass
-from ropeode.steppers.registry import STEPPERS, options
+from ropeode.render import argument_words, variants
+from ropeode.render.docstrings import description, source
+from ropeode.steppers import STEPPERS, BuiltIn, ProblemClass, options
 
 SCHEMAS = Path(__file__).parent / "schemas"
 # Ropes refer to no book.

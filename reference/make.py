@@ -21,7 +21,7 @@ from ropeode.references import (
     save_reference,
     verify_checksum,
 )
-from ropeode.terminal.running import set_up_jax, show_progress
+from ropeode.terminal import set_up_jax, show_progress
 
 HERE = Path(__file__).resolve().parent
 

@@ -1,5 +1,5 @@
 """``python -m ropeode`` is the command `ropeode`."""
 
-from ropeode.cli.main import run_process
+from ropeode.cli import run_process
 
 run_process()

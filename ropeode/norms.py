@@ -9,7 +9,7 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.json_form import json_as
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.validation import bad_value, unknown
 
 _BLOCK_BYTES = 2**24

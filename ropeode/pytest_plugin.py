@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from ropeode.checking.report import CheckReport
+    from ropeode.checking import CheckReport
 
 MARKER = (
     "ropeode(quick=..., only=..., skip=..., time_limit=...): how the fixture `ropeode` checks "
@@ -106,10 +106,9 @@ class Guard:
     def _checked(self, step: Any, claims: dict[str, Any], prefix: str = "") -> CheckReport:
         __tracebackhide__ = True
         # Not above: pytest imports this module whether a test needs it or not.
-        from ropeode.checking.check import check_stepper
-        from ropeode.checking.checks import CHECKS
+        from ropeode.checking import CHECKS, check_stepper
         from ropeode.errors import InputError, users_traceback
-        from ropeode.render.formats import format_check
+        from ropeode.render import format_check
 
         settings = {**self._settings, **claims}
         if prefix:

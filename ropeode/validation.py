@@ -7,11 +7,13 @@ import functools
 import importlib
 import inspect
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import ModuleType
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 from pydantic import (
     BaseModel,
     BeforeValidator,
@@ -22,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ropeode.errors import InputError, RopeodeError
+from ropeode.errors import InputError, RopeodeError, UserCodeError
 
 T = TypeVar("T")
 
@@ -30,6 +32,8 @@ _TRACED = "a value that JAX traces"
 _LONGEST_VALUE_SHOWN = 60
 _LONGEST_TEXT_SHOWN = 200
 _LONGEST_PART = 600
+# Bytes that a sample time takes, in the problem and while it is checked.
+_OF_A_TIME = 64
 # Larger whole numbers are no longer all different in float64.
 MOST_COUNTED = 2**53
 # Of names that are allowed, all are shown up to so many; of more than that the likest ones.
@@ -426,6 +430,108 @@ def _checked(name: str, value: Any, check: Callable[[Any], T], allowed: str, exa
         fix = f"for example {name}={example}"
         given = value if is_traced(value) else plain(value)
         raise bad_value(name, given, f"{allowed} ({error})", fix) from None
+
+
+def real_array(name: str, value: Any, example: str = "[1.0, 0.0]") -> np.ndarray:
+    """`value` as a new float64 array of finite numbers.
+
+    Arguments:
+        name: of the value, for messages.
+        value: to be checked.
+        example: of one that can be used.
+
+    Raises:
+        InputError: it is empty, not real, or not finite.
+    """
+    import jax  # A command that only parses need not wait for it.
+
+    allowed = "an array of finite real numbers"
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf" or array.size == 0:
+        raise bad_value(name, value, allowed, f"give numbers, such as {example}")
+    if np.ma.is_masked(value):
+        raise bad_value(name, value, allowed, "fill the masked entries")
+    entries = value if isinstance(value, (list, tuple)) else array
+    for path, entry in jax.tree_util.tree_leaves_with_path(entries):
+        # NumPy widens those of a list.
+        float64_only(name + jax.tree_util.keystr(path), np.asarray(entry))
+    array = np.array(array, dtype=np.float64)
+    if not np.all(np.isfinite(array)):
+        where = np.argwhere(~np.isfinite(array))[0].tolist()
+        fix = f"correct entry {where}, which is not finite" if where else f"for example {example}"
+        raise bad_value(name, value, allowed, fix)
+    return array
+
+
+def float64_only(name: str, array: np.ndarray) -> None:
+    """Raises:
+    InputError: a number in it has fewer digits than float64, and would be another one there.
+    """
+    try:
+        require_all_digits(array)
+    except ValueError:
+        raise bad_value(
+            name,
+            array,
+            "numbers in float64 (arrays of JAX are float32 outside of its float64 mode, and 0.1 is "
+            "0.10000000149 there)",
+            "make it in NumPy or Python, as in np.array([0.1])",
+        ) from None
+
+
+def check_memory(
+    count: int,
+    each: int = _OF_A_TIME,
+    field: str = "frames",
+    fix: str = "sample fewer frames, with more steps in each",
+) -> None:
+    """See that there is memory for all samples, before it is taken.
+
+    Arguments:
+        count: intervals between the samples, or what `field` counts.
+        each: bytes of one; by default those of a sample's time.
+        field, fix: of the message.
+
+    Raises:
+        InputError: there is not.
+    """
+    needed, there = count * each, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > there:
+        raise bad_value(
+            field,
+            count,
+            f"as many as fit into memory, {there / 2**30:.3g} GiB; these take "
+            f"{needed / 2**30:.3g} GiB",
+            fix,
+        )
+
+
+def check_all(*each: Callable[[], Any]) -> list[Any]:
+    """Run every check, and raise all faults together.
+
+    Returns:
+        what the checks returned.
+
+    Raises:
+        InputError: with the lines of all the checks that failed, each line once.
+        UserCodeError: the user's code raised; the traceback of its own exception is worth more
+            than the other lines.
+    """
+    results: list[Any] = []
+    faults: list[str] = []
+    for check in each:
+        try:
+            results.append(check())
+        except UserCodeError:
+            raise
+        except InputError as error:
+            faults.extend(error.problems)
+    if faults:
+        raise InputError(dict.fromkeys(faults))
+    return results
 
 
 def require(package: str, extra: str, purpose: str) -> ModuleType:

@@ -28,7 +28,6 @@ from ropeode import (
     error_curves,
     error_series,
     growth_per_frame,
-    jax_stepper,
     load,
     observed_order,
     save_reference,
@@ -37,6 +36,7 @@ from ropeode import (
 )
 from ropeode.errors import InputError
 from ropeode.references import Asked, More
+from ropeode.simulation.jax_stepper import jax_stepper
 from tests.results import kinds
 
 

@@ -14,15 +14,12 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from ropeode.case_studies.results import Report
-from ropeode.checking.report import CheckReport
+from ropeode.case_studies import Report
+from ropeode.checking import CheckReport
 from ropeode.files import write_whole
 from ropeode.json_form import adapter, of_path
-from ropeode.render.docstrings import argument_words
-from ropeode.study.accuracy_table import AccuracyTable
-from ropeode.study.explanation import Explanation
-from ropeode.study.horizon import Horizon
-from ropeode.study.work_precision import WorkPrecision
+from ropeode.render import argument_words
+from ropeode.study import AccuracyTable, Explanation, Horizon, WorkPrecision
 
 FOLDER = Path(__file__).parents[1] / "docs/schemas"
 RESULTS: tuple[Any, ...] = (

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ropeode.files import write_whole
 from ropeode.laboratory import Laboratory, link_of, page_with_answers
-from ropeode.terminal.running import set_up_jax, with_progress
+from ropeode.terminal import set_up_jax, with_progress
 
 DOCS = Path(__file__).parents[1] / "docs"
 # What a page calls a scene.

@@ -15,7 +15,7 @@ from against import jax_rope
 from against.stepping import DIFFRAX, Work, check, timed
 from against.timing import Contender, Peers, race
 from ropeode import Rope, simulate
-from ropeode.problems.ensemble import Ensemble
+from ropeode.problems import Ensemble
 
 NODES = 16
 METHODS = ("explicit-euler", "semi-implicit-euler")

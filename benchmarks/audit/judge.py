@@ -31,9 +31,9 @@ from ropeode.checking.energy_drift import measure_drift
 from ropeode.errors import InputError, RopeodeError
 from ropeode.files import write_whole
 from ropeode.json_form import json_of
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference
-from ropeode.study.spec import TableJob, read_spec
+from ropeode.study import TableJob, read_spec
 
 HERE = Path(__file__).resolve().parent
 ENGINES = HERE / "engines.toml"

@@ -13,8 +13,10 @@ from matplotlib.text import Text
 from PIL import Image
 
 from ropeode.problems.rope import Rope
-from ropeode.render.plots.style import STYLE, stepper_style
-from ropeode.study.node_paths import NodePaths, node_paths
+from ropeode.render import STYLE
+from ropeode.render.plots.style import stepper_style
+from ropeode.study import NodePaths
+from ropeode.study.node_paths import node_paths
 
 # At the last one the rope hangs upright for a moment.
 FRAMES = 32

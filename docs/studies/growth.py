@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.analysis.equilibrium import hanging_equilibrium
+from ropeode.analysis import hanging_equilibrium
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
 from ropeode.steppers import as_stepper

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from ropeode import reference
-from ropeode.analysis.errors import differences
+from ropeode.analysis import differences
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.problems.rope import Rope
 from ropeode.references import Reference
-from ropeode.simulation import simulate
-from ropeode.simulation.method import method_of
+from ropeode.simulation import method_of, simulate
 from ropeode.theory import Expansion, PredictedError, StepSamples, expanded, predicted_error
 from ropeode.theory.flow import short_flow
 

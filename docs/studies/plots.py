@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ropeode.render.plots.style import STYLE, new_figure, stepper_style
+from ropeode.render import STYLE, new_figure
+from ropeode.render.plots.style import stepper_style
 
 from .growth import MeasuredGrowth
 from .local_errors import LocalErrors, Propagated

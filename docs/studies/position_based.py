@@ -7,11 +7,9 @@ import dataclasses
 import numpy as np
 
 from ropeode import reference
-from ropeode.analysis.errors import distances_from, resolution
-from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.analysis import ObservedOrder, distances_from, observed_order, resolution
 from ropeode.norms import norm_for
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.problem import Problem
+from ropeode.problems import InextensibleRope, Problem
 from ropeode.problems.rope import Rope
 from ropeode.references import Reference
 from ropeode.simulation import simulate

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.analysis.order import ObservedOrder
+from ropeode.analysis import ObservedOrder
 from ropeode.errors import InputError
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.problem import Problem
+from ropeode.problems import InextensibleRope, Problem
 from ropeode.progress import Progress, silent
 from ropeode.references import Reference
 from ropeode.simulation import simulate
-from ropeode.steppers.constraint import ConstraintVerlet
-from ropeode.study.accuracy_table import accuracy_table, check_steps
+from ropeode.steppers import ConstraintVerlet
+from ropeode.study import check_steps
+from ropeode.study.accuracy_table import accuracy_table
 from ropeode.validation import complaint
 
 SWEEPS = (1, 2, 4, 16, 64)

@@ -8,12 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from ropeode.analysis.motion import classify_motion
-from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.analysis import classify_motion
+from ropeode.problems import InextensibleRope
 from ropeode.problems.rope import Rope
 from ropeode.simulation import simulate
-from ropeode.steppers.constraint import ConstraintVerlet
-from ropeode.steppers.verlet import StormerVerlet
+from ropeode.steppers import ConstraintVerlet, StormerVerlet
 
 STEPS_PER_FRAME = (64, 128, 256, 512, 1024)
 PER_STEP = 5e-5

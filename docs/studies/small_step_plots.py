@@ -9,7 +9,8 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ropeode.render.plots.style import STYLE, make_room, new_figure, stepper_style
+from ropeode.render import STYLE, make_room, new_figure
+from ropeode.render.plots.style import stepper_style
 
 from .small_steps import Cheapest, Damped, OneRope, Splits
 

@@ -11,17 +11,16 @@ import jax
 import numpy as np
 
 from ropeode import reference
-from ropeode.analysis.equilibrium import frequencies, hanging_equilibrium
-from ropeode.analysis.errors import ErrorSeries, distances, resolution
+from ropeode.analysis import ErrorSeries, distances, frequencies, hanging_equilibrium, resolution
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import Norm
 from ropeode.precision import in_float64
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem, free_coordinates
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress, silent
 from ropeode.references import Reference
-from ropeode.simulation import Trajectory, jax_stepper, simulate
+from ropeode.simulation import Trajectory, simulate
+from ropeode.simulation.jax_stepper import jax_stepper
 
 NODES = (16, 64, 256)
 STIFFNESSES = (1e2, 1e4, 1e6)

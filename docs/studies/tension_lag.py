@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from ropeode.norms import NORMS, distance
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.problems.rope import rigid_links
 
 _RTOL = 1e-10

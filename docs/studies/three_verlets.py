@@ -5,11 +5,12 @@ from __future__ import annotations
 import matplotlib
 from matplotlib.figure import Figure
 
-from ropeode.analysis.order import ObservedOrder
+from ropeode.analysis import ObservedOrder
 from ropeode.problems.rope import Rope
-from ropeode.render.plots.style import STYLE, new_figure, stepper_style
-from ropeode.render.table_words import interval, problem_words
-from ropeode.study.accuracy_table import AccuracyTable, accuracy_table
+from ropeode.render import STYLE, new_figure, order_interval, problem_words
+from ropeode.render.plots.style import stepper_style
+from ropeode.study import AccuracyTable
+from ropeode.study.accuracy_table import accuracy_table
 
 VERLETS = {
     "stormer-verlet:start=rest": "started with x(−dt) = x(0)",
@@ -66,4 +67,4 @@ def plot_three_verlets(table: AccuracyTable) -> Figure:
 def _order_words(order: ObservedOrder) -> str:
     if order.verdict != "converges":
         return order.verdict
-    return f"order {order.observed:.2f} {interval(order)}"
+    return f"order {order.observed:.2f} {order_interval(order)}"

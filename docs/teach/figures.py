@@ -45,9 +45,9 @@ from ropeode import (
 from ropeode.files import make_folder, write_whole
 from ropeode.precision import in_float64
 from ropeode.progress import Progress
-from ropeode.render.plots.files import figure_bytes
-from ropeode.render.plots.style import STYLE, Picture, stepper_style
-from ropeode.terminal.running import end_on_ctrl_c, set_up_jax, show_progress
+from ropeode.render import STYLE, figure_bytes
+from ropeode.render.plots.style import Picture, stepper_style
+from ropeode.terminal import end_on_ctrl_c, set_up_jax, show_progress
 from ropeode.theory import StabilityFunction, stability_function_of
 from ropeode.validation import bad_value
 

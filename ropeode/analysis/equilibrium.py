@@ -13,8 +13,7 @@ from scipy.integrate import BDF
 from scipy.linalg import null_space
 
 from ropeode.precision import in_float64
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Acceleration, Problem, require_problem
+from ropeode.problems import Acceleration, Problem, free_coordinates, require_problem
 from ropeode.validation import bad_value
 
 _EPS = float(np.finfo(np.float64).eps)

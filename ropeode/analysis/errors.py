@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike
 from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, node_distances, norm_for
-from ropeode.problems.checks import real_array
-from ropeode.problems.ensemble import same_problem
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem, same_problem
 from ropeode.references import Reference
 from ropeode.simulation import Trajectory
-from ropeode.validation import bad_value, check_kind, not_traced
+from ropeode.validation import bad_value, check_kind, not_traced, real_array
 
 # An error is shown as a number only if it is this many times the reference's bound.
 RESOLUTION_FACTOR = 10.0

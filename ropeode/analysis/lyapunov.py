@@ -16,11 +16,9 @@ from scipy import special
 from ropeode.display import Tabular
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem, require_problem
+from ropeode.problems import Problem, free_coordinates, require_problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references import Solver, solve
-from ropeode.references.ladder import EXPLICIT, IMPLICIT, step_budget
+from ropeode.references import EXPLICIT_SOLVERS, IMPLICIT_SOLVERS, Solver, solve, step_budget
 from ropeode.validation import bad_value, check_positive, check_whole
 
 # Frames are divided until there are so many samples, to have something to average.
@@ -151,7 +149,7 @@ def lyapunov_exponent(
         jump_times=problem.jump_times,
     )
     solutions, budget = [], step_budget(problem)
-    for method in (EXPLICIT, IMPLICIT):
+    for method in (EXPLICIT_SOLVERS, IMPLICIT_SOLVERS):
         progress(f"Lyapunov exponent: {method.primary} at {rtol:.0e}", None)
         solution = solve(together, method.primary, rtol, rtol * problem.scale, max_steps=budget)
         solutions.append(solution)

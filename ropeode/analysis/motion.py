@@ -13,10 +13,9 @@ from ropeode.analysis.motion_measures import RopeMeasures, lengthening, measured
 from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.json_form import Unbounded
-from ropeode.problems import checks
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.simulation import Trajectory
-from ropeode.validation import bad_value, check_kind, check_positive
+from ropeode.validation import bad_value, check_all, check_kind, check_positive
 
 Verdict = Literal["diverges", "settles", "settles_without_swinging", "never_settles"]
 
@@ -54,18 +53,18 @@ class Thresholds:
     swing: float = 0.05
 
     def __post_init__(self) -> None:
-        checks.run(*(functools.partial(self._check, field) for field in dataclasses.fields(self)))
+        check_all(*(functools.partial(self._check, field) for field in dataclasses.fields(self)))
 
     def _check(self, field: dataclasses.Field) -> None:
         number = check_positive(field.name, getattr(self, field.name), example=str(field.default))
         object.__setattr__(self, field.name, number)
 
 
-DEFAULTS = Thresholds()
+DEFAULT_THRESHOLDS = Thresholds()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Words:
+class MotionWords:
     """What the thresholds make of a rope's motion. Frames are indices of samples.
 
     Everything but `diverged_at` comes from the samples before the run diverged.
@@ -101,7 +100,7 @@ class Words:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Motion(Tabular, Words):
+class Motion(Tabular, MotionWords):
     """What a rope did: the fields of `Words`, and numbers.
 
     Arguments:
@@ -140,7 +139,7 @@ class Sensitivity(NamedTuple):
 
     threshold: str
     value: float
-    words: Words
+    words: MotionWords
     differs: bool
 
     @property
@@ -149,7 +148,7 @@ class Sensitivity(NamedTuple):
         return self.words.verdict
 
 
-def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -> Motion:
+def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULT_THRESHOLDS) -> Motion:
     """Say how a rope moved.
 
     The centre of mass of the free nodes says on which side of the first pinned node the rope
@@ -189,13 +188,15 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -
     )
 
 
-def motion_words(trajectory: Trajectory, thresholds: Thresholds = DEFAULTS) -> Words:
+def motion_words(
+    trajectory: Trajectory, thresholds: Thresholds = DEFAULT_THRESHOLDS
+) -> MotionWords:
     """The part of `classify_motion` that needs no energies, and so takes little time."""
     return _words(measured(trajectory), thresholds)
 
 
 def sensitivity(
-    trajectory: Trajectory, thresholds: Thresholds = DEFAULTS
+    trajectory: Trajectory, thresholds: Thresholds = DEFAULT_THRESHOLDS
 ) -> tuple[Sensitivity, ...]:
     """How the verdict depends on the thresholds: each of them halved, and doubled.
 
@@ -212,7 +213,7 @@ def sensitivity(
     return tuple(changed)
 
 
-def _words(measures: RopeMeasures, thresholds: Thresholds) -> Words:
+def _words(measures: RopeMeasures, thresholds: Thresholds) -> MotionWords:
     whole = np.isfinite(measures.speed) & np.all(measures.stretch <= thresholds.stretch, axis=1)
     broken = np.flatnonzero(~whole)
     diverged_at = int(broken[0]) if len(broken) else measures.lost_at
@@ -237,7 +238,7 @@ def _words(measures: RopeMeasures, thresholds: Thresholds) -> Words:
         verdict = "diverges"
     elif settled_at is not None and not left:
         verdict = "settles" if len(swing_times) else "settles_without_swinging"
-    return Words(
+    return MotionWords(
         verdict=verdict,
         diverged_at=diverged_at,
         settled_at=settled_at,

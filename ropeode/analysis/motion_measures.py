@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.simulation import Trajectory, step_size
 from ropeode.validation import bad_value, complaint
 

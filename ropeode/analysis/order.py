@@ -10,8 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.problems.checks import real_array
-from ropeode.validation import bad_value, not_traced
+from ropeode.validation import bad_value, not_traced, real_array
 
 Verdict = Literal["converges", "does not converge", "undetermined"]
 
@@ -42,9 +41,9 @@ _LEAST_HALF_WIDTH = 0.01
 _LEAST_ORDER = 0.5
 # An interval without the order that it should have is evidence up to this width: without a whole
 # one, of a fractional one; without the declared one, of another.
-NARROW = 0.25
+NARROW_ORDER = 0.25
 # An observed order may be lower than the claimed one by this.
-TOLERANCE = 0.25
+ORDER_TOLERANCE = 0.25
 # Student's t at 97.5% for 1, 2, ... degrees of freedom, as `scipy.special.stdtrit` computes it. To
 # import that takes a fifth of the time that JAX takes.
 _STUDENT = (
@@ -259,8 +258,8 @@ def _decides(low: float, high: float, claimed: int | None) -> bool:
     """Whether an interval decides what the order is, or whether it is the claimed one at least."""
     if claimed is None:
         orders = len(whole_orders(low, high))
-        return low > 0 and (orders == 1 or (orders == 0 and high - low <= NARROW))
-    return high < claimed - TOLERANCE or low > claimed - 1
+        return low > 0 and (orders == 1 or (orders == 0 and high - low <= NARROW_ORDER))
+    return high < claimed - ORDER_TOLERANCE or low > claimed - 1
 
 
 def _orders_in(low: float, high: float) -> str:

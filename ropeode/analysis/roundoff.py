@@ -9,13 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.norms import Norm, distance
+from ropeode.problems import FirstOrderForm, Problem
 from ropeode.problems.links import LinearDamping, Links
-from ropeode.problems.problem import FirstOrderForm, Problem
 from ropeode.references import Reference
-from ropeode.simulation import Trajectory, simulate
-from ropeode.simulation.method import Method, method_of
-from ropeode.simulation.system import InUnits
-from ropeode.steppers.base import BuiltIn
+from ropeode.simulation import InUnits, Method, Trajectory, method_of, simulate
+from ropeode.steppers import BuiltIn
 
 # The ratio of the units. Any number will do whose binary digits have no pattern. It is near 1, so
 # that the last place of most numbers keeps about the same value.

@@ -1,5 +1,6 @@
 from .claims import measured as measured
 from .claims import verdict as verdict
+from .command import report_command as report_command
 from .comparisons import Compared as Compared
 from .comparisons import compared as compared
 from .figures import Claim as Claim

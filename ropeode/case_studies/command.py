@@ -7,25 +7,27 @@ from pathlib import Path
 import click
 
 from ropeode.progress import Progress
-from ropeode.terminal.lists import CommaSeparated
-from ropeode.terminal.output import (
+from ropeode.terminal import (
+    CommaSeparated,
+    end_on_ctrl_c,
     format_for,
     format_option,
     out_option,
     plots_option,
     put_out,
     put_pictures,
+    set_up_jax,
+    with_progress,
 )
-from ropeode.terminal.running import end_on_ctrl_c, set_up_jax, with_progress
 
 
-@click.command()
+@click.command("report")
 @click.option("--figures", metavar="N[,N...]", type=CommaSeparated(), help="From 1 to 41. [all]")
 @click.option("--frames", metavar="N", help="Frames to watch. [4000, or more where needed]")
 @plots_option("Write a picture for each figure, and sheets, to DIR.")
 @format_option
 @out_option("report")
-def report(
+def report_command(
     figures: list[str] | None,
     frames: str | None,
     plots: Path | None,

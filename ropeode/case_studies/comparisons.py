@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.analysis.motion import Motion
+from ropeode.analysis import Motion
 from ropeode.case_studies.claims import FAILS, HOLDS
 from ropeode.case_studies.figures import Comparison, Measure
 from ropeode.json_form import json_shows

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from importlib import resources
 from typing import Any, Literal
 
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.problem import Problem
+from ropeode.problems import InextensibleRope, Problem
 from ropeode.problems.rope import Rope
 from ropeode.validation import bad_value, whole_number
 

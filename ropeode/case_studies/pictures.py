@@ -24,9 +24,16 @@ from ropeode.case_studies.results import (
 )
 from ropeode.problems.rope import Rope
 from ropeode.progress import Progress
-from ropeode.render.plots.files import figure_bytes
+from ropeode.render import (
+    COLOURS,
+    FIGURE_WIDTH,
+    STYLE,
+    figure_bytes,
+    make_room,
+    new_figure,
+    wrapped,
+)
 from ropeode.render.plots.overlaps import take_turns
-from ropeode.render.plots.style import COLOURS, STYLE, WIDTH, make_room, new_figure, wrapped
 
 # How often the rope is drawn while it falls and swings for the first time.
 _SHAPES = 16
@@ -131,7 +138,7 @@ def _with_legend(figure: Figure, result: FigureResult) -> Figure:
         loc="outside lower left",
         ncols=3,
         fontsize=_SMALL,
-        title=wrapped(*found, width=1.4 * WIDTH),
+        title=wrapped(*found, width=1.4 * FIGURE_WIDTH),
         title_fontsize=_SMALL,
         alignment="left",
     )

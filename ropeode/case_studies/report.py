@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ropeode.analysis.motion import DEFAULTS, classify_motion, sensitivity
+from ropeode.analysis import DEFAULT_THRESHOLDS, classify_motion, sensitivity
 from ropeode.case_studies import claims
 from ropeode.case_studies.comparisons import Compared, compared
 from ropeode.case_studies.figures import ENDS, Figure, Meaning, all_comparisons, check_figures
@@ -92,7 +92,7 @@ def rope_report(
     return Report(
         figures=tuple(results),
         comparisons=_comparisons(results),
-        thresholds=DEFAULTS,
+        thresholds=DEFAULT_THRESHOLDS,
         sensitive_to_thresholds=tuple(by_threshold),
         sensitive_to_rounding=tuple(by_rounding),
     )

@@ -5,17 +5,15 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, ClassVar
 
-from ropeode.analysis.motion import Motion, Thresholds
+from ropeode.analysis import Motion, Thresholds
 from ropeode.case_studies.claims import FAILS, HOLDS, TOO_SHORT, predicted
 from ropeode.case_studies.comparisons import Compared
 from ropeode.case_studies.figures import Figure, Meaning
 from ropeode.display import Tabular
 from ropeode.json_form import json_of, json_shows
-from ropeode.render.formats import formatted
-from ropeode.render.markup import Block, Grid, Heading, Paragraph
-from ropeode.render.results import blocks, line, rows
+from ropeode.render import Block, Grid, Heading, Paragraph, blocks, formatted, line, rows
 from ropeode.simulation import Trajectory
-from ropeode.theory.growth import Growth
+from ropeode.theory import Growth
 from ropeode.validation import check_kind
 
 TITLE = "The published rope report, run again"

@@ -18,14 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.analysis.motion import DEFAULTS
+from ropeode.analysis import DEFAULT_THRESHOLDS
 from ropeode.cache import source_digest
 from ropeode.case_studies.claims import MARGIN
 from ropeode.case_studies.figures import ENDS, Setting
 from ropeode.errors import InputError
 from ropeode.files import write_whole
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem
+from ropeode.problems import Ensemble, Problem
 from ropeode.progress import Progress, silent
 from ropeode.simulation import Trajectory, simulate
 from ropeode.steppers import as_stepper
@@ -116,7 +115,7 @@ def frames_for(settings: Iterable[Setting]) -> int:
         if growth.predicted_blow_up is not None:
             needed.append(growth.predicted_blow_up)
         elif growth.rate < -growth.tolerance:
-            needed.append(-np.log(DEFAULTS.speed) / -growth.rate)
+            needed.append(-np.log(DEFAULT_THRESHOLDS.speed) / -growth.rate)
         most = min(most, _MOST_STEPS // setting.steps_per_frame)
     frames = _ROUND_TO * int(np.ceil(MARGIN * max(needed) / _ROUND_TO))
     return max(FRAMES, min(frames, most))

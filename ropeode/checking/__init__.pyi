@@ -1,3 +1,4 @@
+from .check import CHECK_TIME_LIMIT as CHECK_TIME_LIMIT
 from .check import check_stepper as check_stepper
 from .check import chosen_checks as chosen_checks
 from .check import cut_off as cut_off
@@ -16,6 +17,7 @@ from .convergence import converging as converging
 from .convergence import falls_too_slowly as falls_too_slowly
 from .diagnosis.stepper import diagnose_stepper as diagnose_stepper
 from .diagnosis.trajectories import diagnose_trajectories as diagnose_trajectories
+from .grade import GRADE_CHECKS as GRADE_CHECKS
 from .report import CheckReport as CheckReport
 from .report import Claims as Claims
 from .report import Convergence as Convergence

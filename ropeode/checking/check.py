@@ -17,13 +17,11 @@ from ropeode.checking.time_limit import OutOfTime, kept_output, within
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.templates import template
+from ropeode.simulation import HIDDEN_STATE, Trial, trial_of
+from ropeode.steppers import Stepper, as_stepper, template
 from ropeode.validation import bad_value, check_positive, unknown
 
-TIME_LIMIT = 60.0
+CHECK_TIME_LIMIT = 60.0
 # The wall time of a diagnosis with all that it computes, over the time limit of the step.
 _DIAGNOSIS = 10.0
 # The checks whose failure a diagnosis may explain.
@@ -50,7 +48,7 @@ def check_stepper(
     skip: Iterable[str] = (),
     quick: bool = False,
     diagnose: bool = True,
-    time_limit: float = TIME_LIMIT,
+    time_limit: float = CHECK_TIME_LIMIT,
     progress: Progress = bar,
 ) -> CheckReport:
     """Check a stepper: does it solve the right equation, and how well?

@@ -22,20 +22,16 @@ from ropeode.checking.check_ropes import (
 from ropeode.checking.convergence import RunAndDouble, converging, ladder
 from ropeode.checking.report import Claims, Convergence, Finding
 from ropeode.errors import ReferenceRefused, RopeodeError
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference, reference_for
-from ropeode.simulation import simulate, step_size
-from ropeode.simulation.method import Method, method_of
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import ProblemClass, Stepper
-from ropeode.steppers.functions import StepFunction
-from ropeode.steppers.stepper_loading import LIBRARIES
-from ropeode.study.accuracy_table import problem_class
+from ropeode.simulation import Method, method_of, simulate, step_size
+from ropeode.steppers import STEPPER_LIBRARIES, ProblemClass, StepFunction, Stepper, as_stepper
+from ropeode.study import problem_class
 from ropeode.threads import cores
 
 # Of the size of the rope, what rounding alone makes of a few steps.
 _ROUNDING = 1e-10
-_LIBRARIES = tuple(f"{library}:" for library in LIBRARIES)
+_LIBRARIES = tuple(f"{library}:" for library in STEPPER_LIBRARIES)
 _MOST_KEPT = 256
 # Where a line of a finding has such a number.
 _NOT_FINITE = re.compile(r"\b(nan|inf)\b")

@@ -10,9 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.problems import rope
+from ropeode.problems import Problem, rope
 from ropeode.problems.links import LinearDamping
-from ropeode.problems.problem import Problem
 from ropeode.problems.rope import RopeArgs
 
 NODES, DIM = 5, 3

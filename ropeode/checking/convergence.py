@@ -6,20 +6,21 @@ from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
-from ropeode.analysis.errors import distances, quantity_distances
-from ropeode.analysis.errors import resolution as resolution_of
-from ropeode.analysis.order import (
+from ropeode.analysis import (
+    ORDER_TOLERANCE,
     PRE_ASYMPTOTIC,
     ROUND_OFF,
-    TOLERANCE,
     UNRESOLVED,
     UNSOLVED,
     UNSTABLE,
     LeftOut,
     ObservedOrder,
+    distances,
+    largest_distance,
     observed_order,
+    quantity_distances,
 )
-from ropeode.analysis.roundoff import largest_distance
+from ropeode.analysis import resolution as resolution_of
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
 from ropeode.norms import NORMS, Norm, motion
@@ -196,7 +197,7 @@ def convergence_finding(check: str, convergence: Convergence) -> Finding:
         else:
             low, high = order.ci95
             words.append(f"{them} order {order.observed:.2f} [{low:.2f}, {high:.2f}]")
-            wrong |= expected is not None and high < expected - TOLERANCE
+            wrong |= expected is not None and high < expected - ORDER_TOLERANCE
     for quantity, (off, allowed) in limits.items():
         if off > allowed:
             words.append(f"wrong limit of {_PLURAL[quantity]}: off by {off:.1e} (± {allowed:.0e})")
@@ -237,7 +238,7 @@ def falls_too_slowly(convergence: Convergence) -> bool:
         if order.verdict != "undetermined" or lost or len(points) < _LEVELS:
             continue
         dts, errors = np.log(np.array(points)).T
-        if np.polyfit(dts, errors, 1)[0] < expected - max(TOLERANCE, expected / 8.0):
+        if np.polyfit(dts, errors, 1)[0] < expected - max(ORDER_TOLERANCE, expected / 8.0):
             return True
     return False
 

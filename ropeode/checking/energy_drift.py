@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 # A drift changes the energy by more than so many times its oscillation.
 _FACTOR = 2.0

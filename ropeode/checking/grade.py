@@ -26,15 +26,15 @@ from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
 from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, names_of
 from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.simulation import step_size
 from ropeode.steppers import as_stepper
-from ropeode.study.accuracy_table import problem_class
+from ropeode.study import problem_class
 
 # In the order of the report.
-CHECKS = ("initial-state", "order", "pins", "energy")
+GRADE_CHECKS = ("initial-state", "order", "pins", "energy")
 # An observed order that is not 1.
 _MORE_THAN_FIRST = 1.5
 

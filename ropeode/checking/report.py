@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
-from ropeode.analysis.order import ObservedOrder
+from ropeode.analysis import ObservedOrder
 from ropeode.display import Tabular
 from ropeode.json_form import json_shows
 from ropeode.theory import Diagnosis

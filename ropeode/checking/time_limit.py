@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 from ropeode.errors import UserCodeError
-from ropeode.simulation.python_driver import take_turn_from
-from ropeode.simulation.user_clock import UserClock
+from ropeode.simulation import UserClock, take_turn_from
 
 T = TypeVar("T")
 

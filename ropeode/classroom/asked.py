@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from ropeode.checking.report import CheckReport
+from ropeode.checking import CheckReport
 from ropeode.classroom.outcome import Status
 from ropeode.sandbox import Limits
 

@@ -9,11 +9,13 @@ from typing import Any
 
 import click
 
-from ropeode.checking.check import chosen_checks
-from ropeode.checking.check_context import reference_of
-from ropeode.checking.check_ropes import convergence_problems
-from ropeode.checking.claims import checked_claims
-from ropeode.checking.report import Claims
+from ropeode.checking import (
+    Claims,
+    checked_claims,
+    chosen_checks,
+    convergence_problems,
+    reference_of,
+)
 from ropeode.classroom.gradebook import as_csv, as_json, as_text, exit_code, grade_book, summary
 from ropeode.classroom.pages import write_pages
 from ropeode.classroom.rubric import OF_FILES, OF_STEPPERS, Item, read_rubric
@@ -23,12 +25,10 @@ from ropeode.classroom.submissions import stepper_submissions, trajectory_submis
 from ropeode.classroom.trajectories import Trajectories
 from ropeode.files import refuse_code
 from ropeode.progress import Progress
-from ropeode.references.compute import reference_for
-from ropeode.references.options import TIME_LIMIT, ReferenceOptions
+from ropeode.references import TIME_LIMIT, ReferenceOptions, reference_for
 from ropeode.steppers import as_stepper
-from ropeode.study.spec import TableJob
-from ropeode.terminal.output import put_out
-from ropeode.terminal.running import NOTHING, end_on_ctrl_c, not_interrupted, with_progress
+from ropeode.study import TableJob
+from ropeode.terminal import NOTHING, end_on_ctrl_c, not_interrupted, put_out, with_progress
 from ropeode.validation import bad_value
 
 _KEPT = "finished submissions are kept; run the same command to resume"

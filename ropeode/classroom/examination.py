@@ -9,14 +9,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ropeode.checking.report import CheckReport
-from ropeode.checking.time_limit import OutOfTime
+from ropeode.checking import CheckReport, OutOfTime
 from ropeode.classroom.asked import Asked
 from ropeode.classroom.outcome import Outcome, Status, parts
 from ropeode.errors import InputError, RopeodeError, UserCodeError, users_traceback
 from ropeode.json_form import json_of
+from ropeode.render import Block, Code, Heading, Paragraph
 from ropeode.render import blocks as blocks_of
-from ropeode.render.markup import Block, Code, Heading, Paragraph
 
 # What an exception says may be as long as its code likes; so many letters are kept.
 _MOST_LETTERS = 20_000

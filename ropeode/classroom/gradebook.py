@@ -12,7 +12,7 @@ from typing import NamedTuple
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission, printable
-from ropeode.render.text_layout import WIDTH, columns
+from ropeode.render import TEXT_WIDTH, columns
 from ropeode.validation import counted
 
 HEADERS = ("submission", "status", "verdict", "order", "points", "message", "marks")
@@ -136,7 +136,7 @@ def as_text(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
     whole = [lines[0]]
     for line, row in zip(lines[1:], rows, strict=True):
         words = "; ".join(filter(None, (*row.marks, row.cells[5])))
-        whole.append(f"{line:{start}}{_cut(words, WIDTH - start)}".rstrip())
+        whole.append(f"{line:{start}}{_cut(words, TEXT_WIDTH - start)}".rstrip())
     return "\n".join([*whole, "", summary(rows, rubric), ""])
 
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import ConfigDict, TypeAdapter
 
 from ropeode.files import write_whole
-from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
+from ropeode.render import Block, Code, Grid, Heading, Paragraph
 
 # The parts of a report, each after the name of its type.
 Part = (

@@ -12,7 +12,7 @@ from ropeode.classroom.order_plot import order_plot
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.files import make_folder, write_whole
-from ropeode.render.markup import Block, Code, Drawing, Grid, html_part, markdown, page
+from ropeode.render import Block, Code, Drawing, Grid, html_part, markdown, page_frame
 
 _STYLE = """\
 .book { overflow-x: auto }
@@ -103,7 +103,7 @@ def _grade_book(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
 
 
 def _page(title: str, body: str, script: str = "") -> str:
-    return page(title, f"<h1>{html.escape(title)}</h1>\n{body}", _STYLE, script)
+    return page_frame(title, f"<h1>{html.escape(title)}</h1>\n{body}", _STYLE, script)
 
 
 def _kind(head: str) -> str:

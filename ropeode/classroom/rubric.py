@@ -9,13 +9,12 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, StrictBool
 
-from ropeode.checking.checks import CHECKS
-from ropeode.checking.grade import CHECKS as OF_FILES
+from ropeode.checking import CHECKS, GRADE_CHECKS
 from ropeode.errors import InputError
 from ropeode.files import parse_toml, read_text
 from ropeode.validation import Input, NonNegative, bad_value, complaint, field, unknown
 
-OF_STEPPERS = tuple(CHECKS)
+OF_STEPPERS, OF_FILES = tuple(CHECKS), GRADE_CHECKS
 # The default for each collection of checks.
 DEFAULTS = {
     OF_STEPPERS: """\

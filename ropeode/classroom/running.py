@@ -24,8 +24,7 @@ from ropeode.classroom.trajectories import REFERENCE
 from ropeode.errors import RopeodeError
 from ropeode.files import make_folder
 from ropeode.progress import Progress
-from ropeode.references.files.store import save_reference
-from ropeode.references.reference import Reference
+from ropeode.references import Reference, save_reference
 from ropeode.sandbox import Child, Ended, GuardLost, Nursery, doing
 from ropeode.threads import cores, use_cores
 

@@ -11,18 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.checking.check import check_stepper, chosen_checks, cut_off
-from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import generic, undamped
-from ropeode.checking.report import CheckReport, Claims
-from ropeode.checking.time_limit import kept_output, within
+from ropeode.checking import (
+    CheckReport,
+    Claims,
+    Examination,
+    check_stepper,
+    chosen_checks,
+    cut_off,
+    generic,
+    kept_output,
+    undamped,
+    within,
+)
 from ropeode.classroom.asked import Asked
 from ropeode.errors import RopeodeError
 from ropeode.precision import in_float64
-from ropeode.problems.files import keep_apart
+from ropeode.problems import keep_apart
 from ropeode.sandbox import MEBIBYTE, Limits
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
+from ropeode.steppers import Stepper, as_stepper
 
 # Steps that tell whether two submissions behave alike.
 _STEPS, _SEED = 24, 20

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ropeode.checking.trajectories.run_files import FORMATS
+from ropeode.checking import FORMATS
 from ropeode.validation import bad_value
 
 # What a stepper of one's own needs of ropeode, at most.

@@ -8,13 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ropeode.checking import CheckReport, read_runs
 from ropeode.checking.grade import grade
-from ropeode.checking.report import CheckReport
-from ropeode.checking.trajectories.run_files import read_runs
 from ropeode.classroom.asked import Asked
 from ropeode.errors import InputError
 from ropeode.sandbox import MEBIBYTE, Limits
-from ropeode.study.spec import TableJob
+from ropeode.study import TableJob
 
 # The reference that all submissions share, in the folder that is laid ready for them.
 REFERENCE = "reference.nc"

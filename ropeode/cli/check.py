@@ -16,13 +16,19 @@ from ropeode.cli.options import (
     no_code_option,
 )
 from ropeode.sandbox import Ended, end_if_python_stops
-from ropeode.terminal.lists import CommaSeparated
-from ropeode.terminal.output import format_for, format_option, out_option_with, put_out
-from ropeode.terminal.running import set_up_jax, with_progress
+from ropeode.terminal import (
+    CommaSeparated,
+    format_for,
+    format_option,
+    out_option_with,
+    put_out,
+    set_up_jax,
+    with_progress,
+)
 from ropeode.validation import check_positive
 
 if TYPE_CHECKING:
-    from ropeode.checking.report import CheckReport
+    from ropeode.checking import CheckReport
     from ropeode.progress import Progress
 
 # The names in ropeode.steppers.templates; a test holds the two together.
@@ -97,7 +103,7 @@ def check(
     folder = class_folder(step, memory=memory, name=stepper_name, rubric=rubric)
     path = class_output(out, folder)
     if template is not None:
-        from ropeode.steppers.templates import template as text_of
+        from ropeode.steppers import template as text_of
 
         put_out(text_of(template), path)
         return 0
@@ -105,17 +111,17 @@ def check(
         raise click.MissingParameter(param_hint="STEP", param_type="argument")
     form = format_for(form, None if folder else path)
     set_up_jax()
-    from ropeode.checking.check import (
-        TIME_LIMIT,
+    from ropeode.checking import (
+        CHECK_TIME_LIMIT,
+        Claims,
         check_stepper,
         checked_claims,
         chosen_checks,
         cut_off,
     )
-    from ropeode.checking.report import Claims
-    from ropeode.render.formats import format_check
+    from ropeode.render import format_check
 
-    limit = CLASS_TIME_LIMIT if folder else TIME_LIMIT
+    limit = CLASS_TIME_LIMIT if folder else CHECK_TIME_LIMIT
     if time_limit is not None:
         limit = check_positive("time_limit", time_limit, example="60")
     claims = checked_claims(
@@ -140,7 +146,7 @@ def check(
         "time_limit": limit,
     }
     if folder is not None:
-        from ropeode.classroom.command import check_class
+        from ropeode.classroom import check_class
 
         mebibytes = memory_limit(memory)
         return check_class(folder, arguments, mebibytes, stepper_name, rubric, form, path)

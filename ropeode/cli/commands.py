@@ -8,9 +8,15 @@ import click
 
 from ropeode.cli.job import job_from
 from ropeode.cli.options import predict_option, table_options
-from ropeode.terminal.lists import CommaSeparated
-from ropeode.terminal.output import format_for, format_option, out_option, put_out
-from ropeode.terminal.running import set_up_jax, with_progress
+from ropeode.terminal import (
+    CommaSeparated,
+    format_for,
+    format_option,
+    out_option,
+    put_out,
+    set_up_jax,
+    with_progress,
+)
 from ropeode.validation import bad_value
 
 
@@ -53,11 +59,10 @@ def table(
         name, value = next(iter(layout.items()))
         raise bad_value(name, value, "only with the format latex", fix)
     set_up_jax()
-    from ropeode.render.formats import format_table
-    from ropeode.render.latex_table import COLUMNS, check_layout
+    from ropeode.render import LATEX_COLUMNS, check_layout, format_table
 
     if layout:
-        check_layout(columns or COLUMNS[:1], label)
+        check_layout(columns or LATEX_COLUMNS[:1], label)
     job = job_from(spec, options)
     put_out(
         with_progress(lambda progress: format_table(job.run(progress, predict), form, **layout)),
@@ -71,11 +76,11 @@ def table(
 def spec(command: str, out: Path | None) -> None:
     """Print a commented spec file for `table` or `sweep`."""
     if command == "sweep":
-        from ropeode.sweep.design.spec import commented_sweep
+        from ropeode.sweep import commented_sweep
 
         put_out(commented_sweep(), out)
     else:
-        from ropeode.study.spec import commented_table
+        from ropeode.study import commented_table
 
         put_out(commented_table(), out)
 
@@ -87,7 +92,7 @@ def steppers(name: str | None) -> None:
 
     NAME may be that of any stepper: of ropeode, FILE.py:NAME, diffrax:NAME or scipy:NAME.
     """
-    from ropeode.render.stepper_list import describe_stepper, list_steppers
+    from ropeode.render import describe_stepper, list_steppers
     from ropeode.steppers import as_stepper
 
     click.echo(list_steppers() if name is None else describe_stepper(as_stepper(name)), nl=False)

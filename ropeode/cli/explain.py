@@ -9,15 +9,16 @@ import click
 from ropeode.cli.job import job_from
 from ropeode.cli.options import table_options
 from ropeode.progress import Progress
-from ropeode.terminal.output import (
+from ropeode.terminal import (
     format_for,
     format_option,
     out_option,
     plots_option,
     put_out,
     put_pictures,
+    set_up_jax,
+    with_progress,
 )
-from ropeode.terminal.running import set_up_jax, with_progress
 
 
 @click.command()
@@ -45,10 +46,10 @@ def explain(
     """
     form = format_for(form, out)
     if plots:
-        from ropeode.render.plots.explanation import explanation_pictures
+        from ropeode.render import explanation_pictures
     set_up_jax()
-    from ropeode.render.formats import format_explanation
-    from ropeode.study.explanation import explain_stepper
+    from ropeode.render import format_explanation
+    from ropeode.study import explain_stepper
 
     job = job_from(None, options)
     chosen = "steps_per_frame" in job.spec.model_fields_set

@@ -18,8 +18,14 @@ from ropeode.cli.options import (
     memory_limit,
     table_options,
 )
-from ropeode.terminal.output import format_for, format_option, out_option_with, put_out
-from ropeode.terminal.running import set_up_jax, with_progress
+from ropeode.terminal import (
+    format_for,
+    format_option,
+    out_option_with,
+    put_out,
+    set_up_jax,
+    with_progress,
+)
 from ropeode.validation import bad_value
 
 # As `ropeode.checking.starter_files.assignments` has them, which imports JAX.
@@ -85,8 +91,8 @@ def grade(
     chosen = format_for(form, None if folder else path)
     set_up_jax()
     if folder is not None:
-        from ropeode.checking.report import Claims
-        from ropeode.classroom.command import grade_class
+        from ropeode.checking import Claims
+        from ropeode.classroom import grade_class
 
         spec = values_from(None, options)
         claims = Claims(order, method)  # type: ignore[arg-type]
@@ -94,7 +100,7 @@ def grade(
         return grade_class(folder, *spec, dt, claims, mebibytes, rubric, chosen, path)
 
     from ropeode.checking.grade import grade as graded
-    from ropeode.render.formats import format_check
+    from ropeode.render import format_check
 
     job = job_from(None, options)
     report = with_progress(
@@ -123,8 +129,7 @@ def _init(
         allowed, fix = "no problem beside it, for it has its own", "leave out one of them"
         raise bad_value("assignment", assignment, allowed, fix)
     set_up_jax()
-    from ropeode.checking.starter_files import write_start
-    from ropeode.checking.starter_files.assignments import write_assignment
+    from ropeode.checking import write_assignment, write_start
 
     if assignment is not None:
         written = write_assignment(folder, assignment)

@@ -9,16 +9,17 @@ import click
 from ropeode.cli.job import job_from
 from ropeode.cli.options import OF_RUNS, table_options
 from ropeode.progress import Progress
-from ropeode.terminal.lists import CommaSeparated
-from ropeode.terminal.output import (
+from ropeode.terminal import (
+    CommaSeparated,
     format_for,
     format_option,
     out_option,
     plots_option,
     put_out,
     put_pictures,
+    set_up_jax,
+    with_progress,
 )
-from ropeode.terminal.running import set_up_jax, with_progress
 
 
 @click.command()
@@ -54,17 +55,16 @@ def horizon(
     """
     form = format_for(form, out)
     if plots:
-        from ropeode.render.plots.files import figure_bytes
-        from ropeode.render.plots.horizon import plot_horizon
+        from ropeode.render import figure_bytes, plot_horizon
 
     set_up_jax()
-    from ropeode.render.formats import format_horizon
-    from ropeode.study.horizon import SPANS
+    from ropeode.render import format_horizon
+    from ropeode.study import HORIZON_SPANS
     from ropeode.study.horizon import horizon as study
 
     job = job_from(spec, {**options, "level": "extended"})
     settings = {name: value for name, value in job.spec.asked.items() if name != "level"}
-    chosen = SPANS if spans is None else spans
+    chosen = HORIZON_SPANS if spans is None else spans
 
     def work(progress: Progress) -> tuple[str, dict[str, bytes]]:
         result = study(job.problem, chosen, **settings, progress=progress)  # type: ignore[arg-type]

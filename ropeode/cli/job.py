@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ropeode.cli.options import given_values
 
 if TYPE_CHECKING:
-    from ropeode.study.spec import TableJob
+    from ropeode.study import TableJob
 
 
 def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
@@ -18,7 +18,7 @@ def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
 
     Arguments and errors are those of `values_from`.
     """
-    from ropeode.study.spec import TableJob
+    from ropeode.study import TableJob
 
     return TableJob(*values_from(spec, options))
 
@@ -35,7 +35,7 @@ def values_from(
     Raises:
         InputError: one line for each value that cannot be used.
     """
-    from ropeode.study.spec import read_spec
+    from ropeode.study import read_spec
 
     given, rope = given_values(options)
     if not spec and given.get("problem", "").endswith(".toml"):

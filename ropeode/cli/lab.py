@@ -12,8 +12,7 @@ import click
 from ropeode.cli.options import TABLE, no_code_option
 from ropeode.errors import InputError
 from ropeode.files import check_suffix, write_whole
-from ropeode.terminal.output import out_option_with
-from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
+from ropeode.terminal import not_interrupted, out_option_with, set_up_jax, with_progress
 from ropeode.validation import bad_value
 
 _PACKAGES = ("uvicorn", "starlette", "websockets")
@@ -53,11 +52,17 @@ def lab(
 
     for package in _PACKAGES:
         require(package, "lab", "the lab")
-    from ropeode.laboratory.dispatcher import Dispatcher
-    from ropeode.laboratory.safety import LOOPBACK, Doorkeeper
-    from ropeode.laboratory.server import listening, open_browser, serve
-    from ropeode.laboratory.watch import WatchedFile
-    from ropeode.laboratory.worker_process import Limits, WorkerProcess
+    from ropeode.laboratory import (
+        LOOPBACK,
+        Dispatcher,
+        Doorkeeper,
+        Limits,
+        WatchedFile,
+        WorkerProcess,
+        listening,
+        open_browser,
+        serve,
+    )
 
     file = None if step is None else WatchedFile(_file_of(step))
     code = _file_of_problem(problem)
@@ -105,14 +110,17 @@ def _write(out: str, step: str | None, problem: str | None, scene: str | None) -
     file = None if step is None else _file_of(step)
     _file_of_problem(problem)
     set_up_jax()
-    from ropeode.laboratory import opening
-    from ropeode.laboratory.own_file import OwnFile
-    from ropeode.laboratory.setup import Laboratory
-    from ropeode.laboratory.single_file import page_with_answers
-    from ropeode.laboratory.watch import WatchedFile
+    from ropeode.laboratory import (
+        Laboratory,
+        OwnFile,
+        WatchedFile,
+        link_of,
+        opened_with,
+        page_with_answers,
+    )
 
-    given, choice = opening.opened_with(problem) if problem else (None, None)
-    link, laboratory = opening.link_of(choice, scene), Laboratory(given)
+    given, choice = opened_with(problem) if problem else (None, None)
+    link, laboratory = link_of(choice, scene), Laboratory(given)
     if step is not None and file is not None:
         own, version = OwnFile(step), WatchedFile(file).newest
         for each in own.load(version.name, version.text, version.fault).own:
@@ -133,9 +141,9 @@ def _file_of(stepper: str) -> Path:
         InputError: it does not, or no code may be run.
     """
     from ropeode.files import read_bytes, refuse_code
-    from ropeode.laboratory.watch import path_of
+    from ropeode.laboratory import watched_path
 
-    path = path_of(stepper)
+    path = watched_path(stepper)
     if path.suffix != ".py":
         fix = "name a file of yours; those of ropeode are in the lab in any case"
         raise bad_value("stepper", stepper, "FILE.py or FILE.py:NAME", fix)

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 import click
 
-from ropeode.case_studies.command import report
+from ropeode.case_studies import report_command
 from ropeode.cli.check import check
 from ropeode.cli.commands import spec, steppers, table
 from ropeode.cli.explain import explain
@@ -28,7 +28,7 @@ from ropeode.cli.sweep import sweep
 from ropeode.cli.work_precision import work_precision
 from ropeode.errors import InputError, InputWarning, RopeodeError, UserCodeError, users_traceback
 from ropeode.sandbox import Child, Ended, GuardLost, doing
-from ropeode.terminal.running import KEPT, NOTHING, end_on_ctrl_c, is_users
+from ropeode.terminal import KEPT, NOTHING, end_on_ctrl_c, is_users_file
 
 # What is wrong with ropeode itself is none of the answers that a command may give.
 BAD_INPUT, FAILED, BROKEN = 2, 1, 3
@@ -66,7 +66,7 @@ for command in (
     sweep,
     plot,
     animate,
-    report,
+    report_command,
     lab,
     spec,
     steppers,
@@ -232,4 +232,4 @@ def _no_verdict(command: str, ended: Ended) -> tuple[int, str] | None:
 def _crashed_elsewhere(ended: Ended) -> bool:
     """Whether it crashed in compiled code that none of the user's Python code called."""
     files = re.findall(r'^  File "(.*)", line ', ended.noise, re.MULTILINE)
-    return _CRASH in ended.noise and not any(map(is_users, files))
+    return _CRASH in ended.noise and not any(map(is_users_file, files))

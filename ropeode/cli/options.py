@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import click
 
 from ropeode.files import NO_CODE, check_writable
-from ropeode.terminal.lists import CommaSeparated, split_at_commas
-from ropeode.terminal.output import check_folder
+from ropeode.terminal import CommaSeparated, check_folder, split_at_commas
 from ropeode.validation import bad_value, check_positive
 
 

@@ -13,8 +13,7 @@ from ropeode.cli.options import dt_option, table_options
 from ropeode.errors import InputError
 from ropeode.files import check_suffix, write_whole
 from ropeode.progress import Progress, part_of
-from ropeode.terminal.output import out_option_with
-from ropeode.terminal.running import not_interrupted, set_up_jax, with_progress
+from ropeode.terminal import not_interrupted, out_option_with, set_up_jax, with_progress
 from ropeode.validation import bad_value, complaint
 
 # The names in ropeode.render.plots.registry. They are listed here too because the help text must
@@ -86,12 +85,12 @@ def plot(
         return
     _refuse({**of_sweep, "where": where}, "only with the folder of a sweep")
     name = name or TYPES[0]
-    from ropeode.render.plots.files import FIGURES, figure_bytes
+    from ropeode.render import FIGURES, figure_bytes
 
     path = check_suffix("out", out or f"{name}.png", FIGURES)
     _check_sources(files, trajectories, dt, options)
     set_up_jax()
-    from ropeode.render.plots.registry import PLOTS
+    from ropeode.render import PLOTS
 
     if name == "energy" and not files and options["reference"] is None and not options["problem"]:
         options.update({key: options[key] or text for key, text in _CONSERVED.items()})
@@ -150,8 +149,7 @@ def _refuse(options: Mapping[str, Any], allowed: str) -> None:
 def _plot_sweep(
     folder: Path, out: str | None, where: tuple[str, ...], x: str, y: str, value: str
 ) -> None:
-    from ropeode.render.plots.files import FIGURES, figure_bytes
-    from ropeode.render.plots.sweep_map import plot_sweep
+    from ropeode.render import FIGURES, figure_bytes, plot_sweep
 
     path = check_suffix("out", out or "sweep.png", FIGURES)
     wanted = {}
@@ -187,18 +185,19 @@ def animate(
 
     Needs matplotlib: pip install '.[plots]'. MP4 also needs ffmpeg: pip install '.[video]'.
     """
-    from ropeode.render.plots.animation import animate, check_film, check_fps, film_bytes
+    from ropeode.render import animate, check_film, check_fps, film_bytes
 
     path, speed = check_film(out or "rope.gif"), check_fps(fps)
     _check_sources(files, trajectories, dt, options)
     set_up_jax()
-    from ropeode.checking.trajectories.studies import trajectory_paths
-    from ropeode.study.node_paths import DEFAULT_STEPPERS, DEFAULT_STEPS_PER_FRAME, node_paths
+    from ropeode.checking import trajectory_paths
+    from ropeode.study import PATH_STEPPERS, PATH_STEPS_PER_FRAME
+    from ropeode.study.node_paths import node_paths
 
     if not files and options["reference"] is None and not options["problem"]:
         options["frames"] = options["frames"] or _PAST_THE_VERTICAL
     job = job_from(None if trajectories else next(iter(files), None), options)
-    steps = DEFAULT_STEPS_PER_FRAME
+    steps = PATH_STEPS_PER_FRAME
     if "steps_per_frame" in job.spec.model_fields_set:
         steps = job.spec.steps_per_frame[0]
 
@@ -208,7 +207,7 @@ def animate(
         if trajectories:
             paths = trajectory_paths(files, job.given, dt, **named)
         else:
-            paths = node_paths(job.given, job.spec.steppers or DEFAULT_STEPPERS, steps, **named)
+            paths = node_paths(job.given, job.spec.steppers or PATH_STEPPERS, steps, **named)
         drawing = part_of(progress, _COMPUTING, 1.0)
         return film_bytes(animate(paths, fps=speed), path.suffix, progress=drawing)
 

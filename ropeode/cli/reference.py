@@ -10,8 +10,7 @@ from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.job import job_from
 from ropeode.cli.options import OF_RUNS, no_code_option, table_options
 from ropeode.progress import Progress
-from ropeode.terminal.output import out_option_with
-from ropeode.terminal.running import set_up_jax, with_progress
+from ropeode.terminal import out_option_with, set_up_jax, with_progress
 
 
 @click.group(cls=DefaultGroup, default="compute")
@@ -35,12 +34,15 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
     does. Steppers in SPEC are ignored.
     """
     set_up_jax()
-    from ropeode.references.compute import reference_for
-    from ropeode.references.dense.dense_output import with_dense_output
-    from ropeode.references.files.store import check_reference_path, save_reference
-    from ropeode.references.options import ReferenceOptions
-    from ropeode.references.reference import Reference
-    from ropeode.render.reference import describe_reference
+    from ropeode.references import (
+        Reference,
+        ReferenceOptions,
+        check_reference_path,
+        reference_for,
+        save_reference,
+        with_dense_output,
+    )
+    from ropeode.render import describe_reference
 
     path = check_reference_path(out)
     job = job_from(spec, options)
@@ -62,8 +64,7 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
 @click.argument("file", type=click.Path(path_type=Path))
 def show(file: Path) -> None:
     """Print the problem, bound, witnesses and checksum of FILE."""
-    from ropeode.references.files.library import find
-    from ropeode.references.files.store import stored_facts
+    from ropeode.references import find, stored_facts
     from ropeode.render import blocks, plain
 
     click.echo(plain(blocks(stored_facts(find(file)))), nl=False)
@@ -79,9 +80,8 @@ def export(file: Path, out: str) -> None:
     nodes, and the estimated error bound of either, which is "nan" outside the trust horizon.
     """
     set_up_jax()
-    from ropeode.references.files.library import find
-    from ropeode.references.files.store import load_reference
-    from ropeode.render.frames import check_export, write_export
+    from ropeode.references import find, load_reference
+    from ropeode.render import check_export, write_export
 
     path = check_export(out)
     click.echo(f"wrote {write_export(load_reference(find(file)), path)}")
@@ -90,8 +90,8 @@ def export(file: Path, out: str) -> None:
 @reference.command("list")
 def list_library() -> None:
     """List the stored library: references that come with the package."""
-    from ropeode.references.files.library import entries
-    from ropeode.render.reference import library_list
+    from ropeode.references import entries
+    from ropeode.render import library_list
 
     click.echo(library_list(entries()), nl=False)
 
@@ -107,10 +107,8 @@ def verify(file: Path, problem: str | None, time_limit: str | None) -> None:
     The exit code is 1 if a stored value differs from the new one by more than the two bounds.
     """
     set_up_jax()
-    from ropeode.problems.files import load_problem
-    from ropeode.references.files.library import find
-    from ropeode.references.files.verify import verify_reference
-    from ropeode.references.options import TIME_LIMIT
+    from ropeode.problems import load_problem
+    from ropeode.references import TIME_LIMIT, find, verify_reference
     from ropeode.render import blocks, plain
     from ropeode.validation import check_positive
 

@@ -11,8 +11,7 @@ import click
 from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.options import no_code_option
 from ropeode.errors import RopeodeError
-from ropeode.terminal.output import out_option_with
-from ropeode.terminal.running import KEPT, end_on_ctrl_c, set_up_jax, with_progress
+from ropeode.terminal import KEPT, end_on_ctrl_c, out_option_with, set_up_jax, with_progress
 from ropeode.validation import counted
 
 
@@ -41,15 +40,16 @@ def run(spec: Path, out: str, **options: Any) -> None:
     """
     # After Ctrl-C, Python's tracker removes the workers' queues, and would print a warning.
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
-    from ropeode.sweep.run import reserved, run_in
+    from ropeode.sweep import folder_reserved, run_in_folder
 
-    with reserved(out) as lock:
+    with folder_reserved(out) as lock:
         set_up_jax()
         end_on_ctrl_c(KEPT)
         from ropeode.render import FORMATS
 
         summary = with_progress(
-            lambda progress: run_in(out, lock, spec, progress=progress, **options), time_left=True
+            lambda progress: run_in_folder(out, lock, spec, progress=progress, **options),
+            time_left=True,
         )
     click.echo(FORMATS["text"](summary), nl=False)
     if died := summary.statuses["worker-died"]:
@@ -64,6 +64,6 @@ def run(spec: Path, out: str, **options: Any) -> None:
 def show(folder: Path) -> None:
     """Print the progress of the sweep in DIR, stepper by stepper."""
     from ropeode.render import FORMATS
-    from ropeode.sweep.storage.summary import summarize
+    from ropeode.sweep import summarize
 
     click.echo(FORMATS["text"](summarize(folder)), nl=False)

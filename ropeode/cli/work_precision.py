@@ -9,16 +9,17 @@ import click
 from ropeode.cli.job import job_from
 from ropeode.cli.options import split_methods, table_options
 from ropeode.progress import Progress
-from ropeode.terminal.lists import CommaSeparated
-from ropeode.terminal.output import (
+from ropeode.terminal import (
+    CommaSeparated,
     format_for,
     format_option,
     out_option,
     plots_option,
     put_out,
     put_pictures,
+    set_up_jax,
+    with_progress,
 )
-from ropeode.terminal.running import set_up_jax, with_progress
 
 
 @click.command("work-precision")
@@ -72,12 +73,11 @@ def work_precision(
     """
     form = format_for(form, out)
     if plots:
-        from ropeode.render.plots.files import figure_bytes
-        from ropeode.render.plots.work_precision import plot_work_precision
+        from ropeode.render import figure_bytes, plot_work_precision
 
     set_up_jax()
-    from ropeode.render.formats import format_work_precision
-    from ropeode.study.work_precision import COSTS
+    from ropeode.render import format_work_precision
+    from ropeode.study import COSTS
     from ropeode.study.work_precision import work_precision as study
 
     job = job_from(spec, options)

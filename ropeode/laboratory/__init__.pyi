@@ -14,6 +14,7 @@ from .dispatcher import Dispatcher as Dispatcher
 from .drawings import drawing_of as drawing_of
 from .drawings import finite_samples as finite_samples
 from .opening import link_of as link_of
+from .opening import opened_with as opened_with
 from .orders import Loaded as Loaded
 from .own_file import OwnFile as OwnFile
 from .page_files import PAGE as PAGE
@@ -32,6 +33,7 @@ from .single_file import page_with as page_with
 from .single_file import page_with_answers as page_with_answers
 from .wants import MOST_TEXT as MOST_TEXT
 from .watch import WatchedFile as WatchedFile
+from .watch import watched_path as watched_path
 from .wire import decoded as decoded
 from .wire import encoded as encoded
 from .wire import header_of as header_of

@@ -8,23 +8,23 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ropeode.analysis.roundoff import in_other_units
+from ropeode.analysis import in_other_units
 from ropeode.errors import ReferenceRefused
 from ropeode.laboratory.drawings import Drawing, drawing_of
 from ropeode.norms import Norm, norm_for
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, part_of
-from ropeode.references.compute import reference_for
-from ropeode.references.dense.dense_output import with_dense_output
-from ropeode.references.dense.polynomials import Dense
-from ropeode.references.kept import kept_or_computed
-from ropeode.references.options import ReferenceOptions
-from ropeode.references.reference import Reference, problem_of
-from ropeode.simulation import Trajectory, simulate
-from ropeode.simulation.method import Method
-from ropeode.study.accuracy_table import Row, rows_of_run
-from ropeode.study.energy import EnergyCurves, energies_of
-from ropeode.study.node_paths import sampled_finer
+from ropeode.references import (
+    Dense,
+    Reference,
+    ReferenceOptions,
+    kept_or_computed,
+    problem_of,
+    reference_for,
+    with_dense_output,
+)
+from ropeode.simulation import Method, Trajectory, simulate
+from ropeode.study import EnergyCurves, Row, energies_of, rows_of_run, sampled_finer
 from ropeode.threads import cores, threads
 
 # Samples in each frame, and in all.

@@ -8,9 +8,8 @@ from typing import Any
 
 from ropeode.laboratory.limits import MOST_NODES
 from ropeode.laboratory.messages import ParameterFacts
-from ropeode.problems.library import PROBLEMS, ROPES
-from ropeode.problems.problem import Problem
-from ropeode.render.docstrings import argument_words
+from ropeode.problems import PROBLEMS, ROPES, Problem
+from ropeode.render import argument_words
 
 # How far a slider goes to both sides of a default above zero, and of zero.
 _FACTOR, _AROUND_ZERO = 100.0, 1.0

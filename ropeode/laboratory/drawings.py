@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.problems.picture import PICTURES, Picture, PictureKind
-from ropeode.problems.problem import Problem
+from ropeode.problems import PICTURES, Picture, PictureKind, Problem
 
 
 @dataclasses.dataclass(frozen=True)

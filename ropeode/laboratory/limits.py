@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ropeode.errors import InputError
-from ropeode.problems.problem import Problem
-from ropeode.steppers.base import Stepper
+from ropeode.problems import Problem
+from ropeode.steppers import Stepper
 from ropeode.validation import bad_value, complaint, finite_number
 
 MOST_NODES = 256

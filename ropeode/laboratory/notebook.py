@@ -13,12 +13,11 @@ from ropeode.laboratory.asks import DEFAULT_LADDER, MOST_STEPPERS
 from ropeode.laboratory.messages import OwnStepper
 from ropeode.laboratory.setup import Laboratory, Own, first_steppers
 from ropeode.norms import norm_for
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.references.reference import Reference
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
-from ropeode.study.accuracy_table import AccuracyTable, check_steps, chosen_steppers
+from ropeode.references import Reference
+from ropeode.steppers import Stepper, as_stepper
+from ropeode.study import AccuracyTable, check_steps, chosen_steppers
 from ropeode.validation import bad_value, check_whole, require
 
 if TYPE_CHECKING:

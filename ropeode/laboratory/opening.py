@@ -11,10 +11,9 @@ from ropeode.errors import InputError
 from ropeode.laboratory.messages import ProblemChoice, SceneState
 from ropeode.laboratory.scenes import scenes
 from ropeode.laboratory.setup import name_of_given
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference, problem_of
-from ropeode.study.spec import TableJob, read_spec
+from ropeode.problems import PROBLEMS, Problem
+from ropeode.references import Reference, problem_of
+from ropeode.study import TableJob, read_spec
 from ropeode.validation import unknown
 
 

@@ -14,8 +14,8 @@ from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.laboratory.messages import OwnStepper
 from ropeode.laboratory.orders import Loaded
 from ropeode.laboratory.setup import Own
-from ropeode.laboratory.watch import path_of
-from ropeode.steppers.stepper_loading import steppers_in_text
+from ropeode.laboratory.watch import watched_path
+from ropeode.steppers import steppers_in_text
 from ropeode.validation import shortly
 
 _PATHS = sysconfig.get_paths()
@@ -35,7 +35,7 @@ class OwnFile:
 
     def __init__(self, where: str) -> None:
         self._where = where
-        self.path = path_of(where)
+        self.path = watched_path(where)
         self._imported: dict[str, str] = {}
         nothing = OwnStepper(name=where, version=None, fault=None, line=None)
         self.own = {where: Own(nothing, None)}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ropeode.checking.report import CheckReport
+from ropeode.checking import CheckReport
 from ropeode.laboratory.messages import Line
-from ropeode.render.check import diagnosis_lines, summary, title
+from ropeode.render import check_summary, check_title, diagnosis_lines
 
 
 def lines_of(report: CheckReport, judged: bool = True) -> tuple[Line, ...]:
@@ -20,9 +20,9 @@ def lines_of(report: CheckReport, judged: bool = True) -> tuple[Line, ...]:
 
 
 def _lines(report: CheckReport, judged: bool) -> Iterator[Line]:
-    yield Line(status="title", text=title(report))
+    yield Line(status="title", text=check_title(report))
     if judged:
-        yield Line(status=report.verdict, text=summary(report))
+        yield Line(status=report.verdict, text=check_summary(report))
     for text in diagnosis_lines(report):
         yield Line(status="diagnosis", text=text)
     for finding in report.findings:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.analysis.errors import distances_from, energy_errors
+from ropeode.analysis import distances_from, energy_errors
 from ropeode.laboratory.certified_motion import CertifiedMotion
 from ropeode.laboratory.drawings import finite_samples
 

@@ -11,17 +11,12 @@ from ropeode.laboratory.certified_motion import CertifiedMotion, certified_motio
 from ropeode.laboratory.messages import OwnStepper, ProblemChoice
 from ropeode.laboratory.recent import Recent, Value
 from ropeode.laboratory.runs_beside import differences_of
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Problem
 from ropeode.progress import Progress
-from ropeode.references.reference import Reference, problem_of
-from ropeode.simulation import Trajectory
-from ropeode.simulation.method import Method, method_of
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.registry import STEPPERS
-from ropeode.steppers.stepper_loading import LIBRARIES
-from ropeode.study.accuracy_table import Row, problem_class
+from ropeode.references import Reference, problem_of
+from ropeode.simulation import Method, Trajectory, method_of
+from ropeode.steppers import STEPPER_LIBRARIES, STEPPERS, Stepper, as_stepper
+from ropeode.study import Row, problem_class
 from ropeode.validation import bad_value, unknown
 
 _MOST_BYTES = 2**26
@@ -116,7 +111,7 @@ class Laboratory:
                 raise bad_value("version", version, allowed, "ask again")
             return found.stepper
         first, _, rest = name.partition(":")
-        if first not in STEPPERS and not (first in LIBRARIES and rest):
+        if first not in STEPPERS and not (first in STEPPER_LIBRARIES and rest):
             raise InputError(unknown("stepper", name, [*STEPPERS, *self.own]))
         return as_stepper(name)
 

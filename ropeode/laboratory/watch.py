@@ -89,7 +89,7 @@ class WatchedFile:
         return Version(digest.hexdigest()[:16], text, fault, beside)
 
 
-def path_of(where: str) -> Path:
+def watched_path(where: str) -> Path:
     """The file of ``FILE.py:NAME`` or ``FILE.py``."""
     return Path(where if where.endswith(".py") else where.rpartition(":")[0])
 

@@ -2,87 +2,28 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 
-from ropeode.errors import InputError, RopeodeError, UserCodeError
+from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.functions import evaluated_once, never_changes, traced
 from ropeode.problems.signatures import check_signature
 from ropeode.validation import (
     bad_value,
     finite_numbers,
+    float64_only,
     not_traced,
-    require_all_digits,
+    real_array,
     shortly,
 )
 
-# Bytes that a sample time takes, in the problem and while it is checked.
-_OF_A_TIME = 64
 # Where else a function with other parameters, or in NumPy, may belong.
 _OTHERS = {"rhs": ", or use Problem.from_scipy(rhs, ts, y0), which takes rhs(t, y, *args) in NumPy"}
 _IN_NUMPY = {"rhs": "; or hand rhs(t, y, *args) to Problem.from_scipy, which takes NumPy"}
-
-
-def run(*each: Callable[[], Any]) -> list[Any]:
-    """Run every check, and raise all faults together.
-
-    Returns:
-        what the checks returned.
-
-    Raises:
-        InputError: with the lines of all the checks that failed, each line once.
-        UserCodeError: the user's code raised; the traceback of its own exception is worth more
-            than the other lines.
-    """
-    results: list[Any] = []
-    faults: list[str] = []
-    for check in each:
-        try:
-            results.append(check())
-        except UserCodeError:
-            raise
-        except InputError as error:
-            faults.extend(error.problems)
-    if faults:
-        raise InputError(dict.fromkeys(faults))
-    return results
-
-
-def real_array(name: str, value: Any, example: str = "[1.0, 0.0]") -> np.ndarray:
-    """`value` as a new float64 array of finite numbers.
-
-    Arguments:
-        name: of the value, for messages.
-        value: to be checked.
-        example: of one that can be used.
-
-    Raises:
-        InputError: it is empty, not real, or not finite.
-    """
-    allowed = "an array of finite real numbers"
-    try:
-        array = np.asarray(value)
-    except (TypeError, ValueError):
-        array = np.asarray(None)
-    if array.dtype.kind not in "iuf" or array.size == 0:
-        raise bad_value(name, value, allowed, f"give numbers, such as {example}")
-    if np.ma.is_masked(value):
-        raise bad_value(name, value, allowed, "fill the masked entries")
-    entries = value if isinstance(value, (list, tuple)) else array
-    for path, entry in jax.tree_util.tree_leaves_with_path(entries):
-        # NumPy widens those of a list.
-        float64_only(name + jax.tree_util.keystr(path), np.asarray(entry))
-    array = np.array(array, dtype=np.float64)
-    if not np.all(np.isfinite(array)):
-        where = np.argwhere(~np.isfinite(array))[0].tolist()
-        fix = f"correct entry {where}, which is not finite" if where else f"for example {example}"
-        raise bad_value(name, value, allowed, fix)
-    return array
 
 
 def sample_times(value: Any) -> np.ndarray:
@@ -156,22 +97,6 @@ def name_and_parameters(name: Any, parameters: Any) -> None:
         raise bad_value("name", name, "a text", 'for example name="pendulum"')
     if not isinstance(parameters, Mapping):
         raise bad_value("parameters", parameters, "a dict", "for example {'strength': 1.3}")
-
-
-def float64_only(name: str, array: np.ndarray) -> None:
-    """Raises:
-    InputError: a number in it has fewer digits than float64, and would be another one there.
-    """
-    try:
-        require_all_digits(array)
-    except ValueError:
-        raise bad_value(
-            name,
-            array,
-            "numbers in float64 (arrays of JAX are float32 outside of its float64 mode, and 0.1 is "
-            "0.10000000149 there)",
-            "make it in NumPy or Python, as in np.array([0.1])",
-        ) from None
 
 
 def numeric_pytree(name: str, value: Any) -> Any:
@@ -337,30 +262,3 @@ def _traced(
             f"allowed: a function {signature} in JAX. Fix: correct the error above; use "
             f"jax.numpy, and no Python `if` on values{_IN_NUMPY.get(name, '')}."
         ) from error
-
-
-def check_memory(
-    count: int,
-    each: int = _OF_A_TIME,
-    field: str = "frames",
-    fix: str = "sample fewer frames, with more steps in each",
-) -> None:
-    """See that there is memory for all samples, before it is taken.
-
-    Arguments:
-        count: intervals between the samples, or what `field` counts.
-        each: bytes of one; by default those of a sample's time.
-        field, fix: of the message.
-
-    Raises:
-        InputError: there is not.
-    """
-    needed, there = count * each, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > there:
-        raise bad_value(
-            field,
-            count,
-            f"as many as fit into memory, {there / 2**30:.3g} GiB; these take "
-            f"{needed / 2**30:.3g} GiB",
-            fix,
-        )

@@ -13,7 +13,7 @@ from ropeode.display import Displayed
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
 from ropeode.problems.state_structure import is_tree
-from ropeode.validation import bad_value, not_traced
+from ropeode.validation import bad_value, float64_only, not_traced
 
 
 class Numbers(NamedTuple):
@@ -236,10 +236,10 @@ def same_problem(problem: Problem, other: Problem) -> bool:
     for each in (problem, other):
         each.require_equations()
     numbers = [jax.tree.leaves((each.y0, each.args)) for each in (problem, other)]
-    return family(problem) == family(other) and all(map(np.array_equal, *numbers))
+    return family_of(problem) == family_of(other) and all(map(np.array_equal, *numbers))
 
 
-def family(problem: Problem) -> tuple[Hashable, ...]:
+def family_of(problem: Problem) -> tuple[Hashable, ...]:
     """What the members of an ensemble share: equal where `Ensemble.of` takes two together."""
     shapes = _shapes((problem.y0, problem.args))
     return problem.rhs, problem.mechanics, problem.structure, shapes, problem.ts.tobytes()
@@ -248,7 +248,7 @@ def family(problem: Problem) -> tuple[Hashable, ...]:
 def _difference(problem: Problem, first: Problem) -> str | None:
     """In what, besides numbers, a problem differs from the first; None if in nothing."""
     names = ("right-hand sides", "right-hand sides", "states", "shapes", "sample times")
-    pairs = zip(names, family(problem), family(first), strict=True)
+    pairs = zip(names, family_of(problem), family_of(first), strict=True)
     return next((name for name, own, its in pairs if own != its), None)
 
 
@@ -264,7 +264,7 @@ def _check_arrays(varied: Mapping[str, list[tuple[np.ndarray, np.ndarray]]]) -> 
     lengths = {len(new) if new.ndim else 0 for pairs in varied.values() for new, _ in pairs}
     for name, pairs in varied.items():
         for new, old in pairs:
-            checks.float64_only(name, new)
+            float64_only(name, new)
             shape = np.shape(old)
             if new.ndim != len(shape) + 1 or new.shape[1:] != shape or new.dtype.kind not in "iufb":
                 needed = ", ".join(("members", *map(str, shape)))

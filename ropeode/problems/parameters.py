@@ -11,10 +11,9 @@ from typing import Any, ParamSpec
 
 from pydantic import create_model
 
-from ropeode.problems.checks import check_memory
 from ropeode.problems.picture import PICTURES, Picture
 from ropeode.problems.problem import Problem
-from ropeode.validation import Input, field
+from ropeode.validation import Input, check_memory, field
 
 P = ParamSpec("P")
 

@@ -27,7 +27,7 @@ from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.scipy_form import ScipyFunction, scipy_form
 from ropeode.problems.state_structure import StateStructure, is_tree
-from ropeode.validation import bad_value, not_traced
+from ropeode.validation import bad_value, check_all, check_memory, not_traced, real_array
 
 Rhs = Callable[[Any, Any, Any], Any]
 Acceleration = Callable[[Any, Any, Any, Any], Any]
@@ -179,7 +179,7 @@ class Problem(Displayed):
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
-        checks.run(
+        check_all(
             self._set_state,
             lambda: self._set("ts", checks.sample_times(self.ts)),
             lambda: checks.callable_or_none("exact", self.exact),
@@ -207,9 +207,9 @@ class Problem(Displayed):
     def _set_state(self) -> None:
         """Check the initial state; of a pytree, make the state and its functions flat."""
         if not is_tree(self.y0):
-            self._set("y0", checks.real_array("y0", self.y0))
+            self._set("y0", real_array("y0", self.y0))
             return
-        structure, y0 = StateStructure.of("y0", self.y0, checks.real_array)
+        structure, y0 = StateStructure.of("y0", self.y0, real_array)
         self._set("y0", y0)
         if structure == self.structure:
             # The functions are flat already: those of another problem.
@@ -355,8 +355,8 @@ class Problem(Displayed):
         if is_tree(x0):
             fix = "write them as one, or use Problem(rhs, {'x': x0, 'v': v0}, ts)"
             raise bad_value("x0", x0, "one array of positions", fix)
-        x0 = checks.real_array("x0", x0)
-        v0 = checks.real_array("v0", v0)
+        x0 = real_array("x0", x0)
+        v0 = real_array("v0", v0)
         if x0.shape != v0.shape:
             raise bad_value(
                 "v0",
@@ -701,7 +701,7 @@ def require_memory(problem: Problem, copies: int) -> None:
     Raises:
         InputError: they need more memory than there is.
     """
-    checks.check_memory(problem.frames, copies * problem.y0.nbytes)
+    check_memory(problem.frames, copies * problem.y0.nbytes)
 
 
 def _again(functions: Any) -> Any:

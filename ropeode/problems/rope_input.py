@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import BeforeValidator, ValidationInfo, field_validator, model_validator
 
-from ropeode.problems.checks import check_memory
 from ropeode.problems.problem import Problem
 from ropeode.validation import (
     Input,
+    check_memory,
     check_whole,
     fault_of,
     field,

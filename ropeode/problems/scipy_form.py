@@ -22,7 +22,7 @@ from ropeode.problems.numpy_tracing import with_numpy
 from ropeode.problems.python_rhs import MOST_CALLS, PythonRhs, python_rhs
 from ropeode.problems.signatures import check_signature, required
 from ropeode.problems.state_structure import is_tree
-from ropeode.validation import bad_value, check_whole
+from ropeode.validation import bad_value, check_all, check_whole, real_array
 
 # A traced function must agree with itself in NumPy so closely, relative to its largest component:
 # both round, and what they compute may cancel.
@@ -93,7 +93,7 @@ def scipy_form(
     """What `Problem.from_scipy`, which describes arguments and exceptions, hands to `Problem`."""
     if not callable(fun):
         raise bad_value("fun", fun, "a function fun(t, y, *args)", "hand over the function itself")
-    given, ts, y0 = checks.run(
+    given, ts, y0 = check_all(
         lambda: _arguments(args),
         lambda: sample_times_of(t_span_or_ts, frames),
         lambda: _state(y0),
@@ -152,7 +152,7 @@ def sample_times_of(given: Any, frames: int | None) -> np.ndarray:
         InputError: they are neither, or a span of fewer floating-point numbers than frames, or
             frames are given with sample times.
     """
-    times = checks.real_array("ts", given, "the span (0, 10), or the sample times [0, 1, 2]")
+    times = real_array("ts", given, "the span (0, 10), or the sample times [0, 1, 2]")
     if np.shape(times) != (2,):
         if frames is not None:
             fix = "leave it out, or hand over the span alone"
@@ -177,7 +177,7 @@ def _state(y0: Any) -> np.ndarray:
     if is_tree(y0) and y0 is not None:
         fix = "write Problem(rhs, y0, ts) with rhs(t, y, args) in JAX, which takes pytrees"
         raise bad_value("y0", y0, "an array of one axis", fix)
-    state = checks.real_array("y0", y0)
+    state = real_array("y0", y0)
     if state.ndim != 1:
         fix = "ravel it, and reshape y inside fun, as for solve_ivp"
         fix = fix if state.ndim else f"write [{state.item()!r}]"

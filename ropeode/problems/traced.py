@@ -16,7 +16,7 @@ from ropeode.errors import call_user_code
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems.changing import Changing
 from ropeode.problems.nested_jaxprs import equations, evaluated
-from ropeode.problems.traced_digest import digest
+from ropeode.problems.traced_digest import jaxpr_digest
 from ropeode.validation import bad_value
 
 # A function with a derivative of its own for reverse mode; it has none for forward mode.
@@ -65,12 +65,14 @@ class Traced(Changing):
         _refuse_callbacks(name, self.jaxpr)
         _require_float64(name, self.jaxpr)
         self._operations = jaxpr_as_fun(self.jaxpr)
-        self._digest = digest(self.jaxpr)
+        self._digest = jaxpr_digest(self.jaxpr)
         if any(each.primitive.name == "custom_jvp_call" for each in equations(self.jaxpr)):
             # What such a function says of its derivative is no part of its operations. Where
             # another primitive has no derivative, nobody can ask for this one.
             with contextlib.suppress(NotImplementedError, ValueError):
-                self._digest += digest(jax.make_jaxpr(self._slope)(*jax.tree.leaves(self.inputs)))
+                self._digest += jaxpr_digest(
+                    jax.make_jaxpr(self._slope)(*jax.tree.leaves(self.inputs))
+                )
 
     def __call__(self, *inputs: Any) -> Any:
         """What the function returns; the function itself answers where other shapes are asked."""

@@ -14,7 +14,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 _WITH_DERIVATIVES = ("custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr")
 
 
-def digest(traced: ClosedJaxpr) -> str:
+def jaxpr_digest(traced: ClosedJaxpr) -> str:
     """The sha256 of all operations of a traced function, with all their numbers.
 
     Arguments:

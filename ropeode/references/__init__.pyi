@@ -10,10 +10,12 @@ from .compute import reference_for as reference_for
 from .dense.dense_output import with_dense_output as with_dense_output
 from .dense.polynomials import Dense as Dense
 from .dense.polynomials import time_derivatives as time_derivatives
+from .extended import heyoka as heyoka
 from .extended.solution import ExtendedSolution as ExtendedSolution
 from .extended.solution import extended_solution as extended_solution
 from .files.checksum import verify_checksum as verify_checksum
 from .files.checksum import with_checksum as with_checksum
+from .files.encoding import dense_name as dense_name
 from .files.library import MANIFEST as MANIFEST
 from .files.library import Entry as Entry
 from .files.library import entries as entries
@@ -30,6 +32,10 @@ from .files.store import stored_facts as stored_facts
 from .files.verify import Verification as Verification
 from .files.verify import verify_reference as verify_reference
 from .hints import remarks as remarks
+from .kept import kept_or_computed as kept_or_computed
+from .ladder import EXPLICIT_SOLVERS as EXPLICIT_SOLVERS
+from .ladder import IMPLICIT_SOLVERS as IMPLICIT_SOLVERS
+from .ladder import step_budget as step_budget
 from .options import DIGITS as DIGITS
 from .options import SMALLEST_RTOL as SMALLEST_RTOL
 from .options import TIME_LIMIT as TIME_LIMIT
@@ -41,8 +47,11 @@ from .reference import Reference as Reference
 from .reference import ReferenceInNorm as ReferenceInNorm
 from .reference import problem_of as problem_of
 from .solvers.diffrax_counts import Counter as Counter
+from .solvers.diffrax_counts import explicit_evaluations as explicit_evaluations
 from .solvers.one_run import solve as solve
+from .solvers.scipy_solver import functions_of as functions_of
 from .solvers.solution import Solution as Solution
+from .solvers.solution import finite_samples as finite_samples
 from .solvers.solver import DOPRI8 as DOPRI8
 from .solvers.solver import KVAERNO5 as KVAERNO5
 from .solvers.solver import OWN_DOP853 as OWN_DOP853
@@ -51,6 +60,7 @@ from .solvers.solver import SCIPY_DOP853 as SCIPY_DOP853
 from .solvers.solver import SCIPY_RADAU as SCIPY_RADAU
 from .solvers.solver import Solver as Solver
 from .solvers.solver import taylor as taylor
+from .solvers.stopwatch import Stopwatch as Stopwatch
 from .witnesses import budget_of as budget_of
 from .witnesses import primary_solution as primary_solution
 from .witnesses import witness_runs as witness_runs

@@ -17,7 +17,7 @@ from ropeode.display import Tabular
 from ropeode.equality import ByContent
 from ropeode.json_form import Unbounded, json_shows
 from ropeode.norms import NORMS, Norm, distance
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import Solver
 

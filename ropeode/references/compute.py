@@ -7,9 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from ropeode.errors import InputError, ReferenceRefused
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem, require_memory, require_problem
-from ropeode.problems.scipy_form import without_memory
+from ropeode.problems import Ensemble, Problem, require_memory, require_problem, without_memory
 from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references.certificate import Level
 from ropeode.references.kept import kept_or_computed

@@ -9,7 +9,7 @@ import numpy as np
 
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import motion
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import (
@@ -29,7 +29,7 @@ from ropeode.references.defect import look_between
 from ropeode.references.first_rung import first_rung
 from ropeode.references.hints import coarse_times, hints, unresolved_motion
 from ropeode.references.ladder import (
-    EXPLICIT,
+    EXPLICIT_SOLVERS,
     METHODS,
     Method,
     climb,
@@ -96,7 +96,7 @@ def independent_run(primary: Primary) -> Solution:
 
 def _run_beyond_float64(primary: Primary) -> Solution | None:
     """A run with more digits, where that is cheap; Taylor series are an explicit method."""
-    if primary.method is not EXPLICIT:
+    if primary.method is not EXPLICIT_SOLVERS:
         return None
     # Not above: heyoka is an extra.
     from ropeode.references.extended.witness import run_beyond_float64
@@ -252,7 +252,7 @@ def certified(
             horizon=float(problem.ts[trusted]) if trusted < len(problem.ts) else None,
             horizon_reason=reason,
             witnesses=tuple(_inside(w, problem, trusted) for w in witnesses),
-            stiff=primary.method is not EXPLICIT,
+            stiff=primary.method is not EXPLICIT_SOLVERS,
             seconds=sum(each.seconds for each in every),
             compile_seconds=sum(each.compile_seconds for each in every),
             versions=versions(*_PACKAGES, *(["heyoka"] if beyond else [])),

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import Sampling, distances
 from ropeode.references.residuals import Block, Sampler

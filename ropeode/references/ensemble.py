@@ -9,12 +9,10 @@ from concurrent.futures import Future
 from typing import Any
 
 from ropeode.errors import ReferenceRefused
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem
-from ropeode.problems.scipy_form import without_memory
+from ropeode.problems import Ensemble, Problem, without_memory
 from ropeode.progress import Progress, silent
 from ropeode.references.consensus import Primary, certified, independent_run, primary_runs
-from ropeode.references.ladder import EXPLICIT, independent_rtol, independent_steps
+from ropeode.references.ladder import EXPLICIT_SOLVERS, independent_rtol, independent_steps
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
@@ -85,7 +83,7 @@ def _independent(primaries: Sequence[Primary]) -> Iterator[Solution]:
 
     def goes_together(each: Primary) -> bool:
         whole = each.problem.frames == each.solved.frames
-        return each.method is EXPLICIT and not each.problem.jump_times and whole
+        return each.method is EXPLICIT_SOLVERS and not each.problem.jump_times and whole
 
     together = [each for each in primaries if goes_together(each)]
     rtols = [independent_rtol(each.method, each.next_tighter) for each in together]

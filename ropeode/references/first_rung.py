@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.budget import Budget
 from ropeode.references.ladder import (
-    EXPLICIT,
-    IMPLICIT,
+    EXPLICIT_SOLVERS,
+    IMPLICIT_SOLVERS,
     SPARSE,
     Method,
     in_time,
@@ -68,8 +68,10 @@ def first_rung(
 
     large = problem.y0.size > MOST_DENSE
     most = min(step_budget(problem), _MOST_STEPS_IF_LARGE if large else _MOST_STEPS)
-    method, first = EXPLICIT, run(problem, EXPLICIT, most)
-    implicit = IMPLICIT if not large else SPARSE if first.ran_out and _is_sparse(problem) else None
+    method, first = EXPLICIT_SOLVERS, run(problem, EXPLICIT_SOLVERS, most)
+    implicit = (
+        IMPLICIT_SOLVERS if not large else SPARSE if first.ran_out and _is_sparse(problem) else None
+    )
     if first.ran_out and implicit is not None:
         other = run(problem, implicit, most // _IMPLICIT_PART)
         if other.reached > first.reached:

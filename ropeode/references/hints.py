@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ropeode.norms import distance, norm_for
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.options import SMALLEST_RTOL
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Path, Solution

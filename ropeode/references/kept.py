@@ -12,7 +12,7 @@ import numpy as np
 
 from ropeode import cache
 from ropeode.cache import described
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.files.contents import parsed
 from ropeode.references.files.encoding import (
     arrays_of,

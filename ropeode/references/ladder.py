@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import ReferenceRefused
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem, free_coordinates
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.defect import Findings
@@ -71,12 +70,12 @@ class Method:
     tolerances: tuple[float, ...]
 
 
-EXPLICIT = Method(DOPRI8, SCIPY_DOP853, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14))
-IMPLICIT = Method(KVAERNO5, SCIPY_RADAU, (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
+EXPLICIT_SOLVERS = Method(DOPRI8, SCIPY_DOP853, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14))
+IMPLICIT_SOLVERS = Method(KVAERNO5, SCIPY_RADAU, (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
 # For large problems whose Jacobian is sparse. BDF solves one system of the state's size in each
 # step, and Kvaerno5 six; JAX has no sparse factorization.
 SPARSE = Method(SCIPY_BDF, SCIPY_RADAU, (1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13))
-METHODS = (EXPLICIT, IMPLICIT, SPARSE)
+METHODS = (EXPLICIT_SOLVERS, IMPLICIT_SOLVERS, SPARSE)
 
 
 def step_budget(problem: Problem) -> int:
@@ -288,7 +287,7 @@ def independent_rtol(method: Method, tightest: Solution) -> float:
     """
     if method is SPARSE:
         return max(tightest.rtol, _TIGHTEST_BESIDE_BDF)
-    return min(tightest.rtol, _LOOSEST_PATH) if method is EXPLICIT else tightest.rtol
+    return min(tightest.rtol, _LOOSEST_PATH) if method is EXPLICIT_SOLVERS else tightest.rtol
 
 
 def solve_independent(
@@ -323,7 +322,7 @@ def rough_path(problem: Problem, method: Method, budget: Budget) -> Path | None:
 def is_long(problem: Problem, method: Method, like: Solution) -> bool:
     """Whether a run of SciPy's solver in Python, with as many steps as another, takes long."""
     compiles = not problem.jump_times and not problem.in_python
-    return method is EXPLICIT and compiles and like.steps > _MOST_STEPS_IN_PYTHON
+    return method is EXPLICIT_SOLVERS and compiles and like.steps > _MOST_STEPS_IN_PYTHON
 
 
 def solve_closely(

@@ -7,11 +7,9 @@ from typing import Annotated, Any, TypedDict
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo, field_validator
 
-from ropeode.problems.checks import real_array
-from ropeode.problems.keywords import refuse_others
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem, refuse_others
 from ropeode.references.certificate import Level
-from ropeode.validation import Input, Positive, WholePositive, bad_value, field
+from ropeode.validation import Input, Positive, WholePositive, bad_value, field, real_array
 
 SMALLEST_RTOL = 1e-13
 LARGEST_RTOL = 1e-3

@@ -10,7 +10,7 @@ import numpy as np
 from ropeode.display import Sampled
 from ropeode.json_form import json_shows
 from ropeode.norms import Norm, norm_for
-from ropeode.problems.problem import Problem, require_problem
+from ropeode.problems import Problem, require_problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.dense.polynomials import Dense
 from ropeode.validation import bad_value

@@ -25,8 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ropeode.problems.problem import Problem
-from ropeode.problems.python_rhs import PythonRhs
+from ropeode.problems import Problem, PythonRhs
 from ropeode.references.solvers.family import Family, abstract
 from ropeode.references.solvers.solution import Path
 from ropeode.references.solvers.solver import SCIPY_DOP853

@@ -8,7 +8,7 @@ from typing import get_args
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role

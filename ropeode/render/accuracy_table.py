@@ -7,7 +7,7 @@ from typing import Any
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.results import blocks, line, rows
-from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
+from ropeode.study import AccuracyTable, StepperOrder
 from ropeode.study.error_constant import ErrorConstant
 from ropeode.validation import counted
 
@@ -45,7 +45,7 @@ def _(table: AccuracyTable) -> list[Block]:
 
 
 def _remarks(each: StepperOrder) -> str:
-    return "; ".join(filter(None, (table_words.remark(each), each.order.why)))
+    return "; ".join(filter(None, (table_words.order_remark(each), each.order.why)))
 
 
 @rows.register

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ropeode.analysis.order import UNSOLVED
-from ropeode.checking.report import CheckReport, Claims, Convergence
+from ropeode.analysis import UNSOLVED
+from ropeode.checking import CheckReport, Claims, Convergence
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
 from ropeode.render.results import blocks, line, rows
-from ropeode.theory.diagnosis import Diagnosis
+from ropeode.theory import Diagnosis
 
 _MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip": "skip"}
 _COLOURS = {"ok": "#00703c", "WRONG": "#c00000", "?": "#b25d00"}
@@ -39,8 +39,8 @@ def _(report: CheckReport) -> list[Block]:
     findings = [(_MARKS[each.status], each.check, each.line) for each in report.findings]
     left, long = frozenset({0, 1, 2}), frozenset({2})
     page: list[Block] = [
-        Heading(title(report)),
-        Paragraph(summary(report)),
+        Heading(check_title(report)),
+        Paragraph(check_summary(report)),
         *(Paragraph("\n".join(_lines_of(each))) for each in report.diagnosis),
         Grid(_HEADERS, findings, left, long, _COLOURS, folded=_counted(report)),
     ]
@@ -68,7 +68,7 @@ def _apart(note: str) -> tuple[str, str]:
     return words, code
 
 
-def title(report: CheckReport) -> str:
+def check_title(report: CheckReport) -> str:
     """The stepper and the claims."""
     return f"Check of {report.label}: {claims_words(report.claims)}"
 
@@ -90,7 +90,7 @@ def claims_words(claims: Claims) -> str:
     return ", ".join(words) or "nothing is claimed, so orders and structure are only measured"
 
 
-def summary(report: CheckReport) -> str:
+def check_summary(report: CheckReport) -> str:
     """The verdict, and the order that decided it: what a reader looks for first."""
     return " ".join(filter(None, (verdict(report), _order_words(report))))
 

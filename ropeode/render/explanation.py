@@ -9,17 +9,19 @@ from typing import Any
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
 from ropeode.render.results import blocks, line, rows
-from ropeode.steppers.base import ProblemClass
-from ropeode.study.accuracy_table import AccuracyTable
+from ropeode.steppers import ProblemClass
+from ropeode.study import AccuracyTable, ClassOrder, Explanation, LocalQuantity, LocalStep, Part
 from ropeode.study.error_constant import AGREE, ErrorConstant
-from ropeode.study.explanation import ClassOrder, Explanation, LocalQuantity, LocalStep, Part
-from ropeode.theory.equal_steps import StepDifference
-from ropeode.theory.growth import StableSteps
-from ropeode.theory.linear_stability import LinearStability
-from ropeode.theory.modified_energy import ModifiedEnergy
-from ropeode.theory.solved_equation import SOLVES_ANOTHER
-from ropeode.theory.stability_limits import StabilityLimits, StableInterval
-from ropeode.theory.structure import Property
+from ropeode.theory import (
+    SOLVES_ANOTHER,
+    LinearStability,
+    ModifiedEnergy,
+    Property,
+    StabilityLimits,
+    StableInterval,
+    StableSteps,
+    StepDifference,
+)
 from ropeode.validation import listed
 
 # Of the swing of the energy, what may be left where its leading correction explains it.
@@ -67,7 +69,7 @@ def _(explanation: Explanation) -> list[Block]:
 
 def _other_problem(explanation: Explanation) -> list[Block]:
     """A warning that a stepper is meant for other problems."""
-    words = table_words.remark(explanation.tables[0].orders[0])
+    words = table_words.order_remark(explanation.tables[0].orders[0])
     return [] if words is None else [Paragraph(f"{words[0].upper()}{words[1:]}.")]
 
 

@@ -14,14 +14,12 @@ from ropeode.render.data import csv_text, json_text
 from ropeode.render.latex_table import latex_table
 from ropeode.render.markup import Block
 from ropeode.render.results import blocks
-from ropeode.study.accuracy_table import AccuracyTable
+from ropeode.study import AccuracyTable
 from ropeode.validation import bad_value, check_kind, unknown
 
 if TYPE_CHECKING:
-    from ropeode.checking.report import CheckReport
-    from ropeode.study.explanation import Explanation
-    from ropeode.study.horizon import Horizon
-    from ropeode.study.work_precision import WorkPrecision
+    from ropeode.checking import CheckReport
+    from ropeode.study import Explanation, Horizon, WorkPrecision
 
 
 def _drawn(name: str, draw: str, result: Any) -> list[Block]:
@@ -39,7 +37,7 @@ def _drawn_for_each_cost(study: WorkPrecision) -> list[Block]:
     if importlib.util.find_spec("matplotlib") is None:
         return []
     from ropeode.render.plots.work_precision import picture_with_hover
-    from ropeode.study.work_precision import COSTS
+    from ropeode.study import COSTS
 
     return [markup.Drawing(picture_with_hover(study, cost)) for cost in COSTS]
 
@@ -78,8 +76,8 @@ def format_table(table: AccuracyTable, form: str = "text", **layout: Any) -> str
     Arguments:
         table: from `ropeode.accuracy_table`.
         form: one of `FORMATS`.
-        layout: of LaTeX only: `columns` (some of `ropeode.render.latex_table.COLUMNS`), `caption`
-            (in LaTeX) and `label`.
+        layout: of LaTeX only: `columns` (some of `ropeode.render.LATEX_COLUMNS`), `caption` (in
+            LaTeX) and `label`.
 
     Raises:
         InputError: there is no such format, or the layout cannot be used.
@@ -119,7 +117,7 @@ def format_horizon(study: Horizon, form: str = "text") -> str:
         Horizon of float64 references: rope, 4 nodes, damping 0.01, 3 frames
         ...
     """
-    from ropeode.study.horizon import Horizon
+    from ropeode.study import Horizon
 
     check_kind("study", study, Horizon, "horizon")
     drawn = functools.partial(_drawn, "horizon", "plot_horizon")
@@ -145,7 +143,7 @@ def format_work_precision(study: WorkPrecision, form: str = "text") -> str:
         Work and precision: rope, 4 nodes, damping 0.01, 3 frames
         ...
     """
-    from ropeode.study.work_precision import WorkPrecision
+    from ropeode.study import WorkPrecision
 
     check_kind("study", study, WorkPrecision, "work_precision")
     return formatted(study, form, _drawn_for_each_cost)
@@ -172,7 +170,7 @@ def format_check(report: CheckReport, form: str = "text") -> str:
         <BLANKLINE>
         ok     order-driven  positions order ...
     """
-    from ropeode.checking.report import CheckReport
+    from ropeode.checking import CheckReport
 
     check_kind("report", report, CheckReport, "check_stepper")
     return formatted(report, form)
@@ -198,7 +196,7 @@ def format_explanation(explanation: Explanation, form: str = "text") -> str:
         <BLANKLINE>
         ...
     """
-    from ropeode.study.explanation import Explanation
+    from ropeode.study import Explanation
 
     check_kind("explanation", explanation, Explanation, "explain_stepper")
     return formatted(explanation, form)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.files import check_suffix, write_whole
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.render.results import rows
 from ropeode.render.small_results import bound_columns
 from ropeode.simulation import Trajectories, Trajectory

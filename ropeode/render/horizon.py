@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ropeode.norms import NORMS
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import ROPES
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.results import blocks, line, rows
-from ropeode.study.horizon import Growth, Horizon, Run
+from ropeode.study import Growth, Horizon, Run
 
 # Digits that are left where errors are a few units of rounding.
 _KEPT = 14

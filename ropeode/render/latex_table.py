@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from ropeode.errors import InputError
 from ropeode.render import latex, table_words
-from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
+from ropeode.study import AccuracyTable, Row, StepperOrder
 from ropeode.validation import bad_value, unknown
 
 # What can stand in the cells, by the words of the other formats.
-COLUMNS = tuple(header.lower().replace(" ", "-") for header in table_words.RUN_HEADERS[2:])
-_OF_ORDERS, _ERRORS = COLUMNS[0], COLUMNS[:3]
+LATEX_COLUMNS = tuple(header.lower().replace(" ", "-") for header in table_words.RUN_HEADERS[2:])
+_OF_ORDERS, _ERRORS = LATEX_COLUMNS[0], LATEX_COLUMNS[:3]
 _NOT_IN_LABELS = set("\\{}%#~^$&, \t\n")
 
 
@@ -60,7 +60,9 @@ def check_layout(columns: Sequence[str], label: str | None) -> None:
     Raises:
         InputError: there is no such column, or the label has signs that LaTeX forbids.
     """
-    faults = [unknown("column", each, COLUMNS) for each in columns if each not in COLUMNS]
+    faults = [
+        unknown("column", each, LATEX_COLUMNS) for each in columns if each not in LATEX_COLUMNS
+    ]
     if faults:
         raise InputError(faults)
     if not columns or len(set(columns)) < len(columns):
@@ -115,7 +117,7 @@ def _cell(row: Row | None, column: str) -> str:
 def _caption(table: AccuracyTable, columns: Sequence[str]) -> str:
     bound = table.reference.bound(table.norm)[table.reference.trusted - 1]
     shown = f" Shown: {columns[0].replace('-', ' ')}." if len(columns) == 1 else ""
-    remarks = [f" {e.stepper} {table_words.remark(e)}." for e in table.orders if not e.solves]
+    remarks = [f" {e.stepper} {table_words.order_remark(e)}." for e in table.orders if not e.solves]
     return (
         f"{table_words.title(table)}. {table_words.error_words(table)}{shown} Estimated bound of "
         f"the reference: {bound:.1e}.{''.join(remarks)}"

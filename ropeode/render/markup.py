@@ -178,10 +178,10 @@ def latex_part(blocks: Sequence[Block]) -> str:
 def html_page(blocks: Sequence[Block]) -> str:
     """A page that needs nothing beside it."""
     title = next(block.text for block in blocks if isinstance(block, Heading))
-    return page(title, html_part(blocks, 1))
+    return page_frame(title, html_part(blocks, 1))
 
 
-def page(title: str, body: str, style: str = "", script: str = "") -> str:
+def page_frame(title: str, body: str, style: str = "", script: str = "") -> str:
     """The frame of all pages. They load nothing, and run no script but their own.
 
     Arguments:

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.references.certificate import Certificate
-from ropeode.references.files.encoding import dense_name
-from ropeode.references.files.library import Entry
-from ropeode.references.files.store import Facts
-from ropeode.references.files.verify import Verification
-from ropeode.references.hints import remarks
-from ropeode.references.reference import Reference
+from ropeode.references import (
+    Certificate,
+    Entry,
+    Facts,
+    Reference,
+    Verification,
+    dense_name,
+    remarks,
+)
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph, plain
 from ropeode.render.results import blocks
 from ropeode.render.table_words import trust_words
@@ -30,7 +32,7 @@ _BLOCKS = " ▁▂▃▄▅▆▇█"
 def describe_reference(reference: Reference) -> str:
     """A few paragraphs on a reference that has just been computed, for a terminal."""
     problem, dense = reference.problem, reference.dense
-    lines = [f"{problem.name}, {problem.frames} frames: {claim(reference.certificate)}"]
+    lines = [f"{problem.name}, {problem.frames} frames: {certificate_claim(reference.certificate)}"]
     if dense is not None:
         lines.append(_dense_claim(dense.times, dense.order, dense.bounds))
     return plain([Paragraph("\n".join([*lines, *remarks(reference)]))])
@@ -53,7 +55,7 @@ def _(facts: Facts) -> list[Block]:
     plot = _plot(times[: certificate.trusted], first_bound[: certificate.trusted])
     return [
         Heading(f"{facts.problem.name}" + (f" ({kind}): {listed}" if kind else "")),
-        Paragraph(" ".join([span, claim(certificate), *_stored_dense_claim(facts)])),
+        Paragraph(" ".join([span, certificate_claim(certificate), *_stored_dense_claim(facts)])),
         Grid(_WITNESSES, witnesses, left=frozenset({0, 2})),
         Code("\n".join(line.rstrip() for line in plot)),
         Paragraph(f"Computed with {versions}."),
@@ -108,7 +110,7 @@ def _why_not_all(verification: Verification) -> str:
     return f": the new one is trusted before t = {new.horizon:g} only ({new.horizon_reason})"
 
 
-def claim(certificate: Certificate) -> str:
+def certificate_claim(certificate: Certificate) -> str:
     """What a certificate claims."""
     bounds = ", ".join(
         f"{quantity} {series[certificate.trusted - 1]:.1e}"

@@ -9,33 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.analysis.errors import ErrorSeries
-from ropeode.analysis.lyapunov import LyapunovExponent
-from ropeode.analysis.motion import Motion
-from ropeode.checking.trajectories.studies import TrajectoryErrors
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.no_equations import NoEquations
-from ropeode.problems.problem import Problem
-from ropeode.references.certificate import Certificate
-from ropeode.references.files.verify import Verification
-from ropeode.references.reference import Reference
+from ropeode.analysis import ErrorSeries, LyapunovExponent, Motion
+from ropeode.checking import TrajectoryErrors
+from ropeode.problems import Ensemble, NoEquations, Problem
+from ropeode.references import Certificate, Reference, Verification
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
-from ropeode.render.reference import claim, sparkline, value_words
+from ropeode.render.reference import certificate_claim, sparkline, value_words
 from ropeode.render.results import blocks, line, rows
 from ropeode.render.table_words import (
     RUN_HEADERS,
     error_cell,
     error_words,
-    interval,
     observed_words,
+    order_interval,
     problem_words,
     reference_words,
     trust_words,
 )
 from ropeode.simulation import JaxStepper, Trajectories, Trajectory
-from ropeode.study.curves import Curve, ErrorCurves
-from ropeode.study.energy import EnergyCurves
-from ropeode.study.node_paths import NodePath, NodePaths
+from ropeode.study import Curve, EnergyCurves, ErrorCurves, NodePath, NodePaths
 from ropeode.validation import counted
 
 _FACTS = ("", "")
@@ -114,7 +106,7 @@ def _certificate(certificate: Certificate, times: np.ndarray | None) -> list[Blo
         for each in certificate.witnesses
     ]
     return [
-        Paragraph(claim(certificate)),
+        Paragraph(certificate_claim(certificate)),
         Grid(("error bound", "least", f"over time{end}", "most"), ranges, left=frozenset({0, 2})),
         Grid(("witness", "tolerance", "role", "difference"), witnesses, left=frozenset({0, 2})),
     ]
@@ -172,7 +164,9 @@ def _(errors: TrajectoryErrors) -> list[Block]:
         Heading(f"Errors of {each.stepper}: {problem_words(errors.problem)}"),
         Paragraph(error_words(errors)),
         Grid(RUN_HEADERS[1:3], runs, left=frozenset()),
-        Paragraph(f"Observed order: {observed_words(order)}, 95% interval {interval(order)}."),
+        Paragraph(
+            f"Observed order: {observed_words(order)}, 95% interval {order_interval(order)}."
+        ),
         Paragraph(reference_words(errors)),
     ]
 

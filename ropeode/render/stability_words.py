@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.theory.spectrum import SpectralLimit
-from ropeode.theory.stability_function import StabilityFunction
+from ropeode.theory import SpectralLimit, StabilityFunction
 
 # Of an eigenvalue, as a share of its size.
 _ROUNDING = 1e-12

@@ -6,8 +6,15 @@ import itertools
 
 from ropeode.render.docstrings import argument_words, description, source
 from ropeode.render.text_layout import columns, hanging, wrapped
-from ropeode.steppers.base import BuiltIn, ProblemClass, Stepper
-from ropeode.steppers.registry import STEPPERS, by_family, option_value, options
+from ropeode.steppers import (
+    STEPPERS,
+    BuiltIn,
+    ProblemClass,
+    Stepper,
+    by_family,
+    option_value,
+    options,
+)
 
 # Of problems, as the columns of declared orders name them.
 _KINDS = {

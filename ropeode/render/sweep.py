@@ -7,8 +7,7 @@ from typing import Any
 
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.results import blocks, line, rows
-from ropeode.sweep.design.columns import STATUSES
-from ropeode.sweep.storage.summary import StepperSummary, SweepSummary
+from ropeode.sweep import STATUSES, StepperSummary, SweepSummary
 from ropeode.validation import shown
 
 _STATUS = ("status", "cases", "meaning")

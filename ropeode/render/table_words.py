@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ropeode.analysis.order import ObservedOrder
-from ropeode.problems.problem import Problem
-from ropeode.problems.ropes import ROPES
-from ropeode.references.certificate import Certificate
-from ropeode.references.hints import remarks
-from ropeode.study.accuracy_table import AccuracyTable, Row, StepperOrder
+from ropeode.analysis import ObservedOrder
+from ropeode.problems import ROPES, Problem
+from ropeode.references import Certificate, remarks
+from ropeode.study import AccuracyTable, Row, StepperOrder
 from ropeode.study.error_constant import AGREE_CLOSELY, ErrorConstant
 from ropeode.validation import counted
 
 if TYPE_CHECKING:
-    from ropeode.checking.trajectories.studies import TrajectoryErrors
-    from ropeode.study.work_precision import WorkPrecision
+    from ropeode.checking import TrajectoryErrors
+    from ropeode.study import WorkPrecision
 
     # What has errors against step size.
     Errors: TypeAlias = AccuracyTable | TrajectoryErrors
@@ -102,7 +100,7 @@ def order_cells(table: AccuracyTable, each: StepperOrder) -> tuple[str, ...]:
         each.stepper,
         "-" if each.expected is None else str(each.expected or "none"),
         "-" if order.observed is None else f"{order.observed:.3f}",
-        interval(order),
+        order_interval(order),
         f"{min(used)} to {max(used)}" if used else "-",
         order.verdict,
     )
@@ -115,7 +113,7 @@ def observed_words(order: ObservedOrder) -> str:
     return f"{order.observed:.3f}"
 
 
-def interval(order: ObservedOrder) -> str:
+def order_interval(order: ObservedOrder) -> str:
     """The 95% interval."""
     if order.ci95 is None:
         return "-"
@@ -172,7 +170,7 @@ def left_out_words(table: AccuracyTable, each: StepperOrder) -> str:
     return "; ".join(f"{reason}: {', '.join(words)}" for reason, words in by_reason.items())
 
 
-def remark(order: StepperOrder) -> str | None:
+def order_remark(order: StepperOrder) -> str | None:
     """A warning about a stepper that solves another problem."""
     if order.solves:
         return None

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 
 from tabulate import tabulate
 
-WIDTH = 80
+TEXT_WIDTH = 80
 # Text is not broken into lines shorter than this.
 _NARROWEST = 40
 
@@ -21,7 +21,7 @@ def wrapped(text: str, indent: int = 0) -> list[str]:
     """
     return textwrap.wrap(
         text,
-        WIDTH,
+        TEXT_WIDTH,
         initial_indent=" " * indent,
         subsequent_indent=" " * (indent + 2 * bool(indent)),
     )
@@ -29,7 +29,7 @@ def wrapped(text: str, indent: int = 0) -> list[str]:
 
 def hanging(head: str, text: str) -> list[str]:
     """The lines of a paragraph that begins behind `head` and stays to the right of it."""
-    return textwrap.wrap(text, WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
+    return textwrap.wrap(text, TEXT_WIDTH, initial_indent=head, subsequent_indent=" " * len(head))
 
 
 def columns(rows: Sequence[Sequence[str]], left: Collection[int] | None = None) -> list[str]:
@@ -74,7 +74,7 @@ def table(
     if {*long} == {last}:
         begun = shown(others)
         width = max(map(len, begun)) + 2
-        if width <= WIDTH - _NARROWEST:
+        if width <= TEXT_WIDTH - _NARROWEST:
             texts = [row[last] for row in (*head, *rows)]
             pairs = zip(begun, texts, strict=True)
             return [each for line, text in pairs for each in hanging(line.ljust(width), text)]
@@ -94,4 +94,4 @@ def table(
 
 
 def _fits(lines: Sequence[str]) -> bool:
-    return max(map(len, lines)) <= WIDTH
+    return max(map(len, lines)) <= TEXT_WIDTH

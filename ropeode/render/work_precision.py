@@ -7,15 +7,7 @@ from typing import Any
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.results import blocks, line, rows
-from ropeode.study.work_precision import (
-    COSTS,
-    RUN_LIMIT,
-    TARGETS,
-    Cost,
-    CostToReach,
-    WorkPrecision,
-    WorkRow,
-)
+from ropeode.study import COSTS, RUN_LIMIT, TARGETS, Cost, CostToReach, WorkPrecision, WorkRow
 from ropeode.validation import counted
 
 COST_WORDS: dict[Cost, str] = {

@@ -18,7 +18,7 @@ from ropeode.simulation.kernel_fusion import in_one_kernel
 from ropeode.simulation.system import is_turned, positions_last, stored, system
 from ropeode.simulation.transposes import on_stored
 from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.phase import Phase
+from ropeode.steppers import Phase
 
 
 def source_of(family: Family, capacity: int, blocks: int) -> Source:

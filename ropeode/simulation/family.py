@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from ropeode.problems.problem import Mechanics
+from ropeode.problems import Mechanics
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Method
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ropeode.display import Displayed
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem, require_problem
+from ropeode.problems import Problem, require_problem
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trajectory import frame_lengths

@@ -14,9 +14,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from ropeode.problems.ensemble import Numbers
-from ropeode.problems.problem import Problem
-from ropeode.steppers.base import Stepper
+from ropeode.problems import Numbers, Problem
+from ropeode.steppers import Stepper
 
 # Numbers in the state of a block: 4 ropes of 16 nodes.
 _BLOCK = 256

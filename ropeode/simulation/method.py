@@ -10,12 +10,10 @@ import jax
 
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.templates import template
+from ropeode.steppers import Stepper, as_stepper, template
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +63,7 @@ def method_of(stepper: Any, problem: Problem) -> Method:
 
 def _digest(stepper: Stepper, problem: Problem) -> Hashable:
     # Not above: steppers of ropeode need none.
-    from ropeode.problems.traced_digest import digest
+    from ropeode.problems import jaxpr_digest
 
     init, step, state = on_stored_states(stepper, problem.rhs, problem.mechanics)
 
@@ -74,4 +72,4 @@ def _digest(stepper: Stepper, problem: Problem) -> Hashable:
         return state(args, t, step(args, t, init(args, t, y, dt), dt), dt)
 
     traced = jax.make_jaxpr(steps)(problem.args, problem.y0, 0.0, 1.0)
-    return type(stepper), digest(traced)
+    return type(stepper), jaxpr_digest(traced)

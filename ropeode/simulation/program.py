@@ -18,7 +18,7 @@ from ropeode.cache import Source, described
 from ropeode.simulation.family import Family
 from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import BuiltIn
+from ropeode.steppers import BuiltIn
 
 
 @dataclasses.dataclass(eq=False)

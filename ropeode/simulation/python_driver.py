@@ -13,14 +13,14 @@ import jax
 import numpy as np
 
 from ropeode.errors import UserCodeError, call_user_code
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress
 from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
 from ropeode.simulation.time_needed import TimeNeeded
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import Stepper, System
+from ropeode.steppers import Stepper, System
 
 # How soon a thread that waits for its turn notices that it was taken from another one.
 _LOOKS_AGAIN_S = 0.1

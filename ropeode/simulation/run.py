@@ -15,10 +15,14 @@ import numpy as np
 
 from ropeode.errors import call_user_code
 from ropeode.precision import in_float64
-from ropeode.problems.checks import check_memory
-from ropeode.problems.ensemble import Ensemble, Numbers
-from ropeode.problems.problem import Problem, require_memory, require_problem
-from ropeode.problems.scipy_form import without_memory
+from ropeode.problems import (
+    Ensemble,
+    Numbers,
+    Problem,
+    require_memory,
+    require_problem,
+    without_memory,
+)
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.simulation.family import Family, shape_of
 from ropeode.simulation.iterations import Iterations
@@ -28,9 +32,9 @@ from ropeode.simulation.program import Program, program
 from ropeode.simulation.python_driver import run_in_python
 from ropeode.simulation.time_needed import LONGEST_S, TimeNeeded, check_longest
 from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
-from ropeode.steppers.base import BuiltIn
+from ropeode.steppers import BuiltIn
 from ropeode.threads import cores, threads
-from ropeode.validation import check_kind, check_whole
+from ropeode.validation import check_kind, check_memory, check_whole
 
 # States that one call of a program writes, and that a chunk of an ensemble holds, in bytes.
 _SEGMENT = 2**23

@@ -12,12 +12,12 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Mechanics, Problem, Rhs
+from ropeode.problems import Mechanics, Problem, Rhs
 from ropeode.simulation.method import Method
 from ropeode.simulation.python_driver import PythonStepper
 from ropeode.simulation.system import is_turned, on_stored_states
 from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import BuiltIn, Stepper
+from ropeode.steppers import BuiltIn, Stepper
 
 # Differences of eighth order (Fornberg, Math. Comp. 51 (1988), table 1): how far apart, as a part
 # of the size of a state, and the weights. Nodes a hundredth of that size apart, whose forces change

@@ -13,11 +13,10 @@ import numpy as np
 from jax.core import Tracer
 from jax.tree_util import Partial
 
+from ropeode.problems import Mechanics
 from ropeode.problems.links import LinearDamping
-from ropeode.problems.problem import Mechanics
 from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import Equations, Stepper, System
-from ropeode.steppers.phase import Phase
+from ropeode.steppers import Equations, Phase, Stepper, System
 from ropeode.validation import bad_value
 
 

@@ -9,9 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ropeode.display import Sampled
-from ropeode.problems.ensemble import Ensemble
-from ropeode.problems.problem import Problem
-from ropeode.steppers.base import Stepper
+from ropeode.problems import Ensemble, Problem
+from ropeode.steppers import Stepper
 
 # How a run ended.
 Status = Literal["ok", "diverged", "unsolved"]

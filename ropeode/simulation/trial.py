@@ -11,8 +11,7 @@ import numpy as np
 
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
-from ropeode.problems.traced import callbacks_in
+from ropeode.problems import Problem, callbacks_in
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
 from ropeode.simulation.side_effects import (
     WRITES_OVER,
@@ -24,7 +23,7 @@ from ropeode.simulation.side_effects import (
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trajectory import frame_lengths
 from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import Stepper
+from ropeode.steppers import Stepper
 
 # Compiled and uncompiled steps have to agree for so many, that a step which counts how often it is
 # called has counted to a hundred; and so closely, relative to the state.

@@ -12,9 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.errors import InputError
+from ropeode.problems import Problem, StateStructure
 from ropeode.problems.links import LinearDamping, Links, taut_between
-from ropeode.problems.problem import Problem
-from ropeode.problems.state_structure import StateStructure
 from ropeode.validation import bad_value, check_whole, unknown
 
 # The largest number that an option may have: loops count in 32 bits at least.

@@ -14,7 +14,7 @@ import numpy as np
 from jax.core import Tracer
 
 from ropeode.errors import InputError, RopeodeError, UserCodeError
-from ropeode.problems.state_structure import StateStructure
+from ropeode.problems import StateStructure
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
 from ropeode.validation import shortly

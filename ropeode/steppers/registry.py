@@ -97,7 +97,7 @@ def option_value(stepper: type[BuiltIn], option: str, text: str) -> str | int:
     return text
 
 
-def registered(text: str) -> BuiltIn:
+def registered_stepper(text: str) -> BuiltIn:
     """A stepper from its name with options, as in ``stormer-verlet:start=rest,damping=lagged``.
 
     Raises:

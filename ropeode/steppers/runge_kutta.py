@@ -9,8 +9,8 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 from ropeode.steppers.base import BuiltIn, ProblemClass, System
+from ropeode.tableaus import Tableau
 from ropeode.tableaus.stages import Row
-from ropeode.tableaus.tableau import Tableau
 
 # A slope that more than so many sums read is stored; for fewer it takes longer to store it.
 _READERS = 3

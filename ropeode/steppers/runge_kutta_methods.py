@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from ropeode.steppers.runge_kutta import RungeKutta
-from ropeode.tableaus.tableau import Tableau
+from ropeode.tableaus import Tableau
 
 
 def _tableau(rows: str, b: str) -> Tableau:

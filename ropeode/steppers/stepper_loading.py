@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ropeode.errors import InputError, call_user_code
-from ropeode.problems.files import named_in_file, names_in_file, names_in_text
+from ropeode.problems import named_in_file, names_in_file, names_in_text
 from ropeode.steppers.base import Stepper
 from ropeode.steppers.functions import (
     AccelerationFunction,
@@ -19,12 +19,12 @@ from ropeode.steppers.functions import (
     signature_of,
     step_function,
 )
-from ropeode.steppers.registry import STEPPERS, registered
+from ropeode.steppers.registry import STEPPERS, registered_stepper
 from ropeode.steppers.tableau_files import PREFIX, file_of, is_tableau_file, tableau_stepper
 from ropeode.validation import bad_value, check_whole, unknown
 
 # Imported when they are asked for: diffrax takes a second.
-LIBRARIES = {
+STEPPER_LIBRARIES = {
     "diffrax": "ropeode.steppers.diffrax_solvers",
     "scipy": "ropeode.steppers.scipy_solvers",
 }
@@ -32,7 +32,7 @@ LIBRARIES = {
 OTHER_NAMES = (
     "FILE.py:NAME",
     f"{PREFIX}:FILE.toml",
-    *(f"{library}:NAME" for library in LIBRARIES),
+    *(f"{library}:NAME" for library in STEPPER_LIBRARIES),
 )
 
 
@@ -93,11 +93,11 @@ def users_file(text: str) -> str | None:
 def _named(text: str, folder: Path) -> Stepper:
     first, _, name = text.partition(":")
     if first in STEPPERS:
-        return registered(text)
+        return registered_stepper(text)
     if is_tableau_file(text):
         return tableau_stepper(text, folder)
-    if first in LIBRARIES:
-        solvers = _library(first).solvers()
+    if first in STEPPER_LIBRARIES:
+        solvers = library_solvers(first)
         if name not in solvers:
             raise InputError(unknown(f"solver of {first}", name, solvers))
         return _library(first).by_object(solvers[name])
@@ -179,7 +179,7 @@ def _from_object(what: Any, label: str | None = None) -> Stepper:
         return what
     if _is_stepper_class(what):
         return call_user_code("step", what)
-    for name in LIBRARIES:
+    for name in STEPPER_LIBRARIES:
         # Nobody has an object of a library that was never imported.
         if name in sys.modules and (stepper := _library(name).by_object(what)) is not None:
             return stepper
@@ -194,6 +194,11 @@ def _from_object(what: Any, label: str | None = None) -> Stepper:
     return step_function(what, label or name)
 
 
+def library_solvers(library: str) -> dict[str, type]:
+    """All solver classes of a library in `STEPPER_LIBRARIES`, by name."""
+    return _library(library).solvers()
+
+
 def _library(name: str) -> Any:
     """The module for a library: `solvers` by name, and `by_object`, which makes a stepper."""
-    return importlib.import_module(LIBRARIES[name])
+    return importlib.import_module(STEPPER_LIBRARIES[name])

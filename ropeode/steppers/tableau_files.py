@@ -18,8 +18,8 @@ from ropeode.errors import InputError, InputWarning
 from ropeode.files import parse_toml, read_text
 from ropeode.steppers.registry import STEPPERS
 from ropeode.steppers.runge_kutta import RungeKutta
+from ropeode.tableaus import Tableau
 from ropeode.tableaus.stages import Matrix, Number, Row, number, same
-from ropeode.tableaus.tableau import Tableau
 from ropeode.validation import Input, WholePositive, bad_value, complaint, field
 
 # What the text of such a stepper begins with.

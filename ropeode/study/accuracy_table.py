@@ -13,14 +13,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
-from ropeode.analysis.order import ObservedOrder, observed_order
-from ropeode.analysis.roundoff import in_other_units, round_off
+from ropeode.analysis import (
+    RESOLUTION_FACTOR,
+    ObservedOrder,
+    error_series,
+    in_other_units,
+    observed_order,
+    round_off,
+)
 from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.json_form import json_shows
 from ropeode.norms import Norm, motion, norm_for
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references import (
     Asked,
@@ -30,12 +35,8 @@ from ropeode.references import (
     problem_of,
     reference_for,
 )
-from ropeode.simulation import Trajectory, simulate, step_size
-from ropeode.simulation.method import Method, method_of
-from ropeode.simulation.trajectory import Status
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import ProblemClass, Stepper
-from ropeode.steppers.functions import StepFunction
+from ropeode.simulation import Method, Status, Trajectory, method_of, simulate, step_size
+from ropeode.steppers import ProblemClass, StepFunction, Stepper, as_stepper
 from ropeode.study.each_once import each_once, repeated
 from ropeode.study.error_constant import ErrorConstant, believed, error_constant
 from ropeode.threads import cores, threads

@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis.errors import distances, resolution
+from ropeode.analysis import distances, resolution
 from ropeode.display import Tabular
 from ropeode.norms import Norm, motion, norm_for
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
-from ropeode.simulation import Trajectory, simulate
-from ropeode.simulation.method import method_of
-from ropeode.simulation.trajectory import Status
-from ropeode.steppers.base import Stepper
+from ropeode.simulation import Status, Trajectory, method_of, simulate
+from ropeode.steppers import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.error_constant import leading_term
 from ropeode.validation import counted

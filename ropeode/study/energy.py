@@ -12,14 +12,14 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR, energy_errors
+from ropeode.analysis import RESOLUTION_FACTOR, energy_errors
 from ropeode.display import Tabular
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.simulation import Trajectory
-from ropeode.steppers.base import Stepper
+from ropeode.steppers import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import Curve, curve_of, runs_of
 from ropeode.validation import bad_value

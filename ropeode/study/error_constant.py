@@ -9,12 +9,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ropeode.analysis.errors import error_sizes
-from ropeode.analysis.order import NARROW, UNSTABLE, ObservedOrder, whole_orders
-from ropeode.analysis.roundoff import least_clear_error
+from ropeode.analysis import (
+    NARROW_ORDER,
+    UNSTABLE,
+    ObservedOrder,
+    error_sizes,
+    least_clear_error,
+    whole_orders,
+)
 from ropeode.json_form import json_shows
 from ropeode.norms import Norm
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference
 
 if TYPE_CHECKING:
@@ -161,7 +166,7 @@ def believed(
     dt = None if constant is None else constant.dt
     if constant is None or dt is None or constant.predicted is None:
         wide = order.verdict == "converges" and high - low > (
-            NARROW if whole_orders(low, high) else _FRACTIONAL
+            NARROW_ORDER if whole_orders(low, high) else _FRACTIONAL
         )
         if not declared or low <= declared <= high or not wide:
             return order

@@ -13,9 +13,7 @@ from ropeode.display import Tabular
 from ropeode.json_form import json_shows
 from ropeode.norms import norm_for
 from ropeode.precision import in_float64
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Problem, free_coordinates
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import (
     Asked,
@@ -25,11 +23,8 @@ from ropeode.references import (
     problem_of,
     reference_for,
 )
-from ropeode.simulation import Trajectory, simulate
-from ropeode.simulation.method import Method, method_of
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import BuiltIn, ProblemClass, Stepper
-from ropeode.steppers.registry import registered
+from ropeode.simulation import Method, Trajectory, method_of, simulate
+from ropeode.steppers import BuiltIn, ProblemClass, Stepper, as_stepper, registered_stepper
 from ropeode.study.accuracy_table import (
     DEFAULT_STEPS_PER_FRAME,
     AccuracyTable,
@@ -54,8 +49,10 @@ from ropeode.theory import (
     describe,
     diagnose_equation,
     diagnose_identity,
+    diagnose_parameters,
     equal_steppers,
     expanded,
+    is_rope,
     linear_stability_of,
     modified_energy_of,
     order_once_started,
@@ -64,9 +61,7 @@ from ropeode.theory import (
     structure_of,
     tableau_of,
 )
-from ropeode.theory.changed_parameters import diagnose_parameters
 from ropeode.theory.nodes_first import nodes_first
-from ropeode.theory.rope_terms import is_rope
 
 # Of a step that runs in Python, which takes some 30 us each time.
 _MOST_IN_PYTHON = 1024
@@ -285,7 +280,7 @@ def explain_stepper(
     norms = tuple(largest_norms(own).values()) if norm is None else (norm_for(own, norm),)
     stepper = as_stepper(step)
     stepper.require(own)
-    known = None if method is None else registered(method)
+    known = None if method is None else registered_stepper(method)
     if known is not None:
         known.require(own)
     ladder = None if steps_per_frame is None else check_steps(steps_per_frame)

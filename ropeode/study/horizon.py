@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from ropeode.analysis.errors import distances_from
-from ropeode.analysis.lyapunov import LyapunovExponent, lyapunov_exponent, mean_slope
+from ropeode.analysis import LyapunovExponent, distances_from, lyapunov_exponent, mean_slope
 from ropeode.display import Tabular
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem, require_problem
+from ropeode.problems import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import (
     DIGITS,
@@ -30,16 +29,16 @@ from ropeode.references import (
     Solver,
     budget_of,
     extended_solution,
+    heyoka,
     largest_norms,
     padded,
     primary_solution,
     reference_for,
     witness_runs,
 )
-from ropeode.references.extended import heyoka
 from ropeode.validation import bad_value, check_positive, check_whole, complaint
 
-SPANS = (100.0, 300.0, 1000.0)
+HORIZON_SPANS = (100.0, 300.0, 1000.0)
 # Of float64, to whole digits.
 FLOAT64_DIGITS = 16
 _FLOAT64_BITS = 53
@@ -209,7 +208,7 @@ class Horizon(Tabular):
 @in_float64
 def horizon(
     problem: Problem,
-    spans: ArrayLike = SPANS,
+    spans: ArrayLike = HORIZON_SPANS,
     *,
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,

@@ -8,20 +8,20 @@ from typing import Unpack
 
 import numpy as np
 
-from ropeode.analysis.errors import differences, distances, resolution
+from ropeode.analysis import differences, distances, resolution
 from ropeode.display import Displayed, Tabular
 from ropeode.norms import Norm, norm_for
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
-from ropeode.simulation.trajectory import Status
-from ropeode.steppers.base import Stepper
+from ropeode.simulation import Status
+from ropeode.steppers import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import runs_of
 from ropeode.validation import bad_value
 
-DEFAULT_STEPPERS = ("explicit-euler", "semi-implicit-euler", "rk4")
-DEFAULT_STEPS_PER_FRAME = 64
+PATH_STEPPERS = ("explicit-euler", "semi-implicit-euler", "rk4")
+PATH_STEPS_PER_FRAME = 64
 
 _MOST_SAMPLES_PER_FRAME = 8
 # Of a film; with more, it is long enough with fewer of them in each frame.
@@ -82,8 +82,8 @@ class NodePaths(Tabular):
 @shows_progress
 def node_paths(
     problem: Problem | Reference,
-    steppers: Sequence[str | Stepper] = DEFAULT_STEPPERS,
-    steps_per_frame: int = DEFAULT_STEPS_PER_FRAME,
+    steppers: Sequence[str | Stepper] = PATH_STEPPERS,
+    steps_per_frame: int = PATH_STEPS_PER_FRAME,
     *,
     norm: str | None = None,
     progress: Progress = bar,

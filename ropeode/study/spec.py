@@ -13,12 +13,8 @@ from pydantic import AfterValidator, BeforeValidator, PlainValidator
 from ropeode.errors import InputError
 from ropeode.files import read_toml
 from ropeode.norms import NORMS
-from ropeode.problems.checks import run as run_checks
-from ropeode.problems.files import load_problem
-from ropeode.problems.inextensible_rope import InextensibleRope
-from ropeode.problems.problem import Problem
+from ropeode.problems import ROPES, InextensibleRope, Problem, load_problem
 from ropeode.problems.rope import Rope
-from ropeode.problems.ropes import ROPES
 from ropeode.progress import Progress
 from ropeode.references import Level, Reference, problem_of
 from ropeode.study.accuracy_table import (
@@ -30,7 +26,7 @@ from ropeode.study.accuracy_table import (
     check_steppers,
     check_steps,
 )
-from ropeode.validation import Input, Positive, WholePositive, bad_value, field, unknown
+from ropeode.validation import Input, Positive, WholePositive, bad_value, check_all, field, unknown
 
 
 def _steppers(value: Any) -> tuple[str, ...] | None:
@@ -197,7 +193,7 @@ class TableJob:
     def __init__(self, values: Mapping[str, Any], folder: Path | None = None):
         rest = kind_apart(values)
         rope_values, steppers = rest.pop("rope", {}), rest.pop("steppers", None)
-        chosen, spec, self._rope = run_checks(
+        chosen, spec, self._rope = check_all(
             lambda: None if steppers is None else tuple(check_steppers(steppers, folder)),
             lambda: TableSpec(**rest),
             lambda: rope_of(str(rest.get("kind")), rope_values),
@@ -226,7 +222,7 @@ class TableJob:
     def _stored(self, named: set[str]) -> Reference:
         """The stored reference; its problem must be the one that is described, if one is."""
         # Not above: HDF5 takes its time to load, and most tables need none of it.
-        from ropeode.problems.library import PROBLEMS
+        from ropeode.problems import PROBLEMS
         from ropeode.references import find, reference_from, stored_facts
 
         assert self.spec.reference is not None

@@ -10,14 +10,13 @@ from typing import Any, ClassVar, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR, energy_errors, error_series
-from ropeode.analysis.order import UNSTABLE_FROM
+from ropeode.analysis import RESOLUTION_FACTOR, UNSTABLE_FROM, energy_errors, error_series
 from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.json_form import json_shows
 from ropeode.norms import Norm, motion, norm_for
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, part_of, shows_progress
 from ropeode.references import (
     AskedButRtol,
@@ -27,7 +26,7 @@ from ropeode.references import (
     problem_of,
     reference_for,
 )
-from ropeode.simulation.trajectory import step_size
+from ropeode.simulation import step_size
 from ropeode.study.accuracy_table import check_steps
 from ropeode.study.energy import energies_of
 from ropeode.study.methods.in_turns import Timed, run_in_turns

@@ -16,6 +16,8 @@ from .execution.engines import InProcess as InProcess
 from .execution.engines import LocalProcesses as LocalProcesses
 from .execution.engines import TookTooLong as TookTooLong
 from .execution.evaluate import evaluate as evaluate
+from .run import folder_reserved as folder_reserved
+from .run import run_in_folder as run_in_folder
 from .run import run_sweep as run_sweep
 from .storage.extend import take_over as take_over
 from .storage.load import load_sweep as load_sweep

@@ -64,8 +64,8 @@ def run_sweep(
         >>> run_sweep({"steppers": ["rk4"], "grid": grid}, "ropes")
         <SweepSummary: ropes: 6 of 6 cases>
     """
-    with reserved(folder) as lock:
-        return run_in(
+    with folder_reserved(folder) as lock:
+        return run_in_folder(
             folder,
             lock,
             spec,
@@ -77,7 +77,7 @@ def run_sweep(
         )
 
 
-def reserved(folder: str | Path) -> AbstractContextManager[Callable[[], None]]:
+def folder_reserved(folder: str | Path) -> AbstractContextManager[Callable[[], None]]:
     """The lock of a sweep's folder, as `locked_early` takes it; nothing has imported JAX yet.
 
     Raises:
@@ -87,7 +87,7 @@ def reserved(folder: str | Path) -> AbstractContextManager[Callable[[], None]]:
     return locked_early(Path(folder))
 
 
-def run_in(
+def run_in_folder(
     folder: str | Path,
     lock: Callable[[], None],
     spec: SweepSpec | Mapping[str, Any] | str | Path,

@@ -1,6 +1,5 @@
 """Methods as their coefficients: tableaus, and their order by conditions on rooted trees."""
 
-from ropeode.tableaus.nystrom import NystromTableau
-from ropeode.tableaus.tableau import Tableau
+import lazy_loader
 
-__all__ = ["NystromTableau", "Tableau"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,6 @@
 from .lists import CommaSeparated as CommaSeparated
 from .lists import split_at_commas as split_at_commas
 from .output import FORMATS as FORMATS
-from .output import Written as Written
 from .output import check_folder as check_folder
 from .output import format_for as format_for
 from .output import format_option as format_option
@@ -13,6 +12,7 @@ from .output import put_pictures as put_pictures
 from .running import KEPT as KEPT
 from .running import NOTHING as NOTHING
 from .running import end_on_ctrl_c as end_on_ctrl_c
+from .running import is_users_file as is_users_file
 from .running import not_interrupted as not_interrupted
 from .running import set_up_jax as set_up_jax
 from .running import show_progress as show_progress

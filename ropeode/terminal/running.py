@@ -232,10 +232,10 @@ def _only_jax_is_at_work() -> bool:
     """Whether a thread has called JAX, and none the user's code, which may wait for anything."""
     tops = sys._current_frames().values()
     files = {each.f_code.co_filename for top in tops for each, _ in traceback.walk_stack(top)}
-    return any("/jax/" in file for file in files) and not any(map(is_users, files))
+    return any("/jax/" in file for file in files) and not any(map(is_users_file, files))
 
 
-def is_users(file: str) -> bool:
+def is_users_file(file: str) -> bool:
     """Whether a file of Python code is neither ropeode's nor installed."""
     installed = [str(Path(__file__).parents[1]), *sysconfig.get_paths().values()]
     return not file.startswith(("<", *installed))

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion
-from ropeode.theory.projection import project
+from ropeode.theory.projection import projected
 from ropeode.theory.step_samples import rates_of
 
 # What may be left over of the difference from the right equation, as a part of the equation.
@@ -57,7 +57,7 @@ def diagnose_parameters(expansion: Expansion) -> Diagnosis | None:
     """
     problem, right, off = expansion.problem, expansion.slopes, expansion.rate(0).value
     size = float(np.max(np.abs(right)))
-    pace = project(off.ravel(), right.reshape(1, -1))
+    pace = projected(off.ravel(), right.reshape(1, -1))
     if pace.rest <= _EXPLAINED * size:
         factor = 1.0 + float(pace.coefficients[0])
         line = f"it is {factor:.8g} f, as if time ran so many times as fast"
@@ -108,7 +108,7 @@ def _factors(expansion: Expansion, several: list[Parameter]) -> _Found | None:
         away = (target - own).ravel()
         if not (np.all(np.isfinite(slopes)) and np.all(np.isfinite(away))):
             return None
-        moved = project(away, slopes).coefficients
+        moved = projected(away, slopes).coefficients
         change = change + moved
         if np.max(np.abs(moved)) <= 1e-12:
             break
@@ -128,7 +128,7 @@ def _by_component(expansion: Expansion, size: float) -> Diagnosis | None:
     """The rate of change of each component, multiplied by a number."""
     count = len(expansion.t)
     right, off = (each.reshape(count, -1).T for each in (expansion.slopes, expansion.rate(0).value))
-    found = [project(b, a[None]) for a, b in zip(right, off, strict=True)]
+    found = [projected(b, a[None]) for a, b in zip(right, off, strict=True)]
     factors = [1.0 + float(each.coefficients[0]) for each in found]
     rest = max(each.rest for each in found)
     if rest > _EXPLAINED * size:

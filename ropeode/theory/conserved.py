@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.problems.problem import Problem, Rhs
+from ropeode.problems import Problem, Rhs
 
 # Of the terms that cancel: what rounding leaves of a derivative along the solution that is zero.
 _ROUNDING = 1e-9

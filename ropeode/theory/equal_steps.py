@@ -10,11 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.json_form import json_shows
-from ropeode.problems.problem import Problem
-from ropeode.simulation.method import method_of
-from ropeode.simulation.trial import Trial
-from ropeode.steppers.base import BuiltIn, Stepper
-from ropeode.steppers.registry import STEPPERS, options, registered
+from ropeode.problems import Problem
+from ropeode.simulation import Trial, method_of
+from ropeode.steppers import STEPPERS, BuiltIn, Stepper, options, registered_stepper
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.step_samples import StepSamples
 
@@ -100,7 +98,7 @@ def known_steppers() -> Iterator[BuiltIn]:
         choices = options(cls)
         for values in itertools.product(*choices.values()):
             chosen = (f"{key}={value}" for key, value in zip(choices, values, strict=True))
-            yield registered(f"{name}:{','.join(chosen)}")
+            yield registered_stepper(f"{name}:{','.join(chosen)}")
 
 
 def _is_implicit(stepper: Stepper) -> bool:

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
-from ropeode.theory.extrapolation import LADDER, RUNGS, coefficient
+from ropeode.problems import Problem
+from ropeode.theory.extrapolation import RUNGS, STEP_LADDER, coefficient
 from ropeode.theory.flow import short_flow
 from ropeode.theory.step_samples import StepSamples
 
 # The highest order that is looked for.
-HIGHEST = 10
+HIGHEST_ORDER = 10
 # A coefficient is known if it is so many times its error. It counts as zero if it is less than so
 # many times its error, and this is small beside the solution's own coefficient: by the third factor
 # up to the fourth, and by ten times as much at each after that, for methods of high order have
@@ -28,7 +28,7 @@ _EPS = float(np.finfo(np.float64).eps)
 # after another.
 _ROUNDINGS, _DISTURBANCE, _SAME = 4.0, 64.0, 1e4
 # Steps of a method with memory, and how many of the first are left to its start.
-STEPS, SETTLED = 10, 3
+EXPANSION_STEPS, SETTLED = 10, 3
 # So many more of a user's, which may begin as another method than it goes on as.
 _BEGINNING = 3
 # By how much of the right-hand side two steps in a row must differ that are still settling.
@@ -104,11 +104,11 @@ class Expansion:
         # What a step that projects leaves of the constraints is in the state, and it settles as
         # memory does.
         one_step = one_step or (samples.carries_state and not self.problem.rigid)
-        steps = 1 if one_step else STEPS
+        steps = 1 if one_step else EXPANSION_STEPS
         if samples.may_begin and not one_step:
             settled, steps = settled + _BEGINNING, steps + _BEGINNING
         self.ladder = reach / steps
-        dt = self.ladder[:, None] * LADDER[:rungs]
+        dt = self.ladder[:, None] * STEP_LADDER[:rungs]
         states = samples.after(t, y, dt, steps)
         self.one_step = steps == 1 or _is_one_step(samples, t, y, dt, states)
         self._settling = self.one_step and steps > 1 and _settles(samples, t, dt, states)
@@ -118,7 +118,7 @@ class Expansion:
             self.ladder, dt = reach, dt * steps
             states, steps = samples.after(t, y, dt, 1), 1
         every = range(1, 2) if self.one_step else range(settled, steps + 1)
-        moved = {n: increments(n / steps * LADDER[:rungs]) for n in every}
+        moved = {n: increments(n / steps * STEP_LADDER[:rungs]) for n in every}
         errors = {n: (states[:, :, n] - y[:, None]) - moved[n] for n in every}
         noise = _noise(samples, t, y, dt, errors[every[0]]).reshape(-1, rungs)
         self._missing, self._settled = zeros, settled
@@ -170,7 +170,7 @@ class Expansion:
             ``(quantities, states)``; not-a-number where all terms are zero or lost in rounding.
         """
         orders = np.full((len(self.problem.quantities), len(self.t)), np.nan)
-        for order in range(-1, HIGHEST + 1):
+        for order in range(-1, HIGHEST_ORDER + 1):
             known = self.start(order).known | self.rate(order).known
             orders[np.isnan(orders) & known] = order
             if not np.any(np.isnan(orders)):
@@ -183,10 +183,10 @@ class Expansion:
 
         It is -2 where none are.
         """
-        for order in range(-1, HIGHEST + 1):
+        for order in range(-1, HIGHEST_ORDER + 1):
             if not self._is_seen(order):
                 return order - 1
-        return HIGHEST
+        return HIGHEST_ORDER
 
     @functools.cached_property
     def order(self) -> int | None:
@@ -194,7 +194,7 @@ class Expansion:
 
         None where rounding hides the terms before one is known; the order is then above `seen`.
         """
-        for order in range(-1, HIGHEST + 1):
+        for order in range(-1, HIGHEST_ORDER + 1):
             if np.any(self.start(order).known | self.rate(order).known):
                 return order
             if not self._is_seen(order):
@@ -480,7 +480,7 @@ def _noise(
     noise = _EPS * (size + dt * speed) + dt * rate / _DISTURBANCE
     if samples.problem.mechanics is not None:
         # Positions move with the velocities.
-        noise[0] += dt * noise[1] * (0.0 if samples.carries_state else STEPS)
+        noise[0] += dt * noise[1] * (0.0 if samples.carries_state else EXPANSION_STEPS)
         # A velocity may be computed as a difference of positions, whose rounding is divided by dt.
         # It is if the shortest steps show such errors at some state where they would be large; at
         # another, at rest, the position may not move at all, which looks exact.

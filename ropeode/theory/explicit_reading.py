@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.tableaus.stages import Row
-from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.fractions_of_floats import as_fraction
 from ropeode.theory.recorded_step import NotReadable, RecordedStep, Recording, TooManyCalls
 

@@ -10,7 +10,7 @@ import numpy as np
 # The ladder of step sizes, each the last one divided by the root of two, and the largest number of
 # neighbours on it that one polynomial passes through.
 RUNGS, _RATIO, _MOST = 30, 2.0**-0.5, 8
-LADDER = _RATIO ** np.arange(RUNGS)
+STEP_LADDER = _RATIO ** np.arange(RUNGS)
 # Which polynomials a polynomial is compared with: by how many rungs they begin later, and how many
 # rungs fewer they pass through.
 _COMPARED = (1, 1), (2, 1)
@@ -74,7 +74,7 @@ def coefficient(
 def _best(values: np.ndarray, noise: np.ndarray, power: int, known: int) -> Coefficient:
     """As `coefficient`, of functions of which the same number of coefficients is known."""
     rungs = values.shape[1]
-    table, divided = _weights(power, rungs), LADDER[:rungs] ** known
+    table, divided = _weights(power, rungs), STEP_LADDER[:rungs] ** known
     scaled = values / divided[:, None]
     usable = np.all(np.isfinite(scaled), axis=2)
     limits = table.weights @ np.where(usable[..., None], scaled, 0.0)
@@ -111,7 +111,7 @@ def _weights(power: int, rungs: int) -> _Weights:
     rows, place = [], {}
     for count in range(power + 1, min(power + 1 + _MOST, rungs + 1)):
         for first in range(rungs - count + 1):
-            nodes = LADDER[first : first + count]
+            nodes = STEP_LADDER[first : first + count]
             row = np.zeros(rungs)
             for i, node in enumerate(nodes):
                 others = np.delete(nodes, i)

@@ -13,11 +13,11 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem, Rhs
+from ropeode.problems import Problem, Rhs
 from ropeode.progress import Progress, part_of, silent
 from ropeode.references import Reference
-from ropeode.simulation.method import Method
-from ropeode.theory.expansion import SETTLED, STEPS, Expansion, expanded
+from ropeode.simulation import Method
+from ropeode.theory.expansion import EXPANSION_STEPS, SETTLED, Expansion, expanded
 from ropeode.theory.solution_along import Pieces, solution_along
 from ropeode.theory.step_samples import StepSamples
 
@@ -152,8 +152,8 @@ def _lacks_order(what: str, local: Expansion) -> str | None:
     """Why there is no leading term of order 1 or more."""
     if local.order is None and not local.one_step:
         return (
-            f"{what} shows no order within {STEPS} steps: what is carried is still settling, or "
-            "rounding hides its error"
+            f"{what} shows no order within {EXPANSION_STEPS} steps: what is carried is still "
+            "settling, or rounding hides its error"
         )
     if local.order is None:
         return f"rounding hides the local error, which is of order {local.seen + 2} or higher"
@@ -190,7 +190,7 @@ def _local_error(
         rate = local.rate(order)
         if not local.one_step:
             # Of many short steps, rounding limits the rates.
-            moved = derivative(samples.problem)(pieces.t, pieces.y, local.start(order).value)
+            moved = derivative_of_rhs(samples.problem)(pieces.t, pieces.y, local.start(order).value)
             fine = coarse = rate.value - moved
             break
         coarse, fine = fine, rate.value
@@ -212,7 +212,7 @@ def _propagated(
     """The solution of ``e' = f_y e + rate`` at the sample times, ``(times, *state)``."""
     # Every other state of a single frame may be as few as four.
     along = make_interp_spline(t, np.stack([y, rate], axis=1), min(_DEGREE, len(t) - 1))
-    along_tangent, shape = derivative(problem), begin.shape
+    along_tangent, shape = derivative_of_rhs(problem), begin.shape
     scale = max(float(np.max(np.abs(rate))) * float(t[-1] - t[0]), float(np.max(np.abs(begin))))
 
     def slope(t: float, e: np.ndarray) -> np.ndarray:
@@ -249,14 +249,16 @@ def order_once_started(local: Expansion) -> int | None:
         return None
     least = max(local.order + 1, min(2 * local.order, local.seen + 1))
     for order in range(local.order, least):
-        moved = derivative(local.problem)(local.t, local.y, local.start(order).value)
+        moved = derivative_of_rhs(local.problem)(local.t, local.y, local.start(order).value)
         rest = np.max(np.abs(local.rate(order).value - moved))
         if not rest <= _EXPLAINED * np.max(np.abs(moved)):
             return order if order > local.order else None
     return least
 
 
-def derivative(problem: Problem) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+def derivative_of_rhs(
+    problem: Problem,
+) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """The derivative of the right-hand side along tangents, for many times and states."""
     along, args = _compiled_derivative(problem.rhs), problem.args
     return lambda t, y, tangent: np.asarray(along(t, y, tangent, args))

@@ -12,19 +12,15 @@ from jax.flatten_util import ravel_pytree
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from ropeode.analysis.equilibrium import hanging_equilibrium
+from ropeode.analysis import hanging_equilibrium
 from ropeode.json_form import Unbounded
 from ropeode.precision import in_float64
-from ropeode.problems.checks import real_array
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem, require_problem
-from ropeode.simulation import step_size
-from ropeode.simulation.method import method_of
-from ropeode.simulation.step_map import StepMap
-from ropeode.validation import bad_value, check_whole
+from ropeode.problems import Problem, free_coordinates, require_problem
+from ropeode.simulation import StepMap, method_of, step_size
+from ropeode.validation import bad_value, check_whole, real_array
 
 # No more steps per frame than this are tried.
-MOST_STEPS = 2**24
+MOST_STEPS_OF_GROWTH = 2**24
 _EPS = float(np.finfo(np.float64).eps)
 # The relative error of a derivative by differences, in place of a rounding.
 _DIFFERENCE = 1e-11
@@ -139,7 +135,7 @@ def stability_limit(problem: Problem, stepper: Any, y: ArrayLike | None = None) 
     return fewest_steps(lambda steps: linearised.growth(steps).stable)
 
 
-def fewest_steps(stable: Callable[[int], bool], most: int = MOST_STEPS) -> int | None:
+def fewest_steps(stable: Callable[[int], bool], most: int = MOST_STEPS_OF_GROWTH) -> int | None:
     """The smallest number of steps per frame from which on a stepper is stable.
 
     The search doubles and halves, and tries twice and four times the result as well: where
@@ -223,7 +219,7 @@ def _is_confirmed(stable: Callable[[float], bool], frame: float, expected: Stabl
 
 
 def stable_steps(
-    stable: Callable[[float], bool], frame: float, most: int = MOST_STEPS
+    stable: Callable[[float], bool], frame: float, most: int = MOST_STEPS_OF_GROWTH
 ) -> StableSteps:
     """Both limits, as a number of steps per frame and as a step size.
 
@@ -251,7 +247,7 @@ def longest_step(stable: Callable[[float], bool], stable_dt: float) -> float:
     low, high = stable_dt, 2.0 * stable_dt
     while stable(high):
         low, high = high, 2.0 * high
-        if high > MOST_STEPS * stable_dt:
+        if high > MOST_STEPS_OF_GROWTH * stable_dt:
             return math.inf
     while high - low > _PRECISION * high:
         middle = 0.5 * (low + high)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.tableaus.tableau import Tableau
+from ropeode.tableaus import Tableau
 from ropeode.theory.explicit_reading import fractions
 from ropeode.theory.recorded_step import NotReadable, RecordedStep
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.theory.rope_terms import Place
+from ropeode.theory.rope_terms import TermPlace
 
 
 class Mistake(NamedTuple):
@@ -19,7 +19,7 @@ class Mistake(NamedTuple):
     """
 
     words: str
-    factor: Callable[[Place], float]
+    factor: Callable[[TermPlace], float]
 
 
 # What the terms are called, and how they are written; d leads to a spring's other end. A mass
@@ -45,7 +45,7 @@ RIGHT = {
 }
 
 
-def mass(place: Place) -> float:
+def mass(place: TermPlace) -> float:
     """Of the node of a term."""
     return place.args.mass[place.node]
 
@@ -53,8 +53,8 @@ def mass(place: Place) -> float:
 def _one_for_all(name: str, part: str, words: str, whole: str) -> tuple[Mistake, Mistake]:
     """The first of an array, or its mean, in place of each; `part` of a place is the index."""
 
-    def factor(one: Callable[[np.ndarray], float]) -> Callable[[Place], float]:
-        def of(place: Place) -> float:
+    def factor(one: Callable[[np.ndarray], float]) -> Callable[[TermPlace], float]:
+        def of(place: TermPlace) -> float:
             array = getattr(place.args, name)
             return float(one(array) / array[getattr(place, part)])
 
@@ -67,8 +67,8 @@ def _one_for_all(name: str, part: str, words: str, whole: str) -> tuple[Mistake,
 
 
 def _of_other_springs(name: str, words: str) -> tuple[Mistake, ...]:
-    def factor(shift: int) -> Callable[[Place], float]:
-        def of(place: Place) -> float:
+    def factor(shift: int) -> Callable[[TermPlace], float]:
+        def of(place: TermPlace) -> float:
             array = getattr(place.args, name)
             return float(array[(place.element + shift) % len(array)] / array[place.element])
 
@@ -87,7 +87,7 @@ def _of_other_springs(name: str, words: str) -> tuple[Mistake, ...]:
     )
 
 
-def _rest_length(place: Place) -> float:
+def _rest_length(place: TermPlace) -> float:
     return place.args.rest_length[place.element]
 
 

@@ -9,20 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.steppers.runge_kutta_methods import (
+from ropeode.steppers import (
     Heun,
     Kutta3,
     Midpoint,
+    Pefrl,
     Ralston2,
     Ralston3,
     RungeKutta4,
+    Splitting,
     StrongStabilityPreserving3,
     ThreeEighths,
+    Yoshida6,
 )
-from ropeode.steppers.splitting import Pefrl, Splitting, Yoshida6
-from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.tableaus.stages import Row, number
-from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.fractions_of_floats import as_fraction
 
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.problems import Problem
 from ropeode.problems.links import LinearDamping
-from ropeode.problems.problem import Problem
 
 
 class Rate(NamedTuple):

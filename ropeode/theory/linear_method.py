@@ -11,12 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.problems.problem import Problem
-from ropeode.simulation.method import Method
-from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
-from ropeode.simulation.system import on_stored_states
-from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import BuiltIn, Stepper
+from ropeode.problems import Problem
+from ropeode.simulation import Method, PythonStepper, on_stored_states, on_user_clock, one_at_a_time
+from ropeode.steppers import BuiltIn, Stepper
 from ropeode.theory.linear_equations import Spring
 
 # Rows that a compiled program takes at once, and springs side by side in NumPy.

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.analysis.equilibrium import hanging_equilibrium
+from ropeode.analysis import hanging_equilibrium
 from ropeode.errors import InputError
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference
-from ropeode.simulation import simulate, step_size
-from ropeode.simulation.method import Method, method_of
+from ropeode.simulation import Method, method_of, simulate, step_size
 from ropeode.theory.growth import StableSteps, fewest_steps, stable_steps_at_rest
 from ropeode.theory.spectrum import SpectralLimit, Spectrum, spectral_limit, spectrum_of
 from ropeode.theory.stability_function import (

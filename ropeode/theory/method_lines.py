@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.tableaus.stages import Number, Row, same
-from ropeode.tableaus.tableau import Tableau
 
 
 def lines_of(tableau: Tableau | NystromTableau) -> list[str]:

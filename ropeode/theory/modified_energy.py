@@ -9,9 +9,8 @@ import numpy as np
 
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
-from ropeode.simulation import simulate, step_size
-from ropeode.simulation.method import method_of
+from ropeode.problems import Problem
+from ropeode.simulation import method_of, simulate, step_size
 from ropeode.theory.conserved import with_leaves
 from ropeode.theory.expansion import expanded
 from ropeode.theory.step_samples import StepSamples

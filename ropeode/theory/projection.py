@@ -25,7 +25,7 @@ class Projection(NamedTuple):
     spread: np.ndarray
 
 
-def project(target: np.ndarray, fields: np.ndarray) -> Projection:
+def projected(target: np.ndarray, fields: np.ndarray) -> Projection:
     """The sum of known fields that comes closest to a field, by least squares.
 
     Arguments:

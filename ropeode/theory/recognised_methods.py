@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
-from ropeode.tableaus.nystrom import NystromTableau
+from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.tableaus.stages import Number, Row, dot, ones, same
-from ropeode.tableaus.tableau import Tableau
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER, published
 from ropeode.theory.method_lines import is_result, lines_of
 from ropeode.validation import listed

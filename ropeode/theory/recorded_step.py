@@ -12,12 +12,10 @@ from jax.core import Tracer
 
 from ropeode import callbacks
 from ropeode.errors import RopeodeError, call_user_code
+from ropeode.problems import PythonRhs
 from ropeode.problems.links import LinearDamping
-from ropeode.problems.python_rhs import PythonRhs
-from ropeode.simulation.python_driver import one_at_a_time
-from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import Equations, Stepper, System
-from ropeode.steppers.phase import Phase
+from ropeode.simulation import on_user_clock, one_at_a_time
+from ropeode.steppers import Equations, Phase, Stepper, System
 
 # A step that asks for more slopes than these hangs.
 MOST_CALLS = 10_000

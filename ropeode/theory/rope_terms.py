@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 _ARGUMENTS = {"mass", "stiffness", "rest_length", "free", "gravity", "damping"}
 
@@ -22,7 +22,7 @@ def is_rope(problem: Problem) -> bool:
     )
 
 
-class Place(NamedTuple):
+class TermPlace(NamedTuple):
     """Where a term stands in the equations of a rope.
 
     Fields:
@@ -49,7 +49,7 @@ class RopeTerm(NamedTuple):
     """
 
     kind: str
-    place: Place
+    place: TermPlace
     values: np.ndarray
 
 
@@ -83,7 +83,7 @@ def own_terms(motion: Motion, node: int) -> list[RopeTerm]:
     along = [
         RopeTerm(
             "gravity",
-            Place(args, node, axis),
+            TermPlace(args, node, axis),
             args.gravity.ravel()[axis] * _constant(motion, axes[axis]),
         )
         for axis in range(dim)
@@ -91,16 +91,18 @@ def own_terms(motion: Motion, node: int) -> list[RopeTerm]:
     if hasattr(args, "drive"):
         swing = np.cos(args.frequency * motion.t)[:, None]
         along += [
-            RopeTerm("drive", Place(args, node, axis), args.drive[axis] * swing * axes[axis])
+            RopeTerm("drive", TermPlace(args, node, axis), args.drive[axis] * swing * axes[axis])
             for axis in range(dim)
         ]
     for spring, d, _ in motion.springs(node):
         stiffness, rest = args.stiffness[spring] / mass, args.rest_length[spring]
-        place = Place(args, node, spring)
+        place = TermPlace(args, node, spring)
         along.append(RopeTerm("spring", place, stiffness * d))
         along.append(RopeTerm("rest", place, -stiffness * rest * d / _length(d)))
     along.append(
-        RopeTerm("damping", Place(args, node, node), -args.damping[node] / mass * motion.v[:, node])
+        RopeTerm(
+            "damping", TermPlace(args, node, node), -args.damping[node] / mass * motion.v[:, node]
+        )
     )
     return [term for term in along if np.any(term.values)]
 
@@ -292,11 +294,11 @@ def other_terms(motion: Motion, node: int, law: str) -> list[RopeTerm]:
     args = motion.args
     if law in NODE_LAWS:
         return [
-            RopeTerm(law, Place(args, node, part), each(motion, node))
+            RopeTerm(law, TermPlace(args, node, part), each(motion, node))
             for part, each in enumerate(NODE_LAWS[law])
         ]
     return [
-        RopeTerm(law, Place(args, node, spring), each(motion, spring, d, w) / args.mass[node])
+        RopeTerm(law, TermPlace(args, node, spring), each(motion, spring, d, w) / args.mass[node])
         for spring, d, w in motion.springs(node)
         for each in SPRING_LAWS[law]
     ]

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from ropeode.problems.problem import Problem
-from ropeode.simulation.method import Method
-from ropeode.simulation.step_map import StepMap
+from ropeode.problems import Problem
+from ropeode.simulation import Method, StepMap
 
 # Relative: how closely a step after a new start must be the second step, of what is as exact as
 # the states are.

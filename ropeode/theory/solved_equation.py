@@ -11,15 +11,15 @@ import numpy as np
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.known_mistakes import RIGHT, mass
-from ropeode.theory.projection import Projection, project
+from ropeode.theory.projection import Projection, projected
 from ropeode.theory.rope_terms import (
     CONSTANT,
     NODE_LAWS,
     NOT_JOINED,
     SPRING_LAWS,
     Motion,
-    Place,
     RopeTerm,
+    TermPlace,
     other_terms,
     own_terms,
 )
@@ -39,7 +39,7 @@ _POSITIONS = "x_new = x + dt * v + dt**2 / 2 * a"
 _PINS = "let the acceleration and the velocity of pinned nodes be 0"
 _DAMPING = " * damping / mass"
 # Of which numbers of a node the coefficients of a force are multiples.
-_SCALES: dict[str, Callable[[Place], float]] = {
+_SCALES: dict[str, Callable[[TermPlace], float]] = {
     "": lambda place: 1.0,
     " / mass": lambda place: 1.0 / mass(place),
     " * mass": mass,
@@ -138,7 +138,7 @@ def _is_only_kept(expansions: Sequence[Expansion], kept: np.ndarray) -> bool:
         for node in np.flatnonzero(each.problem.args.free):
             for half in (0, 1):
                 right, off = each.slopes[:, half, node], each.rate(0).value[:, half, node]
-                found = project(off.ravel(), right.ravel()[None])
+                found = projected(off.ravel(), right.ravel()[None])
                 lost = 1.0 + float(found.coefficients[0]) - factors[node]
                 if found.rest > _EXPLAINED * float(np.max(np.abs(right))) or (
                     min(abs(lost), abs(found.coefficients[0])) > _EXPLAINED
@@ -160,7 +160,7 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
         right.append(np.stack([v, a], axis=1).ravel())
         off.append(difference.ravel())
     target = np.concatenate(off)
-    found = project(target, np.concatenate(right)[None])
+    found = projected(target, np.concatenate(right)[None])
     if found.rest > _EXPLAINED * np.max(np.abs(np.concatenate(right))):
         return None
     pace = 1.0 + float(found.coefficients[0])
@@ -210,7 +210,7 @@ def _positions(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
         target.append(difference[:, 0, free].ravel())
         fields.append([part[:, free].ravel() for part in (v, a, each.y[:, 0])])
     joined = np.concatenate(target)
-    found = project(joined, np.concatenate(fields, axis=1))
+    found = projected(joined, np.concatenate(fields, axis=1))
     size = float(np.max(np.abs(np.concatenate([each[0] for each in fields]))))
     faults = [Fault("pinned nodes move", remedy=_PINS)] if moved > _EXPLAINED * size else []
     if found.rest > _EXPLAINED * size:
@@ -245,7 +245,7 @@ def _with_neighbours(expansions: Sequence[Expansion]) -> Fault | None:
     found = {}
     for each, node in _free_nodes(expansions):
         v = each.y[:, 1]
-        shares = project(
+        shares = projected(
             each.rate(0).value[:, 0, node].ravel(), np.moveaxis(v, 1, 0).reshape(v.shape[1], -1)
         )
         if shares.rest > _EXPLAINED * float(np.max(np.abs(v))):
@@ -347,7 +347,7 @@ class _Node:
         # Of terms that depend on each other, the first are used: what an explanation adds.
         terms = [*(term for law in laws for term in self._others[law]), *self._own]
         fields = np.stack([term.values.ravel() for term in terms])
-        return terms, project(self._difference, fields)
+        return terms, projected(self._difference, fields)
 
 
 def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> _Explanation | None:

@@ -11,10 +11,9 @@ import jax
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem, Rhs
+from ropeode.problems import Problem, Rhs, free_coordinates
 from ropeode.simulation import step_size
-from ropeode.theory.growth import MOST_STEPS, StableSteps, stable_steps
+from ropeode.theory.growth import MOST_STEPS_OF_GROWTH, StableSteps, stable_steps
 from ropeode.theory.stability_function import StabilityFunction
 
 # Of the largest eigenvalue: a real part, or an imaginary one, that rounding may have made of zero.
@@ -119,7 +118,7 @@ def _derivative(rhs: Rhs) -> Callable:
 
 @in_float64
 def spectral_limit(
-    problem: Problem, function: StabilityFunction, along: Spectrum, most: int = MOST_STEPS
+    problem: Problem, function: StabilityFunction, along: Spectrum, most: int = MOST_STEPS_OF_GROWTH
 ) -> SpectralLimit | None:
     """How many steps per frame the eigenvalues along a solution ask for.
 

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
-from ropeode.simulation.method import Method, method_of
+from ropeode.problems import Problem
+from ropeode.simulation import Method, method_of
 from ropeode.theory import linear_equations
 from ropeode.theory.linear_method import BEGINNINGS, LinearMethod
 

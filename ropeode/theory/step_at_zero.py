@@ -8,7 +8,7 @@ import numpy as np
 
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion
-from ropeode.theory.projection import project
+from ropeode.theory.projection import projected
 
 # What may be left over, as a part of the state, and how close two numbers must be.
 _EXPLAINED, _CLOSE = 1e-6, 1e-6
@@ -168,7 +168,7 @@ def _averaged(expansions: Sequence[Expansion]) -> str | None:
             return None
         fields = np.moveaxis(v, 1, 0).reshape(v.shape[1], -1)
         for node in np.flatnonzero(each.problem.args.free):
-            found = project(off[:, 1, node].ravel(), fields)
+            found = projected(off[:, 1, node].ravel(), fields)
             if found.rest > _EXPLAINED * size:
                 return None
             shares = {i: float(c) + (i == node) for i, c in enumerate(found.coefficients)}
@@ -215,7 +215,7 @@ def _coefficients(nodes: list[tuple]) -> list[tuple[float, float]] | None:
     """By which part of its position and of its velocity each node changes; None if by neither."""
     found = []
     for error, x, v, change, _, _ in nodes:
-        each = project(change.ravel(), np.stack([x.ravel(), v.ravel()]))
+        each = projected(change.ravel(), np.stack([x.ravel(), v.ravel()]))
         least = _EXPLAINED * max(np.max(np.abs(change)), _EXPLAINED * np.max(np.abs(v)))
         if each.rest > max(least, _UNCERTAIN * error):
             return None

@@ -14,13 +14,9 @@ from jax.flatten_util import ravel_pytree
 from jax.scipy.sparse.linalg import cg
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Mechanics, Problem, Rhs
-from ropeode.problems.python_rhs import PythonRhs
-from ropeode.simulation.method import Method
-from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
-from ropeode.simulation.system import on_stored_states
-from ropeode.simulation.user_clock import on_user_clock
-from ropeode.steppers.base import BuiltIn, Stepper
+from ropeode.problems import Mechanics, Problem, PythonRhs, Rhs
+from ropeode.simulation import Method, PythonStepper, on_stored_states, on_user_clock, one_at_a_time
+from ropeode.steppers import BuiltIn, Stepper
 
 # A compiled program takes so many cases at once, of slopes and of steps, which may each solve
 # equations; the last of them are repeated to fill it.

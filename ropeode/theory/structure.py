@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem
-from ropeode.simulation.method import Method, method_of
+from ropeode.problems import Problem, free_coordinates
+from ropeode.simulation import Method, method_of
 from ropeode.theory.conserved import Conserved, scales, with_leaves
 from ropeode.theory.sample_map import NoSampleMap, SampleMap
 from ropeode.theory.spectrum import spectrum_of

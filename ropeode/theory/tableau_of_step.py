@@ -14,13 +14,10 @@ import numpy as np
 
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems.probes import free_coordinates
-from ropeode.problems.problem import Problem
-from ropeode.simulation.system import as_seen
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import BuiltIn, Stepper
-from ropeode.tableaus.nystrom import NystromTableau
-from ropeode.tableaus.tableau import Tableau
+from ropeode.problems import Problem, free_coordinates
+from ropeode.simulation import as_seen
+from ropeode.steppers import BuiltIn, Stepper, as_stepper
+from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.theory.explicit_reading import ExplicitReading, Iterates, NotASum
 from ropeode.theory.implicit_reading import read_implicit
 from ropeode.theory.recorded_step import NotReadable, RecordedStep, TooManyCalls

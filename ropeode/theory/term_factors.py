@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.theory.known_mistakes import MISTAKES, NUMBERS, RIGHT, SUBJECTS, Mistake, mass
-from ropeode.theory.rope_terms import Place
+from ropeode.theory.rope_terms import TermPlace
 from ropeode.validation import listed
 
 # Of a number, what rounding two of its factors to float32 takes off at most.
@@ -26,7 +26,7 @@ class Factor(NamedTuple):
     """
 
     kind: str
-    place: Place
+    place: TermPlace
     value: float
     spread: float
 
@@ -218,7 +218,7 @@ def _times(factor: Factor) -> str:
 
 def _own_number(kind: str, factors: list[Factor]) -> str | None:
     """A number that stands in place of the problem's on all ropes."""
-    claimed: dict[str, Callable[[Place], float]] = {
+    claimed: dict[str, Callable[[TermPlace], float]] = {
         "gravity": lambda place: place.args.gravity.ravel()[place.element],
         "damping": lambda place: place.args.damping[place.node],
         "spring": lambda place: place.args.stiffness[place.element],

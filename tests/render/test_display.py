@@ -39,7 +39,8 @@ from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks
 from ropeode.problems import PROBLEMS
 from ropeode.references import DOPRI8
-from ropeode.simulation import JaxStepper, jax_stepper, simulate, simulate_chunks
+from ropeode.simulation import JaxStepper, simulate, simulate_chunks
+from ropeode.simulation.jax_stepper import jax_stepper
 from ropeode.steppers import Phase, System, as_stepper
 from ropeode.study import NodePath, NodePaths
 from ropeode.theory import Growth

@@ -11,7 +11,8 @@ import pytest
 
 from ropeode.errors import InputError
 from ropeode.problems import InextensibleRope, Problem, Rope
-from ropeode.simulation import jax_stepper, simulate
+from ropeode.simulation import simulate
+from ropeode.simulation.jax_stepper import jax_stepper
 from tests.steppers.every_variant import EVERY_VARIANT, UNSTABLE
 
 FRAMES, STEPS, NODES = 3, 32, 4

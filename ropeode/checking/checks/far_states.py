@@ -26,7 +26,7 @@ from ropeode.checking.checks.local_errors import (
 from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import within
 from ropeode.errors import UserCodeError
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 # How many states are drawn for each rope.
 _DRAWN = 24

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.errors import UserCodeError
-from ropeode.problems.problem import Problem
-from ropeode.simulation.method import Method
+from ropeode.problems import Problem
+from ropeode.simulation import Method
 from ropeode.theory import StepSamples
 
 # How long steps are beside the shortest time in which something changes.

@@ -13,9 +13,9 @@ from ropeode.checking.check_ropes import check_rope, convergence_problems, gener
 from ropeode.checking.report import Finding
 from ropeode.checking.written_precision import DIGITS_OF_FLOAT64, digits_of
 from ropeode.errors import UserCodeError
-from ropeode.problems.problem import Problem
-from ropeode.simulation.method import Method
-from ropeode.steppers.base import Stepper, System
+from ropeode.problems import Problem
+from ropeode.simulation import Method
+from ropeode.steppers import Stepper, System
 
 _STEPS = 12
 # A change of the initial state, as a part of the rope's size: far above the rounding of float64,

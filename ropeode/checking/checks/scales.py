@@ -21,7 +21,7 @@ from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import within
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 _STEPS = 2
 # In the usual unit of time. With other units of time and these lengths of frames there is a step

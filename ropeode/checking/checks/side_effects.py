@@ -11,11 +11,15 @@ import numpy as np
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import generic
 from ropeode.checking.report import Finding, exactly, passed_if
-from ropeode.simulation import step_size
-from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
-from ropeode.simulation.step_map import StepMap
-from ropeode.simulation.trial import HIDDEN_STATE
-from ropeode.simulation.user_clock import on_user_clock, user_time_left
+from ropeode.simulation import (
+    HIDDEN_STATE,
+    PythonStepper,
+    StepMap,
+    on_user_clock,
+    one_at_a_time,
+    step_size,
+    user_time_left,
+)
 
 # Steps per frame: so many, that a step which counts its calls has counted to a hundred.
 _STEPS = 48

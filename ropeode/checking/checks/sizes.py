@@ -25,8 +25,8 @@ from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import OutOfTime, within
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Mechanics, Problem
-from ropeode.simulation.method import Method
+from ropeode.problems import Mechanics, Problem
+from ropeode.simulation import Method
 from ropeode.validation import is_traced
 
 # Numbers of nodes, those first that people write; in a plane one rope is enough.

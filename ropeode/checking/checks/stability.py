@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ropeode.analysis.equilibrium import frequencies
+from ropeode.analysis import frequencies
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import hanging
 from ropeode.checking.report import Finding
-from ropeode.simulation.step_map import StepMap
-from ropeode.steppers.base import BuiltIn
+from ropeode.simulation import StepMap
+from ropeode.steppers import BuiltIn
 from ropeode.theory import StabilityFunction, stability_function_of, stable_interval
 
 # In units of 1/omega: where the search begins and ends.

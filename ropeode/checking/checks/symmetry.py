@@ -28,7 +28,7 @@ from ropeode.checking.checks.vanishing import (
 from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import within
 from ropeode.errors import UserCodeError
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.simulation import step_size
 
 _STEPS = 10

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ropeode.checking.check_context import Examination
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 # Steps per frame at which a defect is measured for the power of dt.
 STEPS = (20, 40)

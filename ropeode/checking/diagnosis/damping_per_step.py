@@ -11,7 +11,7 @@ from ropeode.checking.diagnosis.fitted_numbers import numbers_of
 from ropeode.checking.diagnosis.limits import ObservedLimit, Runs
 from ropeode.checking.diagnosis.parameter_fit import fit_parameters
 from ropeode.checking.report import Diagnosis
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 _FEWEST_RUNS = 3
 # How far a rope with the fitted damping may be from the run, as a part of the motion.

@@ -7,8 +7,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR, distances, resolution
-from ropeode.analysis.order import TOLERANCE, ObservedOrder, observed_order
+from ropeode.analysis import (
+    ORDER_TOLERANCE,
+    RESOLUTION_FACTOR,
+    ObservedOrder,
+    distances,
+    observed_order,
+    resolution,
+)
 from ropeode.checking.diagnosis.fitted_numbers import (
     NamedMistake,
     Number,
@@ -22,7 +28,7 @@ from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.report import Diagnosis
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import NORMS, motion
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference
 
 # By how much of its spread a number that is not simple may be rounded.
@@ -157,4 +163,5 @@ def _order_in_words(order: ObservedOrder, limit_order: int | None) -> str:
     if order.observed is None:
         return "an unknown order" if limit_order is None else f"order {limit_order}"
     near = round(order.observed)
-    return f"order {near if abs(order.observed - near) <= TOLERANCE else f'{order.observed:.2f}'}"
+    whole = abs(order.observed - near) <= ORDER_TOLERANCE
+    return f"order {near if whole else f'{order.observed:.2f}'}"

@@ -11,9 +11,9 @@ import numpy as np
 from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.diagnosis.parameters import dimension, places, units
 from ropeode.checking.simple_numbers import shortest
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
+from ropeode.theory import TermPlace
 from ropeode.theory.known_mistakes import MISTAKES, NUMBERS, RIGHT, SUBJECTS
-from ropeode.theory.rope_terms import Place
 from ropeode.validation import listed
 
 # A larger spread than this part of a number is too much to guess what the number is exactly.
@@ -176,15 +176,15 @@ def named_mistakes(problem: Problem, number: Number) -> list[NamedMistake]:
     return found
 
 
-def _places(problem: Problem, kind: str) -> list[Place]:
+def _places(problem: Problem, kind: str) -> list[TermPlace]:
     """Where the terms of a kind stand."""
     args = problem.args
     nodes = np.flatnonzero(args.free)
     if kind not in ("spring", "rest"):
-        return [Place(args, int(node), int(node)) for node in nodes]
+        return [TermPlace(args, int(node), int(node)) for node in nodes]
     last = len(args.stiffness) - 1
     return [
-        Place(args, int(node), int(spring))
+        TermPlace(args, int(node), int(spring))
         for node in nodes
         for spring in (node - 1, node)
         if 0 <= spring <= last

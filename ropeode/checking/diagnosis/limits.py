@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ropeode.analysis.errors import differences
+from ropeode.analysis import differences
 from ropeode.checking.richardson import Limit, limit_of
 from ropeode.norms import NORMS
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference
 
 # The step size and the states ``(times, *state)`` of each run.

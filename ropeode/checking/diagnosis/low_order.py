@@ -12,9 +12,8 @@ import numpy as np
 
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Acceleration
-from ropeode.theory import Expansion
-from ropeode.theory.projection import project
+from ropeode.problems import Acceleration
+from ropeode.theory import Expansion, projected
 
 # What may be left over of the local error, and how close coefficients must be.
 _EXPLAINED, _CLOSE = 1e-4, 1e-3
@@ -36,7 +35,7 @@ def diagnose_order_1(expansions: Sequence[Expansion]) -> Diagnosis | None:
     for half, (quantity, names) in enumerate((("positions", _OF_X), ("velocities", _OF_V))):
         target = np.concatenate([each.rate(1).value[:, half].ravel() for each in expansions])
         fields = np.concatenate([each[half] for each in terms], axis=1)
-        projection = project(target, fields)
+        projection = projected(target, fields)
         if projection.rest > _EXPLAINED * float(np.max(np.abs(fields))):
             return None
         found[quantity] = {

@@ -20,7 +20,7 @@ from ropeode.checking.diagnosis.parameters import (
 )
 from ropeode.checking.diagnosis.sensitivities import sensitivities
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 # Every rope with another mass moves like one with other gravity, damping and stiffness.
 _WITHOUT_MASS = tuple(name for name in PARAMETERS if name != "mass")

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 # Their names in `args`, and the initial velocity.
 PARAMETERS = ("gravity", "damping", "stiffness", "mass", "rest_length", "velocity")

@@ -9,9 +9,8 @@ import numpy as np
 
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import CROOKED, check_rope
-from ropeode.problems.problem import Problem
-from ropeode.theory import Expansion, StepSamples, expanded
-from ropeode.theory.expansion import STEPS
+from ropeode.problems import Problem
+from ropeode.theory import EXPANSION_STEPS, Expansion, StepSamples, expanded
 
 # States on each rope, and on the one that a `Probe` has; the longest step.
 _STATES, _FEW, LONGEST = 12, 3, 0.5
@@ -108,7 +107,7 @@ class Probe:
             problem: another rope.
         """
         samples = StepSamples(self.problem if problem is None else problem, self._method)
-        steps = 1 if samples.carries_state else STEPS
+        steps = 1 if samples.carries_state else EXPANSION_STEPS
         return samples.after(t, y, dt[:, None], steps)[:, 0, -1]
 
 

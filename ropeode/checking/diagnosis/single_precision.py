@@ -6,7 +6,7 @@ import numpy as np
 
 from ropeode.checking.check_ropes import in_other_units
 from ropeode.checking.diagnosis.probe_states import LONGEST, Probe
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.theory import Diagnosis
 from ropeode.validation import listed
 

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.checking.report import Diagnosis
-from ropeode.theory import Expansion
-from ropeode.theory.global_error import derivative
-from ropeode.theory.projection import project
+from ropeode.theory import Expansion, derivative_of_rhs, projected
 
 _EXPLAINED, _CLOSE = 1e-2, 1e-2
 _REMEDY = "for Verlet, start with x(-dt) = x(0) - dt * v(0) + dt**2 / 2 * a(0)"
@@ -33,7 +31,7 @@ def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis 
     starts = np.concatenate([each.start(order).value for each in expansions])
     slopes = np.concatenate([each.slopes for each in expansions])
     v, a = slopes[:, 0].ravel(), slopes[:, 1].ravel()
-    of_x, of_v = (project(starts[:, half].ravel(), np.stack([v, a])) for half in (0, 1))
+    of_x, of_v = (projected(starts[:, half].ravel(), np.stack([v, a])) for half in (0, 1))
     size = float(np.max(np.abs(starts)))
     if max(of_x.rest, of_v.rest) > _EXPLAINED * size:
         if order < 1 or _is_handed_out(expansions, order):
@@ -90,7 +88,7 @@ def _is_handed_out(expansions: Sequence[Expansion], order: int) -> bool:
     """
     for each in expansions:
         start, rate = each.start(order).value, each.rate(order).value
-        carried = derivative(each.problem)(each.t, each.y, start)
+        carried = derivative_of_rhs(each.problem)(each.t, each.y, start)
         size = float(np.max(np.abs(carried)))
         if np.max(np.abs(rate - carried)) > _EXPLAINED * size:
             return True

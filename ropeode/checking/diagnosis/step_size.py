@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.checking.diagnosis.probe_states import LONGEST, Probe
-from ropeode.theory import Diagnosis
-from ropeode.theory.extrapolation import LADDER
+from ropeode.theory import STEP_LADDER, Diagnosis
 
 # Step sizes, none of them a round number, and by which part of each another one differs that must
 # give another state: more than float32's rounding.
-_SIZES, _APART = 0.93 * LONGEST * LADDER, 2.0**-21
+_SIZES, _APART = 0.93 * LONGEST * STEP_LADDER, 2.0**-21
 # How often the distance to the end of an interval is doubled and then halved, and how closely the
 # ends are then the same.
 _DOUBLINGS, _HALVINGS, _SAME = 40, 26, 1e-6

@@ -22,6 +22,7 @@ from ropeode.checking.diagnosis.step_size import diagnose_step_size
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
 from ropeode.theory import (
+    HIGHEST_ORDER,
     Expansion,
     describe,
     diagnose_equation,
@@ -29,7 +30,6 @@ from ropeode.theory import (
     recognised,
     tableau_of,
 )
-from ropeode.theory.expansion import HIGHEST
 
 # What the coefficients of a Runge-Kutta method may explain.
 _OF_A_METHOD = {"order", "pace", "stage-time", "lagged-damping"}
@@ -133,7 +133,7 @@ def _order_alone(found: Sequence[Expansion], order: int | None, expected: int) -
     states = sum(len(each.t) for each in found)
     evidence = {"order": order, "expected": expected or None, "states": states}
     if order is None:
-        seen = min(HIGHEST, *(each.seen for each in found))
+        seen = min(HIGHEST_ORDER, *(each.seen for each in found))
         return Diagnosis(
             "unknown",
             f"at {states} random states the step solves the right equation, with an order above "

@@ -14,10 +14,8 @@ import numpy as np
 
 from ropeode.checking.trajectories.layout import Layout, samples_of
 from ropeode.files import check_writable
-from ropeode.problems.files import file_and_name
-from ropeode.problems.problem import Problem
-from ropeode.problems.ropes import ROPES
-from ropeode.study.spec import TableJob
+from ropeode.problems import ROPES, Problem, file_and_name
+from ropeode.study import TableJob
 from ropeode.validation import bad_value
 
 # The coarsest step times omega of the stiffest spring between the lightest nodes, and the number of

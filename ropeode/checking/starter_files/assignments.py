@@ -7,7 +7,7 @@ from typing import Any
 
 from ropeode.checking.starter_files import initial_state, spec_text, template, write_folder
 from ropeode.errors import InputError
-from ropeode.study.spec import TableJob
+from ropeode.study import TableJob
 from ropeode.validation import unknown
 
 # By assignment the problems of its specs, by name of the file. The first has the initial state.

@@ -21,7 +21,7 @@ from ropeode.checking.trajectories.initial_states import (
 from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, read_runs
 from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.errors import InputError, ReferenceRefused
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress
 from ropeode.references import Reference
 from ropeode.validation import not_traced

@@ -10,7 +10,7 @@ import numpy as np
 
 from ropeode.checking.trajectories.layout import Block, samples_of
 from ropeode.checking.written_precision import digits_of, last_digit
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 # Relative rounding errors of times that are added up step by step, and multiplied.
 _ADDED_UP = 1e-9

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ropeode.analysis.order import FEWEST_POINTS, ROUND_OFF, LeftOut, ObservedOrder
+from ropeode.analysis import FEWEST_POINTS, ROUND_OFF, LeftOut, ObservedOrder
 from ropeode.checking.report import Convergence
 
 # Round-off grows as dt shrinks, so that it never makes errors fall with a power of dt. By chance

@@ -8,10 +8,10 @@ from operator import attrgetter
 
 import numpy as np
 
-from ropeode.analysis.order import (
+from ropeode.analysis import (
     FEWEST_POINTS,
+    ORDER_TOLERANCE,
     ROUND_OFF,
-    TOLERANCE,
     UNRESOLVED,
     UNSTABLE,
     ObservedOrder,
@@ -171,7 +171,7 @@ def _has_lower_order(convergence: Convergence) -> bool:
     orders = {
         name: order
         for name, order in convergence.orders.items()
-        if shown(order) and order.ci95 is not None and order.ci95[1] >= 1.0 - TOLERANCE
+        if shown(order) and order.ci95 is not None and order.ci95[1] >= 1.0 - ORDER_TOLERANCE
     }
     rest = dataclasses.replace(convergence, orders=orders, limits={})
     return convergence_finding("order", rest).status == "fail"

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.analysis.errors import distances, resolution
+from ropeode.analysis import distances, resolution
 from ropeode.checking.trajectories.arrangement import Arrangement, arrangements
 from ropeode.checking.trajectories.arrangement_words import Mistake, mistakes_in
 from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of
@@ -21,7 +21,7 @@ from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run, finite, opened_files, read_runs
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, motion
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.validation import complaint
 

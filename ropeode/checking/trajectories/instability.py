@@ -6,19 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.analysis.errors import distances, resolution
-from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.analysis import ObservedOrder, distances, observed_order, resolution
 from ropeode.checking.report import Claims
 from ropeode.checking.trajectories.layout import states_of
 from ropeode.checking.trajectories.likely_methods import FIRST
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, Norm, motion
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.simulation import step_size
 from ropeode.steppers import as_stepper
-from ropeode.study.accuracy_table import problem_class
+from ropeode.study import problem_class
 from ropeode.theory import stability_limit
 from ropeode.validation import listed
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 _AXES = ("x", "y", "z")
 

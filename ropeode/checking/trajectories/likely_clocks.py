@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ropeode.checking.trajectories.clocks import Clock, Extent, Meaning
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 # Two times are the same if they differ by less than this part of an interval.
 _SAME = 1e-3

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ropeode.analysis.errors import distances
-from ropeode.analysis.roundoff import largest_distance
+from ropeode.analysis import distances, largest_distance
 from ropeode.checking.report import Claims, Convergence
 from ropeode.checking.trajectories.convergence import (
     order_finding,
@@ -22,12 +21,12 @@ from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.likely_methods import LIKELY
 from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.norms import NORMS, motion
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import silent
 from ropeode.references import Reference
 from ropeode.simulation import simulate, step_size
 from ropeode.steppers import as_stepper
-from ropeode.study.accuracy_table import problem_class
+from ropeode.study import problem_class
 from ropeode.validation import listed
 
 # Positions are those of a stepper if they differ by this part of their errors, or by rounding.

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.analysis.errors import distances
+from ropeode.analysis import distances
 from ropeode.checking.report import Diagnosis, Finding
 from ropeode.checking.trajectories.convergence import order_finding, shown
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import NORMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import ROPES, Problem
 from ropeode.references import Reference
 
 # By kind: the links of the rope, and methods that solve it.

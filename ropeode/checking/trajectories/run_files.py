@@ -20,7 +20,7 @@ from ropeode.checking.trajectories.sampling import Diverged, Sampling
 from ropeode.checking.trajectories.steps_in_names import by_names, steps_in_names
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.simulation import step_size
 from ropeode.validation import MOST_COUNTED, bad_value, complaint, positive_number

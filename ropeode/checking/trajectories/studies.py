@@ -11,24 +11,27 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis.errors import differences, distances, resolution
-from ropeode.analysis.order import ObservedOrder, observed_order
+from ropeode.analysis import ObservedOrder, differences, distances, observed_order, resolution
 from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import shown, worst_rounding
 from ropeode.checking.trajectories.layout import samples_of, states_of
 from ropeode.checking.trajectories.run_files import Run, names_of
 from ropeode.display import Tabular
 from ropeode.norms import Norm, motion, norm_for
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Reference, ReferenceOptions, problem_of, reference_for
-from ropeode.study.accuracy_table import StepperOrder
-from ropeode.study.curves import Curve, ErrorCurves, errors_of
-from ropeode.study.energy import EnergyCurves, check_energy, energies_of
-from ropeode.study.node_paths import (
+from ropeode.study import (
+    Curve,
+    EnergyCurves,
+    ErrorCurves,
     NodePath,
     NodePaths,
+    StepperOrder,
+    check_energy,
     check_positions,
+    energies_of,
+    errors_of,
     parts_of,
     sampled_finer,
 )

@@ -9,14 +9,14 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ropeode.analysis.errors import differences
+from ropeode.analysis import differences
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.trajectories.initial_states import begins_right
 from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.norms import NORMS, motion
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references import Reference
 
 _ROUNDING = 1e-6

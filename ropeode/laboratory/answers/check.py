@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ropeode.checking.check import check_stepper
-from ropeode.checking.checks import CHECKS
+from ropeode.checking import CHECKS, check_stepper
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.messages import AskCheck, Checked
 from ropeode.laboratory.report_lines import lines_of

@@ -10,10 +10,9 @@ from typing import Any
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.messages import AskCommand, Command
 from ropeode.laboratory.setup import Laboratory
-from ropeode.problems.library import PROBLEMS, ROPES
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, ROPES, Problem
 from ropeode.progress import Progress
-from ropeode.study.accuracy_table import check_steps
+from ropeode.study import check_steps
 from ropeode.validation import bad_value
 
 

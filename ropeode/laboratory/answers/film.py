@@ -9,9 +9,10 @@ from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.messages import AskFilm, FilmFile
 from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import Progress, part_of
-from ropeode.references.reference import problem_of
-from ropeode.render.plots.animation import animate, film_bytes
-from ropeode.study.node_paths import check_positions, node_paths
+from ropeode.references import problem_of
+from ropeode.render import animate, film_bytes
+from ropeode.study import check_positions
+from ropeode.study.node_paths import node_paths
 
 
 def answer(ask: AskFilm, laboratory: Laboratory, progress: Progress) -> Answer:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR, error_series
+from ropeode.analysis import RESOLUTION_FACTOR, error_series
+from ropeode.checking import FEWEST
+from ropeode.checking import Run as FileRun
 from ropeode.checking.grade import grade
 from ropeode.checking.trajectories.checked_runs import checked_runs
-from ropeode.checking.trajectories.run_files import FEWEST
-from ropeode.checking.trajectories.run_files import Run as FileRun
 from ropeode.errors import InputError
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.certified_motion import CertifiedMotion

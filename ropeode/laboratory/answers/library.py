@@ -13,18 +13,21 @@ from ropeode.laboratory.limits import MOST_FRAMES
 from ropeode.laboratory.messages import AskLibrary, Library, ProblemFacts, StepperFacts
 from ropeode.laboratory.scenes import scenes
 from ropeode.laboratory.setup import Laboratory, first_steppers, name_of_given
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Problem
 from ropeode.progress import Progress
-from ropeode.references.reference import problem_of
-from ropeode.render.table_words import problem_words
-from ropeode.steppers import as_stepper, diffrax_solvers, scipy_solvers
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.registry import STEPPERS, options
+from ropeode.references import problem_of
+from ropeode.render import problem_words
+from ropeode.steppers import (
+    STEPPER_LIBRARIES,
+    STEPPERS,
+    Stepper,
+    as_stepper,
+    library_solvers,
+    options,
+)
 
 # Longer than the default, which suits a test: what is seen in it is worth watching.
 _FRAMES = {"rope": 40, "inextensible-rope": 40, "pendulum": 40, "double-pendulum": 40}
-_LIBRARIES = {"diffrax": diffrax_solvers, "scipy": scipy_solvers}
 
 
 def answer(ask: AskLibrary, laboratory: Laboratory, progress: Progress) -> Answer:
@@ -78,8 +81,8 @@ def _steppers() -> dict[str, Stepper]:
 
 
 def _of_libraries() -> Iterator[tuple[str, Stepper]]:
-    for library, module in _LIBRARIES.items():
-        for name in module.solvers():
+    for library in STEPPER_LIBRARIES:
+        for name in library_solvers(library):
             try:
                 stepper = as_stepper(f"{library}:{name}")
             except InputError:

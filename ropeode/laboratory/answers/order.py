@@ -8,8 +8,8 @@ from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.messages import AskOrder, LeftOutPoint, Order
 from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import Progress, part_of
-from ropeode.render.table_words import interval, remark
-from ropeode.study.accuracy_table import Row, StepperOrder, check_steps, table_of_rows
+from ropeode.render import order_interval, order_remark
+from ropeode.study import Row, StepperOrder, check_steps, table_of_rows
 
 
 def answer(ask: AskOrder, laboratory: Laboratory, progress: Progress) -> Answer:
@@ -48,10 +48,10 @@ def _words(found: StepperOrder) -> str:
     if order.observed is None:
         words = f"{order.verdict}: {order.why}" if order.why else order.verdict
     else:
-        words = f"{order.verdict}: observed order {order.observed:.3f}, {interval(order)}"
+        words = f"{order.verdict}: observed order {order.observed:.3f}, {order_interval(order)}"
     if found.expected is not None:
         words += f"; expected {found.expected or 'none: it converges to another solution'}"
-    return f"{words}; it {note}" if (note := remark(found)) else words
+    return f"{words}; it {note}" if (note := order_remark(found)) else words
 
 
 def _constant(found: StepperOrder, rows: list[Row]) -> float | None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ropeode.analysis.equilibrium import hanging_equilibrium, normal_modes
+from ropeode.analysis import hanging_equilibrium, normal_modes
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.drawings import finite_samples
 from ropeode.laboratory.messages import AskPhase, Phase
 from ropeode.laboratory.setup import Laboratory
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress
-from ropeode.references.dense.polynomials import time_derivatives
+from ropeode.references import time_derivatives
 from ropeode.validation import bad_value
 
 _COMPONENTS = "xyz"

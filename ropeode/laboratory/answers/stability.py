@@ -11,11 +11,17 @@ from ropeode.laboratory.certified_motion import CertifiedMotion
 from ropeode.laboratory.messages import AskStability, Stability
 from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import Progress
-from ropeode.render.stability_words import limit_words, region_words
-from ropeode.simulation.method import Method
-from ropeode.theory.spectrum import Spectrum, spectral_limit, spectrum_of
-from ropeode.theory.stability_function import NoStabilityFunction, stability_function_of
-from ropeode.theory.stability_limits import stability_limits_of, stability_region
+from ropeode.render import limit_words, region_words
+from ropeode.simulation import Method
+from ropeode.theory import (
+    NoStabilityFunction,
+    Spectrum,
+    spectral_limit,
+    spectrum_of,
+    stability_function_of,
+    stability_limits_of,
+    stability_region,
+)
 
 # Multiplications, of which eigenvalues take some dozens for the cube of the size of a matrix.
 _MOST_WORK, _OF_A_MATRIX = 3e9, 30.0

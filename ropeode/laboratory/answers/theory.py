@@ -9,7 +9,7 @@ from ropeode.laboratory.messages import AskTheory, Theory
 from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import Progress, part_of
 from ropeode.study.error_constant import leading_term
-from ropeode.theory.global_error import predicted_error
+from ropeode.theory import predicted_error
 
 
 def answer(ask: AskTheory, laboratory: Laboratory, progress: Progress) -> Answer:

@@ -9,14 +9,11 @@ import numpy as np
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.messages import AskTruth, Truth
 from ropeode.laboratory.setup import Laboratory
-from ropeode.problems.library import ROPES
-from ropeode.problems.problem import Problem
+from ropeode.problems import ROPES, Problem
 from ropeode.progress import Progress
-from ropeode.references.hints import remarks
-from ropeode.references.reference import Reference
-from ropeode.render.reference import claim
-from ropeode.render.table_words import problem_words
-from ropeode.simulation.trajectory import frame_lengths
+from ropeode.references import Reference, remarks
+from ropeode.render import certificate_claim, problem_words
+from ropeode.simulation import frame_lengths
 
 
 def answer(ask: AskTruth, laboratory: Laboratory, progress: Progress) -> Answer:
@@ -54,7 +51,7 @@ def answer(ask: AskTruth, laboratory: Laboratory, progress: Progress) -> Answer:
 
 def _certificate(reference: Reference) -> Iterator[str]:
     """What is claimed of the reference, and by which runs."""
-    yield claim(reference.certificate)
+    yield certificate_claim(reference.certificate)
     yield from remarks(reference)
     for each in reference.certificate.witnesses:
         yield f"{each.role}: {each.solver} at {each.tolerance:.0e}, {each.difference:.1e} apart"

@@ -8,9 +8,9 @@ import tomllib
 from importlib import resources
 from typing import Any
 
-from ropeode.case_studies.figures import Figure, all_figures
+from ropeode.case_studies import Figure, all_figures
 from ropeode.laboratory.messages import ProblemChoice, SceneFacts, SceneState
-from ropeode.problems.inextensible_rope import InextensibleRope
+from ropeode.problems import InextensibleRope
 
 # Of a figure's scene; the report watches its ropes for thousands.
 _FRAMES = 200

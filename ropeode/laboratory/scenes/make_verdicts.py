@@ -9,8 +9,7 @@ import json
 from importlib import resources
 from pathlib import Path
 
-from ropeode.case_studies.report import rope_report
-from ropeode.case_studies.results import Report
+from ropeode.case_studies import Report, rope_report
 from ropeode.files import write_whole
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import distance
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import (
     ROUNDING_UNITS,

@@ -13,9 +13,8 @@ import numpy as np
 
 from ropeode.equality import ByContent
 from ropeode.precision import in_float64
-from ropeode.problems.checks import real_array
-from ropeode.problems.problem import Problem
-from ropeode.validation import bad_value
+from ropeode.problems import Problem
+from ropeode.validation import bad_value, real_array
 
 if TYPE_CHECKING:
     from scipy.interpolate import BPoly

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.defect import Look
 from ropeode.references.residuals import GOLDEN
 

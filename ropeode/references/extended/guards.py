@@ -18,8 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.functions import compiled
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem, compiled
 from ropeode.references.extended.choices import choosing, chosen, differ, turns
 from ropeode.references.extended.jaxprs import Value, bind, is_float, refuse, steers, walk
 

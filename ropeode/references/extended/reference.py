@@ -8,7 +8,7 @@ import numpy as np
 
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import motion
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress
 from ropeode.references.certificate import (
     SAFETY_FACTOR,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.json_form import json_shows
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import SAFETY_FACTOR, distances, smallest
 from ropeode.references.extended.taylor import ExtendedRun, solve

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.extended import heyoka
 from ropeode.references.extended.defects import Defects

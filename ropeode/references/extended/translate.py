@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.extended import heyoka, rules
 from ropeode.references.extended.arrays import constants, floats, objects
 from ropeode.references.extended.choices import by_choice, choosing, chosen

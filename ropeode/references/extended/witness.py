@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import InputError
+from ropeode.problems import Problem
 from ropeode.problems.nested_jaxprs import inside
-from ropeode.problems.problem import Problem
 from ropeode.progress import Progress
 from ropeode.references.extended.guards import traced_once
 from ropeode.references.extended.rules import MOVES

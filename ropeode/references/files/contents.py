@@ -9,9 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from ropeode.problems.checks import real_array
 from ropeode.references.certificate import Level, Role, Sampling
-from ropeode.validation import MOST_COUNTED, cut
+from ropeode.validation import MOST_COUNTED, cut, real_array
 
 PROBES = 3
 _Count = Annotated[int, Field(ge=0, le=MOST_COUNTED)]

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.functions import compiled
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem, compiled
 from ropeode.references.certificate import Certificate, Witness, padded
 from ropeode.references.dense.polynomials import Dense
 from ropeode.references.files.contents import (

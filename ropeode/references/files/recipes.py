@@ -12,8 +12,7 @@ from pydantic import AfterValidator
 from ropeode.errors import InputError
 from ropeode.files import parse_toml, read_text
 from ropeode.norms import NORMS, distance
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, Problem
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.validation import Input, Positive, field, unknown

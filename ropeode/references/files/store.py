@@ -10,9 +10,7 @@ import numpy as np
 
 from ropeode.errors import InputError
 from ropeode.files import check_suffix, write_whole
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.no_equations import NoEquations
-from ropeode.problems.problem import Problem
+from ropeode.problems import PROBLEMS, NoEquations, Problem
 from ropeode.references.certificate import Certificate
 from ropeode.references.files.checksum import verify_checksum, with_checksum
 from ropeode.references.files.contents import Description, parsed

@@ -9,7 +9,7 @@ import numpy as np
 
 from ropeode.display import Tabular
 from ropeode.norms import distance
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references.certificate import largest_norms
 from ropeode.references.compute import reference

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.solvers.dop853 import (
     LARGEST_FACTOR,
     LEAST_FACTOR,

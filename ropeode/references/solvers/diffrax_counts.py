@@ -11,7 +11,7 @@ import diffrax
 import jax
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.solvers.diffrax_program import solution_of
 from ropeode.references.solvers.diffrax_solver import solve, spare_samples
 from ropeode.references.solvers.family import Family

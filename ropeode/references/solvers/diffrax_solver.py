@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.solvers.family import Family
 from ropeode.references.solvers.program_cache import compiled
 from ropeode.references.solvers.solution import Solution, finite_samples

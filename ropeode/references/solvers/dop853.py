@@ -18,7 +18,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.solvers.family import Family, abstract
 from ropeode.references.solvers.solution import Path, Solution, finite_samples
 from ropeode.references.solvers.solver import OWN_DOP853

@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.solvers.solver import Solver
 
 

@@ -12,8 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from ropeode.precision import in_float64
-from ropeode.problems.probes import random_states
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem, random_states
 from ropeode.references.solvers.family import Family
 from ropeode.references.solvers.solver import SCIPY_BDF
 

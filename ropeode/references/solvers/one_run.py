@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.references.solvers import diffrax_solver
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import OWN_DOP853, Solver

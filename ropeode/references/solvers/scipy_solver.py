@@ -15,8 +15,7 @@ from scipy.integrate import LSODA
 
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
-from ropeode.problems.python_rhs import PythonRhs
+from ropeode.problems import Problem, PythonRhs
 from ropeode.references.solvers.family import Family, abstract
 from ropeode.references.solvers.jacobian_pattern import sparsity
 from ropeode.references.solvers.rounding import change_if_asked

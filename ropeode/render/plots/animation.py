@@ -28,7 +28,7 @@ from ropeode.progress import Progress, bar, shows_progress
 from ropeode.render.plots.film import DPI, film
 from ropeode.render.plots.style import COLOURS, STYLE
 from ropeode.render.results import line
-from ropeode.study.node_paths import NodePaths
+from ropeode.study import NodePaths
 from ropeode.validation import bad_value, check_kind, finite_number, require
 
 FILMS = (".gif", ".mp4")

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
-from ropeode.checking.trajectories.studies import TrajectoryErrors
+from ropeode.checking import TrajectoryErrors
 from ropeode.render import table_words
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.overlaps import TURNS, moved_right, side_by_side, take_turns
@@ -30,7 +30,7 @@ from ropeode.render.plots.style import (
     stepper_style,
 )
 from ropeode.render.plots.triangles import FittedLine, draw_triangles
-from ropeode.study.accuracy_table import AccuracyTable, StepperOrder
+from ropeode.study import AccuracyTable, StepperOrder
 from ropeode.validation import bad_value
 
 if TYPE_CHECKING:
@@ -198,4 +198,6 @@ def _order_words(each: StepperOrder) -> str:
     if order.observed is None:
         return f"{each.stepper}: {order.verdict}{other}"
     words = "order" if order.verdict == "converges" else f"{order.verdict}, slope"
-    return f"{each.stepper}: {words} {order.observed:.3f} {table_words.interval(order)}{other}"
+    return (
+        f"{each.stepper}: {words} {order.observed:.3f} {table_words.order_interval(order)}{other}"
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ropeode.analysis.errors import RESOLUTION_FACTOR
+from ropeode.analysis import RESOLUTION_FACTOR
 from ropeode.render.plots.overlaps import take_turns
 from ropeode.render.plots.panels import Line, Panel
 from ropeode.render.plots.style import BAND, BAND_EDGE

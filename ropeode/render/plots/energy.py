@@ -12,7 +12,7 @@ from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.panels import draw_legend, new_panels
 from ropeode.render.plots.style import STYLE
 from ropeode.render.plots.time_axes import draw_horizon
-from ropeode.study.energy import EnergyCurves
+from ropeode.study import EnergyCurves
 from ropeode.validation import check_kind
 
 _LESS = Line2D(

@@ -10,7 +10,7 @@ from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.panels import draw_legend, new_panels
 from ropeode.render.plots.style import PREDICTED, PREDICTION, STYLE
 from ropeode.render.plots.time_axes import draw_horizon
-from ropeode.study.curves import ErrorCurves
+from ropeode.study import ErrorCurves
 from ropeode.validation import check_kind
 
 # Times the motion; an error above it is that of a run that has blown up.

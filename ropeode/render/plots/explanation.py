@@ -6,7 +6,7 @@ from ropeode.render.plots.convergence import plot_convergence
 from ropeode.render.plots.error import plot_errors
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.stability import plot_stability
-from ropeode.study.explanation import Explanation
+from ropeode.study import Explanation
 
 
 def explanation_pictures(explanation: Explanation) -> dict[str, bytes]:

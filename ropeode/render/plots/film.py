@@ -20,7 +20,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from ropeode.render.plots.labels import unit_of
 from ropeode.render.plots.style import STYLE, new_grid, stepper_style, wrapped
 from ropeode.render.table_words import problem_words
-from ropeode.study.node_paths import NodePath, NodePaths
+from ropeode.study import NodePath, NodePaths
 from ropeode.validation import counted
 
 DPI = 120

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ropeode.norms import NORMS
-from ropeode.problems.problem import Problem
-from ropeode.problems.ropes import ROPES
+from ropeode.problems import ROPES, Problem
 
 _ROPE_UNITS = {
     "time": "frames",

@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.overlaps import TURNS
 from ropeode.render.plots.style import (
-    WIDTH,
+    FIGURE_WIDTH,
     make_room,
     new_figure,
     new_grid,
@@ -27,7 +27,7 @@ from ropeode.render.plots.style import (
     wrapped,
 )
 from ropeode.render.table_words import problem_words
-from ropeode.study.curves import Curve
+from ropeode.study import Curve
 
 _TWO_COLUMNS_UP_TO = 6
 _TITLE_HEIGHT, _ROW_HEIGHT = 0.6, 1.6
@@ -104,7 +104,9 @@ def new_panels(
     labels = with_unit("time", problem, "time"), y
     grid = new_grid(figure, rows, columns, many, labels)
     for axes, panel in zip(grid, panels, strict=True):
-        axes.set_title(wrapped(panel.title, width=WIDTH / columns - _LABEL_WIDTH), loc="left")
+        axes.set_title(
+            wrapped(panel.title, width=FIGURE_WIDTH / columns - _LABEL_WIDTH), loc="left"
+        )
     grid[0].set_xlim(problem.ts[0], problem.ts[-1])
     grid[0].xaxis.set_major_locator(MaxNLocator(_TICKS, steps=[1, 2, 5, 10]))
     return figure, list(zip(panels, grid, strict=True))

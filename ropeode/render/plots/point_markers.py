@@ -7,18 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib.path import Path
 
-from ropeode.analysis.order import (
-    PRE_ASYMPTOTIC,
-    ROUND_OFF,
-    TOO_FEW,
-    UNRESOLVED,
-    UNSOLVED,
-    UNSTABLE,
-)
-from ropeode.study.accuracy_table import Row
+from ropeode.analysis import PRE_ASYMPTOTIC, ROUND_OFF, TOO_FEW, UNRESOLVED, UNSOLVED, UNSTABLE
+from ropeode.study import Row
 
 if TYPE_CHECKING:
-    from ropeode.checking.trajectories.studies import FileRow
+    from ropeode.checking import FileRow
     from ropeode.render.table_words import Errors
 
 OFF_AXIS = "unstable, error above this axis"

@@ -7,17 +7,12 @@ from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
-from ropeode.checking.trajectories.studies import (
-    trajectory_energy_curves,
-    trajectory_error_curves,
-    trajectory_errors,
-)
+from ropeode.checking import trajectory_energy_curves, trajectory_error_curves, trajectory_errors
 from ropeode.render.plots.convergence import plot_convergence
 from ropeode.render.plots.energy import plot_energies
 from ropeode.render.plots.error import plot_errors
-from ropeode.study.accuracy_table import IN_TIME, Predict, accuracy_table
-from ropeode.study.curves import error_curves
-from ropeode.study.energy import energy_curves
+from ropeode.study import IN_TIME, Predict, energy_curves, error_curves
+from ropeode.study.accuracy_table import accuracy_table
 
 
 class Plot(NamedTuple):

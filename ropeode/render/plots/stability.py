@@ -22,10 +22,8 @@ from ropeode.render.plots.style import (
 )
 from ropeode.render.stability_words import limit_words, region_words
 from ropeode.render.table_words import problem_words
-from ropeode.study.accuracy_table import check_steps
-from ropeode.study.explanation import Explanation
-from ropeode.theory.linear_stability import LinearStability
-from ropeode.theory.stability_limits import StabilityRegion
+from ropeode.study import Explanation, check_steps
+from ropeode.theory import LinearStability, StabilityRegion
 from ropeode.validation import bad_value, check_kind, counted
 
 _HEIGHT = 4.2

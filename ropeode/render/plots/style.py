@@ -36,7 +36,7 @@ STYLE: Any = {
     # The same figure makes the same file.
     "svg.hashsalt": "ropeode",
 }
-WIDTH = 6.5
+FIGURE_WIDTH = 6.5
 DPI = 200
 _SCREEN_DPI = 110
 _LETTERS_PER_INCH = 13
@@ -80,9 +80,9 @@ def new_figure(title: str, more: str, height: float) -> Figure:
         more: below the title.
         height: in inches.
     """
-    figure = Picture(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    figure = Picture(figsize=(FIGURE_WIDTH, height), dpi=DPI, layout="constrained")
     # A dollar sign in a problem's name begins no formula.
-    figure.suptitle(wrapped(title, more, width=WIDTH), parse_math=False)
+    figure.suptitle(wrapped(title, more, width=FIGURE_WIDTH), parse_math=False)
     return figure
 
 

@@ -18,9 +18,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from ropeode.errors import InputError
 from ropeode.render.plots.labels import sweep_label
-from ropeode.render.plots.style import STYLE, WIDTH, make_room, new_figure, new_grid, wrapped
-from ropeode.sweep.design.columns import COLUMNS, INPUTS
-from ropeode.sweep.storage.load import load_sweep
+from ropeode.render.plots.style import FIGURE_WIDTH, STYLE, make_room, new_figure, new_grid, wrapped
+from ropeode.sweep import COLUMNS, INPUTS, load_sweep
 from ropeode.validation import bad_value, unknown
 
 if TYPE_CHECKING:
@@ -180,7 +179,7 @@ def plot_sweep(
         draw = _draw_cells if cells else _draw_points
         draw(axes, panel, across, up, kinds, colours)
         axes.grid(False)
-        axes.set_title(wrapped(panel.title, width=0.85 * WIDTH / columns), parse_math=False)
+        axes.set_title(wrapped(panel.title, width=0.85 * FIGURE_WIDTH / columns), parse_math=False)
         axes.set_xscale("linear" if across.scale == "words" else across.scale)
         axes.set_yscale("linear" if up.scale == "words" else up.scale)
         _ticks(axes.xaxis, across, cells)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ropeode.references.reference import Reference
+from ropeode.references import Reference
 from ropeode.render.plots.panels import Line
 
 _MARK = {"linestyle": "none", "markersize": 6}

@@ -10,14 +10,7 @@ import numpy as np
 
 from ropeode.render.plots.point_markers import MARKS as OF_ORDERS
 from ropeode.render.plots.point_markers import UNRESOLVED
-from ropeode.study.work_precision import (
-    INFINITE,
-    Cost,
-    Measure,
-    WorkPrecision,
-    WorkRow,
-    check_axes,
-)
+from ropeode.study import INFINITE, Cost, Measure, WorkPrecision, WorkRow, check_axes
 
 CERTIFIED = "ok"
 BLEW_UP = "unstable, diverged or unsolved, at the upper edge"

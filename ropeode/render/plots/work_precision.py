@@ -40,7 +40,7 @@ from ropeode.render.plots.work_points import (
     points_and_limits,
 )
 from ropeode.render.work_precision import effort_cell, effort_words, error_words_of
-from ropeode.study.work_precision import INFINITE, Cost, Measure, WorkPrecision, check_axes
+from ropeode.study import INFINITE, Cost, Measure, WorkPrecision, check_axes
 from ropeode.validation import check_kind
 
 _AXES_HEIGHT = 4.2

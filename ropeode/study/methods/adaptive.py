@@ -9,9 +9,8 @@ import warnings
 
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
-from ropeode.references import Counter, Solution, Solver, solve
-from ropeode.references.solvers import scipy_solver
+from ropeode.problems import Problem
+from ropeode.references import Counter, Solution, Solver, functions_of, solve
 from ropeode.study.methods.method import Attempt, Run, Status, tolerances
 
 EXPLICIT, IMPLICIT = "adaptive explicit", "adaptive implicit"
@@ -99,7 +98,7 @@ class ScipyAdaptive:
     def ready(self, problem: Problem) -> Run:
         """Compile the right-hand side, and its Jacobian where the solver needs it."""
         solver = Solver("SciPy", self.name)
-        functions = scipy_solver.functions_of(problem, solver.implicit)
+        functions = functions_of(problem, solver.implicit)
 
         def run(effort: float, seconds: float) -> Attempt:
             both = tolerances(problem, effort)

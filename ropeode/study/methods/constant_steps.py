@@ -6,11 +6,10 @@ import contextlib
 import dataclasses
 
 from ropeode.errors import InputError
-from ropeode.problems.problem import Problem
-from ropeode.references.solvers.stopwatch import Stopwatch
-from ropeode.simulation import simulate
-from ropeode.simulation.method import method_of
-from ropeode.steppers.base import Stepper
+from ropeode.problems import Problem
+from ropeode.references import Stopwatch
+from ropeode.simulation import method_of, simulate
+from ropeode.steppers import Stepper
 from ropeode.study.methods.method import Attempt, Run
 
 CONSTANT = ":constant"
@@ -77,6 +76,6 @@ class ConstantSteps:
         if self.stepper.family != "diffrax" or solver is None:
             return None
         # Not above: it imports diffrax.
-        from ropeode.references.solvers.diffrax_counts import explicit_evaluations
+        from ropeode.references import explicit_evaluations
 
         return explicit_evaluations(type(solver), steps)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
 from ropeode.errors import RopeodeError
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 from ropeode.progress import Progress
 from ropeode.study.methods.method import Attempt, LadderMethod, Run
 from ropeode.validation import counted

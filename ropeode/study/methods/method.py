@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from ropeode.problems.problem import Problem
+from ropeode.problems import Problem
 
 Status = Literal["ok", "unstable", "diverged", "unsolved", "step limit", "time limit", "failed"]
 

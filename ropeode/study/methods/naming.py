@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ropeode.errors import InputError
-from ropeode.problems.files import named_in_file
-from ropeode.problems.problem import Problem
-from ropeode.steppers import as_stepper
+from ropeode.problems import Problem, named_in_file
+from ropeode.steppers import as_stepper, library_solvers
 from ropeode.study.accuracy_table import problem_class
 from ropeode.study.each_once import each_once, repeated
 from ropeode.study.methods.adaptive import EXPLICIT, IMPLICIT, DiffraxAdaptive, ScipyAdaptive
@@ -86,12 +85,12 @@ def _of_diffrax(name: str) -> LadderMethod:
     # Not above: diffrax takes a second.
     import diffrax
 
-    from ropeode.steppers import diffrax_solvers
+    from ropeode.steppers import DiffraxStepper
 
     stepper: Any = as_stepper(f"diffrax:{name}")
     if not isinstance(stepper.solver, diffrax.AbstractAdaptiveSolver):
         return _constant(stepper)
-    if type(stepper) is not diffrax_solvers.DiffraxStepper:
+    if type(stepper) is not DiffraxStepper:
         raise bad_value(
             "method",
             stepper.label,
@@ -105,9 +104,7 @@ def _of_diffrax(name: str) -> LadderMethod:
 
 
 def _of_scipy(name: str) -> ScipyAdaptive:
-    from ropeode.steppers import scipy_solvers
-
-    if name not in (allowed := scipy_solvers.solvers()):
+    if name not in (allowed := library_solvers("scipy")):
         raise InputError(unknown("solver of scipy", name, allowed))
     return ScipyAdaptive(name)
 

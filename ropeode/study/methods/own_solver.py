@@ -12,8 +12,8 @@ import numpy as np
 
 from ropeode.errors import InputError, call_user_code
 from ropeode.precision import in_float64
-from ropeode.problems.problem import Problem
-from ropeode.references.solvers.solution import finite_samples
+from ropeode.problems import Problem
+from ropeode.references import finite_samples
 from ropeode.study.methods.method import Attempt, Run
 from ropeode.validation import shown, whole_number
 

@@ -15,7 +15,7 @@ import jax
 
 from ropeode.cache import source_digest
 from ropeode.files import read_bytes
-from ropeode.problems.files import file_and_imports
+from ropeode.problems import file_and_imports
 
 # The packages that compute a row; diffrax's solvers come from the last three.
 PACKAGES = (

@@ -13,12 +13,17 @@ from typing import Any
 import numpy as np
 
 from ropeode.errors import InputError
-from ropeode.problems.files import as_problem, file_and_name, is_function, problem_in_file
-from ropeode.problems.library import PROBLEMS
-from ropeode.problems.problem import Problem
+from ropeode.problems import (
+    PROBLEMS,
+    ROPES,
+    Problem,
+    as_problem,
+    file_and_name,
+    is_function,
+    problem_in_file,
+)
 from ropeode.problems.rope import Rope
-from ropeode.problems.ropes import ROPES
-from ropeode.study.spec import rope_of
+from ropeode.study import rope_of
 from ropeode.sweep.design.columns import COLUMNS, Column
 from ropeode.sweep.design.content_hash import file_digest
 from ropeode.validation import bad_value, check_whole, complaint, unknown

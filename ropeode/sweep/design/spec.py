@@ -13,10 +13,15 @@ from pydantic import BeforeValidator, PlainValidator
 
 from ropeode.errors import InputError
 from ropeode.norms import norm_for
-from ropeode.problems.checks import run as run_checks
-from ropeode.problems.problem import Problem
-from ropeode.study.accuracy_table import StepsPerFrame, check_steps, default_steppers
-from ropeode.study.spec import StudySpec, kind_apart, read_spec
+from ropeode.problems import Problem
+from ropeode.study import (
+    StepsPerFrame,
+    StudySpec,
+    check_steps,
+    default_steppers,
+    kind_apart,
+    read_spec,
+)
 from ropeode.sweep.design.cases import Case, Settings, Task
 from ropeode.sweep.design.columns import COLUMNS, Column
 from ropeode.sweep.design.content_hash import software
@@ -24,7 +29,7 @@ from ropeode.sweep.design.distributions import Distribution
 from ropeode.sweep.design.problem_factory import problem_factory
 from ropeode.sweep.design.steppers import StepperSource, stepper_from, stepper_sources
 from ropeode.sweep.design.tables import NAMES, Tables
-from ropeode.validation import bad_value, field
+from ropeode.validation import bad_value, check_all, field
 
 DEFAULT_STEPS_PER_FRAME = (16, 32, 64)
 DEFAULT_ORDER_FACTORS = (1, 2, 4, 8)
@@ -113,7 +118,7 @@ class SweepSpec:
             given = rest.get("steppers")
             checked["steppers"] = None if given is None else stepper_sources(given, folder)
 
-        run_checks(check_fields, check_steppers, lambda: checked.update(tables=Tables(tables)))
+        check_all(check_fields, check_steppers, lambda: checked.update(tables=Tables(tables)))
         self.fields: SweepFields = checked["fields"]
         rope = self.fields.problem == "rope"
         if not rope and self.fields.kind != "rope":
@@ -234,10 +239,10 @@ class SweepSpec:
         """
         factory, fields = self._factory, self.fields
         examples = [*self._design.examples()]
-        run_checks(*(lambda each=each: factory.check(each) for each in examples))
+        check_all(*(lambda each=each: factory.check(each) for each in examples))
         built: list[Problem] = []
         some = examples[:_MOST_BUILT]
-        run_checks(*(lambda each=each: built.append(factory.build(each)) for each in some))
+        check_all(*(lambda each=each: built.append(factory.build(each)) for each in some))
         drawn = self._design.drawn
         if "stepper" in drawn:
             steppers = stepper_sources(drawn["stepper"].extremes, folder)

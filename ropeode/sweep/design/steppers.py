@@ -7,10 +7,8 @@ import inspect
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ropeode.steppers import as_stepper
-from ropeode.steppers.base import Stepper
-from ropeode.steppers.stepper_loading import users_file
-from ropeode.study.accuracy_table import check_steppers
+from ropeode.steppers import Stepper, as_stepper, users_file
+from ropeode.study import check_steppers
 from ropeode.sweep.design.content_hash import PACKAGES, file_digest
 from ropeode.validation import bad_value
 

@@ -8,12 +8,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ropeode.errors import InputError
-from ropeode.problems.checks import run as run_checks
-from ropeode.study.accuracy_table import check_steps
+from ropeode.study import check_steps
 from ropeode.sweep.design.distributions import Distribution, Draws
 from ropeode.sweep.design.points import OF_RUNS, SHAPES, Design
 from ropeode.sweep.design.problem_factory import ProblemFactory, RopeFactory
-from ropeode.validation import bad_value, complaint
+from ropeode.validation import bad_value, check_all, complaint
 
 NAMES = ("rope", "parameters", "grid", "random")
 
@@ -41,7 +40,7 @@ class Tables:
         self.shared = {name: dict(tables[name]) for name in ("rope", "parameters")}
         random = dict(tables["random"])
         draws = {name: random.pop(name) for name in Draws.model_fields if name in random}
-        run_checks(
+        check_all(
             *(lambda item=item: _check_plain(*item) for item in self.shared.items()),
             *(lambda item=item: self._set_grid(*item) for item in tables["grid"].items()),
             *(lambda item=item: self._set_drawn(*item) for item in random.items()),
@@ -115,7 +114,7 @@ class Tables:
                 raise InputError(_repeated("frames"))
             fixed["frames"] = frames
         parameters = {name: each for name, each in self.drawn.items() if name not in OF_RUNS}
-        run_checks(
+        check_all(
             lambda: factory.check_names(fixed, "fixed"),
             lambda: factory.check_names(self.grid, "grid"),
             lambda: factory.check_names(parameters, "random"),

@@ -9,14 +9,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from ropeode.analysis.errors import resolution
+from ropeode.analysis import resolution
 from ropeode.errors import InputError
 from ropeode.norms import Norm, norm_for
-from ropeode.problems.problem import Problem
-from ropeode.simulation import step_size
-from ropeode.simulation.method import method_of
-from ropeode.steppers.base import Stepper
-from ropeode.study.accuracy_table import order_of
+from ropeode.problems import Problem
+from ropeode.simulation import method_of, step_size
+from ropeode.steppers import Stepper
+from ropeode.study import order_of
 from ropeode.sweep.design.cases import Case, Settings, Task
 from ropeode.sweep.design.columns import RESULTS, Row, failed_row
 from ropeode.sweep.design.content_hash import software
@@ -25,7 +24,7 @@ from ropeode.sweep.design.steppers import stepper_from
 from ropeode.sweep.execution.parts import Part
 from ropeode.sweep.execution.references import references_of
 from ropeode.sweep.execution.runs import Run, Subject, run_all, subject
-from ropeode.theory.growth import MOST_STEPS, stability_limit
+from ropeode.theory import MOST_STEPS_OF_GROWTH, stability_limit
 from ropeode.validation import in_one_line
 
 # After so many seconds the rows that are finished are handed back, to be written. With fewer, much
@@ -241,5 +240,7 @@ def _stability(problem: Problem, stepper: Stepper) -> Row:
     except InputError as error:
         return {"reason": f"no largest stable dt: {in_one_line(error)}"}
     if limit is None:
-        return {"reason": f"no largest stable dt: unstable at {MOST_STEPS} steps per frame"}
+        return {
+            "reason": f"no largest stable dt: unstable at {MOST_STEPS_OF_GROWTH} steps per frame"
+        }
     return {"stability_limit": limit, "largest_stable_dt": step_size(problem, limit)}

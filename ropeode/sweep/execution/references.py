@@ -14,13 +14,15 @@ import numpy as np
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.files import make_folder, write_whole
-from ropeode.problems.ensemble import Ensemble, family
-from ropeode.problems.problem import Problem
-from ropeode.references.certificate import Certificate
-from ropeode.references.compute import each_reference
-from ropeode.references.files.checksum import verify_checksum, with_checksum
-from ropeode.references.reference import Reference
-from ropeode.references.solvers.solver import Solver
+from ropeode.problems import Ensemble, Problem, family_of
+from ropeode.references import (
+    Certificate,
+    Reference,
+    Solver,
+    each_reference,
+    verify_checksum,
+    with_checksum,
+)
 from ropeode.sweep.execution.parts import in_time
 from ropeode.validation import in_one_line
 
@@ -69,7 +71,7 @@ def references_of(
         if (kept := _read(reference_path(folder, key), key, problem)) is not None:
             references[key] = kept
         else:
-            families.setdefault(family(problem), []).append(key)
+            families.setdefault(family_of(problem), []).append(key)
     some_at_a_time = (
         some for alike, keys in families.items() for some in in_time(keys, alike[3:], seconds)
     )

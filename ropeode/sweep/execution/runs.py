@@ -7,17 +7,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.analysis.errors import error_series
-from ropeode.analysis.motion import motion_words
-from ropeode.analysis.roundoff import distance_of_runs, in_other_units, keeps_units
+from ropeode.analysis import (
+    distance_of_runs,
+    error_series,
+    in_other_units,
+    keeps_units,
+    motion_words,
+)
 from ropeode.errors import InputError
 from ropeode.norms import Norm, motion
-from ropeode.problems.ensemble import Ensemble, family
-from ropeode.problems.problem import Problem
-from ropeode.references.reference import Reference
-from ropeode.simulation import Trajectory, simulate
-from ropeode.simulation.method import Method, method_of
-from ropeode.steppers.base import Stepper
+from ropeode.problems import Ensemble, Problem, family_of
+from ropeode.references import Reference
+from ropeode.simulation import Method, Trajectory, method_of, simulate
+from ropeode.steppers import Stepper
 
 
 class Subject(NamedTuple):
@@ -50,7 +52,7 @@ def subject(problem: Problem, norm: Norm, outcome: Reference | str) -> Subject:
         norm: in which errors are measured.
         outcome: the reference up to its trust horizon, or why there is none.
     """
-    rescaled, alike = in_other_units(problem), family(problem)
+    rescaled, alike = in_other_units(problem), family_of(problem)
     if not isinstance(outcome, Reference):
         return Subject(problem, rescaled, norm, None, outcome, np.inf, alike)
     size = float(motion(problem, outcome.states, norm)[-1])

@@ -1,0 +1,2 @@
+from .nystrom import NystromTableau as NystromTableau
+from .tableau import Tableau as Tableau
