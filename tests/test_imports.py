@@ -21,6 +21,7 @@ PACKAGE = Path(ropeode.__file__).parent
 
 # From the ground up; a room imports from the rooms that it names, and from the ground floor.
 GROUND = {
+    "arrays",
     "bars",
     "cache",
     "callbacks",

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ropeode.arrays import real_array
 from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, node_distances, norm_for
 from ropeode.problems import Problem, same_problem
 from ropeode.references import Reference
 from ropeode.simulation import Trajectory
-from ropeode.validation import bad_value, check_kind, not_traced, real_array
+from ropeode.validation import bad_value, check_kind, not_traced
 
 # An error is shown as a number only if it is this many times the reference's bound.
 RESOLUTION_FACTOR = 10.0

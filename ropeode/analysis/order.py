@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.validation import bad_value, not_traced, real_array
+from ropeode.arrays import real_array
+from ropeode.validation import bad_value, not_traced
 
 Verdict = Literal["converges", "does not converge", "undetermined"]
 

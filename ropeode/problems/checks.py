@@ -8,18 +8,12 @@ from typing import Any
 import jax
 import numpy as np
 
+from ropeode.arrays import float64_only, real_array
 from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems.functions import evaluated_once, never_changes, traced
 from ropeode.problems.signatures import check_signature
-from ropeode.validation import (
-    bad_value,
-    finite_numbers,
-    float64_only,
-    not_traced,
-    real_array,
-    shortly,
-)
+from ropeode.validation import bad_value, finite_numbers, not_traced, shortly
 
 # Where else a function with other parameters, or in NumPy, may belong.
 _OTHERS = {"rhs": ", or use Problem.from_scipy(rhs, ts, y0), which takes rhs(t, y, *args) in NumPy"}

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple, overload
 import jax
 import numpy as np
 
+from ropeode.arrays import float64_only
 from ropeode.display import Displayed
 from ropeode.problems import checks
 from ropeode.problems.problem import Problem
 from ropeode.problems.state_structure import is_tree
-from ropeode.validation import bad_value, float64_only, not_traced
+from ropeode.validation import bad_value, not_traced
 
 
 class Numbers(NamedTuple):

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ropeode.arrays import real_array
 from ropeode.display import Displayed
 from ropeode.errors import InputError, call_user_code
 from ropeode.json_form import json_shows
@@ -27,7 +28,7 @@ from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.scipy_form import ScipyFunction, scipy_form
 from ropeode.problems.state_structure import StateStructure, is_tree
-from ropeode.validation import bad_value, check_all, check_memory, not_traced, real_array
+from ropeode.validation import bad_value, check_all, check_memory, not_traced
 
 Rhs = Callable[[Any, Any, Any], Any]
 Acceleration = Callable[[Any, Any, Any, Any], Any]

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.arrays import real_array
 from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems import checks
@@ -22,7 +23,7 @@ from ropeode.problems.numpy_tracing import with_numpy
 from ropeode.problems.python_rhs import MOST_CALLS, PythonRhs, python_rhs
 from ropeode.problems.signatures import check_signature, required
 from ropeode.problems.state_structure import is_tree
-from ropeode.validation import bad_value, check_all, check_whole, real_array
+from ropeode.validation import bad_value, check_all, check_whole
 
 # A traced function must agree with itself in NumPy so closely, relative to its largest component:
 # both round, and what they compute may cancel.

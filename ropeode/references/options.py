@@ -7,9 +7,10 @@ from typing import Annotated, Any, TypedDict
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo, field_validator
 
+from ropeode.arrays import real_array
 from ropeode.problems import Problem, refuse_others
 from ropeode.references.certificate import Level
-from ropeode.validation import Input, Positive, WholePositive, bad_value, field, real_array
+from ropeode.validation import Input, Positive, WholePositive, bad_value, field
 
 SMALLEST_RTOL = 1e-13
 LARGEST_RTOL = 1e-3

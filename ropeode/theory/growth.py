@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from ropeode.analysis import hanging_equilibrium
+from ropeode.arrays import real_array
 from ropeode.json_form import Unbounded
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, free_coordinates, require_problem
 from ropeode.simulation import StepMap, method_of, step_size
-from ropeode.validation import bad_value, check_whole, real_array
+from ropeode.validation import bad_value, check_whole
 
 # No more steps per frame than this are tried.
 MOST_STEPS_OF_GROWTH = 2**24

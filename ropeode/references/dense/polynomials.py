@@ -11,10 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode.arrays import real_array
 from ropeode.equality import ByContent
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
-from ropeode.validation import bad_value, real_array
+from ropeode.validation import bad_value
 
 if TYPE_CHECKING:
     from scipy.interpolate import BPoly

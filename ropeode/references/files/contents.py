@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from ropeode.arrays import real_array
 from ropeode.references.certificate import Level, Role, Sampling
-from ropeode.validation import MOST_COUNTED, cut, real_array
+from ropeode.validation import MOST_COUNTED, cut
 
 PROBES = 3
 _Count = Annotated[int, Field(ge=0, le=MOST_COUNTED)]
