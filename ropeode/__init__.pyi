@@ -71,7 +71,7 @@ from .render.plots.work_precision import plot_work_precision as plot_work_precis
 from .simulation import JaxStepper as JaxStepper
 from .simulation import Trajectories as Trajectories
 from .simulation import Trajectory as Trajectory
-from .simulation import jax_stepper as jax_stepper
+from .simulation.jax_stepper import jax_stepper as jax_stepper
 from .simulation import simulate as simulate
 from .simulation import simulate_chunks as simulate_chunks
 from .steppers.base import ProblemClass as ProblemClass
