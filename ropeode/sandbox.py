@@ -22,7 +22,6 @@ import ctypes
 import faulthandler
 import io
 import json
-import operator
 import os
 import pickle
 import resource
@@ -37,8 +36,9 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
+
+import psutil
 
 from ropeode.errors import RopeodeError
 
@@ -218,8 +218,8 @@ class Child(contextlib.AbstractContextManager["Child"]):
 
     def memory(self) -> int:
         """The memory that it and what it started hold, in bytes; 0 where nobody can tell."""
-        below = _processes_below(self._guard.pid) if self._guard else []
-        return sum(each.memory for each in below)
+        below = _below(self._guard.pid) if self._guard else []
+        return int(sum(map(_memory, below)))
 
     def end(self) -> None:
         """End it with everything that it started; nothing where it has ended."""
@@ -596,11 +596,11 @@ class _Guard:
 
     def _set_limits(self, limits: Limits) -> None:
         self._limits, self._since, self._look_at = limits, time.monotonic(), 0.0
-        self._cpu_before = 0.0 if limits.cpu is None else sum(each.cpu for each in self._tree())
+        self._cpu_before = 0.0 if limits.cpu is None else sum(map(_cpu, self._tree()))
 
-    def _tree(self) -> list[_Process]:
+    def _tree(self) -> list[psutil.Process]:
         """The child and what it has started."""
-        return [each for each in _processes_below(os.getpid()) if each.pid != self._keeper]
+        return [each for each in _below(os.getpid()) if each.pid != self._keeper]
 
     def _broken_limit(self) -> str:
         """The limit that is broken; empty if none is."""
@@ -611,9 +611,9 @@ class _Guard:
             return ""
         self._look_at = now + _LOOK_EVERY_S
         tree = self._tree()
-        if cpu is not None and sum(each.cpu for each in tree) - self._cpu_before > cpu:
+        if cpu is not None and sum(map(_cpu, tree)) - self._cpu_before > cpu:
             return "cpu"
-        if memory is not None and sum(each.memory for each in tree) > memory:
+        if memory is not None and sum(map(_memory, tree)) > memory:
             # What processes share was counted for each. To do better takes longer.
             return "memory" if sum(map(_exact_memory, tree)) > memory else ""
         return ""
@@ -686,9 +686,9 @@ def _end_all_below() -> None:
     """End all processes below this one."""
     until = time.monotonic() + _ENDS_IN_S
     while time.monotonic() < until:
-        for each in _processes_below(os.getpid()):
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.kill(each.pid, signal.SIGKILL)
+        for each in _below(os.getpid()):
+            with contextlib.suppress(psutil.Error):
+                each.kill()
         try:
             while os.waitpid(-1, os.WNOHANG)[0]:
                 pass
@@ -697,73 +697,33 @@ def _end_all_below() -> None:
         time.sleep(_WAIT_S)
 
 
-# What the system knows of processes.
+# What the system knows of processes. Each may end at any moment.
 
 
-class _Process(NamedTuple):
-    """A process.
-
-    Fields:
-        pid: its number.
-        cpu: seconds of processor time, with that of its children which have ended.
-        memory: that it holds, in bytes, shared or not.
-    """
-
-    pid: int
-    cpu: float
-    memory: int
+def _below(root: int) -> list[psutil.Process]:
+    """What a process has started, and what that has started."""
+    with contextlib.suppress(psutil.Error):
+        return psutil.Process(root).children(recursive=True)
+    return []
 
 
-def _processes_below(root: int) -> list[_Process]:
-    """What a process has started, and what that has started; from Linux, or from POSIX' `ps`."""
-    if not os.path.exists("/proc/self/stat"):
-        return _processes_of_ps(root)
-    found, parents = [], [root]
-    while parents:
-        children = [*_children_of(parents.pop())]
-        parents += children
-        for child in children:
-            # It may have ended meanwhile.
-            with contextlib.suppress(OSError):
-                found.append(_process(child))
-    return found
+def _cpu(process: psutil.Process) -> float:
+    """Seconds of processor time, with that of its children which have ended."""
+    with contextlib.suppress(psutil.Error):
+        return sum(process.cpu_times()[:4])
+    return 0.0
 
 
-def _children_of(parent: int) -> Iterator[int]:
-    """Each thread of a process has children of its own."""
-    with contextlib.suppress(OSError):
-        for thread in os.listdir(f"/proc/{parent}/task"):
-            with contextlib.suppress(OSError):
-                children = Path(f"/proc/{parent}/task/{thread}/children").read_text()
-                yield from map(int, children.split())
+def _memory(process: psutil.Process) -> float:
+    """The memory that a process holds, in bytes, shared or not."""
+    with contextlib.suppress(psutil.Error):
+        return process.memory_info().rss
+    return 0.0
 
 
-def _process(pid: int) -> _Process:
-    # proc(5): behind its name, which may be anything in parentheses.
-    fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
-    cpu = sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
-    return _Process(pid, cpu, int(fields[21]) * os.sysconf("SC_PAGE_SIZE"))
-
-
-def _processes_of_ps(root: int) -> list[_Process]:
-    """The same from `ps`."""
-    words = ["ps", "-A", "-o", "pid=,ppid=,rss=,time="]
-    text = subprocess.run(words, capture_output=True, text=True, check=False).stdout
-    rows = [line.split() for line in text.splitlines()]
-    found, parents = [], {str(root)}
-    while children := [row for row in rows if row[1] in parents]:
-        parents = {row[0] for row in children}
-        for pid, _, kibibytes, used in children:
-            # [[days-]hours:]minutes:seconds
-            parts = map(float, reversed(used.replace("-", ":").split(":")))
-            cpu = sum(map(operator.mul, parts, (1.0, 60.0, 3600.0, 86400.0)))
-            found.append(_Process(int(pid), cpu, 1024 * int(kibibytes)))
-    return found
-
-
-def _exact_memory(process: _Process) -> float:
-    """Its memory, with a share of what it shares; all of that where nobody can tell."""
-    with contextlib.suppress(OSError, ValueError):
-        summary = Path(f"/proc/{process.pid}/smaps_rollup").read_bytes().split()
-        return 1024.0 * int(summary[summary.index(b"Pss:") + 1])
-    return process.memory
+def _exact_memory(process: psutil.Process) -> float:
+    """Its memory, with a share of what it shares; all of that where the system does not tell."""
+    # Only Linux knows the field.
+    with contextlib.suppress(psutil.Error, AttributeError):
+        return process.memory_full_info().pss
+    return _memory(process)

@@ -225,15 +225,3 @@ def test_functions_of_a_script_are_found(guard, says, tmp_path):
         command, cwd=tmp_path, capture_output=True, text=True, timeout=HANGS_AFTER_S
     )
     assert says in done.stdout + done.stderr
-
-
-@LINUX
-def test_two_ways_to_ask_the_system_agree():
-    """Other systems than Linux are asked by `ps`."""
-    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
-        found = {each.pid: each for each in sandbox._processes_below(os.getpid())}
-        other = {each.pid: each for each in sandbox._processes_of_ps(os.getpid())}
-        assert process.pid in found
-        assert process.pid in other
-        process.communicate(b"\n")
-    assert sum(each.memory for each in other.values()) > MEBIBYTE
