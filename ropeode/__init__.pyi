@@ -71,9 +71,9 @@ from .render.plots.work_precision import plot_work_precision as plot_work_precis
 from .simulation import JaxStepper as JaxStepper
 from .simulation import Trajectories as Trajectories
 from .simulation import Trajectory as Trajectory
-from .simulation.jax_stepper import jax_stepper as jax_stepper
 from .simulation import simulate as simulate
 from .simulation import simulate_chunks as simulate_chunks
+from .simulation.jax_stepper import jax_stepper as jax_stepper
 from .steppers.base import ProblemClass as ProblemClass
 from .steppers.base import Stepper as Stepper
 from .steppers.base import System as System

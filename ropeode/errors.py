@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import sys
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 
@@ -116,6 +118,16 @@ def call_user_code(what: str, function: Callable, *args: Any, **named: Any) -> A
             f"{what}: it raised {type(error).__name__}: {' '.join(str(error).split())}; allowed: "
             "code that runs. Fix: mend the error above."
         ) from error
+
+
+@contextlib.contextmanager
+def streams_kept() -> Iterator[None]:
+    """A block of a user's code that may replace `sys.stdout` and `sys.stderr`, as many scripts do.
+
+    What ropeode prints behind the block goes where it went before.
+    """
+    with contextlib.redirect_stdout(sys.stdout), contextlib.redirect_stderr(sys.stderr):
+        yield
 
 
 class ReferenceRefused(RopeodeError):

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.errors import InputError, call_user_code
+from ropeode.errors import InputError, call_user_code, streams_kept
 from ropeode.files import read_text, refuse_code
 from ropeode.problems.keywords import refuse_others
 from ropeode.problems.problem import Problem
@@ -174,7 +174,8 @@ def names_in_text(text: str, path: Path, what: str) -> dict[str, Any]:
 
 
 def _run(text: str | bytes, path: Path, names: dict[str, Any]) -> None:
-    exec(compile(text, str(path), "exec", dont_inherit=True), names)
+    with streams_kept():
+        exec(compile(text, str(path), "exec", dont_inherit=True), names)
 
 
 class _Beside:

@@ -145,6 +145,7 @@ def process_state() -> ProcessState:
         "draws or seeds the random numbers that all of NumPy shares": repr(shared["state"]),
         "draws or seeds the random numbers that all of Python shares": random.getstate(),
         "changes what NumPy does about floating-point errors": np.geterr(),
+        "replaces sys.stdout or sys.stderr": (sys.stdout, sys.stderr),
     }
     return ProcessState(os.getcwd(), dict(os.environ), tuple(map(_identity, range(3))), others)
 
@@ -170,5 +171,5 @@ def process_effects(before: ProcessState) -> Iterator[str]:
     for name, then, there in zip(_STREAMS, before.streams, now.streams, strict=True):
         if then != there:
             yield f"closes {name}" if there is None else f"redirects {name}"
-    if sys.stdout.closed:
+    if getattr(sys.stdout, "closed", False):
         yield "closes standard output"

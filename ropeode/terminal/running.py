@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 import click
 
+from ropeode.errors import streams_kept
 from ropeode.progress import Progress, outermost
 from ropeode.sandbox import doing as tell_parent
 
@@ -143,7 +144,8 @@ def with_progress(
             tell_parent(text)
             progress(text, fraction)
 
-        return _interruptible(lambda: work(seen), lambda: doing, gives_up_after)
+        with streams_kept():
+            return _interruptible(lambda: work(seen), lambda: doing, gives_up_after)
 
 
 def _interruptible(work: Callable[[], T], doing: Callable[[], str], gives_up_after: float) -> T:

@@ -346,6 +346,11 @@ def guards_errors(rhs, t, y, dt, args):
         return y + dt * np.asarray(rhs(t, y, args))
 
 
+def replaces_standard_output(rhs, t, y, dt, args):
+    sys.stdout = None  # type: ignore[assignment]
+    return y + dt * np.asarray(rhs(t, y, args))
+
+
 def closes_standard_output(rhs, t, y, dt, args):
     print("closing")  # noqa: T201
     sys.stdout.close()
@@ -369,11 +374,13 @@ def closes_standard_output(rhs, t, y, dt, args):
         (shuffles, "draws or seeds the random numbers that all of Python shares"),
         (hides_errors, "changes what NumPy does about floating-point errors"),
         (guards_errors, None),
+        (replaces_standard_output, "replaces sys.stdout"),
         (steps.in_loops, None),
     ],
 )
 def test_what_a_step_does_besides_returning_a_result_is_found(step, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdout", sys.stdout)
     found = method(step).trial.side_effects
     if words is None:
         assert found == ()

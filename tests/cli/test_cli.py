@@ -498,3 +498,19 @@ def test_output_that_goes_nowhere(line, code, words, environment, tmp_path):
     assert done.stdout == ""
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == bool(words)
+
+
+PRINTS_ELSEWHERE = """
+import io, sys
+sys.stdout = io.StringIO()
+def step(rhs, t, y, dt, args):
+    sys.stderr = sys.stdout = None
+    return y + dt * rhs(t, y, args)
+"""
+
+
+def test_a_file_that_prints_elsewhere_does_not_take_the_table_along(run):
+    Path("steps.py").write_text(PRINTS_ELSEWHERE)
+    done = run("table", "--steppers", "steps.py", "--steps", "16,32,64", "--frames", "2")
+    assert done.returncode == 0
+    assert "steps.py:step" in done.stdout
