@@ -1,33 +1,10 @@
-"""Commands of a class, run as processes, and what they write."""
+"""What is read of the grade book of a class."""
 
 from __future__ import annotations
 
 import csv
-import os
-import subprocess
-import sys
 
 import pytest
-
-from tests.time_limit import HANGS_AFTER_S
-
-
-@pytest.fixture
-def ropeode(cache, tmp_path):
-    """Run the command as a process in an empty folder."""
-
-    def call(*words):
-        return subprocess.run(
-            [sys.executable, "-m", "ropeode", *words],
-            capture_output=True,
-            text=True,
-            timeout=HANGS_AFTER_S,
-            cwd=tmp_path,
-            env={**os.environ, "XDG_CACHE_HOME": cache},
-            check=False,
-        )
-
-    return call
 
 
 @pytest.fixture
