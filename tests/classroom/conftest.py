@@ -1,10 +1,17 @@
-"""What is read of the grade book of a class."""
+"""The files of a class, and what is read of its grade book."""
 
 from __future__ import annotations
 
 import csv
 
 import pytest
+
+
+def write(folder, texts):
+    """Write texts to the files of these names."""
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
 
 
 @pytest.fixture

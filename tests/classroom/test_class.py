@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.classroom.conftest import write
 from tests.time_limit import HANGS_AFTER_S
 
 STEP = "def step(acceleration, t, x, v, dt, args):\n"
@@ -53,12 +54,6 @@ CLASS = {
     "zoe/mine.py": (IMPORTS % "zoe", "checked", "right", "10", ""),
     "zora/mine.py": (IMPORTS % "zora", "checked", "right", "10", ""),
 }
-
-
-def write(folder, texts):
-    for name, text in texts.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
 
 
 @pytest.fixture

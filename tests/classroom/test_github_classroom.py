@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.classroom.conftest import write
 from tests.time_limit import HANGS_AFTER_S
 
 WORKFLOW = Path(__file__).parents[2] / "docs/examples/classroom.yml"
@@ -37,11 +38,9 @@ def run_steps(workflow, tmp_path, cache):
     output, summary = tmp_path / "output", tmp_path / "summary"
 
     def call(stepper):
-        for folder in (temp, repository / ".github/workflows", repository / "x"):
-            folder.mkdir(parents=True)
-        (repository / "stepper.py").write_text(stepper)
-        (repository / "x/other.py").write_text("def other(): ...\n")
-        (repository / ".github/workflows/classroom.yml").write_text(WORKFLOW.read_text())
+        files = {"stepper.py": stepper, "x/other.py": "def other(): ...\n"}
+        write(repository, {**files, ".github/workflows/classroom.yml": WORKFLOW.read_text()})
+        temp.mkdir()
         environment = {
             **os.environ,
             **workflow["env"],

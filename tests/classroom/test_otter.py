@@ -16,7 +16,6 @@ from tests.classroom.test_github_classroom import EULER, MIDPOINT
 from tests.time_limit import HANGS_AFTER_S
 
 TESTS = Path(__file__).parents[2] / "docs/examples/otter/tests"
-RIGHT = "All test cases passed!"
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +47,7 @@ def otter(tmp_path_factory, cache):
 @pytest.mark.parametrize(
     ("text", "points", "says"),
     [
-        (MIDPOINT, 10.0, RIGHT),
+        (MIDPOINT, 10.0, "All test cases passed!"),
         (EULER, 2.0, "this is explicit-euler; its order is 1"),
         ("def other(): ...\n", 0.0, "there is no function step("),
     ],

@@ -8,12 +8,7 @@ import pytest
 
 from ropeode.classroom import stepper_submissions, trajectory_submissions
 from ropeode.errors import InputError
-
-
-def write(folder, texts):
-    for name, text in texts.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
+from tests.classroom.conftest import write
 
 
 @pytest.fixture
