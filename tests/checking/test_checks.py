@@ -27,8 +27,7 @@ NOT_KEPT = {"conserves_energy": False, "reversible": False}
     ("step", "order", "claims"),
     [
         (steps.velocity_verlet, 2, {}),
-        # In loops and in Python, so without what takes long.
-        (steps.own_forces, 1, {"symplectic": True, "quick": True}),
+        pytest.param(steps.own_forces, 1, {"quick": True}, marks=pytest.mark.slow),
         pytest.param(steps.in_loops, 1, {"symplectic": True}, marks=pytest.mark.slow),
         pytest.param(steps.rk4, 4, {"symplectic": False}, marks=pytest.mark.slow),
         pytest.param(steps.euler, 1, NOT_KEPT, marks=pytest.mark.slow),
@@ -144,7 +143,7 @@ def test_a_step_that_changes_after_many_calls_is_not_deterministic(most):
     assert [finding.status for finding in report.findings] == ["fail", "skip"]
 
 
-@pytest.mark.parametrize("nodes", [3, pytest.param(5 + 12, marks=pytest.mark.slow), 257])
+@pytest.mark.parametrize("nodes", [3, pytest.param(257, marks=pytest.mark.slow)])
 def test_another_formula_for_one_number_of_nodes_is_found(nodes):
     def step(rhs, t, y, dt, args):
         return (steps.euler if y.shape[1] == nodes else steps.rk4)(rhs, t, y, dt, args)

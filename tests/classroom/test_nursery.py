@@ -39,8 +39,9 @@ LIVES = ("raised", "it lives, in 0 files")
 LINE = "from ropeode import sandbox\nline = sandbox._this.stream\n"
 # By the harm: the status of the submission, and what the message says.
 HARM = {
-    "open('left', 'w')": ("raised", "it lives, in 1 files"),
-    "import builtins, numpy\nbuiltins.left = 1\nnumpy.sum = None": LIVES,
+    "import builtins, numpy\nbuiltins.left = open('left', 'w')\nnumpy.sum = None": (
+        *("raised", "it lives, in 1 files"),
+    ),
     "os.fork()\nwhile True: pass": ("out of time", "within 1 s of processor time, during 'harm'"),
     # What it starts counts too, but what they share counts once. And no more than needed: taking
     # memory costs processor time, of which it has a second.
@@ -48,7 +49,6 @@ HARM = {
         *("out of memory", "it needed more than 300 MiB of memory, during 'harm'"),
     ),
     "for _ in range(3):\n if os.fork() == 0: time.sleep(1000)\ntime.sleep(0.5)": LIVES,
-    "os._exit(7)": ("crashed", "ended its process (exit code 7), during 'harm'"),
     # A signal takes its time.
     "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(3)": ("crashed", "killed its parent"),
     "with open(f'/proc/{os.getppid()}/stat') as stat:\n"
@@ -57,25 +57,21 @@ HARM = {
     ),
     "os.kill(0, signal.SIGKILL)": ("crashed", "killed its parent process (SIGKILL)"),
     # What it writes wherever it can is not taken for a report, nor listened to for ever.
-    SAYS.format(b"[1]\n{"): LIVES,
     SAYS.format(b"\n" + FORGED.encode() + b"\n"): LIVES,
     SAYS.format(b"x" * 2**20).replace("try: ", "try:\n  while True: "): ("out of time", "within"),
     # Half a report.
     f"{LINE}line.line.sendall(line.packed(b'r', b'{{}}')[:-1])\nos._exit(7)": (
-        *("crashed", "it ended its process (exit code 7)"),
+        *("crashed", "it ended its process (exit code 7), during 'harm'"),
     ),
     # What stays in a session of its own keeps nobody waiting.
     "if os.fork() == 0:\n os.setsid()\n time.sleep(1000)": LIVES,
 }
-# What a process says of itself, and ends: a whole report, half a one, none.
+# What a process says of itself, and ends: a report, and what is none.
 REPORTS = {
     FORGED: "checked",
-    FORGED[:-9]: "crashed",
-    FORGED.replace("right", "<b>"): "crashed",
     json.dumps({**json.loads(FORGED), "order": 10**400}): "crashed",
     json.dumps({**json.loads(FORGED), "page": "<script>"}): "crashed",
     json.dumps({**json.loads(FORGED), "report": [["Drawing", ["<svg>"]]]}): "crashed",
-    "[" * 100_000: "crashed",
     "\udcff": "crashed",
 }
 # What the last one finds, which begins when the others have done what they do.
