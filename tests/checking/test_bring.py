@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import json
 import os
 import random
 import subprocess
@@ -25,6 +26,7 @@ from ropeode.render import format_check
 from ropeode.simulation import on_user_clock, simulate
 from tests.checking import steps
 from tests.checking.mutants.all import MUTANTS
+from tests.checking.no_time_limit import SECONDS
 from tests.time_limit import HANGS_AFTER_S
 
 
@@ -160,10 +162,6 @@ def test_a_report_stands_whatever_becomes_of_the_diagnosis(monkeypatch):
     ended.set()
 
 
-class LeftOff(BaseException):
-    pass
-
-
 def test_a_check_that_is_left_off_ends_in_a_step_that_does_not():
     begun, ended = threading.Event(), threading.Event()
 
@@ -177,9 +175,9 @@ def test_a_check_that_is_left_off_ends_in_a_step_that_does_not():
 
     def progress(*_):
         if begun.is_set():
-            raise LeftOff
+            raise KeyboardInterrupt
 
-    with pytest.raises(LeftOff):
+    with pytest.raises(KeyboardInterrupt):
         check_stepper(hangs, only=["purity"], time_limit=HANGS_AFTER_S, progress=progress)
     assert ended.wait(HANGS_AFTER_S)
 
@@ -353,13 +351,21 @@ def test_what_cannot_be_checked_is_refused_before_anything_runs(given, settings,
         check_stepper(given, **settings)
 
 
-def test_a_file_and_a_name(tmp_path):
-    file = tmp_path / "mine.py"
+def test_the_command_its_exit_codes_and_the_file_that_it_writes(run, tmp_path):
+    file, name = tmp_path / "mine.py", "mine.py:step"
     file.write_text("def step(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n")
-    report = check_stepper(f"{file}:step", 1, only=["first-sample"])
-    assert report.passed
-    assert report.label.endswith("mine.py:step")
-    # Of one that raises it is said whose fault it is.
+    words = ("--only", "order-driven", "--time-limit", str(SECONDS))
+    right = run("check", name, "--order", "1", *words)
+    assert right.returncode == 0
+    assert "Right: 1 of 1 check" in right.stdout
+    wrong = run("check", name, "--order", "2", *words, "--quick", "--out", "report.json")
+    assert (wrong.returncode, wrong.stdout) == (1, "")
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert (report["label"], report["verdict"]) == (name, "wrong")
+    bad = run("check", "mine.py:stp", "--order", "1", *words)
+    assert bad.returncode == 2
+    assert "did you mean 'step'" in bad.stderr
+    # Of a file that raises it is said whose fault it is.
     file.write_text("import nonexistent_package\n")
     with pytest.raises(UserCodeError, match="nonexistent_package"):
         check_stepper(f"{file}:step")

@@ -9,7 +9,7 @@ import matplotlib
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from docs.teach.figures import FIGURES, SLIDE, narrow, write
+from docs.teach.figures import FIGURES, SLIDE, write
 from ropeode.errors import InputError
 from ropeode.precision import in_float64
 from ropeode.progress import silent
@@ -65,14 +65,3 @@ def test_the_page_names_each_figure_and_no_other_is_written(tmp_path):
     with pytest.raises(InputError, match=f"figure: 'energie' given; allowed: .*{CHEAP}"):
         write(tmp_path / "a", ["energie"], silent)
     assert not (tmp_path / "a").exists()
-
-
-@pytest.mark.parametrize(
-    "lines",
-    [
-        ["rk4:", "order 3.982 [3.954, 4.036]"],
-        ["stormer-verlet:start=rest,", "damping=per-step:", "does not converge"],
-    ],
-)
-def test_labels_have_short_lines(lines):
-    assert narrow(" ".join(lines).replace("rest, ", "rest,")).splitlines() == lines
