@@ -175,6 +175,7 @@ def test_all_digits_are_not_few(step):
     assert not check_stepper(step, only=["float32"], diagnose=False).failed
 
 
+@pytest.mark.slow
 def test_steps_in_parts_are_right_in_all_units():
     """More exact in some than in others."""
 

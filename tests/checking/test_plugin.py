@@ -42,9 +42,6 @@ def test_wrong_order(ropeode):
 def test_converges(ropeode):
     ropeode.assert_converges(euler)
 
-def test_energy(ropeode):
-    ropeode.assert_conserves_energy(verlet)
-
 def test_energy_grows(ropeode):
     ropeode.assert_conserves_energy(euler)
 
@@ -80,7 +77,7 @@ def test_format(ropeode):
 def test_verdicts_reports_and_properties(pytester):
     pytester.makepyfile(test_steps=STEPS + TESTS)
     result = pytester.runpytest("--strict-markers", "-W", "error", "--junitxml=found.xml")
-    result.assert_outcomes(passed=5, failed=4)
+    result.assert_outcomes(passed=4, failed=4)
     text = result.stdout.str()
     for words in (
         "Check of euler: claimed to be of order 2",

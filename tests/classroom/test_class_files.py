@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -82,8 +84,8 @@ def shared(tmp_path_factory, small_rope):
     return folder
 
 
-def outcomes(folder, shared, order=2):
-    arguments = {"dts": None, "expected_order": order, "method": None}
+def outcomes(folder, shared):
+    arguments = {"dts": None, "expected_order": 2, "method": None}
     asked = Trajectories(
         2048.0, values=PROBLEM, folder=".", arguments=arguments, truth="", time_limit=60.0
     )
@@ -104,8 +106,8 @@ def test_files_are_judged_as_by_the_command(tmp_path, shared, small_rope):
     assert tuple(found["anna"].findings) == OF_FILES
     report = grade(sorted((tmp_path / "anna").iterdir()), small_rope, expected_order=2)
     assert found["anna"].findings == {each.check: each.status for each in report.findings}
-    assert outcomes(tmp_path, shared, order=1)["bert"].verdict == "right"
     # No submission solves the problem again: what is right is told by the reference that is there.
+    shutil.rmtree(tmp_path / "bert")
     known = reference(small_rope)
     states = np.array(known.states)
     states[1:] += 0.1
