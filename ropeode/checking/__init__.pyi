@@ -7,7 +7,6 @@ from .check_context import reference_of as reference_of
 from .check_ropes import check_rope as check_rope
 from .check_ropes import convergence_problems as convergence_problems
 from .check_ropes import generic as generic
-from .check_ropes import hanging as hanging
 from .check_ropes import undamped as undamped
 from .checks import CHECKS as CHECKS
 from .checks import SLOW as SLOW

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.steppers import Phase, Stepper, as_stepper
+from ropeode.steppers import as_stepper
 from tests.checking.mutants.originals import ORIGINALS, trajectory
 
 
@@ -33,17 +33,11 @@ TABLEAUS: dict[str, tuple[int, list[list[float]], list[float]]] = {
     "heun3": (3, [[], [1 / 3], [0, 2 / 3]], [1 / 4, 0, 3 / 4]),
     "ssprk3": (3, [[], [1], [1 / 4, 1 / 4]], [1 / 6, 1 / 6, 2 / 3]),
     "bogacki-shampine": (3, [[], [1 / 2], [0, 3 / 4]], [2 / 9, 1 / 3, 4 / 9]),
-    "three-eighths": (
-        4,
-        [[], [1 / 3], [-1 / 3, 1], [1, -1, 1]],
-        [1 / 8, 3 / 8, 3 / 8, 1 / 8],
-    ),
+    "three-eighths": (4, [[], [1 / 3], [-1 / 3, 1], [1, -1, 1]], [1 / 8, 3 / 8, 3 / 8, 1 / 8]),
     "ralston4": (
         4,
         [
-            [],
-            [0.4],
-            [0.29697760924775360, 0.15875964497103583],
+            *([], [0.4], [0.29697760924775360, 0.15875964497103583]),
             [0.21810038822592047, -3.0509651486929308, 3.8328647604670103],
         ],
         [0.17476028226269037, -0.55148066287873294, 1.2055355993965235, 0.17118478121951903],
@@ -51,10 +45,7 @@ TABLEAUS: dict[str, tuple[int, list[list[float]], list[float]]] = {
     "dormand-prince5": (
         5,
         [
-            [],
-            [1 / 5],
-            [3 / 40, 9 / 40],
-            [44 / 45, -56 / 15, 32 / 9],
+            *([], [1 / 5], [3 / 40, 9 / 40], [44 / 45, -56 / 15, 32 / 9]),
             [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
             [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
         ],
@@ -86,10 +77,6 @@ def composed(fractions: list[float]) -> Callable:
         return x, v
 
     return step
-
-
-_CUBE = 1 / (2 - 2 ** (1 / 3))
-_SUZUKI = 1 / (4 - 4 ** (1 / 3))
 
 
 def split(drifts: list[float], kicks: list[float]) -> Callable:
@@ -126,9 +113,6 @@ def implicit(stages: list[list[float]], nodes: list[float], weights: list[float]
     return step
 
 
-_ROOT = 3**0.5 / 6
-
-
 def heun_in_numpy(rhs, t, y, dt, args):
     """As one writes it who saves memory: in place, but in its own arrays."""
     y = np.array(y)
@@ -139,101 +123,45 @@ def heun_in_numpy(rhs, t, y, dt, args):
     return y
 
 
-def rk4_with_lists(acceleration, t, x, v, dt, args):
+def rk4_with_lists(rhs, t, y, dt, args):
     """Number by number, without arrays, and back again."""
-    x, v = np.asarray(x), np.asarray(v)
+    numbers, shape = np.ravel(y).tolist(), np.shape(y)
 
-    def at(c, dx, dv):
-        there = [
-            [
-                [a + c * dt * b for a, b in zip(row, d, strict=True)]
-                for row, d in zip(y, dy, strict=True)
-            ]
-            for y, dy in ((x.tolist(), dx), (v.tolist(), dv))
-        ]
-        a = acceleration(t + c * dt, np.array(there[0]), np.array(there[1]), args)
-        return there[1], a.tolist()
+    def slopes(c, before):
+        there = [number + c * dt * slope for number, slope in zip(numbers, before, strict=True)]
+        return np.ravel(rhs(t + c * dt, np.reshape(there, shape), args)).tolist()
 
-    k1 = at(0.0, v.tolist(), v.tolist())
-    k2 = at(0.5, *k1)
-    k3 = at(0.5, *k2)
-    k4 = at(1.0, *k3)
-    mean = [
-        sum(w * np.array(k[i]) for w, k in zip((1, 2, 2, 1), (k1, k2, k3, k4), strict=True)) / 6
-        for i in (0, 1)
+    k1 = slopes(0.0, [0.0 for _ in numbers])
+    k2 = slopes(0.5, k1)
+    k3 = slopes(0.5, k2)
+    k4 = slopes(1.0, k3)
+    new = [
+        number + dt / 6 * (a + 2 * b + 2 * c + d)
+        for number, a, b, c, d in zip(numbers, k1, k2, k3, k4, strict=True)
     ]
-    return x + dt * mean[0], v + dt * mean[1]
-
-
-class Slopes(NamedTuple):
-    y: Any
-    last: Any
-
-
-class AdamsBashforth2(Stepper):
-    """Two slopes; the one before the first is made by a step of Heun's method backward."""
-
-    name = "adams-bashforth-2"
-    needs = "any ODE"
-    symplectic = False
-    source = "Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, (III.1.5)"
-    equal_frames = True
-
-    def order(self, problem_class):
-        return 2
-
-    def init(self, system, t, y, dt):
-        slope = system.rhs(t, y)
-        before = y + -dt / 2 * (slope + system.rhs(t - dt, y + -dt * slope))
-        return Slopes(y, system.rhs(t - dt, before))
-
-    def step(self, system, t, carried, dt):
-        slope = system.rhs(t, carried.y)
-        return Slopes(carried.y + dt * (1.5 * slope + -0.5 * carried.last), slope)
-
-    def state(self, system, t, carried, dt):
-        return carried.y
-
-
-class Beeman(Stepper):
-    """Positions by the last two accelerations; with damping taken from a predicted velocity."""
-
-    name = "beeman"
-    needs = "second order"
-    symplectic = False
-    source = "D. Beeman, J. Comput. Phys. 20 (1976)"
-    equal_frames = True
-
-    def order(self, problem_class):
-        return 2
-
-    def init(self, system, t, y, dt):
-        a = system.acceleration(t, y.x, y.v)
-        before = system.acceleration(t - dt, y.x - dt * y.v + dt**2 / 2 * a, y.v - dt * a)
-        return Slopes(Slopes(y.x, y.v), Slopes(a, before))
-
-    def step(self, system, t, carried, dt):
-        (x, v), (a, before) = carried
-        x_new = x + dt * v + dt**2 / 6 * (4 * a - before)
-        guess = v + dt / 2 * (3 * a - before)
-        a_new = system.acceleration(t + dt, x_new, guess)
-        v_new = v + dt / 6 * (2 * a_new + 5 * a - before)
-        return Slopes(Slopes(x_new, v_new), Slopes(system.acceleration(t + dt, x_new, v_new), a))
-
-    def state(self, system, t, carried, dt):
-        return Phase(*carried.y)
+    return np.reshape(new, shape)
 
 
 _STRUCTURE = {"symplectic": True, "reversible": True}
 # ropeode's own, with the options that change their order.
 _OWN = (
-    "explicit-euler",
-    "semi-implicit-euler",
-    "velocity-verlet",
-    "stormer-verlet",
+    *("explicit-euler", "semi-implicit-euler", "velocity-verlet", "stormer-verlet", "rk4"),
     "stormer-verlet:damping=lagged",
-    "rk4",
 )
+
+
+def _by_iteration(order: int, *method: Any, **more: bool) -> tuple[Any, dict[str, Any]]:
+    return implicit(*method), {"expected_order": order, **more}
+
+
+_CUBE = 1 / (2 - 2 ** (1 / 3))
+_SUZUKI = 1 / (4 - 4 ** (1 / 3))
+_ROOT = 3**0.5 / 6
+_YOSHIDA = [_CUBE, 1 - 2 * _CUBE, _CUBE]
+_SUZUKI4 = [_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI, _SUZUKI, _SUZUKI]
+_GAUSS = [[1 / 4, 1 / 4 - _ROOT], [1 / 4 + _ROOT, 1 / 4]], [1 / 2 - _ROOT, 1 / 2 + _ROOT]
+_RUTH = [7 / 24, 3 / 4, -1 / 24], [2 / 3, -2 / 3, 1]
+_MCLACHLAN = [1 - 0.5**0.5, 0.5**0.5], [0.5**0.5, 1 - 0.5**0.5]
 
 RIGHT: dict[str, tuple[Any, dict[str, Any]]] = {
     **{
@@ -246,44 +174,21 @@ RIGHT: dict[str, tuple[Any, dict[str, Any]]] = {
         for name, (order, stages, weights) in TABLEAUS.items()
     },
     # H. Yoshida, Phys. Lett. A 150 (1990); M. Suzuki, Phys. Lett. A 146 (1990).
-    "yoshida4": (
-        composed([_CUBE, 1 - 2 * _CUBE, _CUBE]),
-        {"expected_order": 4, **_STRUCTURE},
-    ),
-    "suzuki4": (
-        composed([_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI, _SUZUKI, _SUZUKI]),
-        {"expected_order": 4, **_STRUCTURE},
-    ),
+    "yoshida4": (composed(_YOSHIDA), {"expected_order": 4, **_STRUCTURE}),
+    "suzuki4": (composed(_SUZUKI4), {"expected_order": 4, **_STRUCTURE}),
     # R. Ruth, IEEE Trans. Nucl. Sci. 30 (1983).
-    "ruth3": (
-        split([7 / 24, 3 / 4, -1 / 24], [2 / 3, -2 / 3, 1]),
-        {"expected_order": 3, "symplectic": True},
-    ),
+    "ruth3": (split(*_RUTH), {"expected_order": 3, "symplectic": True}),
     # R. McLachlan, SIAM J. Sci. Comput. 16 (1995): two kicks with the smallest error.
-    "mclachlan2": (
-        split([1 - 0.5**0.5, 0.5**0.5], [0.5**0.5, 1 - 0.5**0.5]),
-        {"expected_order": 2, "symplectic": True},
+    "mclachlan2": (split(*_MCLACHLAN), {"expected_order": 2, "symplectic": True}),
+    "implicit-midpoint": _by_iteration(2, [[1 / 2]], [1 / 2], [1], **_STRUCTURE),
+    "trapezium": _by_iteration(
+        2, [[0, 0], [1 / 2, 1 / 2]], [0, 1], [1 / 2, 1 / 2], reversible=True
     ),
-    "implicit-midpoint": (
-        implicit([[1 / 2]], [1 / 2], [1]),
-        {"expected_order": 2, **_STRUCTURE},
-    ),
-    "trapezium": (
-        implicit([[0, 0], [1 / 2, 1 / 2]], [0, 1], [1 / 2, 1 / 2]),
-        {"expected_order": 2, "reversible": True},
-    ),
-    "gauss4": (
-        implicit(
-            [[1 / 4, 1 / 4 - _ROOT], [1 / 4 + _ROOT, 1 / 4]],
-            [1 / 2 - _ROOT, 1 / 2 + _ROOT],
-            [1 / 2, 1 / 2],
-        ),
-        {"expected_order": 4, **_STRUCTURE},
-    ),
-    "implicit-euler": (implicit([[1]], [1], [1]), {"expected_order": 1}),
+    "gauss4": _by_iteration(4, *_GAUSS, [1 / 2, 1 / 2], **_STRUCTURE),
+    "implicit-euler": _by_iteration(1, [[1]], [1], [1]),
     "heun in NumPy": (heun_in_numpy, {"expected_order": 2}),
     "rk4 with lists": (rk4_with_lists, {"expected_order": 4}),
-    "adams-bashforth-2": (AdamsBashforth2, {}),
-    "beeman": (Beeman, {}),
+    "adams-bashforth-2": (as_stepper("adams-bashforth2"), {}),
+    "beeman": (as_stepper("beeman"), {}),
     **{f"ropeode {name}": (as_stepper(name), {"method": name}) for name in _OWN},
 }

@@ -22,35 +22,24 @@ COMMANDS = [
 ]
 
 
-def run_job(folder: Path) -> list[int]:
-    """The exit code of each command, in a folder with the step and its test."""
-    (folder / "test_steps.py").write_text(SHOWN["py"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file", "codes", "says"),
+    [("steps.py", [0, 0, 0], "velocity_verlet"), ("lagged.py", [1, 1, 0], "WRONG")],
+)
+def test_the_job_passes_a_right_stepper_and_shows_the_report_on_a_wrong_one(
+    file, codes, says, tmp_path
+):
+    shutil.copy(DOCS / "examples" / file, tmp_path / "steps.py")
+    (tmp_path / "test_steps.py").write_text(SHOWN["py"])
     environment = {
         **os.environ,
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "GITHUB_STEP_SUMMARY": str(folder / "summary.md"),
+        "GITHUB_STEP_SUMMARY": str(tmp_path / "summary.md"),
     }
-    return [
-        subprocess.run(
-            each, shell=True, cwd=folder, env=environment, capture_output=True
-        ).returncode
-        for each in COMMANDS
-    ]
-
-
-@pytest.mark.slow
-def test_a_right_stepper_passes(tmp_path):
-    shutil.copy(DOCS / "examples/steps.py", tmp_path)
-    assert run_job(tmp_path) == [0, 0, 0]
-    assert (
-        'name="ropeode.velocity_verlet.order-driven.position"'
-        in (tmp_path / "orders.xml").read_text()
-    )
-    assert "velocity_verlet" in (tmp_path / "summary.md").read_text()
-
-
-@pytest.mark.slow
-def test_a_wrong_stepper_fails_and_the_report_is_shown(tmp_path):
-    shutil.copy(DOCS / "examples/lagged.py", tmp_path / "steps.py")
-    assert run_job(tmp_path) == [1, 1, 0]
-    assert "WRONG" in (tmp_path / "summary.md").read_text()
+    for command, code in zip(COMMANDS, codes, strict=True):
+        done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment)
+        assert done.returncode == code
+    assert says in (tmp_path / "summary.md").read_text()
+    orders = (tmp_path / "orders.xml").read_text()
+    assert 'name="ropeode.velocity_verlet.order-driven.position"' in orders

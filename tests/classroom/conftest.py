@@ -1,33 +1,17 @@
-"""Commands of a class, run as processes, and what they write."""
+"""The files of a class, and what is read of its grade book."""
 
 from __future__ import annotations
 
 import csv
-import os
-import subprocess
-import sys
 
 import pytest
 
-from tests.time_limit import HANGS_AFTER_S
 
-
-@pytest.fixture
-def ropeode(cache, tmp_path):
-    """Run the command as a process in an empty folder."""
-
-    def call(*words):
-        return subprocess.run(
-            [sys.executable, "-m", "ropeode", *words],
-            capture_output=True,
-            text=True,
-            timeout=HANGS_AFTER_S,
-            cwd=tmp_path,
-            env={**os.environ, "XDG_CACHE_HOME": cache},
-            check=False,
-        )
-
-    return call
+def write(folder, texts):
+    """Write texts to the files of these names."""
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
 
 
 @pytest.fixture

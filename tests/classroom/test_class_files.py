@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import re
+import shutil
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from tests.checking.trajectory_writing import node_values, write_csv, write_npz
 
 STEPS = (16, 32, 64, 128)
 PROBLEM = {"problem": "rope", "frames": "3", "rope": {"num_nodes": "4"}}
+HEADS = ("status", "verdict", "points")
 WORDS = ("--problem", "rope", "--num-nodes", "4", "--frames", "3", "--order", "2")
 
 
@@ -31,91 +31,49 @@ def write(folder, problem, method="velocity-verlet", steps=STEPS, write=write_cs
         write(folder / f"rope-{count}{suffix}", run.times, values, dt=run.dt, **how)
 
 
-@pytest.fixture
-def a_class(tmp_path, small_rope):
-    folder = tmp_path / "class"
-    write(folder / "right", small_rope)
-    write(folder / "copied", small_rope, write=write_npz)
-    write(folder / "nested/my project", small_rope, digits="%.12g")
-    write(folder / "undamped", Rope(num_nodes=4, damping=0.0).problem(frames=3))
-    write(folder / "few", small_rope, steps=(16, 32))
-    write(folder / "mixed", small_rope)
-    (folder / "mixed/rope-32.csv").write_text("t,node,x,y\n")
-    write(folder / "other", Rope(num_nodes=5).problem(frames=3))
-    (folder / "empty").mkdir()
-    (folder / "blank").mkdir()
-    (folder / "random").mkdir()
-    for number in range(3):
-        (folder / f"blank/{number}.csv").write_text("")
-        noise = np.random.default_rng(number).bytes(2000)
-        (folder / f"random/{number}.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + noise)
-    return folder
-
-
-# By its name: status, verdict, points, and what the message says.
-EXPECTED = {
-    "blank": ("refused", "", "0", "blank/0.csv, line 1: 'nothing' given"),
-    "copied": ("checked", "right", "10", ""),
-    "empty": ("refused", "", "0", "there is no file in the folder empty that ends in .csv"),
-    "few": ("refused", "", "0", "files: 2 given; allowed: at least 3"),
-    "mixed": ("refused", "", "0", "mixed/rope-32.csv"),
-    "nested": ("checked", "right", "10", ""),
-    "other": ("refused", "", "0", "the problem has nodes 0 to 3 only"),
-    "random": ("refused", "", "0", "random/0.nc"),
-    "right": ("checked", "right", "10", ""),
-    "undamped": ("checked", "wrong", "2", "the rope with damping 0 instead of 0.01"),
-}
-
-
-@pytest.mark.slow
-def test_each_submission_has_its_row_and_is_not_graded_again(ropeode, rows_in, a_class, tmp_path):
-    words = ("grade", "class", *WORDS, "-o", "out")
-    done = ropeode(*words)
-    assert (done.returncode, done.stdout) == (2, "")
-    rows = rows_in(tmp_path / "out")
-    assert list(rows) == sorted(EXPECTED)
-    for name, (status, verdict, points, message) in EXPECTED.items():
-        row = rows[name]
-        assert (row["status"], row["verdict"], row["points"]) == (status, verdict, points), row
-        assert message in row["message"], row
-    assert rows["right"]["marks"] == "same as copied"
-    # Of the same method, but with other digits.
-    assert rows["nested"]["marks"] == ""
-    page = (tmp_path / "out/feedback/undamped.html").read_text()
-    assert "Fix: a -= damping * v / mass" in page
-    assert "Errors over step sizes, order" in page
-
-    write(a_class / "empty", Rope(num_nodes=4).problem(frames=3), "rk4")
-    times = {each.name: each.stat().st_mtime_ns for each in (tmp_path / "out/results").iterdir()}
-    ropeode(*words)
-    again = {each.name: each.stat().st_mtime_ns for each in (tmp_path / "out/results").iterdir()}
-    assert set(times) == {f"{name}.json" for name in EXPECTED if name != "empty"}
-    assert {name for name in again if times.get(name) != again[name]} == {"empty.json"}
-    assert rows_in(tmp_path / "out")["empty"]["verdict"] == "right"
-    # Another problem, with another reference: nothing of before holds.
-    ropeode(*words, "--damping", "0")
-    assert rows_in(tmp_path / "out")["undamped"]["verdict"] == "right"
-
-
+# A problem of one's own, which writes down each time that it is built.
 OWN = """
-from pathlib import Path
-from ropeode import Rope, reference
+from ropeode import Rope
 
 def mine(frames=3):
-    with open("/PATH/built", "a") as file:
+    with open("built", "a") as file:
         file.write("x")
-    return Rope(num_nodes=4).problem(frames=frames)
+    return Rope(num_nodes=4, damping=0.0).problem(frames=frames)
 """
 
 
 @pytest.mark.slow
-def test_a_problem_of_ones_own_is_solved_once(ropeode, a_class, tmp_path):
-    (tmp_path / "own.py").write_text(OWN.replace("/PATH", str(tmp_path)))
-    done = ropeode("grade", "class", "--problem", "own.py:mine", "--order", "2", "--format", "csv")
-    assert done.returncode == 2
-    assert re.search("^right,checked,right,", done.stdout, re.MULTILINE), done.stdout
-    # In the command, and in the processes of those that can be read: all but the empty one.
-    assert len((tmp_path / "built").read_text()) == 1 + len(EXPECTED) - 1
+def test_each_submission_has_its_row_and_is_not_graded_again(run, rows_in, tmp_path, small_rope):
+    (tmp_path / "class/empty").mkdir(parents=True)
+    write(tmp_path / "class/right/my project", small_rope)
+    write(tmp_path / "class/undamped", Rope(num_nodes=4, damping=0.0).problem(frames=3))
+    done = run("grade", "class", *WORDS, "-o", "out")
+    assert (done.returncode, done.stdout) == (2, "")
+    rows = rows_in(tmp_path / "out")
+    assert {name: [row[head] for head in HEADS] for name, row in rows.items()} == {
+        "empty": ["refused", "", "0"],
+        "right": ["checked", "right", "10"],
+        "undamped": ["checked", "wrong", "2"],
+    }
+    assert "the rope with damping 0 instead of 0.01" in rows["undamped"]["message"]
+    page = (tmp_path / "out/feedback/undamped.html").read_text()
+    assert "Fix: a -= damping * v / mass" in page
+    assert "Errors over step sizes, order" in page
+
+    write(tmp_path / "class/empty", small_rope, "rk4")
+    times = {each: each.stat().st_mtime_ns for each in (tmp_path / "out/results").iterdir()}
+    run("grade", "class", *WORDS, "-o", "out")
+    again = {each: each.stat().st_mtime_ns for each in (tmp_path / "out/results").iterdir()}
+    assert [each.name for each in again if times.get(each) != again[each]] == ["empty.json"]
+    assert rows_in(tmp_path / "out")["empty"]["verdict"] == "right"
+
+    # Another problem, with another reference: nothing of before holds.
+    (tmp_path / "own.py").write_text(OWN.replace("built", str(tmp_path / "built")))
+    run("grade", "class", "--problem", "own.py:mine", "--order", "2", "-o", "out")
+    rows = rows_in(tmp_path / "out")
+    assert (rows["undamped"]["verdict"], rows["right"]["verdict"]) == ("right", "wrong")
+    # It is built in the command, and in the process of each submission.
+    assert len((tmp_path / "built").read_text()) == 1 + len(rows)
 
 
 @pytest.fixture(scope="module")
@@ -126,18 +84,13 @@ def shared(tmp_path_factory, small_rope):
     return folder
 
 
-def asked(**changes):
-    arguments = {"dts": None, "expected_order": 2, "method": None, **changes}
-    return Trajectories(
+def outcomes(folder, shared):
+    arguments = {"dts": None, "expected_order": 2, "method": None}
+    asked = Trajectories(
         2048.0, values=PROBLEM, folder=".", arguments=arguments, truth="", time_limit=60.0
     )
-
-
-def outcomes(folder, shared, **changes):
     return {
-        each.name: examined(
-            each.name, each.where, folder, asked(**changes), shared, lambda text: None
-        )
+        each.name: examined(each.name, each.where, folder, asked, shared, lambda text: None)
         for each in trajectory_submissions(folder)
     }
 
@@ -153,8 +106,8 @@ def test_files_are_judged_as_by_the_command(tmp_path, shared, small_rope):
     assert tuple(found["anna"].findings) == OF_FILES
     report = grade(sorted((tmp_path / "anna").iterdir()), small_rope, expected_order=2)
     assert found["anna"].findings == {each.check: each.status for each in report.findings}
-    assert outcomes(tmp_path, shared, expected_order=1)["bert"].verdict == "right"
     # No submission solves the problem again: what is right is told by the reference that is there.
+    shutil.rmtree(tmp_path / "bert")
     known = reference(small_rope)
     states = np.array(known.states)
     states[1:] += 0.1
@@ -181,26 +134,5 @@ def test_behaviour_is_what_the_files_say_at_the_samples(tmp_path, shared, small_
     write(tmp_path / "carla", small_rope, digits="%.12g")
     write(tmp_path / "dora", small_rope, steps=STEPS[:3])
     found = {name: each.behaviour for name, each in outcomes(tmp_path, shared).items()}
-    assert len(found["anna"]) == len(hashlib.sha256().hexdigest())
-    assert found["anna"] == found["bert"]
+    assert found["anna"] == found["bert"] != ""
     assert len({*found.values()}) == 3
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["class", "--problem", "rope", "--format", "html"], "allowed: text, csv, json, of a"),
-        (["class", "--problem", "rope", "-o", "class"], "out: 'class' given; allowed: another"),
-        (["class", "--problem", "rope", "--memory", "0"], "memory: '0' given"),
-        (["class/anna/rope-16.csv", "--problem", "rope", "--memory", "9"], "memory: '9' given"),
-        (["class", "--problem", "rope", "--rubric", "none.toml"], "rubric: 'none.toml' given"),
-        (["class", "--problem", "rope", "--method", "rk5"], "rk5"),
-        (["class/anna", "--problem", "rope"], "files: 'class/anna' given"),
-        (["class"], "problem: 'none' given"),
-    ],
-)
-def test_options_that_cannot_be_used(run, tmp_path, small_rope, words, says):
-    write(tmp_path / "class/anna", small_rope, steps=(16,))
-    done = run("grade", *words)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert says in done.stderr

@@ -11,13 +11,8 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 from tests.laboratory.browser.conftest import axe, chromium, needs_chromium, page  # noqa: F401
 from tests.laboratory.browser.test_accessibility import VIOLATIONS
 
-ORDERS = {
-    "order": {
-        "dt": [0.1, 0.05, 0.025],
-        "expected": 2,
-        "quantities": {"position": {"errors": [4e-2, 2e-2, 1e-2], "observed": 1.0}},
-    }
-}
+ERRORS = {"position": {"errors": [4e-2, 2e-2, 1e-2], "observed": 1.0}}
+ORDERS = {"order": {"dt": [0.1, 0.05, 0.025], "expected": 2, "quantities": ERRORS}}
 REPORT = parts(Grid(["", "finding"], [["ok", "words"]], frozenset({0, 1}), frozenset({1})))
 
 

@@ -8,37 +8,29 @@ import pytest
 
 from ropeode.classroom import stepper_submissions, trajectory_submissions
 from ropeode.errors import InputError
+from tests.classroom.conftest import write
 
 
 @pytest.fixture
 def folder(tmp_path):
-    for name, text in {
-        "anna.py": "def step(): ...\n",
-        "bert/mine.py": "",
-        "carla/a.py": "",
-        "carla/b.py": "",
-        "dora/readme.txt": "",
-        "_solution.py": "",
-        ".hidden/x.py": "",
-        "notes.txt": "",
-    }.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
+    names = ["bert/mine.py", "carla/a.py", "carla/b.py", "dora/readme.txt", "_solution.py"]
+    write(tmp_path, dict.fromkeys([*names, ".hidden/x.py", "notes.txt"], ""))
+    write(tmp_path, {"anna.py": "def step(): ...\n"})
     return tmp_path
 
 
-def by_name(folder, name=None):
-    return {each.name: each for each in stepper_submissions(folder, name)}
+def by_name(folder, name=None, without=None):
+    return {each.name: each for each in stepper_submissions(folder, name, without)}
 
 
 def test_a_file_or_a_subfolder_with_one_file(folder):
     found = by_name(folder)
     assert list(found) == ["anna", "bert", "carla", "dora"]
-    assert found["anna"].where == ("anna.py",)
-    assert found["bert"].where == ("bert/mine.py",)
-    assert found["carla"].where == ()
+    assert [found[name].where for name in found] == [("anna.py",), ("bert/mine.py",), (), ()]
     assert "a.py, b.py" in found["carla"].trouble
     assert "no Python file" in found["dora"].trouble
+    # The grade book may lie among them.
+    assert list(by_name(folder, without=folder / "dora")) == ["anna", "bert", "carla"]
 
 
 def test_a_name_says_which_function_and_which_file(folder):
@@ -52,32 +44,16 @@ def test_a_name_says_which_function_and_which_file(folder):
             stepper_submissions(folder, name)
 
 
-def test_a_folder_without_submissions(tmp_path):
-    (tmp_path / "notes.txt").write_text("")
-    with pytest.raises(InputError, match="has none"):
-        stepper_submissions(tmp_path)
-
-
-def test_the_grade_book_may_lie_among_them(folder):
-    names = [each.name for each in stepper_submissions(folder, without=folder / "dora")]
-    assert names == ["anna", "bert", "carla"]
-
-
-def test_what_cannot_be_read_has_a_row(folder):
-    (folder / "emil.py").symlink_to("nowhere.py")
-    found = by_name(folder)["emil"]
-    assert found.where == ()
-    assert "emil.py cannot be read (No such file" in found.trouble
-
-
-def test_what_is_no_file_is_not_waited_for(folder):
+def test_what_cannot_be_read_has_a_row_and_is_not_waited_for(folder):
     os.mkfifo(folder / "pipe.py")
+    (folder / "broken.py").symlink_to("nowhere.py")
     (folder / "loop.py").symlink_to("loop.py")
     (folder / "endless.py").symlink_to("/dev/zero")
     (folder / "folder.py").mkdir()
-    found = {each.name: each for each in stepper_submissions(folder, without=folder / "dora")}
-    for name in ("pipe", "loop", "endless", "folder.py"):
+    found = by_name(folder, without=folder / "dora")
+    for name in ("pipe", "broken", "loop", "endless", "folder.py"):
         assert (found[name].where, bool(found[name].trouble)) == ((), True)
+    assert "broken.py cannot be read (No such file" in found["broken"].trouble
 
 
 def test_a_name_that_is_not_utf_8_can_be_written(folder):
@@ -92,7 +68,7 @@ def test_a_name_that_is_not_utf_8_can_be_written(folder):
 
 def test_the_digest_is_that_of_all_files_of_a_submission(folder):
     before = {name: each.digest for name, each in by_name(folder).items()}
-    (folder / "carla/b.py").write_text("x = 1\n")
+    write(folder, {"carla/b.py": "x = 1\n"})
     after = {name: each.digest for name, each in by_name(folder).items()}
     assert {name for name in before if before[name] != after[name]} == {"carla"}
 
@@ -119,48 +95,31 @@ def test_what_is_taken_from_ropeode_is_marked(folder, text, marks):
 
 
 def test_a_file_and_a_folder_of_one_name_have_two(folder):
-    (folder / "anna").mkdir()
-    (folder / "anna/step.py").write_text("")
+    write(folder, {"anna/step.py": ""})
     found = by_name(folder)
     assert (found["anna"].where, found["anna.py"].where) == (("anna/step.py",), ("anna.py",))
 
 
-@pytest.fixture
-def trajectories(tmp_path):
-    for name in (
-        "anna/32.csv",
-        "anna/64.CSV",
-        "anna/data/16.npz",
-        "anna/__MACOSX/32.csv",
-        "anna/.cache/8.nc",
-        "anna/rope.cpp",
-        "bert/notes.txt",
-        "_solution/32.csv",
-        "loose.csv",
-    ):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(name)
-    return tmp_path
-
-
-def test_a_subfolder_of_trajectories(trajectories):
-    anna, bert = trajectory_submissions(trajectories)
-    assert (anna.name, anna.where) == ("anna", ("anna/32.csv", "anna/64.CSV", "anna/data/16.npz"))
+def test_a_subfolder_of_trajectories(tmp_path):
+    names = ["anna/32.csv", "anna/64.CSV", "anna/data/16.npz"]
+    others = ["anna/__MACOSX/32.csv", "anna/.cache/8.nc", "anna/rope.cpp"]
+    beside = ["bert/notes.txt", "_solution/32.csv", "loose.csv"]
+    write(tmp_path, {name: name for name in (*names, *others, *beside)})
+    anna, bert = trajectory_submissions(tmp_path)
+    assert (anna.name, anna.where) == ("anna", (*names,))
     assert (bert.name, bert.where) == ("bert", ())
     assert "no file in the folder bert that ends in .csv, .npz, .nc" in bert.trouble
-    assert [each.name for each in trajectory_submissions(trajectories, trajectories / "anna")] == [
-        "bert"
-    ]
+    assert trajectory_submissions(tmp_path, tmp_path / "anna") == [bert]
+    # Only they are in the digest.
+    write(tmp_path, {others[-1]: "mended"})
+    assert trajectory_submissions(tmp_path)[0].digest == anna.digest
+    write(tmp_path, {names[-1]: "computed again"})
+    assert trajectory_submissions(tmp_path)[0].digest != anna.digest
 
 
-def test_the_digest_is_that_of_the_trajectories(trajectories):
-    (before, _) = trajectory_submissions(trajectories)
-    (trajectories / "anna/rope.cpp").write_text("mended")
-    assert trajectory_submissions(trajectories)[0].digest == before.digest
-    (trajectories / "anna/data/16.npz").write_text("computed again")
-    assert trajectory_submissions(trajectories)[0].digest != before.digest
-
-
-def test_files_of_one_program_are_no_class(trajectories):
+def test_a_folder_without_submissions(tmp_path):
+    write(tmp_path, {"notes.txt": ""})
+    with pytest.raises(InputError, match="has none"):
+        stepper_submissions(tmp_path)
     with pytest.raises(InputError, match=r"as in `ropeode grade mine/\*.csv`"):
-        trajectory_submissions(trajectories / "bert")
+        trajectory_submissions(tmp_path)
