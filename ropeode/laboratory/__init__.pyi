@@ -15,6 +15,7 @@ from .drawings import drawing_of as drawing_of
 from .drawings import finite_samples as finite_samples
 from .opening import link_of as link_of
 from .orders import Loaded as Loaded
+from .orders import checked_header as checked_header
 from .own_file import OwnFile as OwnFile
 from .page_files import PAGE as PAGE
 from .recording import answers_in as answers_in
