@@ -7,7 +7,9 @@ from .accuracy_table import check_steppers as check_steppers
 from .accuracy_table import default_steppers as default_steppers
 from .accuracy_table import problem_class as problem_class
 from .curves import Curve as Curve
+from .curves import ErrorCurves as ErrorCurves
 from .curves import error_curves as error_curves
+from .energy import EnergyCurves as EnergyCurves
 from .energy import energy_curves as energy_curves
 from .explanation import ClassOrder as ClassOrder
 from .explanation import Explanation as Explanation
