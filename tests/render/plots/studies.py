@@ -140,14 +140,18 @@ def energies() -> EnergyCurves:
 
 def work() -> WorkPrecision:
     """Certified, unresolved, unstable, diverged and failed runs, one uncounted, a hostile name."""
-    rk4, *others = work_precision().rows
-    hostile = [
-        dataclasses.replace(row, method=HOSTILE) if row.method.startswith("stormer") else row
-        for row in others
-    ]
+
+    def changed(row):
+        """Whose errors differ in each measure."""
+        name = HOSTILE if row.method.startswith("stormer") else row.method
+        largest = row.error_max
+        measures = {"error_final": largest / 2, "energy_error": 4 * largest} if largest else {}
+        return dataclasses.replace(row, method=name, **measures)
+
+    rk4, *others = map(changed, work_precision().rows)
     diverged = work_row("rk4", 4, None, 16, status="diverged")
     wild = work_row("wild", 1e-3, None, 100, energy_error=INFINITE)
-    return work_of(diverged, rk4, *hostile, work_row("uncounted", 1e-2, 1e-3, None), wild)
+    return work_of(diverged, rk4, *others, work_row("uncounted", 1e-2, 1e-3, None), wild)
 
 
 def gap() -> WorkPrecision:
