@@ -112,7 +112,8 @@ STUDIES = {
 def test_what_is_computed_is_legible(kind):
     steppers, steps, options = STUDIES[kind]
     plot, problem = PLOTS[kind], ROPE.problem(frames=3)
-    assert_legible(plot.draw(plot.study(problem, steppers, steps, norm=None, **options)))
+    study = plot.study(problem, steppers, steps_per_frame=steps, norm=None, **options)
+    assert_legible(plot.draw(study))
 
 
 @pytest.mark.slow
