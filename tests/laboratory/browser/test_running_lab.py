@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.browser import LONGEST
 from tests.laboratory.browser.recorded_page import POINTS, link, picture, tab
+from tests.time_limit import HANGS_AFTER_S
 
 # What waits for a text of JavaScript is refused by the page's own rules.
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -23,6 +25,14 @@ ROPE = link(
     ladder=[32],
 )
 DOCS = Path(__file__).parents[3] / "docs"
+
+
+@pytest.fixture(autouse=True)
+def patient(chromium):
+    """What is computed is waited for, however busy the machine is."""
+    expect.set_options(timeout=1000 * HANGS_AFTER_S)
+    yield
+    expect.set_options(timeout=LONGEST)
 
 
 def test_what_is_not_recorded_is_computed(page, start_lab):
