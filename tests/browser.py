@@ -1,9 +1,13 @@
-"""Chromium, an empty page in it, and axe-core: fixtures for tests of pages."""
+"""Chromium, an empty page in it, axe-core, and a server of files: for tests of pages."""
 
 from __future__ import annotations
 
+import functools
+import http.server
 import shutil
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -58,3 +62,24 @@ def axe() -> str:
     if not AXE.exists():
         pytest.skip("axe-core is not installed: make check-page")
     return AXE.read_text()
+
+
+_FILES = http.server.SimpleHTTPRequestHandler
+
+
+class _Quiet(_FILES):
+    # The registry of a machine may have other types, with which browsers run no module.
+    extensions_map = _FILES.extensions_map | {".js": "text/javascript"}
+
+    def log_message(self, *_):
+        """Nothing."""
+
+
+@contextmanager
+def served(folder: Path) -> Iterator[str]:
+    """The address of a folder: browsers refuse some of what a page asks for in files."""
+    handler = functools.partial(_Quiet, directory=folder)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()

@@ -16,6 +16,7 @@ from .drawings import finite_samples as finite_samples
 from .opening import link_of as link_of
 from .opening import opened_with as opened_with
 from .orders import Loaded as Loaded
+from .orders import checked_header as checked_header
 from .own_file import OwnFile as OwnFile
 from .page_files import PAGE as PAGE
 from .recording import answers_in as answers_in

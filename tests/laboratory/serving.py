@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import json
 
 import websockets
@@ -64,18 +65,25 @@ class Page:
                 found[message["key"]] = message
         return found
 
+    async def until_it_waits(self):
+        while (await self.next()).get("text") != "waiting":
+            pass
+
     async def ask(self, ask, key="a"):
         await self.want(**{key: ask})
         return (await self.answers(key))[key]
 
 
-def do(what, number=1):
-    """A question that has the stand-in do something; each number is another question."""
+_NUMBERS = itertools.count(1)
+
+
+def do(what):
+    """A question that has the stand-in do something; no other question is the same."""
     return {
         "kind": "order",
         "problem": {"name": "rope"},
         "stepper": what,
-        "steps_per_frame": [number],
+        "steps_per_frame": [next(_NUMBERS)],
     }
 
 
@@ -93,13 +101,3 @@ async def running(limits=None, file=None, ahead=()):
     finally:
         site.should_exit = True
         await task
-
-
-def in_lab(test, **settings):
-    """Run a coroutine function with a lab."""
-
-    async def run():
-        async with running(**settings) as lab:
-            await test(lab)
-
-    asyncio.run(run())

@@ -1,4 +1,8 @@
-"""A worker without JAX whose questions are orders: the name of the stepper says what to do."""
+"""A worker without JAX whose questions are orders: the name of the stepper says what to do.
+
+Its answers are phase planes that say how many questions this process has begun, which process it
+is, and which version of the file it has.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ from pydantic import TypeAdapter
 from ropeode import sandbox
 from ropeode.errors import InputError
 from ropeode.laboratory import Answering, Loaded
-from ropeode.laboratory.messages import Ask, AskCheck, AskOrder, Order, OwnStepper, Phase, Refused
+from ropeode.laboratory.messages import Ask, AskCheck, AskOrder, OwnStepper, Phase, Refused
 
 
 class StandIn(Answering):
@@ -57,18 +61,12 @@ class StandIn(Answering):
         if does == "spin":
             while True:
                 pass
-        if does == "eat":
-            eaten = [b"x" * 2**24 for _ in range(int(argument))]
-            time.sleep(20)
-            del eaten
         if does == "wait":
             for _ in range(int(argument or 20) * 100):
                 progress("waiting", 0.5)
                 time.sleep(0.01)
-        if does == "large":
-            return Phase(every=self.answered, x_label="", v_label=""), {"x": np.ones(2**20)}
-        words = f"answer {self.answered} of {os.getpid()}, version {self.version}"
-        return order(words), {"x": np.arange(3.0)}
+        found = Phase(every=self.answered, x_label=str(os.getpid()), v_label=str(self.version))
+        return found, {"x": np.ones(2**20 if does == "large" else 3)}
 
     def load(self, version, text, fault):
         if "exit" in text and fault is None:
@@ -82,18 +80,3 @@ class StandIn(Answering):
 
     def refusal(self, error):
         return Refused(message=str(error))
-
-
-def order(words):
-    return Order(
-        stepper="",
-        observed=None,
-        low=None,
-        high=None,
-        verdict="",
-        expected=None,
-        words=words,
-        used=(),
-        left_out=(),
-        constant=None,
-    )

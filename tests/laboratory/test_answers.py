@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import math
+import re
 import shlex
 
 import numpy as np
@@ -16,7 +17,6 @@ from ropeode import accuracy_table, check_stepper, grade, hanging_equilibrium, s
 from ropeode.analysis import frequencies, normal_modes
 from ropeode.checking import CHECKS
 from ropeode.errors import InputError
-from ropeode.laboratory import answer_to
 from ropeode.laboratory.messages import (
     AskCheck,
     AskCommand,
@@ -38,12 +38,13 @@ from ropeode.render import format_check, format_table
 from tests.laboratory.conftest import ROPE, csv_of
 
 LADDER = (4, 16, 32, 64, 96)
-CHOICES = {
-    "rope": ROPE,
-    "undamped and heavy": ProblemChoice(
-        name="rope", parameters={"num_nodes": 4, "damping": 0.0, "node_mass": 2.5}, frames=3
-    ),
-}
+HEAVY = ProblemChoice(
+    name="rope", parameters={"num_nodes": 4, "damping": 0.0, "node_mass": 2.5}, frames=3
+)
+
+
+def run_of(stepper, steps, problem=ROPE):
+    return AskRun(kind="run", problem=problem, stepper=stepper, steps_per_frame=steps)
 
 
 def of_row(row):
@@ -54,21 +55,13 @@ def of_row(row):
 
 
 @pytest.mark.parametrize(
-    ("stepper", "name"),
-    [
-        ("explicit-euler", "rope"),
-        pytest.param("explicit-euler", "undamped and heavy", marks=pytest.mark.slow),
-        *(pytest.param("rk4", name, marks=pytest.mark.slow) for name in CHOICES),
-    ],
+    ("stepper", "choice"),
+    [("explicit-euler", ROPE), pytest.param("rk4", HEAVY, marks=pytest.mark.slow)],
 )
-def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory, name, stepper):
-    choice = CHOICES[name]
+def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory, choice, stepper):
     table = accuracy_table(laboratory.problem(choice), [stepper], LADDER, progress=silent)
     for row in table.rows:
-        question = AskRun(
-            kind="run", problem=choice, stepper=stepper, steps_per_frame=row.steps_per_frame
-        )
-        run, arrays = ask(question)
+        run, arrays = ask(run_of(stepper, row.steps_per_frame, choice))
         assert of_row(run) == of_row(row)
         if row.status == "ok":
             at_frames = arrays["errors"][:: 8 // run.every][1:]
@@ -79,13 +72,11 @@ def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory, name, s
     assert order.observed == expected.order.observed
     assert (order.low, order.high) == (expected.order.ci95 or (None, None))
     assert (order.verdict, order.expected) == (expected.order.verdict, expected.expected)
-    whole = {*order.used, *(each.steps_per_frame for each in order.left_out)}
-    assert whole == {*LADDER}
+    assert {*order.used, *(each.steps_per_frame for each in order.left_out)} == {*LADDER}
 
 
 def test_differences_are_those_of_the_nodes_in_float64(ask, laboratory):
-    question = AskRun(kind="run", problem=ROPE, stepper="rk4", steps_per_frame=32)
-    run, arrays = ask(question)
+    run, arrays = ask(run_of("rk4", 32))
     truth, of_truth = ask(AskTruth(kind="truth", problem=ROPE))
     motion = laboratory.motion(ROPE, silent)
     method = laboratory.method(motion.problem, "rk4", None)
@@ -95,11 +86,8 @@ def test_differences_are_those_of_the_nodes_in_float64(ask, laboratory):
     assert 0.0 < np.abs(wanted).max() < 1e-6
     farthest = np.linalg.norm(arrays["differences"], axis=2).max(axis=1)
     np.testing.assert_allclose(arrays["errors"], farthest, rtol=1e-12, atol=1e-300)
-    energies = motion.energy.curves
-    assert energies == ()
     assert truth.trusted == len(of_truth["bound"]) == len(of_truth["times"]) == 25
-    assert truth.links == ((0, 1), (1, 2), (2, 3))
-    assert truth.fixed == (0,)
+    assert (truth.links, truth.fixed) == (((0, 1), (1, 2), (2, 3)), (0,))
 
 
 def test_the_library_has_every_problem_and_says_what_its_parameters_are(ask):
@@ -121,31 +109,31 @@ def test_the_library_has_every_problem_and_says_what_its_parameters_are(ask):
     assert all(set(each.steppers) <= names for each in library.problems)
 
 
-def test_what_does_not_move_in_a_plane_has_no_film(ask):
-    problem = ProblemChoice(name="lorenz")
-    question = AskFilm(kind="film", problem=problem, steppers=("rk4",), steps_per_frame=16)
-    with pytest.raises(InputError, match="2 or 3 components"):
-        ask(question)
-
-
 @pytest.mark.parametrize(
-    ("problem", "stepper", "steps", "named"),
+    ("question", "named"),
     [
-        (ProblemChoice(name="ropes"), "rk4", 16, "problem"),
-        (ProblemChoice(parameters={"num_nodes": 10**9}), "rk4", 16, "num_nodes"),
-        (ProblemChoice(parameters={"num_nodes": "1000000000"}), "rk4", 16, "num_nodes"),
-        (ProblemChoice(frames=601), "rk4", 16, "frames"),
-        (ProblemChoice(parameters={"colour": 1}), "rk4", 16, "colour"),
-        (ProblemChoice(name="kepler", parameters={"self": 1}), "rk4", 16, "self"),
-        (ROPE, "steps.py:step", 16, "stepper"),
-        (ROPE, "/etc/passwd", 16, "stepper"),
-        (ROPE, "scipy:RK45", 2**20, "steps_per_frame"),
-        (ROPE, "diffrax:Kvaerno3", 2**20, "steps_per_frame"),
-        (ROPE, "constraint-verlet:sweeps=999999999", 16, "steps_per_frame"),
+        (run_of("rk4", 16, ProblemChoice(name="ropes")), "problem"),
+        (run_of("rk4", 16, ProblemChoice(parameters={"num_nodes": 10**9})), "num_nodes"),
+        (run_of("rk4", 16, ProblemChoice(parameters={"num_nodes": "1000000000"})), "num_nodes"),
+        (run_of("rk4", 16, ProblemChoice(frames=601)), "frames"),
+        (run_of("rk4", 16, ProblemChoice(name="kepler", parameters={"self": 1})), "self"),
+        (run_of("steps.py:step", 16), "stepper"),
+        (run_of("/etc/passwd", 16), "stepper"),
+        (run_of("scipy:RK45", 2**20), "steps_per_frame"),
+        (run_of("diffrax:Kvaerno3", 2**20), "steps_per_frame"),
+        (run_of("constraint-verlet:sweeps=999999999", 16), "steps_per_frame"),
+        (
+            AskFilm(
+                kind="film",
+                problem=ProblemChoice(name="lorenz"),
+                steppers=("rk4",),
+                steps_per_frame=16,
+            ),
+            "2 or 3 components",
+        ),
     ],
 )
-def test_what_cannot_be_answered_is_refused_with_the_field(ask, problem, stepper, steps, named):
-    question = AskRun(kind="run", problem=problem, stepper=stepper, steps_per_frame=steps)
+def test_what_cannot_be_answered_is_refused_with_the_field(ask, question, named):
     with pytest.raises(InputError, match=named):
         ask(question)
 
@@ -161,15 +149,6 @@ def test_theory_predicts_what_a_table_predicts(ask, laboratory):
     why, _ = ask(AskTheory(kind="theory", problem=ROPE, stepper="constraint-verlet"))
     assert why.constant is None
     assert why.words.startswith("no error is predicted: ")
-
-
-def test_theory_tells_its_progress(laboratory):
-    told = []
-    question = AskTheory(kind="theory", problem=ROPE, stepper="semi-implicit-euler")
-    answer_to(question, laboratory, lambda *what: told.append(what))
-    words, done = zip(*told, strict=True)
-    assert list(done) == sorted(done)
-    assert {"expanding a step", "the local error"} <= {*words}
 
 
 def test_the_stability_region_is_that_of_an_explanation(ask, laboratory):
@@ -228,19 +207,17 @@ def test_files_are_graded_in_the_words_of_grade(ask, laboratory, tmp_path):
     assert texts[1].split(" (")[0] in words
     assert texts[2 : 2 + len(report.findings)] == [f"{x.check}: {x.line}" for x in report.findings]
     for index, (run, steps) in enumerate(zip(found.runs, (16, 32, 64), strict=True)):
-        own, _ = ask(AskRun(kind="run", problem=ROPE, stepper="rk4", steps_per_frame=steps))
+        own, _ = ask(run_of("rk4", steps))
         assert (run.stepper, run.dt) == (f"{steps}.csv", own.dt)
         assert (run.error_final, run.error_max) == (own.error_final, own.error_max)
         assert arrays[f"{index}.differences"].shape == (4, 4, 2)
     few, _ = ask(question.model_copy(update={"files": question.files[:1]}))
-    assert not few.passed
-    assert len(few.runs) == 1
+    assert (few.passed, len(few.runs)) == (False, 1)
     bad = GivenFile(name="a.csv", text="t,node,x,y\n0,0,zero,1\n")
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=r"a\.csv") as refused:
         ask(question.model_copy(update={"files": (bad, *question.files[:2])}))
-    assert "a.csv" in str(refused.value)
-    assert "/tmp" not in str(refused.value)
-    assert "ropeode-" not in str(refused.value)
+    # Where it was written meanwhile.
+    assert not re.search("/tmp|ropeode-", str(refused.value))
 
 
 @pytest.mark.slow
@@ -257,32 +234,29 @@ def test_a_check_has_the_words_of_check(ask):
     assert whole.lines[1].status == "right"
 
 
-COMMANDS = {
-    "rope": (ROPE, ("rk4", "stormer-verlet:start=rest,damping=lagged")),
-    "changed": (
-        ProblemChoice(
-            name="rope",
-            parameters={
-                "num_nodes": 4,
-                "pinned": [0, 3],
-                "stiffness": 55.5,
-                "initial_velocity": [0.0, 0.125],
-            },
-            frames=3,
-        ),
-        ("explicit-euler",),
-    ),
-    "kepler": (ProblemChoice(name="kepler", frames=5), ("rk4",)),
-    "ellipse": (ProblemChoice(name="kepler", parameters={"eccentricity": 0.25}), ("rk4",)),
+CHANGED = {
+    "num_nodes": 4,
+    "pinned": [0, 3],
+    "stiffness": 55.5,
+    "initial_velocity": [0.0, 0.125],
 }
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["changed", *(pytest.param(n, marks=pytest.mark.slow) for n in COMMANDS if n != "changed")],
+    ("problem", "steppers"),
+    [
+        (ProblemChoice(name="rope", parameters=CHANGED, frames=3), ("explicit-euler",)),
+        pytest.param(
+            *(ROPE, ("rk4", "stormer-verlet:start=rest,damping=lagged")), marks=pytest.mark.slow
+        ),
+        pytest.param(
+            *(ProblemChoice(name="kepler", parameters={"eccentricity": 0.25}), ("rk4",)),
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=["changed", "options", "ellipse"],
 )
-def test_command_and_code_compute_what_is_shown(ask, run, name):
-    problem, steppers = COMMANDS[name]
+def test_command_and_code_compute_what_is_shown(ask, run, problem, steppers):
     ladder = (16, 32)
     question = AskCommand(
         kind="command", problem=problem, steppers=steppers, steps_per_frame=ladder
@@ -290,24 +264,19 @@ def test_command_and_code_compute_what_is_shown(ask, run, name):
     found, _ = ask(question)
     made: dict = {}
     exec(found.python, made)
-    rows = iter(made["table"].rows)
-    for stepper in steppers:
-        for steps in ladder:
-            shown, _ = ask(
-                AskRun(kind="run", problem=problem, stepper=stepper, steps_per_frame=steps)
-            )
-            assert of_row(shown) == of_row(next(rows))
-    if found.command is None:
-        assert name == "ellipse"
+    rows = made["table"].rows
+    shown = [ask(run_of(each, steps, problem))[0] for each in steppers for steps in ladder]
+    assert [of_row(each) for each in shown] == [of_row(row) for row in rows]
+    if problem.name == "kepler":
+        # The command line has no options for it.
+        assert found.command is None
         return
     program, *words = shlex.split(found.command)
     assert program == "ropeode"
     done = run(*words, "--format", "json")
     assert done.returncode == 0, done.stderr
-    printed = json.loads(done.stdout)
-    assert [each["error_max"] for each in printed["rows"]] == [
-        each.error_max for each in made["table"].rows
-    ]
+    printed = json.loads(done.stdout)["rows"]
+    assert [each["error_max"] for each in printed] == [each.error_max for each in rows]
 
 
 @pytest.mark.slow

@@ -11,22 +11,19 @@ import pytest
 from ropeode.laboratory import OwnFile, WatchedFile
 from tests.time_limit import HANGS_AFTER_S
 
+pytestmark = pytest.mark.usefixtures("runner")
+
 STEP = "def {}(rhs, t, y, dt, args):\n    return y + {} * dt * rhs(t, y, args)\n"
 TWO = STEP.format("one", 1) + STEP.format("two", 2)
 
 
-def names(own):
-    return {name: each.facts.version for name, each in own.own.items()}
-
-
 def test_a_file_has_several_steppers_or_the_one_that_is_named():
-    assert OwnFile("steps.py").own["steps.py"].stepper is None
     every, one = OwnFile("steps.py"), OwnFile("steps.py:two")
-    loaded = every.load("v", TWO, None)
-    one.load("w", TWO, None)
-    assert names(every) == {"steps.py:one": "v", "steps.py:two": "v"}
-    assert [each.name for each in loaded.own] == ["steps.py:one", "steps.py:two"]
-    assert names(one) == {"steps.py:two": "w"}
+    assert every.own["steps.py"].stepper is None
+    for own, names in ((every, ["steps.py:one", "steps.py:two"]), (one, ["steps.py:two"])):
+        loaded = own.load("v", TWO, None)
+        assert [each.name for each in loaded.own] == names == [*own.own]
+        assert {each.version for each in loaded.own} == {"v"}
     assert one.own["steps.py:two"].stepper.label == "steps.py:two"
 
 
@@ -53,7 +50,7 @@ def test_a_fault_is_told_with_its_line_and_the_old_stepper_stays(text, words, li
     assert own.load("mended", TWO, None).own[0].fault is None
 
 
-def test_what_it_imports_is_run_again_and_watched(tmp_path):
+async def test_what_it_imports_is_run_again_and_watched(tmp_path):
     helper, path = tmp_path / "of_mine.py", tmp_path / "steps.py"
     path.write_text("import numpy\nfrom of_mine import step as other\n" + STEP.format("step", 3))
     helper.write_text("step = 1\n")
@@ -67,37 +64,39 @@ def test_what_it_imports_is_run_again_and_watched(tmp_path):
         helper.write_text(text)
         # In the same second and of the same size, with times that a clumsy tool has set back.
         os.utime(helper, ns=(0, len(text)))
-        return await asyncio.wait_for(file.changed(), 10)
+        version = await asyncio.wait_for(file.changed(), 10)
+        return version, own.load(version.name, version.text, None)
 
-    second = asyncio.run(change("step = 2\n"))
+    second, _ = await change("step = 2\n")
     assert second.name != first.name
-    own.load(second.name, second.text, None)
     (module,) = (each for name, each in sys.modules.items() if name.endswith(".of_mine"))
     assert module.step == 2
-    third = asyncio.run(change("step = (\n"))
-    loaded = own.load(third.name, third.text, None)
+    _, loaded = await change("step = (\n")
     assert (loaded.own[0].version, loaded.own[0].line) == (second.name, 2)
     assert str(helper) in loaded.files
 
 
-def test_versions_follow_the_text_and_not_the_time(tmp_path, monkeypatch):
+async def test_versions_follow_the_text_and_not_the_time(tmp_path, monkeypatch):
     monkeypatch.setattr("ropeode.laboratory.watch._LOOKS_AGAIN_S", 0.01)
     path = tmp_path / "steps.py"
     path.write_text("1")
     file = WatchedFile(path)
     first = file.newest
 
-    async def changes(change, within=HANGS_AFTER_S):
-        change()
+    async def changed(within=HANGS_AFTER_S):
         return await asyncio.wait_for(file.changed(), within)
 
+    os.utime(path, ns=(1, 1))
     with pytest.raises(TimeoutError):
-        asyncio.run(changes(lambda: os.utime(path, ns=(1, 1)), 0.5))
-    assert asyncio.run(changes(lambda: path.write_text("2"))).text == "2"
-    gone = asyncio.run(changes(path.unlink))
-    assert "cannot be read" in (gone.fault or "")
-    assert asyncio.run(changes(lambda: path.write_text("1"))).name == first.name
-    latin = asyncio.run(changes(lambda: path.write_bytes(b"# coding: latin-1\nx = '\xe9'\n")))
-    assert latin.text.endswith("x = 'é'\n")
-    assert "cannot be read" in (asyncio.run(changes(lambda: path.write_bytes(b"\xe9"))).fault or "")
+        await changed(0.5)
+    path.write_text("2")
+    assert (await changed()).text == "2"
+    path.unlink()
+    assert "cannot be read" in (await changed()).fault
+    path.write_text("1")
+    assert (await changed()).name == first.name
+    path.write_bytes(b"# coding: latin-1\nx = '\xe9'\n")
+    assert (await changed()).text.endswith("x = 'é'\n")
+    path.write_bytes(b"\xe9")
+    assert "cannot be read" in (await changed()).fault
     assert WatchedFile(path).newest.name != file.newest.name

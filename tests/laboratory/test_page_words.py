@@ -1,5 +1,6 @@
 """The texts of the page: the same in all languages, and none is missing."""
 
+import itertools
 import json
 import re
 from pathlib import Path
@@ -43,6 +44,7 @@ def test_every_text_that_the_page_names_exists():
 def test_fixed_words_of_python_are_translated():
     problems = [make() for make in PROBLEMS.values()]
     parameters = [each for problem in problems for each in parameters_of(problem)]
+    switches = options(STEPPERS["stormer-verlet"]).values()
     said = {
         *(f"parameter.{each.name}" for each in parameters),
         *(f"unit.{each.unit}" for each in parameters if each.unit),
@@ -51,13 +53,6 @@ def test_fixed_words_of_python_are_translated():
         *(f"plots.why.{why}" for why in REASONS if why != "unsolved"),
         *(f"found.{status}" for status in get_args(Status) if status != "note"),
         *(f"own.{verdict}" for verdict in get_args(Verdict)),
+        *(f"why.verlet.{start}.{damping}" for start, damping in itertools.product(*switches)),
     }
     assert sorted(said - set(ENGLISH)) == []
-
-
-def test_every_switch_of_verlet_has_its_sentence():
-    choices = options(STEPPERS["stormer-verlet"])
-    assert list(choices) == ["start", "damping"]
-    for start in choices["start"]:
-        for damping in choices["damping"]:
-            assert f"why.verlet.{start}.{damping}" in ENGLISH

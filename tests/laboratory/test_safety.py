@@ -13,7 +13,9 @@ import websockets
 from ropeode.errors import InputError
 from ropeode.laboratory import MOST_TEXT, listening
 from ropeode.laboratory.messages import MOST_WANTED
-from tests.laboratory.serving import do, in_lab
+from tests.laboratory.serving import do
+
+pytestmark = pytest.mark.usefixtures("runner")
 
 
 def test_it_listens_on_this_machine_alone():
@@ -26,87 +28,60 @@ def test_it_listens_on_this_machine_alone():
             other.connect(("127.0.0.2", port))
 
 
-def test_the_token_becomes_a_cookie_and_leaves_the_address():
-    async def test(lab):
-        async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
-            done = await client.get(f"/?token={lab.doorkeeper.token}&a=b")
-            assert (done.status_code, done.headers["location"]) == (303, f"http://{lab.host}/?a=b")
-            cookie = done.headers["set-cookie"].lower()
-            assert "httponly" in cookie
-            assert "samesite=strict" in cookie
-            wrong = await client.get("/?token=wrong")
-            assert wrong.status_code == 403
-            assert "set-cookie" not in wrong.headers
-
-    in_lab(test)
+async def test_the_token_becomes_a_cookie_and_leaves_the_address(lab):
+    async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
+        done = await client.get(f"/?token={lab.doorkeeper.token}&a=b")
+        assert (done.status_code, done.headers["location"]) == (303, f"http://{lab.host}/?a=b")
+        cookie = done.headers["set-cookie"].lower()
+        assert {"httponly", "samesite=strict"} <= {*cookie.split("; ")}
+        wrong = await client.get("/?token=wrong")
+        assert wrong.status_code == 403
+        assert "set-cookie" not in wrong.headers
 
 
-def test_every_answer_carries_the_headers_of_safety():
-    async def test(lab):
-        async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
-            for path in ("/", "/messages.d.ts", "/none", "/?token=wrong", "/../server.py"):
-                headers = (await client.get(path)).headers
-                policy = headers["content-security-policy"]
-                assert "default-src 'self'" in policy
-                assert "unsafe" not in policy
-                assert "frame-ancestors 'none'" in policy
-                assert headers["x-content-type-options"] == "nosniff"
-                assert headers["referrer-policy"] == "no-referrer"
-            assert (await client.get("/%2e%2e/server.py")).status_code == 404
-            assert (await client.post("/")).status_code == 405
-
-    in_lab(test)
+async def test_every_answer_carries_the_headers_of_safety(lab):
+    async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
+        for path in ("/", "/messages.d.ts", "/none", "/?token=wrong", "/../server.py"):
+            headers = (await client.get(path)).headers
+            policy = headers["content-security-policy"]
+            assert "default-src 'self'" in policy
+            assert "unsafe" not in policy
+            assert "frame-ancestors 'none'" in policy
+            assert headers["x-content-type-options"] == "nosniff"
+            assert headers["referrer-policy"] == "no-referrer"
+        assert (await client.get("/%2e%2e/server.py")).status_code == 404
+        assert (await client.post("/")).status_code == 405
 
 
-def test_another_host_is_refused():
-    async def test(lab):
-        host, _, port = lab.host.rpartition(":")
-        async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
-            for name in (
-                "evil.example",
-                f"evil.example:{port}",
-                host,
-                f"{host}:1",
-                f"[::2]:{port}",
-            ):
-                done = await client.get("/messages.d.ts", headers={"Host": name})
-                assert done.status_code == 403, name
-                assert "nowhere else" in done.text
-                with pytest.raises(websockets.InvalidStatus, match="403"):
-                    await lab.connect(name, origin=f"http://{name}")
-            for name in (f"localhost:{port}", f"[::1]:{port}"):
-                done = await client.get("/messages.d.ts", headers={"Host": name})
-                assert done.status_code == 200
-                async with lab.connect(name, origin=f"http://{name}") as page:
-                    await page.ping()
-
-    in_lab(test)
-
-
-def test_another_page_is_refused():
-    async def test(lab):
-        for origin in (None, "http://evil.example", "null", f"https://{lab.host}"):
+async def test_another_host_and_another_page_are_refused(lab):
+    host, _, port = lab.host.rpartition(":")
+    async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
+        others = "evil.example", f"evil.example:{port}", host, f"{host}:1", f"[::2]:{port}"
+        for name in others:
+            done = await client.get("/messages.d.ts", headers={"Host": name})
+            assert done.status_code == 403, name
+            assert "nowhere else" in done.text
             with pytest.raises(websockets.InvalidStatus, match="403"):
-                await lab.connect(origin=origin)
+                await lab.connect(name, origin=f"http://{name}")
+        for name in (f"localhost:{port}", f"[::1]:{port}"):
+            done = await client.get("/messages.d.ts", headers={"Host": name})
+            assert done.status_code == 200
+            async with lab.connect(name, origin=f"http://{name}") as page:
+                await page.ping()
+    for origin in (None, "http://evil.example", "null", f"https://{lab.host}"):
+        with pytest.raises(websockets.InvalidStatus, match="403"):
+            await lab.connect(origin=origin)
 
-    in_lab(test)
 
-
-def cookie(lab, token=None):
-    return {"Cookie": f"{lab.doorkeeper.cookie}={token or lab.doorkeeper.token}"}
-
-
-def test_without_the_token_nothing_is_answered():
-    async def test(lab):
-        for headers in ({}, cookie(lab, "wrong"), {"Cookie": f"other={lab.doorkeeper.token}"}):
-            async with lab.connect(additional_headers=headers) as page:
-                with pytest.raises(websockets.ConnectionClosed) as closed:
-                    await page.recv()
-                assert closed.value.rcvd is not None
-                assert closed.value.rcvd.code == 1008
-                assert "`ropeode lab` printed" in closed.value.rcvd.reason
-
-    in_lab(test)
+async def test_without_the_token_nothing_is_answered(lab):
+    cookie, token = lab.doorkeeper.cookie, lab.doorkeeper.token
+    for given in (None, f"{cookie}=wrong", f"other={token}"):
+        headers = {"Cookie": given} if given else {}
+        async with lab.connect(additional_headers=headers) as page:
+            with pytest.raises(websockets.ConnectionClosed) as closed:
+                await page.recv()
+            assert closed.value.rcvd.code == 1008
+            assert "`ropeode lab` printed" in closed.value.rcvd.reason
 
 
 FAULTY = {
@@ -124,19 +99,15 @@ FAULTY = {
 }
 
 
-def test_a_message_that_is_none_is_refused_with_a_sentence():
-    async def test(lab):
-        async with lab.page() as page:
-            for text, words in FAULTY.items():
-                await page.socket.send(text)
-                refused = await page.next()
-                assert (refused["kind"], refused["key"]) == ("refused", "")
-                assert words in refused["message"]
-                assert len(refused["message"]) < 1000
-            await page.socket.send(b"\x00")
-            assert "allowed: text" in (await page.next())["message"]
-
-    in_lab(test)
+async def test_a_message_that_is_none_is_refused_with_a_sentence(page):
+    for text, words in FAULTY.items():
+        await page.socket.send(text)
+        refused = await page.next()
+        assert (refused["kind"], refused["key"]) == ("refused", "")
+        assert words in refused["message"]
+        assert len(refused["message"]) < 1000
+    await page.socket.send(b"\x00")
+    assert "allowed: text" in (await page.next())["message"]
 
 
 RUN = do("work")
@@ -152,16 +123,12 @@ FAULTY_QUESTIONS = [
 ]
 
 
-def test_a_faulty_question_is_refused_and_those_beside_it_are_answered():
-    async def test(lab):
-        async with lab.page() as page:
-            for ask, words in FAULTY_QUESTIONS:
-                await page.want(bad=ask, good=RUN)
-                answers = await page.answers("bad", "good")
-                assert words in answers["bad"]["message"]
-                assert answers["good"]["kind"] == "order"
-
-    in_lab(test)
+async def test_a_faulty_question_is_refused_and_those_beside_it_are_answered(page):
+    for ask, words in FAULTY_QUESTIONS:
+        await page.want(bad=ask, good=RUN)
+        answers = await page.answers("bad", "good")
+        assert words in answers["bad"]["message"]
+        assert answers["good"]["kind"] == "phase"
 
 
 def anything(draw, depth=0):
@@ -184,7 +151,7 @@ def broken(draw, text):
     return text[:at] + between + text[end:]
 
 
-def test_no_message_kills_the_server(monkeypatch):
+async def test_no_message_kills_the_server(page, monkeypatch):
     # A thousand pauses would be most of the time of this test.
     monkeypatch.setattr("ropeode.laboratory.connection._BETWEEN_S", 0.0)
     draw = random.Random(20)
@@ -198,18 +165,14 @@ def test_no_message_kills_the_server(monkeypatch):
             return draw.randbytes(draw.randrange(200))
         return broken(draw, text) if kind == 1 else text
 
-    async def test(lab):
-        async with lab.page() as page:
-            worker = (await page.ask(do("work", 6)))["words"].split()[3]
-            for _ in range(1000):
-                await page.socket.send(message())
-            await page.want(end=do("work", 7))
-            sentences = []
-            while (said := await page.next())["kind"] == "working" or said["key"] != "end":
-                sentences += [said["message"]] if said["kind"] == "refused" else []
-            assert len(sentences) > 700
-            assert all(sentences)
-            # And none has ended the worker.
-            assert said["words"].split()[3] == worker
-
-    in_lab(test)
+    worker = (await page.ask(do("work")))["x_label"]
+    for _ in range(1000):
+        await page.socket.send(message())
+    await page.want(end=do("work"))
+    sentences = []
+    while (said := await page.next())["kind"] == "working" or said["key"] != "end":
+        sentences += [said["message"]] if said["kind"] == "refused" else []
+    assert len(sentences) > 700
+    assert all(sentences)
+    # And none has ended the worker.
+    assert said["x_label"] == worker

@@ -25,6 +25,7 @@ def problem_of(choice):
 def test_there_are_eight_lessons_and_every_figure():
     names = [scene.name for scene in scenes()]
     assert len(set(names)) == len(names) == 8 + 41
+    assert sorted(verdicts()) == list(range(1, 42))
 
 
 @pytest.mark.parametrize("scene", scenes(), ids=lambda scene: scene.name)
@@ -39,10 +40,6 @@ def test_a_scene_can_be_shown(scene):
     problem = problem_of(scene.state.problem)
     for name in scene.state.steppers:
         assert as_stepper(name).refusal(problem) is None
-
-
-def test_verdicts_are_those_of_the_figures():
-    assert sorted(verdicts()) == list(range(1, 42))
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import dataclasses
 import inspect
 import math
 import pickle
-from pathlib import Path
 
 import diffrax
 import numpy as np
@@ -15,79 +14,51 @@ import pytest
 
 import ropeode
 from ropeode import (
-    CheckReport,
     Ensemble,
     Film,
     Problem,
     Rope,
-    Verification,
     animate,
-    node_paths,
     plot_convergence,
     trajectory_errors,
 )
-from ropeode.analysis import (
-    LyapunovExponent,
-    ObservedOrder,
-    Thresholds,
-    classify_motion,
-    error_series,
-)
-from ropeode.checking import Claims, Finding
+from ropeode.analysis import ObservedOrder, Thresholds, classify_motion, error_series
 from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
 from ropeode.errors import InputError, UserCodeError, call_user_code, full_tracebacks
 from ropeode.problems import PROBLEMS
-from ropeode.references import DOPRI8
 from ropeode.simulation import JaxStepper, simulate, simulate_chunks
 from ropeode.simulation.jax_stepper import jax_stepper
 from ropeode.steppers import Phase, System, as_stepper
-from ropeode.study import NodePath, NodePaths
+from ropeode.study import NodePath
 from ropeode.theory import Growth
+from tests.render.made_up import MADE_UP, accuracy_table, horizon, problem, reference
+from tests.render.plots import studies
 from tests.results import check_result, kinds
 
 # Short enough as they are; a film shows its pictures.
 PLAIN = {Film, Growth, ObservedOrder, Phase, System, Thresholds}
 NO_TABLES = {Ensemble, JaxStepper, NodePath, Problem}
-# They take long; `check_result` is called where they are tested.
-ELSEWHERE = {"Explanation", "Horizon", "Report", "SweepSummary", "WorkPrecision"}
+# `check_result` is called where they are tested.
+ELSEWHERE = {"Horizon", "Report"}
 
 
 @pytest.fixture(scope="module")
-def results(study, tmp_path_factory):
-    table = study("convergence", "one step size")
-    problem, reference = table.problem, table.reference
+def results(tmp_path_factory):
     ensemble = Rope(num_nodes=4).ensemble(frames=3, damping=[0.0, 0.01])
-    run = simulate(problem, "rk4", 16)
-    paths = node_paths(reference, ["rk4"], 16)
+    run = simulate(problem(), "rk4", 16)
     file = tmp_path_factory.mktemp("runs") / "16.npz"
     np.savez(file, dt=run.dt, t=run.times, positions=run.positions)
+    errors, paths = studies.errors(), studies.paths()
     return [
-        problem,
-        trajectory_errors([file], reference),
+        *(make() for name, make in MADE_UP.items() if name not in ("horizon", "report")),
+        *(problem(), reference(), reference().certificate, horizon().exponent),
+        *(errors, errors.curves[0], studies.energies(), paths, paths.paths[0]),
+        *(run, classify_motion(run), error_series(run, reference())),
+        trajectory_errors([file], reference()),
         ensemble,
-        reference,
-        reference.certificate,
-        Verification(
-            Path("x.nc"), "0", reference, reference, 4, 4, {"position": 1e-12}, {"position": 2.0}
-        ),
-        run,
         next(iter(simulate_chunks(ensemble, "rk4", 16))),
-        jax_stepper(problem, "rk4"),
-        error_series(run, reference),
-        table,
-        study("error", "one step size"),
-        study("error", "one step size").curves[0],
-        study("energy", "one step size"),
-        paths,
-        paths.paths[0],
-        classify_motion(run),
-        LyapunovExponent(
-            0.1, (0.0, 0.2), 0.01, np.arange(3.0), np.zeros((2, 3)), DOPRI8, 1e-10, None
-        ),
-        CheckReport(
-            "steps.py:euler", Claims(order=1), (Finding("order-damped", "fail", "order 0"),)
-        ),
+        jax_stepper(problem(), "rk4"),
     ]
 
 
@@ -112,11 +83,11 @@ def test_a_result_is_a_line_a_page_a_table_and_a_value(results):
         check_result(each)
 
 
-def test_equality_is_that_of_the_content(results):
+def test_equality_is_that_of_the_content():
     """Not that of the object, and no question of the truth of an array."""
     first, again = (Rope(num_nodes=4).problem(frames=3) for _ in range(2))
     assert first == again
-    assert len({first, again, results[0]}) == 1
+    assert len({first, again, problem()}) == 1
     assert first != Rope(num_nodes=4, damping=0.02).problem(frames=3)
     assert first != first.until(3)
     # Exact solutions and energies are known of a problem, and are no part of it.
@@ -131,15 +102,11 @@ def test_equality_is_that_of_the_content(results):
         assert pickle.loads(pickle.dumps(as_stepper(name))) == as_stepper(name)
     assert as_stepper("diffrax:Heun") != as_stepper("diffrax:Tsit5")
     assert as_stepper(diffrax.Kvaerno3()) == as_stepper("diffrax:Kvaerno3")
-    (paths,) = (each for each in results if isinstance(each, NodePaths))
-    film = animate(paths)
-    assert film == pickle.loads(pickle.dumps(film)) != animate(paths, fps=10)
-
-
-def test_a_copy_of_a_problem_cannot_be_written_to(results):
-    for each in (copy.deepcopy(results[0]), pickle.loads(pickle.dumps(results[0]))):
+    film = animate(studies.paths())
+    for each in (copy.deepcopy(first), pickle.loads(pickle.dumps(first))):
         with pytest.raises(ValueError, match="read-only"):
             each.y0[0] = 1.0
+    assert film == pickle.loads(pickle.dumps(film)) != animate(studies.paths(), fps=10)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -161,27 +128,19 @@ def in_python(t, y):
 
 def test_problems_of_ones_own_are_values():
     """They are sent by the names of their functions, which are traced anew."""
-    for problem in (
+    for each in (
         Problem(a_tree, {"a": np.ones(3)}, range(3), 0.1, exact=in_python),
         Problem.from_scipy(in_jax, (0, 1), [1.0], args=(0.1,)),
         Problem.from_scipy(in_python, (0, 1), [1.0]),
     ):
-        check_result(problem)
-        check_result(Ensemble.of([problem, problem]))
+        check_result(each)
+        check_result(Ensemble.of([each, each]))
 
 
-def test_a_report_shows_its_marks_in_colour(results):
-    assert 'font-weight: bold">WRONG</td>' in results[-1]._repr_html_()
-
-
-def test_a_bound_over_time_is_a_line_of_blocks():
-    reference = ropeode.reference(Rope(num_nodes=4).problem(frames=3))
-    assert any(block in reference._repr_html_() for block in "▁▂▃▄▅▆▇█")
-
-
-def test_a_figure_is_a_picture(study):
-    image = plot_convergence(study("convergence", "one step size"))._repr_png_()
-    assert image.startswith(b"\x89PNG")
+def test_a_page_has_marks_in_colour_lines_of_blocks_and_pictures():
+    assert 'font-weight: bold">WRONG</td>' in MADE_UP["check"]()._repr_html_()
+    assert any(block in reference()._repr_html_() for block in "▁▂▃▄▅▆▇█")
+    assert plot_convergence(accuracy_table())._repr_png_().startswith(b"\x89PNG")
 
 
 def wrong(x):

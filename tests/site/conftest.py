@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import functools
-import http.server
-import threading
 from pathlib import Path
 
 import pytest
 
-from tests.browser import axe, chromium, needs_chromium, page
+from tests.browser import axe, chromium, needs_chromium, page, served
 from tests.site.pages import Page, read_page
 
 __all__ = ["axe", "chromium", "needs_chromium", "page"]
@@ -34,16 +31,5 @@ def pages(site) -> dict[str, Page]:
 
 @pytest.fixture(scope="session")
 def address(site):
-    """Where it is served: browsers refuse some of what a page asks for in files."""
-
-    class Quiet(http.server.SimpleHTTPRequestHandler):
-        def log_message(self, *_):
-            pass
-
-    server = http.server.ThreadingHTTPServer(
-        ("127.0.0.1", 0), functools.partial(Quiet, directory=site)
-    )
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    server.server_close()
+    with served(site) as url:
+        yield url

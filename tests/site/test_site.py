@@ -91,7 +91,7 @@ def test_chinese_pages_say_that_they_are_chinese(pages, site):
 def test_nothing_hinders_a_reader(page, address, axe, name, width, scheme):
     page.set_viewport_size({"width": width, "height": 800})
     page.emulate_media(color_scheme=scheme)
-    page.goto(f"{address}/{name}")
+    page.goto(f"{address}{name}")
     page.evaluate(axe)
     assert page.evaluate(VIOLATIONS) == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -68,7 +68,11 @@ def film(paths: NodePaths) -> tuple[Figure, ShowSample]:
     foot = wrapped(_FOOT, width=_FOOT_LETTERS * width)
     lines = len([*_head(paths, width).splitlines(), *foot.splitlines()])
     panel_height = panel_width * half[1] / half[0]
-    height = _LINE_HEIGHT * lines + rows * (_AROUND_PANEL + panel_height)
+    # Beyond the first, of the longest name.
+    names = [wrapped(run.path.stepper, width=panel_width) for run in runs]
+    more = max((name.count("\n") for name in names), default=0)
+    around = _AROUND_PANEL + _LINE_HEIGHT * more
+    height = _LINE_HEIGHT * lines + rows * (around + panel_height)
     layout = ConstrainedLayoutEngine(w_pad=_GAP / 2, h_pad=0.03)
     figure = Figure(figsize=(width, height), dpi=DPI, layout=layout)
     head = figure.suptitle(_head(paths, width), x=0.02, ha="left", parse_math=False)

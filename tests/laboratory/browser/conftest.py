@@ -1,17 +1,17 @@
-"""One lab for all tests of the page that a process runs, and one Chromium for each file."""
+"""Labs that run as a user's does, the page's files alone, and one Chromium for each file."""
 
 from __future__ import annotations
 
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from tests.browser import axe, chromium, needs_chromium, page
-from tests.laboratory.browser.recorded_page import served
+from ropeode.laboratory import PAGE
+from tests.browser import axe, chromium, needs_chromium, page, served
 
 __all__ = ["axe", "chromium", "needs_chromium", "page"]
 
@@ -33,16 +33,20 @@ def running_lab(*arguments: str) -> Iterator[str]:
             process.terminate()
 
 
-@pytest.fixture(scope="session")
-def lab(needs_chromium) -> Iterator[str]:
-    """A lab for all tests that ask it for no file."""
-    with running_lab() as address:
-        yield address
+@pytest.fixture(scope="module")
+def start_lab(needs_chromium) -> Iterator[Callable[..., str]]:
+    """A function that starts a lab and returns its address.
+
+    Labs outlive the page of a test, also of one that fails: a page that is left alone asks for its
+    lab again, and complains that there is none.
+    """
+    with ExitStack() as labs:
+        yield lambda *arguments: labs.enter_context(running_lab(*arguments))
 
 
 @pytest.fixture(scope="session")
 def address():
-    with served() as url:
+    with served(PAGE) as url:
         yield url
 
 

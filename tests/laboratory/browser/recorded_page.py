@@ -1,44 +1,23 @@
-"""The page without Python: its files, and answers that a test gives in Python's place."""
+"""The page without Python: how it is opened and read, and answers in Python's place."""
 
 from __future__ import annotations
 
 import base64
-import functools
-import http.server
 import json
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
-import ropeode.laboratory
-from ropeode.laboratory import encoded
+from ropeode.laboratory import PAGE, encoded
 
-PAGE = Path(ropeode.laboratory.__file__).parent / "page"
 RECORDING = json.loads((PAGE / "recordings/default.json").read_text())
 
 
+STILL = {"playing": False, "time": 3.5}
 # A problem of which only Python knows.
 NOT_RECORDED = {"name": "rope", "parameters": {"damping": 0.02}, "frames": 40}
-
-
-class _Files(http.server.SimpleHTTPRequestHandler):
-    extensions_map = {".js": "text/javascript", ".html": "text/html", ".css": "text/css"}  # noqa: RUF012
-
-    def log_message(self, format: str, *values: object) -> None:
-        """Nothing."""
-
-
-@contextmanager
-def served() -> Iterator[str]:
-    """The address of the page's files."""
-    handler = functools.partial(_Files, directory=str(PAGE))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_address[1]}/"
-        server.shutdown()
+# The points of the order plot, and the group of plots that it stands in.
+POINTS = ".plot-markers > g"
+STEPS = ".tab-group:last-child"
 
 
 def link(**scene: object) -> str:
@@ -48,8 +27,6 @@ def link(**scene: object) -> str:
 
 def scene_of(url: str) -> dict[str, object]:
     """What the link of a page says of its scene."""
-    from urllib.parse import unquote
-
     parts = url.partition("#")[2].split("&")
     return {name: json.loads(unquote(text)) for name, _, text in (p.partition("=") for p in parts)}
 
@@ -111,3 +88,15 @@ def picture(page):
         page.click("#save-svg")
     page.keyboard.press("Escape")
     return download.value.path().read_text()
+
+
+def tab(page, name):
+    """Choose what a group of plots shows."""
+    page.locator(f"[role=tab][data-name={name}]").click()
+
+
+def labels(page):
+    """What the points of the order plot say."""
+    return page.locator(POINTS).evaluate_all(
+        "all => all.map((each) => each.getAttribute('aria-label'))"
+    )

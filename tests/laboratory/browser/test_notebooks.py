@@ -15,6 +15,8 @@ import urllib.request
 import nbformat
 import pytest
 
+from tests.laboratory.browser.recorded_page import POINTS
+
 expect = pytest.importorskip("playwright.sync_api").expect
 
 CELL = """
@@ -31,7 +33,7 @@ app = marimo.App()
 def _():
     {CELL.strip().replace(chr(10), chr(10) + "    ")}
 """
-FRAME, POINTS = "iframe[title='ropeode lab']", ".plot-markers > g"
+FRAME = "iframe[title='ropeode lab']"
 STARTS_IN_S = 120.0
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-expect = pytest.importorskip("playwright.sync_api").expect
+from tests.laboratory.browser.recorded_page import POINTS
 
-POINTS = ".plot-markers > g"
+expect = pytest.importorskip("playwright.sync_api").expect
 
 
 def test_the_order_is_built_with_keys(page, recorded_file, tmp_path):
@@ -29,13 +29,8 @@ def test_the_order_is_built_with_keys(page, recorded_file, tmp_path):
     expect(page.locator(POINTS)).to_have_count(18)
     page.keyboard.press("-")
     expect(needs).to_have_text("")
-    expect(verdict).to_contain_text("observed order 1.0")
-    time = page.locator("#time-shown")
-    expect(time).not_to_have_text(time.inner_text())
     page.reload()
     expect(page.locator(POINTS)).to_have_count(18)
     assert page.locator("#certificate details").get_attribute("open") is not None
     assert page.locator("#certificate li").count() > 1
-    page.select_option("#language", "zh")
-    expect(page.locator("html")).to_have_attribute("lang", "zh")
     assert set(requests) <= {"file", "blob", "data"}

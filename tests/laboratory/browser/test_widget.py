@@ -12,13 +12,13 @@ from ropeode.errors import InputError
 from ropeode.laboratory import PAGE, Laboratory, answers_in, page_with
 from ropeode.laboratory.messages import Order, Run, Theory
 from ropeode.progress import silent
+from tests.laboratory.browser.recorded_page import POINTS
 from tools.default_recording import FILE
 
 widget = pytest.importorskip("ropeode.laboratory.widget", exc_type=ImportError)
 
 expect = pytest.importorskip("playwright.sync_api").expect
 
-POINTS = ".plot-markers > g"
 # What anywidget is to a widget's module: a model that is heard, and an element.
 HOST = """
 <!doctype html><title>cell</title><div id="cell"></div>
@@ -130,6 +130,7 @@ def test_the_kernel_answers_what_is_not_in_the_page(page, shown, monkeypatch):
 
 
 def test_without_a_kernel_the_page_plays_what_it_holds(page, shown, monkeypatch):
+    page.set_viewport_size({"width": 1000, "height": 760})
     cell = Cell(page, shown, monkeypatch, runs=False)
     frame = cell.frame
     expect(frame.locator("#connection")).to_contain_text("This needs Python")
@@ -141,12 +142,7 @@ def test_without_a_kernel_the_page_plays_what_it_holds(page, shown, monkeypatch)
     verdict = frame.locator(".tab-group:last-child .plot-more").nth(1)
     expect(verdict).to_contain_text("observed order 1.0")
     assert all("text" not in each for each in cell.heard)
-
-
-def test_plots_stay_beside_the_motion_in_the_width_of_a_cell(page, shown, monkeypatch):
-    page.set_viewport_size({"width": 1000, "height": 760})
-    frame = Cell(page, shown, monkeypatch, runs=False).frame
-    expect(frame.locator(POINTS)).to_have_count(2)
+    # Plots stay beside the motion in the width of a cell.
     boxes = [frame.locator(each).bounding_box() for each in ("#stage", "#plots", "#controls")]
     stage, plots, controls = boxes
     assert abs(stage["y"] - plots["y"]) < 1

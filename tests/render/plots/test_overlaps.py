@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 
 from ropeode import plot_convergence
 from ropeode.render.plots.overlaps import TURNS, moved_right, side_by_side, take_turns
+from tests.render.made_up import table_of
 from tests.render.plots.legible import assert_legible
+from tests.render.plots.studies import every_reason
 
 
 @pytest.fixture
@@ -69,17 +71,14 @@ def test_marks_that_would_hide_one_another_stand_side_by_side(axes):
     assert point == pytest.approx([axes.figure.dpi / 2, 0])
 
 
-def test_steppers_that_do_the_same_are_all_seen(study):
-    table = study("convergence", "rope")
-    twice = dataclasses.replace(
-        table,
-        rows=(*table.rows, *(dataclasses.replace(e, stepper=f"{e.stepper}:b") for e in table.rows)),
-        orders=(
-            *table.orders,
-            *(dataclasses.replace(each, stepper=f"{each.stepper}:b") for each in table.orders),
-        ),
-    )
-    figure = plot_convergence(twice)
+def test_steppers_that_do_the_same_are_all_seen():
+    table = every_reason()
+
+    def twice(each):
+        return (*each, *(dataclasses.replace(one, stepper=f"{one.stepper}:b") for one in each))
+
+    both = table_of(twice(table.rows), twice(table.orders))
+    figure = plot_convergence(both)
     assert_legible(figure)
     (axes,) = figure.axes
     places = [
@@ -87,7 +86,7 @@ def test_steppers_that_do_the_same_are_all_seen(study):
         for line in axes.lines
         if line.get_marker() != "None"
     ]
-    assert len(places) == len(set(places)) == len(twice.rows)
+    assert len(places) == len(set(places)) == len(both.rows)
     words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert TURNS in words
 
