@@ -78,8 +78,6 @@ LEAVES: dict[str, str] = {
     "ropeode.study.pareto": "Pareto fronts and costs of errors, held against brute force",
     "ropeode.tableaus.rooted_trees": "rooted trees, held against their known numbers",
     "ropeode.tableaus.order_conditions": "conditions on coefficients, held against the literature",
-    "ropeode.problems.kepler": "Kepler's equation, held against extended precision",
-    "ropeode.steppers.block_tridiagonal": "linear equations, held against dense ones",
 }
 
 
