@@ -15,7 +15,6 @@ from ropeode.errors import InputError, InputWarning
 from ropeode.problems import Problem
 from ropeode.steppers import STEPPERS, ProblemClass, RungeKutta, as_stepper
 from ropeode.sweep import SweepSpec, evaluate
-from ropeode.tableaus import NystromTableau
 
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/heun3.toml"
 METHODS = {name: cls for name, cls in STEPPERS.items() if issubclass(cls, RungeKutta)}
@@ -52,22 +51,6 @@ def test_conditions_are_met_to_the_last_digits(name):
     for order in range(1, min(METHODS[name].tableau_order, 6) + 1):
         for tree in kauri.trees_of_order(order):
             assert b @ stages(tree.list_repr) == pytest.approx(1 / tree.factorial(), abs=4e-15)
-
-
-def test_nystroms_method_meets_the_conditions_with_velocities_too():
-    """Its three forces make four accelerations; the conditions are those of P-series."""
-    third, sixth, half = Fraction(1, 3), Fraction(1, 6), Fraction(1, 2)
-    o, one = Fraction(0), Fraction(1)
-    written = NystromTableau(
-        p=((o,) * 4, (Fraction(1, 8), o, o, o), (Fraction(1, 8), o, o, o), (o, o, half, o)),
-        q=(sixth, sixth, sixth, o),
-        a=((o,) * 4, (half, o, o, o), (o, half, o, o), (o, o, one, o)),
-        b=(sixth, third, third, sixth),
-        c=(o, half, half, one),
-        d=(o, half, half, one),
-    )
-    assert written.order == written.order_without_velocities == 4
-    assert STEPPERS["rkn4"]().order(ProblemClass(damped=True)) == 4
 
 
 # ---- tableaus in files
@@ -132,8 +115,6 @@ THIRD_ORDER = (
     ("text", "words"),
     [
         ("A = [[]]\nb = [1]\nd = 1", "'d' given, which does not exist; allowed: A, b, c, name"),
-        ("b = [1]", "A: nothing given; allowed: a list of rows"),
-        ("A = [1]\nb = [1]", "A: [1] given; allowed: a list of rows"),
         ("A = [[], [1]]\nb = [1]", "A: '2 rows' given; allowed: 1 rows"),
         ("A = [[], [1, 2, 3]]\nb = [0, 1]", "A[2]: '3 entries' given; allowed: 1 of them, or 2"),
         ("A = [[], [1]]\nb = [0, 1]\nc = [0]", "c: '1 times' given; allowed: 2 times"),
@@ -141,12 +122,10 @@ THIRD_ORDER = (
         ("A = [[0, 1], [1, 0]]\nb = [0, 1]", "implicit tableaus are not taken"),
         ('A = [[]]\nb = ["1/0"]', "b[1]: '1/0' given; allowed: finite numbers"),
         ("A = [[]]\nb = [nan]", "b[1]: nan given; allowed: finite numbers"),
-        ("A = [[]]\nb = [true]", "b[1]: True given; allowed: finite numbers"),
         ('A = [[]]\nb = ["1e400"]', "b[1]: '1e400' given; allowed: finite numbers"),
         ('A = [[]]\nb = [1]\nname = "leapfrog:form=staggered"', "name: 'leapfrog:form=staggered'"),
         ('A = [[]]\nb = [1]\nname = "two\\nlines"', "allowed: a line of text that is not the name"),
         ('A = [[]]\nb = [1]\norder = "2"', "order: 2 given; allowed: at most 1"),
-        ("A = [[]]\nb = [1]\norder = 1.5", "order: 1.5 given; allowed: a whole number >= 1"),
         ("A = [[], [1]]\nb = [0.5, 0.5]\norder = 3", THIRD_ORDER),
         ("A = [[]", "a TOML file"),
     ],
@@ -213,16 +192,14 @@ def test_times_that_are_not_row_sums(tmp_path):
 
 
 def test_a_command_warns_in_one_line(tmp_path, run):
-    text = written(tmp_path, "A = [[]]\nb = [2]")
-    words = ["table", "--steppers", text.replace("own", f"{tmp_path}/own"), "--frames=1"]
+    written(tmp_path, "A = [[]]\nb = [2]")
     with warnings.catch_warnings():
         warnings.simplefilter("always", InputWarning)
-        done = run(*words, "--num-nodes=4", "--no-predict", "--steps=4,8")
-    lines = done.stderr.splitlines()
-    warned = [line for line in lines if "warning" in line]
-    assert warned
-    assert all(line.startswith("ropeode: warning: ") for line in warned)
-    assert "add up to 2, not to 1" in warned[0]
+        done = run("steppers", f"runge-kutta:{tmp_path}/own.toml")
+    assert done.returncode == 0, done.stderr
+    (warned,) = done.stderr.splitlines()
+    assert warned.startswith("ropeode: warning: ")
+    assert "add up to 2, not to 1" in warned
 
 
 def test_sweeps_follow_the_file(tmp_path):
