@@ -79,13 +79,6 @@ def test_every_energy_is_looked_at():
     assert have_one == {*CONSERVING, *ROPES}
 
 
-@pytest.mark.slow
-def test_concentrations_of_robertson_sum_up_to_one():
-    known = reference(PROBLEMS["robertson"](frames=3, duration=0.4))
-    np.testing.assert_allclose(np.sum(known.states, axis=1), 1.0, rtol=1e-14)
-    assert np.all(known.states >= 0)
-
-
 def test_lorenz_shrinks_volumes_at_a_constant_rate():
     problem = PROBLEMS["lorenz"]()
     jacobian = jax.jit(jax.jacfwd(problem.rhs, 1))

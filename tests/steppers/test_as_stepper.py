@@ -67,7 +67,6 @@ SAME = [
     ("semi-implicit-euler", Layoutless, 1),
     ("explicit-euler", explicit, 1),
     ("explicit-euler", explicit_in_numpy, 1),
-    ("explicit-euler", diffrax.Euler, 1),
     ("explicit-euler", "diffrax:Euler", 1),
     ("rk4", steps.rk4, 4),
 ]
