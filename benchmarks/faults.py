@@ -64,11 +64,11 @@ def main() -> None:
                 continue
             path, old, new = place
             original = path.read_text()
-            write(path, original.replace(old, new), number)
+            write(path, original.replace(old, new), 2 * number)
             started = time.perf_counter()
             caught_by = run_tests(copy, options.python, tests, fault.get("only"))
             seconds = round(time.perf_counter() - started, 1)
-            write(path, original, number + 0.5)
+            write(path, original, 2 * number + 1)
             row = {**fault, "caught_by": caught_by, "seconds": seconds}
             print(json.dumps(row), file=out, flush=True)
 
@@ -112,8 +112,13 @@ def test_files(names: list[str], copy: Path) -> list[str]:
     return [str(path.relative_to(copy)) for path in there]
 
 
-def write(path: Path, text: str, number: float) -> None:
-    """Write a module so that no bytecode of before is taken for its own."""
+def write(path: Path, text: str, number: int) -> None:
+    """Write a module so that no bytecode of before is taken for its own.
+
+    Arguments:
+        path, text: of the module.
+        number: a time of its own, in whole seconds, which is all that bytecode knows of it.
+    """
     path.write_text(text)
     os.utime(path, (number, number))
 

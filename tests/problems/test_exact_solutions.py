@@ -9,7 +9,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ropeode.problems import PROBLEMS, Problem
-from ropeode.problems.kepler import eccentric_anomaly
 from tests.problems.exact import EXACT
 from tests.verification.extrapolation import integrate
 
@@ -190,46 +189,3 @@ def test_very_strong_damping_neither_overflows_nor_cancels():
     exact = problem.exact(problem.ts)
     np.testing.assert_allclose(exact[1:, 0].ravel(), displacement, rtol=1e-14)
     np.testing.assert_allclose(exact[1:, 1].ravel(), slow * displacement, rtol=1e-14)
-
-
-@pytest.mark.parametrize("one_minus_e", [1e-4, 1e-2, 0.5, 1.0])
-def test_keplers_equation_is_solved_to_the_last_digits(one_minus_e):
-    one_minus_e = np.longdouble(one_minus_e)
-    anomaly = np.concatenate([np.logspace(-9, 0, 50), np.linspace(1, np.pi, 20)[:-1]])
-    anomaly = np.concatenate([-anomaly, [0.0], anomaly]).astype(np.longdouble)
-    # The sine's series as it stands in every textbook: enough terms even at pi.
-    sine, term = anomaly.copy(), anomaly.copy()
-    gap = np.zeros_like(anomaly)
-    for k in range(1, 25):
-        term = -term * anomaly**2 / (2 * k * (2 * k + 1))
-        sine, gap = sine + term, gap - term
-    mean = one_minus_e * anomaly + (1 - one_minus_e) * gap
-    found = eccentric_anomaly(mean, one_minus_e)
-    np.testing.assert_allclose(found, anomaly, rtol=2e-18)
-    turns = eccentric_anomaly(mean + 14 * np.arccos(np.longdouble(-1)), one_minus_e)
-    assert np.max(np.abs(turns - anomaly)) <= 2e-17 / one_minus_e
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in EXACT if name != "forced"])
-@settings(deadline=None, max_examples=8)
-@given(data=st.data())
-def test_energy_is_constant_without_damping(name, data):
-    given = data.draw(PARAMETERS[name])
-    problem = PROBLEMS[name](
-        frames=9, **{k: 0.0 if k == "damping" else v for k, v in given.items()}
-    )
-    states = problem.exact(problem.ts)
-    energies = problem.energies(states)
-    with jax.enable_x64(True):
-        slopes = jax.vmap(jax.grad(problem.energy, argnums=1), (0, 0, None))(
-            problem.ts, states, problem.args
-        )
-        from_rounding = EPS * np.max(np.sum(np.abs(slopes * states).reshape(10, -1), axis=1))
-    assert np.ptp(energies) <= 4 * from_rounding + 1e-300
-
-
-@pytest.mark.parametrize("name", ["oscillator", "linear-chain"])
-def test_energy_falls_with_damping(name):
-    problem = PROBLEMS[name](damping=0.3)
-    assert np.all(np.diff(problem.energies(problem.exact(problem.ts))) < 0)

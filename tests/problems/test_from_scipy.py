@@ -21,6 +21,8 @@ from ropeode import Ensemble, Problem, Rope, accuracy_table, callbacks, referenc
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
 
+SLOW = pytest.mark.slow
+
 
 def pendulum(t, y, strength):
     """A pendulum in NumPy, which JAX cannot trace."""
@@ -29,6 +31,12 @@ def pendulum(t, y, strength):
 
 def pendulum_in_jax(t, y, strength):
     return jnp.stack([y[1], -strength * jnp.sin(y[0])])
+
+
+def heun(rhs, t, y, dt, args):
+    # `float` is what JAX cannot trace.
+    k = rhs(t, y, args)
+    return y + float(dt) / 2 * (k + rhs(t + dt, y + dt * k, args))
 
 
 START, STRENGTH = [1.0, 0.0], 1.3
@@ -51,21 +59,11 @@ def test_a_function_that_jax_cannot_trace_has_a_reference(in_python):
     assert in_python.name == "pendulum"
     truth = reference(in_python)
     assert truth.trusted == 5
-    there = solve_ivp(
-        pendulum,
-        (0.0, 2.0),
-        START,
-        "DOP853",
-        in_python.ts,
-        args=(STRENGTH,),
-        rtol=1e-13,
-        atol=1e-13,
-    )
-    assert np.max(np.abs(truth.states - there.y.T)) < 1e-11
+    assert np.max(np.abs(truth.states - by_scipy(in_python.ts))) < 1e-11
     assert truth.bound()[-1] < 1e-12
 
 
-@pytest.mark.slow
+@SLOW
 def test_between_the_samples_only_the_first_derivative_is_known(in_python):
     known = reference(in_python, rtol=1e-9, dense=True)
     assert known.dense is not None
@@ -76,11 +74,6 @@ def test_between_the_samples_only_the_first_derivative_is_known(in_python):
 
 
 def test_compiled_steps_and_steps_in_python_agree_with_jax(in_python):
-    def heun(rhs, t, y, dt, args):
-        # `float` is what JAX cannot trace.
-        k = rhs(t, y, args)
-        return y + float(dt) / 2 * (k + rhs(t + dt, y + dt * k, args))
-
     same = Problem.from_scipy(pendulum_in_jax, in_python.ts, START, args=(STRENGTH,))
     assert not same.in_python
     for stepper in ("rk4", heun, "scipy:Radau"):
@@ -90,10 +83,9 @@ def test_compiled_steps_and_steps_in_python_agree_with_jax(in_python):
 
 
 def test_members_of_an_ensemble_are_called_one_by_one(in_python):
-    strengths = np.array([0.5, 1.0, 1.5])
+    strengths = np.array([0.5, 1.5])
     members = Ensemble.varying(in_python, args=(strengths,))
-    runs = simulate(members, "rk4", 8)
-    for each, strength in zip(runs, strengths, strict=True):
+    for each, strength in zip(simulate(members, "rk4", 8), strengths, strict=True):
         alone = Problem.from_scipy(pendulum, in_python.ts, START, args=(strength,))
         assert np.array_equal(each.states, simulate(alone, "rk4", 8).states)
 
@@ -114,9 +106,6 @@ def test_one_derivative_is_known(in_python):
         jax.jacfwd(jax.jacfwd(rhs, argnums=1), argnums=1)(0.0, y)
     with pytest.raises(InputError, match="one derivative"):
         jax.jvp(lambda args: in_python.rhs(0.0, y, args), (in_python.args,), (in_python.args,))
-
-
-def test_extended_precision_says_why_not(in_python):
     with pytest.raises(InputError, match="level: 'extended' given; .* runs in Python"):
         reference(in_python, level="extended")
 
@@ -136,97 +125,66 @@ def added_to(y):
     return y
 
 
-def writes_to_its_own():
-    out = np.zeros(2)
-
-    def rhs(t, y):
-        out[:] = y[1], -math.sin(y[0])
-        return out
-
-    return rhs
-
-
 def writes_to_the_state(t, y):
-    y[0] = max(y[0], 0.0)
+    y[0] = max(y[0], 1.1)
     return y
+
+
+# With arguments, and whether JAX can trace it.
+KINDS = [
+    (lambda t, y: [1, 0], (), True),
+    (lambda t, y: np.array([y[1], -np.sin(y[0])]), (), True),
+    (lambda t, y: (np.reshape(y, (1, 2)).T * t)[:, 0], (), True),
+    (lambda t, y: added_to(y), (), True),
+    (lambda t, y: y if t < 0.5 else -y, (), False),
+    (lambda t, y, table: np.interp(t, *table) * y, (np.array([[0, 9], [1, 3]]),), True),
+    (writes_to_the_state, (), False),
+    (lambda t, y, a, word: y[::-1] * a if word == "x" else y, (2.0, "x"), True),
+]
+MORE_KINDS = [
+    (lambda t, y: np.where(y > t, np.roll(y, 1), 0.0) / np.linalg.norm(y), (), True),
+    (filled(np.zeros_like), (), True),
+    (filled(lambda y: np.zeros(2)), (), False),
+    (lambda t, y, words: [y[0] * math.exp(words["rate"]), t], ({"rate": 0.5},), True),
+]
 
 
 @pytest.mark.parametrize(
     ("function", "args", "traced"),
-    [
-        (lambda t, y: [1, 0], (), True),
-        (lambda t, y: np.array([y[1], -np.sin(y[0])]), (), True),
-        (lambda t, y: np.sin(np.array([y[1], -y[0]])), (), True),
-        (lambda t, y: (np.reshape(y, (1, 2)).T * t)[:, 0], (), True),
-        (lambda t, y: added_to(y), (), True),
-        (lambda t, y: [y[1], -math.sin(y[0])], (), False),
-        (lambda t, y: y if t < 0.5 else -y, (), False),
-        (lambda t, y, table: np.interp(t, *table) * y, (np.array([[0, 9], [1, 3]]),), True),
-        (writes_to_its_own(), (), False),
-        (writes_to_the_state, (), False),
-        (lambda t, y, a, word: y[::-1] * a if word == "x" else y, (2.0, "x"), True),
-        # Other ways to write the same.
-        pytest.param(lambda t, y: [y[1], -y[0]], (), True, marks=pytest.mark.slow),
-        pytest.param(lambda t, y: (y[1], -y[0] * 2), (), True, marks=pytest.mark.slow),
-        pytest.param(
-            lambda t, y, n: [sum(y[i] for i in range(n)), 0.0], (2,), True, marks=pytest.mark.slow
-        ),
-        pytest.param(
-            lambda t, y: np.array([[0.0, 1.0], [-1.0, 0.0]]) @ y * np.cos(t),
-            (),
-            True,
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            lambda t, y: np.fft.ifft(1j * np.fft.fft(y)).real * t, (), True, marks=pytest.mark.slow
-        ),
-        pytest.param(
-            lambda t, y: np.where(y > t, np.roll(y, 1), 0.0) / np.linalg.norm(y),
-            (),
-            True,
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(filled(np.zeros_like), (), True, marks=pytest.mark.slow),
-        pytest.param(filled(lambda y: np.zeros(2)), (), False, marks=pytest.mark.slow),
-        pytest.param(
-            lambda t, y, words: [y[0] * math.exp(words["rate"]), t],
-            ({"rate": 0.5},),
-            True,
-            marks=pytest.mark.slow,
-        ),
-    ],
+    [*KINDS, *(pytest.param(*e, marks=SLOW) for e in MORE_KINDS)],
 )
 def test_functions_of_many_kinds(function, args, traced):
     problem = Problem.from_scipy(function, (0.0, 1.0), [1.0, 0.5], args=args, frames=2)
     assert problem.in_python != traced
-    y0, states = problem.y0.copy(), simulate(problem, "rk4", 2).states
-    assert np.array_equal(problem.y0, y0)
-    y, dt = y0.copy(), 0.25
-
-    def rhs(t, y):
-        return np.array(function(t, y.copy(), *args), dtype=float)
-
-    for i in range(4):
-        a = rhs(i * dt, y)
-        b = rhs(i * dt + dt / 2, y + dt / 2 * a)
-        c = rhs(i * dt + dt / 2, y + dt / 2 * b)
-        y = y + dt / 6 * (a + 2 * b + 2 * c + rhs(i * dt + dt, y + dt * c))
+    y, states = np.array([1.0, 0.5]), simulate(problem, "explicit-euler", 4).states
+    assert np.array_equal(problem.y0, y)
+    for i in range(8):
+        y = y + 0.125 * np.array(function(0.125 * i, y.copy(), *args), dtype=float)
     assert np.max(np.abs(states[-1] - y)) < 1e-13
 
 
 def test_what_a_function_returns_is_copied():
     """Also for a step in Python, where no program copies it."""
+    out = np.zeros(2)
 
-    def heun(rhs, t, y, dt, args):
-        # `float` is what JAX cannot trace.
-        first = rhs(t, y, args)
-        return y + float(dt) / 2 * (first + rhs(t + dt, y + dt * first, args))
+    def writes_to_its_own(t, y):
+        out[:] = y[1], -math.sin(y[0])
+        return out
 
     reused, anew = (
         Problem.from_scipy(function, (0.0, 1.0), START, frames=2)
-        for function in (writes_to_its_own(), lambda t, y: [y[1], -math.sin(y[0])])
+        for function in (writes_to_its_own, lambda t, y: [y[1], -math.sin(y[0])])
     )
-    assert np.array_equal(*(simulate(each, heun, 4).states for each in (reused, anew)))
+    for stepper in (heun, "rk4"):
+        assert np.array_equal(*(simulate(each, stepper, 4).states for each in (reused, anew)))
+
+
+@pytest.mark.parametrize("function", [lambda t, y: -y[0], lambda t, y: -math.exp(y[0])])
+@in_float64
+def test_the_derivative_of_one_number_may_be_a_number(function):
+    problem = Problem.from_scipy(function, (0.0, 1.0), [0.5])
+    slope = problem.rhs(0.0, problem.y0, None)
+    assert np.asarray(slope).tolist() == [function(0.0, problem.y0)]
 
 
 def test_jax_inside_a_function_in_python_computes_in_float64():
@@ -241,16 +199,6 @@ def test_jax_inside_a_function_in_python_computes_in_float64():
 
     for stepper in ("explicit-euler", in_python):
         assert abs(simulate(problem, stepper, 1).states[1, 0] - 1.0 - math.sin(1.0 / 3.0)) < 1e-15
-
-
-def counting():
-    calls = [0]
-
-    def rhs(t, y):
-        calls[0] += 1
-        return y if calls[0] < 100 else -y
-
-    return rhs
 
 
 class Device:
@@ -277,15 +225,25 @@ def rising(t):
     return 1.5 * math.cos(2.0 * t)
 
 
+def fuse(trip, is_tripped):
+    """What it does depends on whether it has tripped before."""
+
+    def rhs(t, y):
+        if y[0] > 1.5:
+            trip()
+        return [-y[0] if is_tripped() else rising(t)]
+
+    return rhs
+
+
 def fuse_of_a_closure():
     tripped = False
 
-    def rhs(t, y):
+    def trip():
         nonlocal tripped
-        tripped = tripped or y[0] > 1.5
-        return [-y[0] if tripped else rising(t)]
+        tripped = True
 
-    return rhs
+    return fuse(trip, lambda: tripped)
 
 
 class FuseOfAnObject:
@@ -294,14 +252,16 @@ class FuseOfAnObject:
     def __init__(self):
         self.tripped = [False]
 
-    def force(self, t, y):
-        self.tripped[0] = self.tripped[0] or y > 1.5
-        return -y if self.tripped[0] else rising(t)
+    def trip(self):
+        self.tripped[0] = True
+
+    def is_tripped(self):
+        return self.tripped[0]
 
 
-def fuse_of_a_helper():
-    force = FuseOfAnObject().force
-    return lambda t, y: [force(t, y[0])]
+def fuse_of_an_object():
+    own = FuseOfAnObject()
+    return fuse(own.trip, own.is_tripped)
 
 
 def fuse_of_a_default():
@@ -326,13 +286,7 @@ def fuse_that_acts_later():
 
 def fuse_in_the_environment():
     os.environ.pop("TRIPPED", None)
-
-    def rhs(t, y):
-        if y[0] > 1.5:
-            os.environ["TRIPPED"] = "1"
-        return [-y[0] if "TRIPPED" in os.environ else rising(t)]
-
-    return rhs
+    return fuse(lambda: os.environ.update(TRIPPED="1"), lambda: "TRIPPED" in os.environ)
 
 
 def thermostat():
@@ -347,26 +301,39 @@ def thermostat():
 
 FUSES = {
     "closure variable `tripped`: False -> True": fuse_of_a_closure,
-    "attribute `self.tripped": fuse_of_a_helper,
-    r"default value `tripped`: array\(\[0.\]\) -> array\(\[1": fuse_of_a_default,
+    "attribute `self.tripped": fuse_of_an_object,
     "closure variable `tripped`: set\\(\\) -> {'fuse'}": fuse_that_acts_later,
+}
+MORE_FUSES = {
+    r"default value `tripped`: array\(\[0.\]\) -> array\(\[1": fuse_of_a_default,
     "hidden state": thermostat,
 }
 
 
-@pytest.mark.parametrize(("words", "make"), FUSES.items())
+def solved(problem):
+    """Without the digits that a user gets: whether it can be solved is all that is asked."""
+    return reference(problem, rtol=1e-7, atol=1e-7)
+
+
+def run_of_rk4(problem):
+    return simulate(problem, "rk4", 64)
+
+
+@pytest.mark.parametrize(
+    ("words", "make"), [*FUSES.items(), *(pytest.param(*e, marks=SLOW) for e in MORE_FUSES.items())]
+)
 def test_a_memory_between_calls_has_no_reference(words, make):
     """Not even when asked again, or after a run that has tripped it."""
     problem = acts(make())
-    for solve in (reference, lambda each: simulate(each, "rk4", 64), reference):
+    for solve in (solved, run_of_rk4, solved):
         with pytest.raises(UserCodeError, match=f"not deterministic: .*{words}"):
             solve(problem)
 
 
-@pytest.mark.slow
+@SLOW
 def test_a_memory_outside_of_python_has_no_reference():
     problem = Problem.from_scipy(fuse_in_the_environment(), (0.0, 2.0), [1.0], frames=2)
-    for solve in (lambda each: simulate(each, "rk4", 64), reference):
+    for solve in (run_of_rk4, reference):
         with pytest.raises(UserCodeError, match="not deterministic: .* or reads what changes"):
             solve(problem)
 
@@ -405,17 +372,31 @@ def caches():
 def test_a_memory_that_changes_nothing_is_right():
     """Counters, logs, caches, tables and arrays for results; and what the user changes between."""
     plain = acts(lambda t, y: [rising(t) + math.sin(y[0])])
-    states = reference(plain).states
+    states = solved(plain).states
     for make in (counts, caches):
         problem = acts(make())
-        assert np.array_equal(reference(problem).states, states)
+        assert np.array_equal(solved(problem).states, states)
         simulate(problem, "rk4", 4)
     device.acts = lambda t, y: [0.0 * math.sin(y[0])]
-    assert reference(plain).states[-1] == 1.0
+    assert solved(plain).states[-1] == 1.0
+
+
+def counting():
+    calls = [0]
+
+    def rhs(t, y):
+        calls[0] += 1
+        return y if calls[0] < 100 else -y
+
+    return rhs
+
+
+def keeps(t, y):
+    return y
 
 
 def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
-    return lambda: Problem.from_scipy(function, span, list(y0), **more)
+    return lambda: Problem.from_scipy(function, span, y0, **more)
 
 
 @pytest.mark.parametrize(
@@ -426,48 +407,26 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (ivp(lambda t, y: 1 / 0), "ZeroDivisionError: division by zero at t = 0, y ="),
         (ivp(lambda t, y: sys.exit(3)), "it raised SystemExit: 3"),
         (ivp(lambda t, y: y[:1]), r"shape \(1,\) at t = 0, .*; allowed: .* \(2,\)"),
-        (ivp(lambda t, y: "word"), r"it returned 'word' \(str\) at t = 0, y = \[1. 0.\]"),
         (ivp(lambda t, y: None), "it returned None .* with `return`"),
         (ivp(lambda t, y: [y, 1.0]), r"it returned \[array.* \(list\)"),
-        (ivp(lambda t, y: 1.0), r"shape \(\) at t = 0, y = .*; allowed: .* \(2,\)"),
-        (ivp(lambda t, y: 1j * y), "type complex128"),
         (ivp(lambda t, y: y.astype(np.float32)), "type float32 at t = 0, .*; allowed: float64"),
         (ivp(lambda t, y: y / 0.0 if t == 0 else y), "finite numbers at the initial state"),
         (ivp(lambda y, t: y), r"order of odeint; .* `lambda t, y, \*args: fun\(y, t, \*args\)`"),
-        (ivp(lambda x, tau: x), "the order of odeint"),
         (ivp(lambda t, y, k: y), r"a function of \(t, y, k\) given; .* \(k\): args=\(\.\.\.,\)"),
-        (ivp(lambda t, y: y, args=(1,)), r"one of \(t, y, a0\).* no more than it takes in args"),
+        (ivp(keeps, args=(1,)), r"one of \(t, y, a0\).* no more than it takes in args"),
         (ivp(lambda t, y, *, k: y), r"of \(t, y, \*, k\) given; .* `functools.partial\(fun, k="),
         (ivp(lambda t, y, k: y, args=1), r"write args=\(value,\), with the comma"),
-        (ivp(lambda t, y: y, span=(1, 0)), "begins at its smaller time. Fix: solve for -t"),
-        (ivp(lambda t, y: y, args="RK45"), "args: 'RK45' given; .* a method of solve_ivp"),
-        (ivp(lambda t, y: y, span=(0, math.nan)), r"ts: \(0, nan\) given; .* entry \[1\]"),
-        (ivp(lambda t, y: y, span=None), r"ts: None given; .* the span \(0, 10\)"),
-        (ivp(lambda t, y: y, span=(0, 1, 1)), "ts: .* drop repeats; entries 1 and 2"),
-        (ivp(lambda t, y: y, span=(-1e308, 1e308)), "ts: .* a span that is a number in float64"),
-        (ivp(lambda t, y: y, span=(1e9, 1e9 + 1e-6)), "frames: 20 .* a resolution of 1.2e-07"),
-        (ivp(lambda t, y: y, frames=10**12), r"frames: .* at most 1e\+08"),
-        (ivp(lambda t, y: y, frames=0), "frames: 0 given"),
-        (ivp(lambda t, y: y, span=(0, 1, 2), frames=3), "frames: 3 given; allowed: none with samp"),
-        (ivp(lambda t, y: y, y0=[[1.0]]), "y0: .* one axis"),
-        (lambda: Problem.from_scipy(pendulum, (0, 1), 1.0), r"y0: .* Fix: write \[1.0\]"),
-        (lambda: Problem.from_scipy(pendulum, (0, 1), {"x": 1.0}), r"y0: .* Problem\(rhs, y0, ts"),
-        (ivp(lambda t, y: y, name=3), "name: 3 given; allowed: a text"),
-        (ivp(lambda t, y: y, parameters=3), "parameters: 3 given; allowed: a dict"),
-        (ivp(lambda t, y: y, energy=lambda t, y: 1.0), r"energy: .* `def energy\(t, y, args\):`"),
-        (ivp(lambda t, y: y, mechanics=None), "keyword: 'mechanics' given, which does not exist"),
-        (
-            lambda: Problem.from_scipy(pendulum, (0, 1), np.ma.array([1.0, 2.0], mask=[0, 1])),
-            "y0: .* fill the masked entries",
-        ),
+        (ivp(keeps, span=(1, 0)), "begins at its smaller time. Fix: solve for -t"),
+        (ivp(keeps, span=(-1e308, 1e308)), "ts: .* a span that is a number in float64"),
+        (ivp(keeps, span=(1e9, 1e9 + 1e-6)), "frames: 20 .* a resolution of 1.2e-07"),
+        (ivp(keeps, frames=10**12), r"frames: .* at most 1e\+08"),
+        (ivp(keeps, span=(0, 1, 2), frames=3), "frames: 3 given; allowed: none with samp"),
+        (ivp(keeps, y0=[[1.0]]), "y0: .* one axis"),
+        (ivp(keeps, y0={"x": 1.0}), r"y0: .* Problem\(rhs, y0, ts"),
+        (ivp(keeps, y0=np.ma.array([1.0, 2.0], mask=[0, 1])), "y0: .* fill the masked entries"),
+        (ivp(keeps, energy=lambda t, y: 1.0), r"energy: .* `def energy\(t, y, args\):`"),
+        (ivp(keeps, mechanics=None), "keyword: 'mechanics' given, which does not exist"),
         (ivp(3), "fun: 3 given"),
-        (lambda: Problem(lambda t, y: y, [1.0], [0, 1]), r"write `def rhs\(t, y, args\):`, or use"),
-        (lambda: Problem(lambda y: y, [1.0], [0, 1]), r"rhs: a function of \(y\) given"),
-        (lambda: Problem(lambda y, t, p: y, [1.0], [0, 1]), "order of odeint"),
-        (
-            lambda: Problem(lambda t, y, p: np.sin(y), [1.0], [0, 1]),
-            "to Problem.from_scipy",
-        ),
     ],
 )
 def test_what_cannot_be_used_is_met_with_what_to_write(make, words):
@@ -479,72 +438,57 @@ OF_SCIPY = {*inspect.signature(solve_ivp).parameters} - {"fun", "y0", "args", "o
 OF_METHODS = {"rtol", "atol", "max_step", "first_step", "jac", "jac_sparsity", "lband", "min_step"}
 
 
-@pytest.mark.parametrize("keyword", sorted(OF_SCIPY | OF_METHODS | {"event"}))
-def test_keywords_of_scipy_are_met_with_what_to_write(keyword):
-    words = (
-        "docs/howto/events.md" if keyword.startswith("event") else rf"{keyword}: 3 given; .* Fix: "
-    )
-    given = {keyword: 3}
-    with pytest.raises(InputError, match=words):
-        Problem.from_scipy(pendulum, (0.0, 2.0), START, (STRENGTH,), **given)
-    with pytest.raises(InputError, match=words):
-        Problem(pendulum_in_jax, START, [0.0, 2.0], STRENGTH, **given)
-    with pytest.raises(InputError, match=words):
-        Problem.second_order(lambda t, x, v, args: -x, 1.0, 0.0, [0.0, 2.0], **given)
-
-
-def test_a_reference_is_asked_for_an_event(in_python):
-    given: Any = {"event": lambda t, y: y[0]}
-    says = r"event: .* given; allowed: accuracy.* docs/howto/events\.md"
-    with pytest.raises(InputError, match=says):
-        reference(in_python, **given)
-    with pytest.raises(InputError, match="keyword: 'tolerance' given, which does not exist"):
-        reference(in_python, tolerance=1e-9)
+def test_keywords_of_scipy_are_met_with_what_to_write(in_python):
+    for keyword in sorted(OF_SCIPY | OF_METHODS | {"event"}):
+        given: Any = {keyword: lambda t, y: y[0]}
+        words = "docs/howto/events.md" if keyword.startswith("event") else f"{keyword}: .* Fix: "
+        for make in (
+            lambda given: Problem.from_scipy(pendulum, (0.0, 2.0), START, (STRENGTH,), **given),
+            lambda given: Problem(pendulum_in_jax, START, [0.0, 2.0], STRENGTH, **given),
+            lambda given: Problem.second_order(lambda t, x, v, args: -x, 1, 0, [0, 2], **given),
+        ):
+            with pytest.raises(InputError, match=words):
+                make(given)
+    # A reference is asked for an event, or for what it has under another name.
+    for given, words in (
+        ({"event": lambda t, y: y[0]}, r"event: .* given; allowed: .* docs/howto/events\.md"),
+        ({"tolerance": 1e-9}, "keyword: 'tolerance' given, which does not exist"),
+    ):
+        with pytest.raises(InputError, match=words):
+            reference(in_python, **given)
 
 
 @pytest.mark.parametrize(
     ("given", "words"),
     [
         (pendulum, r"or Problem\.from_scipy\(fun"),
-        ("rope", "load_problem"),
         (Rope(), r"rope\.problem\(frames=20\)"),
         (None, r"problem: None given; allowed: a Problem\. Fix: write Problem\("),
     ],
 )
 def test_what_is_no_problem_is_met_with_how_to_make_one(given, words):
-    for solve in (reference, lambda each: simulate(each, "rk4", 4), accuracy_table):
+    for solve in (reference, run_of_rk4, accuracy_table):
         with pytest.raises(InputError, match=words):
             solve(given)
 
 
-@pytest.mark.parametrize("function", [lambda t, y: -y[0], lambda t, y: -math.exp(y[0])])
-@in_float64
-def test_the_derivative_of_one_number_may_be_a_number(function):
-    problem = Problem.from_scipy(function, (0.0, 1.0), [0.5])
-    slope = problem.rhs(0.0, problem.y0, None)
-    assert np.asarray(slope).tolist() == [function(0.0, problem.y0)]
-
-
 def test_an_exception_on_the_way_comes_out_as_it_is(in_python):
-    def no_data(t, y, strength):
-        if t > 0.7:
-            raise LookupError("no data behind 0.7")
-        return pendulum(t, y, strength)
+    def ends_with(error):
+        def rhs(t, y, strength):
+            if t > 0.7:
+                raise error
+            return pendulum(t, y, strength)
 
-    problem = Problem.from_scipy(no_data, in_python.ts, START, args=(STRENGTH,))
+        problem = Problem.from_scipy(rhs, (0.0, 0.5), START, args=(STRENGTH,), frames=2)
+        return problem.changed(ts=in_python.ts)
+
+    no_data = ends_with(LookupError("no data behind 0.7"))
     for stepper in ("rk4", "scipy:RK45"):
         with pytest.raises(UserCodeError, match=r"no data behind 0.7 at t = 0\.7") as caught:
-            simulate(problem, stepper, 16)
+            simulate(no_data, stepper, 16)
         assert isinstance(caught.value.__cause__, LookupError)
-
-    def interrupted(t, y, strength):
-        if t > 0.7:
-            raise KeyboardInterrupt
-        return pendulum(t, y, strength)
-
-    problem = Problem.from_scipy(interrupted, (0.0, 0.5), START, args=(STRENGTH,), frames=2)
     with pytest.raises(KeyboardInterrupt):
-        simulate(problem.changed(ts=in_python.ts), "rk4", 16)
+        simulate(ends_with(KeyboardInterrupt()), "rk4", 16)
     # What was raised once is over.
     assert simulate(in_python, "rk4", 8).status == "ok"
 
@@ -580,13 +524,6 @@ def test_all_that_runs_while_an_exception_is_kept_raises_it_once():
     assert outcomes == [kept]
     with callbacks.raised_again():
         pass
-
-
-def test_programs_are_found_again_by_the_function():
-    one, other = (Problem.from_scipy(pendulum, (0.0, 2.0), [x, 0.0], args=(1.3,)) for x in (1, 2))
-    assert one.rhs == other.rhs
-    simulate(one, "rk4", 8)
-    assert simulate(other, "rk4", 8).compile_seconds == 0.0
 
 
 def test_a_program_that_computes_something_else_is_not_used():

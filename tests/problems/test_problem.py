@@ -20,22 +20,17 @@ def decay(t, y, args):
 GOOD = {"rhs": decay, "y0": [1.0, 2.0], "ts": [0.0, 1.0, 3.0]}
 
 
-def test_values_are_kept_as_read_only_float64():
-    problem = Problem(decay, np.array([1, 2]), (0, 1, 3), {"rate": 3.0, "n": 2})
-    assert problem.y0.dtype == problem.ts.dtype == np.float64
-    assert problem.args["rate"].dtype == np.float64
+def test_values_are_kept_as_read_only_copies_in_float64():
+    mine = np.array([1, 2])
+    problem = Problem(decay, mine, (0, 1, 3), {"rate": 3.0, "n": 2})
+    mine[0] = 7
+    assert problem.y0.tolist() == [1, 2]
+    assert problem.y0.dtype == problem.ts.dtype == problem.args["rate"].dtype == np.float64
     assert problem.frames == 2
     with pytest.raises(ValueError, match="read-only"):
         problem.y0[0] = 5.0
     with pytest.raises(dataclasses.FrozenInstanceError):
         problem.y0 = np.ones(2)
-
-
-def test_the_callers_arrays_are_not_taken():
-    mine = np.array([1.0, 2.0])
-    problem = Problem(decay, mine, [0.0, 1.0])
-    mine[0] = 7.0
-    assert problem.y0[0] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -44,25 +39,17 @@ def test_the_callers_arrays_are_not_taken():
         ({"y0": [1.0, np.nan]}, r"y0: .* correct entry \[1\], which is not finite"),
         ({"y0": "state"}, "y0: 'state' given; allowed: an array of finite real numbers"),
         ({"y0": [1.0 + 2.0j]}, "y0: .* real"),
-        ({"y0": []}, "y0: "),
         ({"y0": [[1.0], [1.0, 2.0]]}, "y0: "),
         ({"ts": [0.0, 1.0, 1.0]}, r"ts: \[1.0, 1.0\] given; .* entries 1 and 2"),
-        ({"ts": [0.0, 2.0, 1.0]}, "ts: .* increasing"),
         ({"ts": [0.0]}, "ts: .* at least two"),
-        ({"ts": [0.0, np.inf]}, "ts: .* finite"),
         ({"jump_times": [5.0]}, r"jump_times: .* inside \(0.0, 3.0\)"),
         ({"jump_times": [2.0, 1.0]}, "jump_times: .* increasing"),
-        ({"jump_times": 3}, "jump_times: "),
         ({"exact": 3}, "exact: 3 given; allowed: a function"),
-        ({"energy": "E"}, "energy: 'E' given"),
+        ({"name": 3}, "name: 3 given"),
         ({"args": {"rate": "fast"}}, "args: 'fast' given"),
         ({"rhs": 3}, "rhs: 3 given; allowed: a function rhs"),
+        ({"rhs": lambda t, y: y}, r"write `def rhs\(t, y, args\):`, or use Problem.from_scipy"),
         ({"rhs": lambda t, y, args: y[:1]}, r"rhs result: \(1,\) given; .* \(2,\)"),
-        ({"rhs": lambda t, y, args: (y, y)}, "rhs result: 'tuple' given"),
-        (
-            {"rhs": lambda t, y, args: y.astype(jnp.float32)},
-            "rhs: 'convert_element_type' in float32 in line",
-        ),
         ({"rhs": lambda t, y, args: jnp.log(-y)}, "rhs result: .* finite numbers at the initial"),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
@@ -87,7 +74,8 @@ def test_several_faults_at_once():
     ],
 )
 def test_users_exception_is_the_cause(rhs):
-    with pytest.raises(UserCodeError, match="rhs: raised .*Error: .* when it was tried") as caught:
+    words = "rhs: raised .*Error: .* when it was tried.* Problem.from_scipy"
+    with pytest.raises(UserCodeError, match=words) as caught:
         Problem(rhs, [1.0, 2.0], [0.0, 1.0])
     assert caught.value.__cause__ is not None
 
@@ -97,44 +85,45 @@ def test_second_order_layouts():
         problem = Problem.second_order(lambda t, x, v, args: -x, x0, np.zeros_like(x0), [0, 1, 2])
         assert problem.y0.shape == (2, *np.shape(x0))
         states = np.stack([problem.y0] * 3)
-        assert (
-            problem.positions(states).shape == problem.velocities(states).shape == (3, nodes, dim)
-        )
+        for shown in (problem.positions(states), problem.velocities(states)):
+            assert shown.shape == (3, nodes, dim)
     turned = Problem.second_order(
-        lambda t, x, v, args: -x,
+        lambda t, x, v, args: t - x,
         np.arange(6.0).reshape(2, 3),
-        np.zeros((2, 3)),
-        [0, 1],
+        np.full((2, 3), 5.0),
+        [1, 2],
         node_axis=1,
     )
     assert turned.positions(turned.y0[None])[0].tolist() == [[0, 3], [1, 4], [2, 5]]
+    # The first-order form: velocities, and accelerations.
+    v, a = turned.rhs(1.0, turned.y0, None)
+    assert v.tolist() == [[5.0] * 3] * 2
+    assert a.tolist() == [[1.0, 0.0, -1.0], [-2.0, -3.0, -4.0]]
 
 
-def test_first_order_form_is_velocity_and_acceleration():
-    problem = Problem.second_order(lambda t, x, v, args: t - x, [3.0], [5.0], [1.0, 2.0])
-    with jax.enable_x64(True):
-        assert np.asarray(problem.rhs(1.0, problem.y0, None)).tolist() == [[5.0], [-2.0]]
+def undamped(t, x, v, args):
+    return -x
+
+
+def damped(t, x, v, args):
+    return -x - 0.3 * v
+
+
+def with_damping(acceleration, rate):
+    return Problem.second_order(
+        acceleration, [1.0], [0.5], [0.0, 1.0], damping=lambda args: LinearDamping(rate, rate)
+    )
 
 
 def test_damping_is_found_out():
-    def undamped(t, x, v, args):
-        return -x
-
-    def damped(t, x, v, args):
-        return -x - 0.3 * v
-
-    def make(acceleration, **more):
-        return Problem.second_order(acceleration, [1.0], [0.5], [0.0, 1.0], **more)
-
-    found = make(undamped).mechanics.damping
+    found = Problem.second_order(undamped, [1.0], [0.5], [0.0, 1.0]).mechanics.damping
     assert found is not None
     assert found(None).rate == 0
-    assert make(damped).mechanics.damping is None
-    assert make(damped, damping=lambda args: LinearDamping(0.3, 0.3)).mechanics.damping is not None
-    with pytest.raises(InputError, match="damping: the acceleration does not change"):
-        make(damped, damping=lambda args: LinearDamping(0.2, 0.2))
-    with pytest.raises(InputError, match="damping: "):
-        make(undamped, damping=lambda args: LinearDamping(0.2, 0.2))
+    assert Problem.second_order(damped, [1.0], [0.5], [0.0, 1.0]).mechanics.damping is None
+    assert with_damping(damped, 0.3).mechanics.damping is not None
+    for acceleration in (damped, undamped):
+        with pytest.raises(InputError, match="damping: the acceleration does not change"):
+            with_damping(acceleration, 0.2)
 
 
 def compiled_by(build, caplog) -> list[str]:
@@ -147,44 +136,28 @@ def compiled_by(build, caplog) -> list[str]:
 
 
 def test_building_compiles_once_and_rebuilding_not_at_all(caplog):
-    def acceleration(t, x, v, args):
-        return -x - args * v
-
-    def build(rate):
-        return Problem.second_order(
-            acceleration,
-            [[1.0, rate]],
-            [[0.5, 0.0]],
-            [0.0, 1.0],
-            rate,
-            damping=lambda args: LinearDamping(args, args),
-        )
-
-    assert len(compiled_by(lambda: build(0.3), caplog)) == 1
-    assert compiled_by(lambda: build(0.7), caplog) == []
-    # The first rope is gone when the others are built.
     assert len(compiled_by(lambda: Rope(num_nodes=9).problem(3), caplog)) == 1
+    # The first rope is gone when the others are built.
     assert compiled_by(lambda: Rope(num_nodes=9, damping=0.2).problem(4), caplog) == []
     assert compiled_by(lambda: PROBLEMS["rope"](frames=4, num_nodes=9), caplog) == []
 
 
-def test_second_order_faults():
-    with pytest.raises(InputError, match=r"v0: \(2,\) given; .* \(1,\)"):
-        Problem.second_order(lambda t, x, v, args: -x, [1.0], [1.0, 2.0], [0, 1])
-    with pytest.raises(InputError, match="x0: "):
-        Problem.second_order(
-            lambda t, x, v, args: -x, np.ones((2, 2, 2)), np.ones((2, 2, 2)), [0, 1]
-        )
-    with pytest.raises(InputError, match="acceleration result: .* state's shape"):
-        Problem.second_order(lambda t, x, v, args: jnp.ones(3), [1.0], [1.0], [0, 1])
+@pytest.mark.parametrize(
+    ("x0", "v0", "acceleration", "words"),
+    [
+        ([1.0], [1.0, 2.0], undamped, r"v0: \(2,\) given; .* \(1,\)"),
+        (np.ones((2, 2, 2)), np.ones((2, 2, 2)), undamped, "x0: "),
+        ([1.0], [1.0], lambda t, x, v, args: jnp.ones(3), "acceleration result: .* state's shape"),
+    ],
+)
+def test_second_order_faults(x0, v0, acceleration, words):
+    with pytest.raises(InputError, match=words):
+        Problem.second_order(acceleration, x0, v0, [0, 1])
 
 
-def test_energies(driven_pendulum):
-    problem = dataclasses.replace(driven_pendulum, energy=lambda t, y, args: t + jnp.sum(y))
-    states = np.stack([problem.y0] * 3)
-    np.testing.assert_allclose(problem.energies(states), problem.ts[:3] + problem.y0.sum())
+def test_a_problem_without_energy_has_none(driven_pendulum):
     with pytest.raises(InputError, match="energy: None given"):
-        driven_pendulum.energies(states)
+        driven_pendulum.energies(driven_pendulum.y0[None])
 
 
 def test_equal_frames():

@@ -10,18 +10,9 @@ from scipy.integrate import DOP853, RK45
 from ropeode.problems import Rope
 from ropeode.simulation import simulate
 from tests.steppers.every_variant import EVERY_PARAMETER
+from tests.steppers.ropes import in_space
 
-ROPE = Rope(
-    start=(0.0, 0.0, 1.0),
-    end=(3.0, -1.0, 0.5),
-    num_nodes=5,
-    node_mass=(1.0, 2.0, 0.5, 1.5, 0.7),
-    stiffness=(30.0, 20.0, 45.0, 10.0),
-    pinned=(1,),
-    gravity=(0.3, -1.0, 0.2),
-    damping=(0.1, 0.2, 0.3, 0.4, 0.5),
-    initial_velocity=((0.1, 0.2, 0.3), (0, 0, 0), (1, -1, 0), (0.5, 0, 0.2), (0, 0.7, -0.4)),
-)
+ROPE = in_space(Rope, stiffness=(30.0, 20.0, 45.0, 10.0))
 PROBLEM = ROPE.problem(frames=3)
 STEPS = 7
 DT = 1.0 / STEPS
@@ -52,12 +43,6 @@ def undamped(x):
     return acceleration(x, np.zeros_like(x))
 
 
-def explicit_euler(x, v, steps):
-    for _ in range(steps):
-        x, v = x + DT * v, v + DT * acceleration(x, v)
-    return x, v
-
-
 def semi_implicit_euler(x, v, steps):
     for _ in range(steps):
         v = v + DT * acceleration(x, v)
@@ -73,20 +58,6 @@ def velocity_verlet(x, v, steps):
     return x, v
 
 
-def rk4(x, v, steps):
-    for _ in range(steps):
-        a1 = acceleration(x, v)
-        x2, v2 = x + DT / 2 * v, v + DT / 2 * a1
-        a2 = acceleration(x2, v2)
-        x3, v3 = x + DT / 2 * v2, v + DT / 2 * a2
-        a3 = acceleration(x3, v3)
-        x4, v4 = x + DT * v3, v + DT * a3
-        a4 = acceleration(x4, v4)
-        x = x + DT / 6 * (v + 2 * v2 + 2 * v3 + v4)
-        v = v + DT / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-    return x, v
-
-
 def slope(x, v):
     """Of positions and velocities as one array."""
     return np.stack([v, acceleration(x, v)])
@@ -95,17 +66,20 @@ def slope(x, v):
 def runge_kutta(*rows):
     """By the definition: the rows from the second on, and the weights; without times."""
 
-    def run(x, v, steps):
+    def run(x, v, steps, dt=DT):
         y = np.stack([x, v])
         for _ in range(steps):
             k, state = [], y
             for row in rows:
                 k.append(slope(*state))
-                state = y + DT * sum(a * each for a, each in zip(row, k, strict=True))
+                state = y + dt * sum(a * each for a, each in zip(row, k, strict=True))
             y = state
         return y
 
     return run
+
+
+rk4 = runge_kutta([1 / 2], [0, 1 / 2], [0, 0, 1], [1 / 6, 1 / 3, 1 / 3, 1 / 6])
 
 
 def ssprk3(x, v, steps):
@@ -142,7 +116,7 @@ def adams(start, predictor, corrector=None):
         y = np.stack([x, v])
         known = [slope(*y)]
         for i in range(1, len(predictor)):
-            known.append(known[0] if start == "euler" else slope(*backwards(x, v, i)))
+            known.append(known[0] if start == "euler" else slope(*rk4(x, v, i, -DT)))
         for _ in range(steps):
             new = y + DT * sum(b * each for b, each in zip(predictor, known, strict=True))
             if corrector is not None:
@@ -152,18 +126,6 @@ def adams(start, predictor, corrector=None):
         return y
 
     return run
-
-
-def backwards(x, v, steps):
-    """By rk4 with time reversed: positions run against velocities, and forces stay."""
-    y = np.stack([x, v])
-    for _ in range(steps):
-        k1 = -slope(*y)
-        k2 = -slope(*(y + DT / 2 * k1))
-        k3 = -slope(*(y + DT / 2 * k2))
-        k4 = -slope(*(y + DT * k3))
-        y = y + DT / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return y
 
 
 ADAMS = {
@@ -184,24 +146,24 @@ def beeman(x, v, steps):
     return x, v
 
 
-def stormer_verlet(start, damping):
-    def step(x, before):
-        """The next positions, from the implicit equation with the damping that is meant."""
-        a = undamped(x)
-        if damping == "lagged":
-            return 2 * x - before + DT**2 * (a - RATE * (x - before) / DT)
-        if damping == "per-step":
-            return x + (1 - COEFFICIENT) * (x - before) + DT**2 * a
-        after = x
-        for _ in range(60):
-            after = 2 * x - before + DT**2 * (a - RATE * (after - before) / (2 * DT))
-        return after
+def after_two(x, before, a, damping):
+    """The next positions, from the implicit equation with the damping that is meant."""
+    if damping == "lagged":
+        return 2 * x - before + DT**2 * (a - RATE * (x - before) / DT)
+    if damping == "per-step":
+        return x + (1 - COEFFICIENT) * (x - before) + DT**2 * a
+    after = x
+    for _ in range(60):
+        after = 2 * x - before + DT**2 * (a - RATE * (after - before) / (2 * DT))
+    return after
 
+
+def stormer_verlet(start, damping):
     def run(x, v, steps):
         before = x - DT * v + DT**2 / 2 * acceleration(x, v) if start == "taylor" else x
         for _ in range(steps):
-            x, before = step(x, before), x
-        return x, (step(x, before) - before) / (2 * DT)
+            x, before = after_two(x, before, undamped(x), damping), x
+        return x, (after_two(x, before, undamped(x), damping) - before) / (2 * DT)
 
     return run
 
@@ -253,23 +215,12 @@ def swept(x, sweeps):
 
 
 def constraint_verlet(sweeps, start, damping):
-    def step(x, before):
-        """Where the swept positions go next."""
-        if damping == "lagged":
-            return 2 * x - before + DT**2 * (GRAVITY - RATE * (x - before) / DT)
-        if damping == "per-step":
-            return x + (1 - COEFFICIENT) * (x - before) + DT**2 * GRAVITY
-        after = x
-        for _ in range(60):
-            after = 2 * x - before + DT**2 * (GRAVITY - RATE * (after - before) / (2 * DT))
-        return after
-
     def run(x, v, steps):
         taylor = x - DT * v + DT**2 / 2 * rigid_acceleration(x, v)
         every_swept, every = [taylor if start == "taylor" else x], [x]
         for _ in range(steps + 1):
             every_swept.append(swept(every[-1], sweeps))
-            every.append(step(every_swept[-1], every_swept[-2]))
+            every.append(after_two(every_swept[-1], every_swept[-2], GRAVITY, damping))
         every_swept.append(swept(every[-1], sweeps))
         return every[steps], (every_swept[steps + 2] - every_swept[steps]) / (2 * DT)
 
@@ -472,8 +423,8 @@ def implicit(name, newton):
     return run
 
 
-FORMULAS = {
-    "explicit-euler": explicit_euler,
+PLAIN = {
+    "explicit-euler": runge_kutta([1]),
     "semi-implicit-euler": semi_implicit_euler,
     "velocity-verlet": velocity_verlet,
     "rk4": rk4,
@@ -490,31 +441,32 @@ FORMULAS = {
     "beeman": beeman,
     "rattle": rattle,
 }
+WITH_OPTIONS = {
+    "stormer-verlet": lambda own: stormer_verlet(own.start, own.damping),
+    "constraint-verlet": lambda own: constraint_verlet(own.sweeps, own.start, own.damping),
+    "leapfrog": lambda own: leapfrog(own.form, own.damping),
+    "pbd": lambda own: position_based(own.iterations, own.sweep, springs=False),
+    "xpbd": lambda own: position_based(own.iterations, own.sweep, own.substeps),
+    "projective-dynamics": lambda own: projective_dynamics(own.iterations),
+}
+
+
+def formula_of(stepper):
+    if stepper.name in WITH_OPTIONS:
+        return WITH_OPTIONS[stepper.name](stepper)
+    if stepper.name in COMPOSITIONS:
+        return composition(stepper.name, stepper.damping)
+    if stepper.name.startswith("adams"):
+        predictor, corrector = ADAMS[int(stepper.name[-1])]
+        return adams(stepper.start, predictor, corrector if "pece" in stepper.name else None)
+    if stepper.family == "implicit":
+        return implicit(stepper.name, stepper.newton)
+    return PLAIN[stepper.name]
 
 
 @pytest.mark.parametrize("stepper", EVERY_PARAMETER)
 def test_stepper_is_its_formula(stepper):
-    if stepper.name == "stormer-verlet":
-        formula = stormer_verlet(stepper.start, stepper.damping)
-    elif stepper.name == "constraint-verlet":
-        formula = constraint_verlet(stepper.sweeps, stepper.start, stepper.damping)
-    elif stepper.name == "leapfrog":
-        formula = leapfrog(stepper.form, stepper.damping)
-    elif stepper.name in COMPOSITIONS:
-        formula = composition(stepper.name, stepper.damping)
-    elif stepper.name.startswith("adams"):
-        predictor, corrector = ADAMS[int(stepper.name[-1])]
-        formula = adams(stepper.start, predictor, corrector if "pece" in stepper.name else None)
-    elif stepper.family == "implicit":
-        formula = implicit(stepper.name, stepper.newton)
-    elif stepper.name == "pbd":
-        formula = position_based(stepper.iterations, stepper.sweep, springs=False)
-    elif stepper.name == "xpbd":
-        formula = position_based(stepper.iterations, stepper.sweep, stepper.substeps)
-    elif stepper.name == "projective-dynamics":
-        formula = projective_dynamics(stepper.iterations)
-    else:
-        formula = FORMULAS[stepper.name]
+    formula = formula_of(stepper)
     run = simulate(PROBLEM, stepper, STEPS)
     x, v = run.positions[0], run.velocities[0]
     for frame in range(1, 4):

@@ -36,10 +36,17 @@ def test_families_hold_each_stepper_once():
 
 
 @pytest.mark.parametrize("each", EVERY_VARIANT, ids=lambda each: each.label)
-def test_label_round_trip(each):
+def test_each_has_its_name_and_tells_what_it_solves(each):
     assert as_stepper(each.label) == each
     assert as_stepper(each) is each
     assert hash(as_stepper(each.label)) == hash(each)
+    for damped, at_rest, rigid in itertools.product((False, True), repeat=3):
+        problem_class = ProblemClass(damped, at_rest, rigid)
+        solves, order = each.solves(problem_class), each.order(problem_class)
+        assert solves or order == 0
+        if each == type(each)():
+            assert solves == (rigid or not each.keeps_lengths)
+            assert not solves or order >= 1
 
 
 @pytest.mark.parametrize("cls", STEPPERS.values(), ids=STEPPERS)
@@ -50,19 +57,6 @@ def test_declared_facts(cls):
     for option, choices in options(cls).items():
         assert choices[0] == str(getattr(cls(), option))
         assert (len(choices) == 1) == (option in number_options(cls))
-    for damped, at_rest, rigid in itertools.product((False, True), repeat=3):
-        problem_class = ProblemClass(damped, at_rest, rigid)
-        solves = rigid or not cls.keeps_lengths
-        assert cls().solves(problem_class) == solves
-        order = cls().order(problem_class)
-        assert order >= 1 if solves else order == 0
-
-
-@pytest.mark.parametrize("each", EVERY_VARIANT, ids=lambda each: each.label)
-def test_no_order_where_another_problem_is_solved(each):
-    for damped, at_rest, rigid in itertools.product((False, True), repeat=3):
-        problem_class = ProblemClass(damped, at_rest, rigid)
-        assert each.solves(problem_class) or each.order(problem_class) == 0
 
 
 NUMBERS = [(cls, option) for cls in STEPPERS.values() for option in number_options(cls)]
@@ -70,18 +64,17 @@ NUMBERS = [(cls, option) for cls in STEPPERS.values() for option in number_optio
 
 @pytest.mark.parametrize(("cls", "option"), NUMBERS)
 def test_any_whole_number_from_one_on(cls, option):
+    """As text, and in Python too."""
     default = getattr(cls(), option)
-    assert options(cls)[option] == (str(default),)
-    for number in (default + 1, default + 3, 1000):
+    for number in (default + 1, 1000):
         text = f"{cls.name}:{option}={number}"
         found = as_stepper(text)
         assert (getattr(found, option), found.label) == (number, text)
         assert type(getattr(found, option)) is int
-        assert as_stepper(found.label) == found
+        assert cls(**{option: np.int64(number)}) == as_stepper(found.label) == found
     assert as_stepper(f"{cls.name}:{option}={default}").label == cls.name
     for text, why in [
         ("0", "0 is below 1"),
-        ("-2", "-2 is below 1"),
         ("1.5", "'1.5' is not whole"),
         ("x", "'x' is not a number"),
         ("", "'' is not a number"),
@@ -93,13 +86,6 @@ def test_any_whole_number_from_one_on(cls, option):
         assert line.startswith(f"{cls.name}:{option}: {text!r} given; allowed: a whole number >= 1")
         assert f"({why})" in line
         assert f"Fix: for example {cls.name}:{option}=" in line
-
-
-@pytest.mark.parametrize(("cls", "option"), NUMBERS)
-def test_numbers_are_checked_in_python_too(cls, option):
-    found = cls(**{option: np.int64(3)})
-    assert type(getattr(found, option)) is int
-    assert found == as_stepper(f"{cls.name}:{option}=3")
     for given in (0, 2.5, None):
         with pytest.raises(InputError, match=f"{cls.name}:{option}: {given} given"):
             cls(**{option: given})
@@ -107,22 +93,20 @@ def test_numbers_are_checked_in_python_too(cls, option):
 
 def test_there_is_a_number_to_try():
     assert (STEPPERS["constraint-verlet"], "sweeps") in NUMBERS
+    with pytest.raises(InputError, match="xpbd:substeps: 1000000000000 given; allowed: at most"):
+        as_stepper("xpbd:substeps=1e12")
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("explicit-eulr", "did you mean 'explicit-euler'"),
-        ("RK4", "did you mean 'rk4'"),
         ("", "allowed: explicit-euler"),
         ("rk4:start=rest", "no options"),
         ("stormer-verlet:strat=rest", "did you mean 'start'"),
         ("stormer-verlet:start=rset", "did you mean 'rest'"),
         ("stormer-verlet:start", "allowed: taylor, rest"),
         ("stormer-verlet:start=rest,start=taylor", "each option once"),
-        ("constraint-verlet:sweep=2", "did you mean 'sweeps'"),
-        ("constraint-verlet:sweeps=2,sweeps=3", "each option once"),
-        ("rattle:sweeps=2", "no options"),
         (4, "a step function, a Stepper, or the name of one"),
     ],
 )
@@ -131,25 +115,14 @@ def test_bad_names(text, words):
         as_stepper(text)
 
 
-def test_spaces_do_not_matter():
-    assert as_stepper(" stormer-verlet: start=rest , damping = lagged ").label == (
-        "stormer-verlet:start=rest,damping=lagged"
-    )
-
-
 def test_options_in_python_are_those_on_the_command_line():
     """A number as one; and nothing that would run as another choice under its own name."""
+    spaced = as_stepper(" stormer-verlet: start=rest , damping = lagged ")
+    assert spaced == STEPPERS["stormer-verlet"](start="rest", damping="lagged")
     assert STEPPERS["implicit-euler"](newton=1) == as_stepper("implicit-euler:newton=1")
     for given in ("0", None, True, 2):
         with pytest.raises(InputError, match="implicit-euler:newton: .* allowed: converged, 1"):
             STEPPERS["implicit-euler"](newton=given)
-    with pytest.raises(InputError, match="xpbd:sweep: 'x' given"):
-        STEPPERS["xpbd"](sweep="x")
-
-
-def test_an_option_is_no_larger_than_a_loop_can_count():
-    with pytest.raises(InputError, match="xpbd:substeps: 1000000000000 given; allowed: at most"):
-        as_stepper("xpbd:substeps=1e12")
 
 
 def test_refusals_name_the_stepper_and_a_way_out(driven_pendulum):
@@ -169,5 +142,3 @@ def test_refusals_name_the_stepper_and_a_way_out(driven_pendulum):
             refusal = each.refusal(problem)
             assert (refusal is not None) == expected
             assert refusal is None or (each.label in refusal and "Fix:" in refusal)
-        if each.moves_links:
-            assert "'driven pendulum' has no such nodes" in each.refusal(driven_pendulum)
