@@ -24,29 +24,18 @@ def cubic_problem():
 
 
 @pytest.mark.parametrize("norm", [None, "velocity-rms"])
-def test_errors_are_those_of_error_series(small_rope, norm):
-    curves = error_curves(small_rope, ["rk4", "explicit-euler"], [8, 16], norm=norm)
-    known = reference(small_rope)
-    assert [(c.stepper, c.steps_per_frame) for c in curves.curves] == [
-        ("rk4", 8), ("rk4", 16), ("explicit-euler", 8), ("explicit-euler", 16),
-    ]  # fmt: skip
-    for curve in curves.curves:
-        run = simulate(small_rope, curve.stepper, curve.steps_per_frame)
-        series = error_series(run, known, norm)
-        assert np.array_equal(curve.times, series.times)
-        assert np.array_equal(curve.values, series.values)
-        assert curve.diverged_at is None
-        assert np.array_equal(curves.resolution, series.resolution)
-        assert curves.norm == series.norm
+def test_errors_are_those_of_error_series_and_their_largest_is_in_the_table(small_rope, norm):
+    known, asked = reference(small_rope), (["rk4", "explicit-euler"], [8, 16])
+    curves = error_curves(known, *asked, norm=norm)
     assert np.array_equal(curves.times, known.times[1:])
     assert np.array_equal(10 * curves.bound, curves.resolution)
-
-
-def test_their_maximum_is_what_the_table_has(small_rope):
-    table = accuracy_table(small_rope, ["rk4"], [8, 16])
-    for row, curve in zip(
-        table.rows, error_curves(small_rope, ["rk4"], [8, 16]).curves, strict=True
-    ):
+    table = accuracy_table(known, *asked, norm=norm)
+    for curve, row in zip(curves.curves, table.rows, strict=True):
+        assert (curve.stepper, curve.steps_per_frame) == (row.stepper, row.steps_per_frame)
+        series = error_series(simulate(small_rope, curve.stepper, row.steps_per_frame), known, norm)
+        assert np.array_equal(curve.times, series.times)
+        assert np.array_equal(curve.values, series.values)
+        assert np.array_equal(curves.resolution, series.resolution)
         assert np.max(curve.values) == row.error_max
 
 
@@ -162,44 +151,27 @@ def test_energies_end_before_they_are_infinite(cubic_problem):
     assert np.array_equal(curve.times, run.times[:finite])
 
 
-def test_default_steppers_are_those_of_the_table(small_rope, cubic_problem):
-    for problem in (small_rope, cubic_problem):
-        table = accuracy_table(problem, steps_per_frame=[400])
-        expected = [each.stepper for each in table.orders]
-        for make in (error_curves, energy_curves):
-            assert [c.stepper for c in make(problem, steps_per_frame=[400]).curves] == expected
-
-
-def test_progress_grows_to_one(small_rope):
-    said = []
-    error_curves(small_rope, ["rk4"], [4, 8], progress=lambda text, part: said.append(part))
-    assert said == sorted(said)
-    assert said[-1] == 1.0
-
-
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("make", "arguments", "words"),
     [
-        ({"steppers": ["rk5"]}, "did you mean 'rk4'"),
-        ({"steppers": ["rk4", "rk4"]}, "each stepper once"),
-        ({"steps_per_frame": [0]}, "steps_per_frame: "),
-        ({"rtol": 1.0}, "rtol: 1.0 given"),
+        (error_curves, {"steppers": ["rk5"]}, "did you mean 'rk4'"),
+        (energy_curves, {"steppers": ["rk4", "rk4"]}, "each stepper once"),
+        (energy_curves, {"steps_per_frame": [0]}, "steps_per_frame: "),
+        (error_curves, {"rtol": 1.0}, "rtol: 1.0 given"),
+        (error_curves, {"norm": "position-max"}, "norm: 'position-max' given"),
+        (error_curves, {"steppers": ["stormer-verlet"]}, "needs a second-order problem"),
+        (
+            energy_curves,
+            {"problem": Problem(cubic, [1.0], [0.0, 1.0], name="lazy")},
+            "problem: 'lazy' given; allowed: .* has an energy",
+        ),
     ],
-    ids=str,
 )
-@pytest.mark.parametrize("make", [error_curves, energy_curves])
-def test_bad_arguments(make, arguments, words, small_rope):
-    with pytest.raises(InputError, match=words):
-        make(small_rope, **arguments)
-
-
-def test_what_a_problem_has_not(cubic_problem):
+def test_bad_arguments_are_told_before_anything_is_computed(make, arguments, words, cubic_problem):
     computing = []
-    without = Problem(cubic, [1.0], [0.0, 1.0], name="lazy")
-    with pytest.raises(InputError, match="problem: 'lazy' given; allowed: .* has an energy"):
-        energy_curves(without, ["rk4"], [4], progress=lambda *said: computing.append(said))
-    with pytest.raises(InputError, match="norm: 'position-max' given"):
-        error_curves(cubic_problem, ["rk4"], [4], norm="position-max")
-    with pytest.raises(InputError, match="needs a second-order problem"):
-        error_curves(cubic_problem, ["stormer-verlet"], [4])
+    with pytest.raises(InputError, match=words):
+        make(
+            **{"problem": cubic_problem, **arguments},
+            progress=lambda *said: computing.append(said),
+        )
     assert not computing

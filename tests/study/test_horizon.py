@@ -129,18 +129,12 @@ def test_a_truth_that_ends_early():
     ("spans", "words"),
     [
         ([], r"spans: \[\] given; allowed: one or more"),
-        ([0], "spans: 0 given; allowed: a finite number > 0"),
-        (["far"], "spans: 'far' given; allowed: a finite number > 0"),
+        ([0, "far"], "(?s)spans: 0 given; allowed: a finite number > 0.*spans: 'far' given"),
         ([1e6], "spans: 1000000.0 given; allowed: at most 10000"),
     ],
 )
 def test_faults(spans, words):
     with pytest.raises(InputError, match=words) as raised:
         horizon(PROBLEMS["oscillator"](), spans)
+    assert len(raised.value.problems) == max(len(spans), 1)
     assert all("Fix: " in line for line in raised.value.problems)
-
-
-def test_every_fault_is_told():
-    with pytest.raises(InputError) as raised:
-        horizon(PROBLEMS["oscillator"](), [0, -1])
-    assert len(raised.value.problems) == 2
