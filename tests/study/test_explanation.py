@@ -160,9 +160,9 @@ def test_a_first_order_problem():
     assert found.tables[0].orders[0].constant.predicted == pytest.approx(1 / 120 / np.e, rel=1e-3)
     assert "first-order (this one)" in format_explanation(found)
     assert_conforms(format_explanation(found, "json"))
-    # A solver of a library that is one of ropeode's.
+    # A solver of a library that is one of ropeode's; one iteration solves a linear equation.
     found = explain_stepper("diffrax:ImplicitEuler", problem, steps_per_frame=(4, 8, 16))
-    assert [each.name for each in found.equal] == ["implicit-euler"]
+    assert [each.name for each in found.equal] == ["implicit-euler", "implicit-euler:newton=1"]
 
 
 def test_bad_input(small_rope):

@@ -10,6 +10,7 @@ import hashlib
 import os
 import signal
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from ropeode import sandbox
@@ -81,7 +82,7 @@ class Rows:
         raising: cases that raise.
         slow: cases that never end.
         leaving: cases that leave a process, in a session of its own, and note which.
-        saying: a case, and what it says in place of rows.
+        saying: of cases, what they say in place of rows.
     """
 
     seconds: float = 0.0
@@ -91,7 +92,7 @@ class Rows:
     raising: frozenset[int] = frozenset()
     slow: frozenset[int] = frozenset()
     leaving: frozenset[int] = frozenset()
-    saying: tuple[int, bytes] | None = None
+    saying: Mapping[int, bytes] = dataclasses.field(default_factory=dict)
 
     def __call__(self, task: Task) -> list[dict]:
         time.sleep(self.seconds)
@@ -112,8 +113,8 @@ class Rows:
                     time.sleep(3600.0)
                 while not left.is_symlink():
                     time.sleep(0.01)
-            if self.saying and case.number == self.saying[0]:
-                sandbox.say(self.saying[1])
+            if case.number in self.saying:
+                sandbox.say(self.saying[case.number])
                 time.sleep(3600.0)
             if case.number in self.raising:
                 raise ArithmeticError(f"number {case.number}")
