@@ -47,24 +47,35 @@ def environment(cache):
 
 
 @pytest.fixture
-def run_process(environment, tmp_path):
-    """Run ropeode in an empty folder as a process, where asked without a package."""
+def started(environment, tmp_path):
+    """A function that starts ropeode in an empty folder; what still runs in the end is killed."""
+    processes = []
 
-    def call(*arguments, without=None):
-        code = (
-            f"import sys; sys.modules[{without!r}] = None; sys.argv[1:] = {list(arguments)!r}\n"
-            "from ropeode.cli import run_process; run_process()"
-        )
-        return subprocess.run(
-            [sys.executable, "-c", code]
-            if without
-            else [sys.executable, "-m", "ropeode", *arguments],
-            capture_output=True,
+    def call(*arguments):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "ropeode", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
             text=True,
-            timeout=HANGS_AFTER_S,
             cwd=tmp_path,
-            env=environment,
-            check=False,
+            env={**environment, "PYTHONUNBUFFERED": "1"},
         )
+        processes.append(process)
+        return process
+
+    yield call
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def run_process(started):
+    """Run ropeode in an empty folder as a process."""
+
+    def call(*arguments):
+        process = started(*arguments)
+        said = process.communicate(timeout=HANGS_AFTER_S)
+        return subprocess.CompletedProcess(arguments, process.returncode, *said)
 
     return call

@@ -75,15 +75,6 @@ def test_rows_that_are_none_fail_their_case(tmp_path):
             assert row == right
 
 
-@pytest.mark.slow
-def test_local_processes_of_which_some_die(tmp_path):
-    notes = tmp_path / "notes"
-    notes.mkdir()
-    engine = LocalProcesses(Rows(deadly=ALWAYS, deadly_once=ONCE, notes=notes), 2)
-    check(run(engine, tmp_path / "rows"))
-    assert [path.name for path in notes.iterdir()] == ["7"]
-
-
 def test_processes_that_cannot_start_are_reported(tmp_path):
     """As in a script with work of its own that has no `if __name__ == "__main__"`."""
     (tmp_path / "script.py").write_text(

@@ -130,7 +130,7 @@ def shared_programs(cache):
 def test_all_engines_make_the_same_files(folder, cache, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
     path = spec(folder)
-    text = path.read_text().replace("['steps.py:verlet']", str(list(STEPPERS)))
+    text = path.read_text().replace('["steps.py:verlet"]', str(list(STEPPERS)))
     path.write_text(text.replace("[4, 8]", "[32, 64]"))
     summary = run_sweep(path, "here")
     assert (summary.done, summary.total, dict(summary.statuses)) == (24, 24, {"ok": 24})
