@@ -46,7 +46,7 @@ from ropeode.terminal import with_progress
 def program(does):
     jax.block_until_ready(jax.jit(lambda: jax.pure_callback(does, jax.numpy.ones(())))())
 def computes():
-    end = time.process_time() + 1.2
+    end = time.process_time() + 1.6
     while time.process_time() < end: pass
     return 0.0
 def working(does):
@@ -54,11 +54,11 @@ def working(does):
         progress("rk4: 16 steps per frame", 0.5)
         does()
     return work
-with_progress(working(lambda: time.sleep(1.2)), gives_up_after=0.6)
-with_progress(working(lambda: program(computes)), gives_up_after=0.6)
+with_progress(working(lambda: time.sleep(1.6)), gives_up_after=1.0)
+with_progress(working(lambda: program(computes)), gives_up_after=1.0)
 print("done", flush=True)
 try:
-    with_progress(working(lambda: program(threading.Event().wait)), gives_up_after=0.6)
+    with_progress(working(lambda: program(threading.Event().wait)), gives_up_after=1.0)
 except RuntimeError as error:
     print(error, flush=True)
 os._exit(0)

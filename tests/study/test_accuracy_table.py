@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from ropeode import InextensibleRope, Problem, Rope, accuracy_table, reference
-from ropeode.errors import InputError
 from ropeode.norms import NORMS
 from ropeode.simulation import simulate
 from ropeode.study import DEFAULT_STEPPERS, default_steppers, problem_class
@@ -115,22 +114,3 @@ def test_jumps_take_the_expectation_away(jump_times, expected):
     problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0], jump_times=jump_times)
     known = exact_reference(problem, np.exp(-problem.ts)[:, None])
     assert accuracy_table(known, ["rk4"], [4]).orders[0].expected == expected
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"steppers": []}, "steppers: "),
-        ({"steppers": ["rk5", "verlet"]}, "(?s)rk5.*verlet"),
-        ({"steps_per_frame": []}, "steps_per_frame: "),
-        ({"steps_per_frame": [4, 0]}, r"steps_per_frame: .*\(0 is below 1"),
-        ({"steps_per_frame": [4.5]}, "not whole"),
-        ({"steps_per_frame": 16}, "steps_per_frame: 16 given"),
-        ({"norm": "state-max"}, "norm: 'state-max' given; allowed: those that 'rope' has"),
-        ({"accuracy": -1}, "accuracy: -1 given"),
-    ],
-    ids=str,
-)
-def test_bad_input(change, words, small_rope):
-    with pytest.raises(InputError, match=words):
-        accuracy_table(small_rope, **{"steps_per_frame": (4, 8), **change})

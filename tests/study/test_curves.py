@@ -8,7 +8,6 @@ import pytest
 
 from ropeode import Problem, Rope, accuracy_table, reference
 from ropeode.analysis import error_series
-from ropeode.errors import InputError
 from ropeode.norms import distance
 from ropeode.simulation import simulate
 from ropeode.study import energy_curves, error_curves
@@ -139,39 +138,3 @@ def test_energies():
     for curve in curves.curves:
         assert np.array_equal(curve.times, rope.ts)
         assert curve.values[0] == pytest.approx(800, rel=1e-14)
-
-
-def test_energies_end_before_they_are_infinite(cubic_problem):
-    run = simulate(cubic_problem, "explicit-euler", 1)
-    energy = cubic_problem.energies(run.states)
-    assert not np.all(np.isfinite(energy))  # While all states are.
-    (curve,) = energy_curves(cubic_problem, ["explicit-euler"], [1]).curves
-    finite = int(np.argmin(np.isfinite(energy)))
-    assert np.array_equal(curve.values, energy[:finite])
-    assert np.array_equal(curve.times, run.times[:finite])
-
-
-@pytest.mark.parametrize(
-    ("make", "arguments", "words"),
-    [
-        (error_curves, {"steppers": ["rk5"]}, "did you mean 'rk4'"),
-        (energy_curves, {"steppers": ["rk4", "rk4"]}, "each stepper once"),
-        (energy_curves, {"steps_per_frame": [0]}, "steps_per_frame: "),
-        (error_curves, {"rtol": 1.0}, "rtol: 1.0 given"),
-        (error_curves, {"norm": "position-max"}, "norm: 'position-max' given"),
-        (error_curves, {"steppers": ["stormer-verlet"]}, "needs a second-order problem"),
-        (
-            energy_curves,
-            {"problem": Problem(cubic, [1.0], [0.0, 1.0], name="lazy")},
-            "problem: 'lazy' given; allowed: .* has an energy",
-        ),
-    ],
-)
-def test_bad_arguments_are_told_before_anything_is_computed(make, arguments, words, cubic_problem):
-    computing = []
-    with pytest.raises(InputError, match=words):
-        make(
-            **{"problem": cubic_problem, **arguments},
-            progress=lambda *said: computing.append(said),
-        )
-    assert not computing

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from ropeode import Problem, horizon
-from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
 from ropeode.references.extended.taylor import solve
 from ropeode.render import format_horizon
@@ -123,18 +122,3 @@ def test_a_truth_that_ends_early():
     assert len(study.bound) == len(study.lost) == len(study.runs[0].errors) == len(study.times)
     words = " ".join(format_horizon(study).split())
     assert f"up to t = 0.9 only ({study.truth.failure})" in words
-
-
-@pytest.mark.parametrize(
-    ("spans", "words"),
-    [
-        ([], r"spans: \[\] given; allowed: one or more"),
-        ([0, "far"], "(?s)spans: 0 given; allowed: a finite number > 0.*spans: 'far' given"),
-        ([1e6], "spans: 1000000.0 given; allowed: at most 10000"),
-    ],
-)
-def test_faults(spans, words):
-    with pytest.raises(InputError, match=words) as raised:
-        horizon(PROBLEMS["oscillator"](), spans)
-    assert len(raised.value.problems) == max(len(spans), 1)
-    assert all("Fix: " in line for line in raised.value.problems)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode import Problem, node_paths
-from ropeode.errors import InputError
+from ropeode import node_paths
 from ropeode.norms import NORMS, distance
 from ropeode.problems import PROBLEMS
 from ropeode.simulation import simulate
@@ -59,15 +58,3 @@ def test_diverged_at_is_a_frame_of_the_problem():
     (path,) = node_paths(quartic(), ["explicit-euler"], 2).paths
     assert path.diverged_at == run.diverged_at is not None
     assert np.all(np.isfinite(path.positions))
-
-
-def test_bad_arguments(small_rope):
-    for problem, arguments, words in (
-        (PROBLEMS["oscillator"](), {}, "problem: .* positions have 2 or 3 components"),
-        (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]), {}, "problem: .* 2 or 3 components"),
-        (small_rope, {"steppers": ["rk5"]}, "did you mean 'rk4'"),
-        (small_rope, {"steps_per_frame": 1.5}, "steps_per_frame: "),
-        (small_rope, {"norm": "state-max"}, "norm: 'state-max' given"),
-    ):
-        with pytest.raises(InputError, match=words):
-            node_paths(problem, **arguments)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import time
 
@@ -460,41 +459,6 @@ def test_defaults_are_those_that_can_run(decay):
     found = work_precision(decay, steps_per_frame=[4], rtol=[0.1], rounds=1)
     assert {"rk4", "scipy:DOP853"} <= set(found.methods)
     assert not {"semi-implicit-euler", "velocity-verlet"} & set(found.methods)
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        ({"methods": []}, "methods: [] given; allowed: at least one method"),
-        ({"methods": ["rk4", "rk4"]}, "methods: 'rk4' given; allowed: each method once"),
-        ({"methods": [never, functools.wraps(never)(lambda problem, rtol: 0)]}, "another __name__"),
-        ({"methods": [lambda p, tol: 0]}, "name its parameters problem and rtol"),
-        ({"methods": ["rk5", "scipy:RK54"]}, "did you mean 'rk4'?", "did you mean 'RK45'?"),
-        ({"methods": ["diffrax:Tsit6"]}, "did you mean 'Tsit5'?"),
-        ({"methods": ["diffrax:Tsit5:steps"]}, "option of diffrax:Tsit5: 'steps' given"),
-        ({"methods": ["scipy:BDF:constant"]}, "it chooses among orders 1 to 5"),
-        ({"methods": ["diffrax:KenCarp4"]}, "write diffrax:KenCarp4:constant"),
-        ({"methods": ["velocity-verlet"]}, "needs a second-order problem"),
-        ({"methods": ["scipy:RK45"], "steps_per_frame": [4]}, "none where all methods are adap"),
-        ({"rtol": [1e-3]}, "none where all methods have constant steps"),
-        ({"steps_per_frame": [0]}, "0 is below 1"),
-        ({"steps_per_frame": [4, 4]}, "one is repeated"),
-        ({"methods": ["scipy:RK45"], "rtol": [1e-3, 1e-3]}, "different numbers from 1e-13 to 0.1"),
-        ({"methods": ["scipy:RK45"], "rtol": [1e-14]}, "different numbers from 1e-13 to 0.1"),
-        ({"methods": ["scipy:RK45"], "rtol": 1e-3}, "rtol: 0.001 given"),
-        ({"run_limit": 0}, "run_limit: 0 given"),
-        ({"rounds": 0}, "rounds: 0 given"),
-        ({"norm": "position-max"}, "norm: 'position-max' given"),
-    ],
-    ids=str,
-)
-def test_bad_input_is_a_line_for_each_fault(given, decay):
-    named, *words = given
-    with pytest.raises(InputError) as caught:
-        work_precision(decay, **{"methods": ["rk4"], **named})
-    for line, word in zip(caught.value.problems, words, strict=True):
-        assert word in line
-        assert "Fix: " in line
 
 
 def test_what_names_mean(tmp_path):
