@@ -48,12 +48,19 @@ def environment(cache):
 
 @pytest.fixture
 def started(environment, tmp_path):
-    """A function that starts ropeode in an empty folder; what still runs in the end is killed."""
+    """A function that starts ropeode in an empty folder; what still runs in the end is killed.
+
+    Where asked, a package is missing.
+    """
     processes = []
 
-    def call(*arguments):
+    def call(*arguments, without=None):
+        missing = (
+            f"import sys; sys.modules[{without!r}] = None; from ropeode.cli import run_process"
+        )
+        how = ["-c", f"{missing}; run_process()"] if without else ["-m", "ropeode"]
         process = subprocess.Popen(
-            [sys.executable, "-m", "ropeode", *arguments],
+            [sys.executable, *how, *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -73,8 +80,8 @@ def started(environment, tmp_path):
 def run_process(started):
     """Run ropeode in an empty folder as a process."""
 
-    def call(*arguments):
-        process = started(*arguments)
+    def call(*arguments, **more):
+        process = started(*arguments, **more)
         said = process.communicate(timeout=HANGS_AFTER_S)
         return subprocess.CompletedProcess(arguments, process.returncode, *said)
 

@@ -12,16 +12,11 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from ropeode.cli import cli, run_command
 from ropeode.references import entries
-from tests.cli.conftest import commands
 from tests.time_limit import HANGS_AFTER_S
 
-GROUPS = {
-    " ".join(path): each for path, each in commands(cli).items() if isinstance(each, click.Group)
-}
 # The rope of `small_rope`: what it compiles serves many tests.
 SMALL = ["--num-nodes", "4", "--frames", "3"]
 QUICK = ["table", *SMALL, "--steppers", "rk4", "--steps", "16,32,64"]
@@ -56,14 +51,6 @@ def test_help_and_completion_import_nothing_that_computes(environment):
     ]
     assert lines[0].startswith("Usage: ")
     assert max(len(line) for line in lines[:-3]) <= 80
-
-
-@pytest.mark.parametrize("name", GROUPS)
-def test_a_group_shows_a_whole_sentence_for_each_command(name, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
-    page = " ".join(CliRunner().invoke(GROUPS[name], ["--help"]).output.split())
-    for each in GROUPS[name].commands.values():
-        assert each.help.splitlines()[0] in page
 
 
 def test_table_out_and_format(run, tmp_path):
