@@ -55,10 +55,12 @@ def started(environment, tmp_path):
     processes = []
 
     def call(*arguments, without=None):
-        missing = (
-            f"import sys; sys.modules[{without!r}] = None; from ropeode.cli import run_process"
+        begin = f"import sys; sys.modules[{without!r}] = None"
+        how = (
+            ["-c", f"{begin}; from ropeode.cli import run_process; run_process()"]
+            if without
+            else ["-m", "ropeode"]
         )
-        how = ["-c", f"{missing}; run_process()"] if without else ["-m", "ropeode"]
         process = subprocess.Popen(
             [sys.executable, *how, *arguments],
             stdout=subprocess.PIPE,

@@ -55,13 +55,6 @@ def test_a_case_that_hangs_is_killed(tmp_path):
     assert rows[3]["seconds"] == 0.3
 
 
-@pytest.mark.skipif(not Path("/proc").exists(), reason="looks at /proc")
-def test_what_a_case_has_started_ends_with_its_process(tmp_path):
-    engine = LocalProcesses(Rows(leaving=ALWAYS, notes=tmp_path), 1)
-    assert run(engine, tmp_path / "rows") == expected(SWEEP)
-    assert not alive((tmp_path / "left").readlink())
-
-
 def test_rows_that_are_none_fail_their_case(tmp_path):
     """Whatever cases say in place of them; the others are computed."""
     said = (b"", b'{"rows": [{"key": [1]}]}', b"[1]")

@@ -6,9 +6,6 @@ import contextlib
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from unittest import mock
 from unittest.mock import DEFAULT
@@ -21,8 +18,6 @@ from hypothesis import strategies as st
 from ropeode.errors import RopeodeError
 from ropeode.sweep import COLUMNS, Store, summarize, take_over
 from tests.sweep.stand_in import Rows, Sweep, compute, expected, row, stored
-
-ROOT = Path(__file__).parents[2]
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -83,32 +78,6 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
     compute(sweep, folder)
     assert files(folder) == files(undisturbed)
     shutil.rmtree(folder)
-
-
-def run(folder: Path, count: int, writes: int | None) -> subprocess.CompletedProcess:
-    code = (
-        "from pathlib import Path\nfrom tests.sweep.stand_in import run\n"
-        f"run(Path({str(folder)!r}), {count}, {writes})"
-    )
-    return subprocess.run([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE)
-
-
-@pytest.mark.slow
-def test_a_process_that_is_killed_loses_no_row(tmp_path):
-    """With SIGKILL, before a file of a task and before a merged one are put in place."""
-    sweep, folder = Sweep(count=47), tmp_path / "killed"
-    before: set[str] = set()
-    for writes, rows in ((3, 12), (2, 20)):
-        done = run(folder, sweep.count, writes)
-        assert (done.returncode, done.stderr) == (-signal.SIGKILL, b"")
-        keys = [each["key"] for each in stored(folder)]
-        assert len(set(keys)) == len(keys) == rows
-        assert before <= set(keys)
-        before = set(keys)
-    assert [name for name in files(folder) if name.endswith(".part")]
-    compute(sweep, folder)
-    assert stored(folder) == expected(sweep)
-    assert not [name for name in files(folder) if name.endswith(".part")]
 
 
 def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
