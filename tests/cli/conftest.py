@@ -47,24 +47,44 @@ def environment(cache):
 
 
 @pytest.fixture
-def run_process(environment, tmp_path):
-    """Run ropeode in an empty folder as a process, where asked without a package."""
+def started(environment, tmp_path):
+    """A function that starts ropeode in an empty folder; what still runs in the end is killed.
+
+    Where asked, a package is missing.
+    """
+    processes = []
 
     def call(*arguments, without=None):
-        code = (
-            f"import sys; sys.modules[{without!r}] = None; sys.argv[1:] = {list(arguments)!r}\n"
-            "from ropeode.cli import run_process; run_process()"
-        )
-        return subprocess.run(
-            [sys.executable, "-c", code]
+        begin = f"import sys; sys.modules[{without!r}] = None"
+        how = (
+            ["-c", f"{begin}; from ropeode.cli import run_process; run_process()"]
             if without
-            else [sys.executable, "-m", "ropeode", *arguments],
-            capture_output=True,
-            text=True,
-            timeout=HANGS_AFTER_S,
-            cwd=tmp_path,
-            env=environment,
-            check=False,
+            else ["-m", "ropeode"]
         )
+        process = subprocess.Popen(
+            [sys.executable, *how, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+            env={**environment, "PYTHONUNBUFFERED": "1"},
+        )
+        processes.append(process)
+        return process
+
+    yield call
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def run_process(started):
+    """Run ropeode in an empty folder as a process."""
+
+    def call(*arguments, **more):
+        process = started(*arguments, **more)
+        said = process.communicate(timeout=HANGS_AFTER_S)
+        return subprocess.CompletedProcess(arguments, process.returncode, *said)
 
     return call

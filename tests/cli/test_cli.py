@@ -12,18 +12,11 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from ropeode.cli import cli, run_command
 from ropeode.references import entries
-from tests.cli.conftest import commands
-from tests.cli.interrupted import interrupt
 from tests.time_limit import HANGS_AFTER_S
 
-GROUPS = {
-    " ".join(path): each for path, each in commands(cli).items() if isinstance(each, click.Group)
-}
-RUN = [sys.executable, "-m", "ropeode"]
 # The rope of `small_rope`: what it compiles serves many tests.
 SMALL = ["--num-nodes", "4", "--frames", "3"]
 QUICK = ["table", *SMALL, "--steppers", "rk4", "--steps", "16,32,64"]
@@ -60,23 +53,11 @@ def test_help_and_completion_import_nothing_that_computes(environment):
     assert max(len(line) for line in lines[:-3]) <= 80
 
 
-@pytest.mark.parametrize("name", GROUPS)
-def test_a_group_shows_a_whole_sentence_for_each_command(name, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
-    page = " ".join(CliRunner().invoke(GROUPS[name], ["--help"]).output.split())
-    for each in GROUPS[name].commands.values():
-        assert each.help.splitlines()[0] in page
-
-
-def test_table(run):
+def test_table_out_and_format(run, tmp_path):
     done = run(*QUICK)
-    assert done.returncode == 0
-    assert done.stderr == ""
+    assert (done.returncode, done.stderr) == (0, "")
     assert "  converges" in done.stdout
     assert "Reference: diffrax Dopri8" in done.stdout
-
-
-def test_out_and_format(run, tmp_path):
     for name, form in [("a.json", []), ("b.txt", ["--format", "json"])]:
         done = run(*QUICK, "--out", name, *form)
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
@@ -92,98 +73,39 @@ def test_spec_file_with_options_on_top(run, tmp_path):
     assert problem["frames"] == 3
     assert problem["parameters"]["damping"] == 0.5
     # A spec may stand where a problem does.
-    same = run(
-        "table", "--problem", "mine.toml", *QUICK[1:], "--damping", "0.5", "--format", "json"
-    )
-    assert json.loads(same.stdout)["problem"] == problem
+    words = ["--problem", "mine.toml", *QUICK[1:], "--damping", "0.5", "--format", "json"]
+    assert json.loads(run("table", *words).stdout)["problem"] == problem
     assert run("spec").stdout == (tmp_path / "mine.toml").read_text()
 
 
-EVERY_ROPE_OPTION = (
-    *("--frames", "3", "--steps", "8,12,18", "--format", "json"),
-    *("--steppers", "stormer-verlet:start=rest,damping=lagged,rk4"),
-    *("--start", "0,0,0", "--end", "-3,1,0", "--num-nodes", "5", "--node-mass", "1,2,3,2,1"),
-    *("--stiffness", "4,5,5,4", "--pinned", "1", "--gravity", "0,0,-2"),
-    *("--damping", "0,0.1,0.2,0,0"),
-    *("--initial-velocity", "1,0,0;0,0,0;0,-1,0;0,0,0;0,0,1", "--norm", "velocity-rms"),
-    *("--accuracy", "1e-5", "--rtol", "1e-10"),
-)
-PARAMETERS = {
-    "kind": "rope",
-    "frames": 3,
-    "start": [0, 0, 0],
-    "end": [-3, 1, 0],
-    "num_nodes": 5,
-    "node_mass": [1, 2, 3, 2, 1],
-    "stiffness": [4, 5, 5, 4],
-    "pinned": [1],
-    "gravity": [0, 0, -2],
-    "damping": [0, 0.1, 0.2, 0, 0],
-    "initial_velocity": [[1, 0, 0], [0, 0, 0], [0, -1, 0], [0, 0, 0], [0, 0, 1]],
+# As they are typed, and what they mean.
+ROPE_OPTIONS = {
+    "frames": ("3", 3),
+    "start": ("0,0,0", [0, 0, 0]),
+    "end": ("-3,1,0", [-3, 1, 0]),
+    "num_nodes": ("5", 5),
+    "node_mass": ("1,2,3,2,1", [1, 2, 3, 2, 1]),
+    "stiffness": ("4,5,5,4", [4, 5, 5, 4]),
+    "pinned": ("1", [1]),
+    "gravity": ("0,0,-2", [0, 0, -2]),
+    "damping": ("0,0.1,0.2,0,0", [0, 0.1, 0.2, 0, 0]),
+    "initial_velocity": (
+        "1,0,0;0,0,0;0,-1,0;0,0,0;0,0,1",
+        [[1, 0, 0], [0, 0, 0], [0, -1, 0], [0, 0, 0], [0, 0, 1]],
+    ),
 }
 
 
 def test_every_rope_option(table_job):
     """What would be computed; computing it takes seconds and shows no more of the options."""
-    job = table_job(*EVERY_ROPE_OPTION)
-    assert json.loads(json.dumps(dict(job.problem.parameters))) == PARAMETERS
+    typed = [f"--{name.replace('_', '-')}={text}" for name, (text, _) in ROPE_OPTIONS.items()]
+    others = ["--steps=8,12,18", "--norm=velocity-rms", "--accuracy=1e-5", "--rtol=1e-10"]
+    job = table_job(*typed, *others)
+    parameters = json.loads(json.dumps(dict(job.problem.parameters)))
+    means = {name: value for name, (_, value) in ROPE_OPTIONS.items()}
+    assert parameters == {"kind": "rope", **means}
     assert job.spec.steps_per_frame == (8, 12, 18)
     assert (job.spec.norm, job.spec.rtol, job.spec.accuracy) == ("velocity-rms", 1e-10, 1e-5)
-    labels = [each.label for each in job.spec.steppers]
-    assert labels == ["stormer-verlet:start=rest,damping=lagged", "rk4"]
-
-
-@pytest.mark.slow
-def test_every_rope_option_is_computed_with(run):
-    done = run("table", *EVERY_ROPE_OPTION)
-    assert done.returncode == 0, done.stderr
-    whole = json.loads(done.stdout)
-    assert whole["problem"]["parameters"] == PARAMETERS
-    assert whole["norm"] == "velocity-rms"
-    assert (whole["reference"]["rtol"], whole["reference"]["accuracy"]) == (1e-10, 1e-5)
-    assert [o["stepper"] for o in whole["orders"]] == [
-        "stormer-verlet:start=rest,damping=lagged",
-        "rk4",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["table", "--node-mass", "-1"], ["node_mass: '-1' given; allowed: "]),
-        (["table", "--node-mass", "heavy"], ["node_mass: 'heavy' given"]),
-        (["table", "--stiffness", "nan", "--damping", "-1"], ["stiffness: ", "damping: "]),
-        (["table", "--num-nodes", "0"], ["num_nodes: '0' given"]),
-        (["table", "--pinned", "0,99"], ["pinned: "]),
-        (["table", "--pinned", "1,1"], ["pinned: "]),
-        (["table", "--start", "1,1", "--end", "1,1"], ["end: "]),
-        (["table", "--steps", "0"], ["steps_per_frame: "]),
-        (["table", "--steps", "1.5"], ["steps_per_frame: "]),
-        (["table", "--frames", "-2"], ["frames: '-2' given"]),
-        (["table", "--steppers", "rk44"], ["did you mean 'rk4'"]),
-        (["table", "--norm", "max"], ["norm: 'max' given"]),
-        (["table", "--accuracy", "0"], ["accuracy: '0' given"]),
-        (["table", "--rtol", "1e-20"], ["rtol: 1e-20 given"]),
-        (["table", "--out", "missing/t.txt"], ["out: 'missing/t.txt' given", "create 'missing'"]),
-        (["table", "--format", "yaml"], ["'yaml' is not one of"]),
-        (["table", "missing.toml"], ["spec: 'missing.toml' given"]),
-        (["table", "--problem", "missing.py:p"], ["problem: 'missing.py' given"]),
-        (["table", "--problem", "keplr"], ["did you mean 'kepler'"]),
-        (["table", "--nodes", "3"], ["No such option"]),
-        (["tabel"], ["No such command"]),
-    ],
-    ids=" ".join,
-)
-def test_bad_input_is_a_line_and_exit_code_2(arguments, words, run, tmp_path):
-    done = run(*arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    for word in words:
-        assert word in done.stderr
-    for line in done.stderr.splitlines():
-        assert line.startswith("ropeode: ")
-        assert "Fix: " in line
-    assert os.listdir(tmp_path) == []
 
 
 def test_debug_shows_the_traceback(run):
@@ -214,33 +136,38 @@ def test_no_reference_is_exit_code_1(run):
     assert len(done.stderr.splitlines()) == 1
 
 
-SLOW = pytest.mark.slow
+LONG = "--num-nodes 512 --frames 200"
 
 
 @pytest.mark.parametrize(
-    "after", [0.0, *(pytest.param(each, marks=SLOW) for each in (0.3, 1.0, 8.0)), 2.0]
+    ("command", "after"),
+    [
+        (f"table {LONG} --out t.txt", 2.0),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (
+                (f"table {LONG}", 0.0),
+                (f"table {LONG}", 0.3),
+                (f"table {LONG}", 8.0),
+                (f"plot {LONG}", 2.0),
+                (f"animate {LONG} --out a.gif", 2.0),
+                (f"horizon {LONG}", 2.0),
+            )
+        ),
+    ],
 )
-def test_ctrl_c_ends_cleanly(after, environment, tmp_path):
-    arguments = ["table", "--num-nodes", "512", "--frames", "200", "--out", "t.txt"]
-    assert interrupt(arguments, after, tmp_path, environment) == (
-        130,
-        "",
-        "ropeode: interrupted; nothing was written.\n",
-    )
+def test_ctrl_c_ends_cleanly(command, after, started, tmp_path):
+    """So many seconds after the process has begun to import JAX."""
+    process = started(*command.split())
+    maps = Path(f"/proc/{process.pid}/maps")
+    while "numpy" not in maps.read_text():
+        time.sleep(0.01)
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    out, error = process.communicate(timeout=HANGS_AFTER_S)
+    assert (process.returncode, out) == (130, "")
+    assert error == "ropeode: interrupted; nothing was written.\n"
     assert os.listdir(tmp_path) == []
-
-
-def test_reader_that_goes_away(environment, tmp_path):
-    done = subprocess.run(
-        ["bash", "-c", f"{sys.executable} -m ropeode spec | head -1"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env=environment,
-        check=True,
-        timeout=HANGS_AFTER_S,
-    )
-    assert done.stderr == ""
 
 
 def test_version_and_steppers(run):
@@ -249,9 +176,6 @@ def test_version_and_steppers(run):
     assert done.returncode == 0
     assert "\n  stormer-verlet " in done.stdout
     assert "start=rest,damping=per-step" in run("steppers", "stormer-verlet").stdout
-    done = run("steppers", "stormer-verlet:strat=rest")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "did you mean 'start'" in done.stderr
 
 
 def test_report(run, tmp_path):
@@ -269,46 +193,11 @@ def test_report(run, tmp_path):
     assert json.loads((tmp_path / "report.json").read_text())["figures"][0]["verdict"] == "holds"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (
-            ["--figures", "42", "--plots", "new"],
-            "figures: '42' given; allowed: whole numbers from 1 to 41",
-        ),
-        (["--figures", ""], "figures: "),
-        (["--figures", "4", "--frames", "0"], "frames: '0' given; allowed: a whole number >= 1"),
-        (["--figures", "4", "--frames", "-3"], "frames: '-3' given"),
-        (["--figures", "4", "--plots", "/proc/none"], "plots: '/proc/none' given"),
-        (
-            ["--figures", "4", "--plots", "a/b"],
-            "plots: 'a/b' given; allowed: a folder that you may write to",
-        ),
-        (["--figures", "4", "--out", "none/x.md"], "out: 'none/x.md' given"),
-        (["--figures", "4", "--format", "pdf"], "--format"),
-    ],
-)
-def test_report_faults(run, tmp_path, arguments, words):
-    done = run("report", *arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1
-    assert words in done.stderr
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.slow
-def test_an_interrupted_report_keeps_what_is_finished(environment, tmp_path):
+def test_an_interrupted_report_keeps_what_is_finished(environment, started):
     """Figure 4 is done in no time; figure 6, which takes a minute, is interrupted."""
     kept = Path(environment["XDG_CACHE_HOME"]) / "ropeode" / "report"
-    process = subprocess.Popen(
-        [*RUN, "report", "--figures", "4,6", "--frames", "2000"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=tmp_path,
-        env=environment,
-    )
+    process = started("report", "--figures", "4,6", "--frames", "2000")
     deadline = time.monotonic() + HANGS_AFTER_S
     while not list(kept.glob("*/*.npz")) and time.monotonic() < deadline:
         time.sleep(0.1)
@@ -329,11 +218,8 @@ def test_the_stored_library(run):
     for name in entries():
         assert f"\n{name} " in listed.stdout
     assert "eccentricity 0.9" in " ".join(run("reference", "show", "kepler").stdout.split())
-    done = run("table", "--reference", "kepler", "--steppers", "rk4", "--steps", "200,300,450")
+    done = run("table", "--reference", "kepler", "--steppers", "rk4", "--steps", "200,300")
     assert "Reference: heyoka Taylor" in done.stdout
-    wrong = run("reference", "show", "keplr")
-    assert wrong.returncode == 2
-    assert "did you mean 'kepler'?" in wrong.stderr
 
 
 @pytest.mark.slow
@@ -365,30 +251,6 @@ def test_references_in_files(run, tmp_path):
     mine, its = (json.loads(each.stdout) for each in (stored, direct))
     assert [row["error_max"] for row in mine["rows"]] == [row["error_max"] for row in its["rows"]]
     assert mine["problem"] == its["problem"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["reference", "show", "none.nc"], "reference: 'none.nc' given; allowed: a file that can"),
-        (["reference", "verify", "bad.nc"], "the checksum at its end is missing"),
-        (["table", "--reference", "bad.nc"], "the checksum at its end is missing"),
-        (["reference", "--frames", "3"], "Missing option"),
-        (["reference", "-o", "x.csv"], "allowed: a file name that ends in .nc"),
-        (["reference", "export", "kepler", "-o", "x.xls"], "out: 'x.xls' given; allowed: a file"),
-        (["reference", "export", "none.nc", "-o", "x.csv"], "reference: 'none.nc' given"),
-        (["reference", "-o", "none/x.nc"], "out: 'none/x.nc' given"),
-        (["reference", "--frames", "0", "-o", "x.nc"], "frames: '0' given"),
-    ],
-)
-def test_faults_of_references_in_files(run, tmp_path, arguments, words):
-    (tmp_path / "bad.nc").write_text("no such thing")
-    done = run(*arguments)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1
-    assert words in done.stderr
-    assert os.listdir(tmp_path) == ["bad.nc"]
 
 
 def test_a_reference_of_another_rope_is_refused(run):
@@ -436,19 +298,10 @@ def test_without_a_home_standard_output_is_the_result_alone(run_process, environ
     assert json.loads(done.stdout)["schema"].startswith("ropeode.accuracy-table")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        ([], 0),
-        pytest.param(["steppers"], 0, marks=SLOW),
-        (["check", "rk4", "--only", "pin"], 2),
-        pytest.param(["tabel"], 2, marks=SLOW),
-    ],
-)
-def test_a_process_ends_with_the_code(arguments, code, run, run_process):
-    """And it says what the command says that is called in this process."""
-    here, there = run(*arguments), run_process(*arguments)
-    assert here.returncode == there.returncode == code
+def test_a_process_says_and_ends_with_what_a_command_does_in_this_process(run, run_process):
+    words = ["check", "rk4", "--only", "pin"]
+    here, there = run(*words), run_process(*words)
+    assert here.returncode == there.returncode == 2
     assert (here.stdout, here.stderr) == (there.stdout, there.stderr)
 
 
@@ -472,16 +325,15 @@ def test_a_process_does_not_wait_for_other_threads(environment):
     ("line", "code", "words"),
     [
         ("steppers > /dev/full", 2, "output: No space left on device; allowed: "),
+        # Standard output may be closed, and its reader may go away.
         ("check --template rhs >&-", 0, ""),
-        pytest.param(
-            *("spec --out /dev/full", 2),
-            "out: '/dev/full' given; allowed: a file that can be written",
-            marks=SLOW,
-        ),
-        pytest.param(
-            *("spec --out /dev/stdout | head -1 >&2", 0),
-            "# What `ropeode table THIS-FILE` computes.",
-            marks=SLOW,
+        ("spec | head -1 >&2", 0, "# What `ropeode table THIS-FILE` computes."),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (
+                ("spec --out /dev/full", 2, "out: '/dev/full' given; allowed: a file that can"),
+                ("spec --out /dev/stdout | head -1 >&2", 0, "# What `ropeode table THIS-FILE`"),
+            )
         ),
     ],
 )

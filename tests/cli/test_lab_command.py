@@ -15,28 +15,16 @@ from tests.time_limit import HANGS_AFTER_S
 
 
 @pytest.fixture
-def opened(environment, tmp_path):
+def opened(started):
     """A function that opens the lab and returns its process and its address."""
-    started = []
 
     def call(*arguments):
-        process = subprocess.Popen(
-            [sys.executable, "-m", "ropeode", "lab", "--no-browser", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            cwd=tmp_path,
-            env={**environment, "PYTHONUNBUFFERED": "1"},
-        )
-        started.append(process)
+        process = started("lab", "--no-browser", *arguments)
         line = process.stdout.readline()
         found = re.search(r"The lab is at (http://127\.0\.0\.1:\d+/\?token=\S+)", line)
         return process, found and found[1]
 
-    yield call
-    for process in started:
-        process.kill()
-        process.communicate()
+    return call
 
 
 def test_ctrl_c_closes_it_with_one_line_and_leaves_no_process(opened):
@@ -69,30 +57,6 @@ def test_a_wrong_problem_ends_it(opened):
     assert (process.returncode, out) == (2, "")
     assert err.startswith("ropeode: problem: 'ropes' given")
     assert len(err.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["steps.txt"], "allowed: FILE.py or FILE.py:NAME"),
-        (["none.py:step"], "none.py' given; allowed: a file that can be read"),
-        (["rk4"], "those of ropeode are in the lab in any case"),
-        (["--port", "x"], "port: 'x' given; allowed: a whole number"),
-        (["--port", "99999"], "port: 99999 given"),
-    ],
-)
-def test_bad_input_is_one_line(run, words, message):
-    done = run("lab", "--no-browser", *words)
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert re.search(message, line)
-
-
-def test_a_package_that_is_missing_is_named_with_the_extra_that_has_it(run_process):
-    done = run_process("lab", "--no-browser", without="uvicorn")
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert "pip install '.[lab]'" in line
 
 
 def test_the_server_imports_no_jax_and_no_numpy():

@@ -28,11 +28,10 @@ BESIDE = {
     "explain problem": ["rk4"],
     "grade problem": ["a.csv"],
     "grade files": ["--problem", "evil.toml"],
-    "reference verify problem": ["rope-damping-0.1"],
+    "reference verify problem": ["kepler"],
     "reference compute spec": ["-o", "a.nc"],
     "reference compute problem": ["-o", "a.nc"],
     "sweep run spec": ["-o", "out"],
-    "plot files": ["--type", "error"],
 }
 CASES = [
     (name, param.name)

@@ -8,7 +8,6 @@ import pytest
 
 from ropeode import Problem, Rope, accuracy_table, reference
 from ropeode.analysis import error_series
-from ropeode.errors import InputError
 from ropeode.norms import distance
 from ropeode.simulation import simulate
 from ropeode.study import energy_curves, error_curves
@@ -24,29 +23,18 @@ def cubic_problem():
 
 
 @pytest.mark.parametrize("norm", [None, "velocity-rms"])
-def test_errors_are_those_of_error_series(small_rope, norm):
-    curves = error_curves(small_rope, ["rk4", "explicit-euler"], [8, 16], norm=norm)
-    known = reference(small_rope)
-    assert [(c.stepper, c.steps_per_frame) for c in curves.curves] == [
-        ("rk4", 8), ("rk4", 16), ("explicit-euler", 8), ("explicit-euler", 16),
-    ]  # fmt: skip
-    for curve in curves.curves:
-        run = simulate(small_rope, curve.stepper, curve.steps_per_frame)
-        series = error_series(run, known, norm)
-        assert np.array_equal(curve.times, series.times)
-        assert np.array_equal(curve.values, series.values)
-        assert curve.diverged_at is None
-        assert np.array_equal(curves.resolution, series.resolution)
-        assert curves.norm == series.norm
+def test_errors_are_those_of_error_series_and_their_largest_is_in_the_table(small_rope, norm):
+    known, asked = reference(small_rope), (["rk4", "explicit-euler"], [8, 16])
+    curves = error_curves(known, *asked, norm=norm)
     assert np.array_equal(curves.times, known.times[1:])
     assert np.array_equal(10 * curves.bound, curves.resolution)
-
-
-def test_their_maximum_is_what_the_table_has(small_rope):
-    table = accuracy_table(small_rope, ["rk4"], [8, 16])
-    for row, curve in zip(
-        table.rows, error_curves(small_rope, ["rk4"], [8, 16]).curves, strict=True
-    ):
+    table = accuracy_table(known, *asked, norm=norm)
+    for curve, row in zip(curves.curves, table.rows, strict=True):
+        assert (curve.stepper, curve.steps_per_frame) == (row.stepper, row.steps_per_frame)
+        series = error_series(simulate(small_rope, curve.stepper, row.steps_per_frame), known, norm)
+        assert np.array_equal(curve.times, series.times)
+        assert np.array_equal(curve.values, series.values)
+        assert np.array_equal(curves.resolution, series.resolution)
         assert np.max(curve.values) == row.error_max
 
 
@@ -150,56 +138,3 @@ def test_energies():
     for curve in curves.curves:
         assert np.array_equal(curve.times, rope.ts)
         assert curve.values[0] == pytest.approx(800, rel=1e-14)
-
-
-def test_energies_end_before_they_are_infinite(cubic_problem):
-    run = simulate(cubic_problem, "explicit-euler", 1)
-    energy = cubic_problem.energies(run.states)
-    assert not np.all(np.isfinite(energy))  # While all states are.
-    (curve,) = energy_curves(cubic_problem, ["explicit-euler"], [1]).curves
-    finite = int(np.argmin(np.isfinite(energy)))
-    assert np.array_equal(curve.values, energy[:finite])
-    assert np.array_equal(curve.times, run.times[:finite])
-
-
-def test_default_steppers_are_those_of_the_table(small_rope, cubic_problem):
-    for problem in (small_rope, cubic_problem):
-        table = accuracy_table(problem, steps_per_frame=[400])
-        expected = [each.stepper for each in table.orders]
-        for make in (error_curves, energy_curves):
-            assert [c.stepper for c in make(problem, steps_per_frame=[400]).curves] == expected
-
-
-def test_progress_grows_to_one(small_rope):
-    said = []
-    error_curves(small_rope, ["rk4"], [4, 8], progress=lambda text, part: said.append(part))
-    assert said == sorted(said)
-    assert said[-1] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"steppers": ["rk5"]}, "did you mean 'rk4'"),
-        ({"steppers": ["rk4", "rk4"]}, "each stepper once"),
-        ({"steps_per_frame": [0]}, "steps_per_frame: "),
-        ({"rtol": 1.0}, "rtol: 1.0 given"),
-    ],
-    ids=str,
-)
-@pytest.mark.parametrize("make", [error_curves, energy_curves])
-def test_bad_arguments(make, arguments, words, small_rope):
-    with pytest.raises(InputError, match=words):
-        make(small_rope, **arguments)
-
-
-def test_what_a_problem_has_not(cubic_problem):
-    computing = []
-    without = Problem(cubic, [1.0], [0.0, 1.0], name="lazy")
-    with pytest.raises(InputError, match="problem: 'lazy' given; allowed: .* has an energy"):
-        energy_curves(without, ["rk4"], [4], progress=lambda *said: computing.append(said))
-    with pytest.raises(InputError, match="norm: 'position-max' given"):
-        error_curves(cubic_problem, ["rk4"], [4], norm="position-max")
-    with pytest.raises(InputError, match="needs a second-order problem"):
-        error_curves(cubic_problem, ["stormer-verlet"], [4])
-    assert not computing

@@ -49,12 +49,6 @@ def test_agreement_begins_where_it_lasts_to_the_finest_step():
     assert constant({0.1: 2.5, 0.2: 2.0}).agree_from(0.1) is None
 
 
-def test_what_comes_closer_is_pre_asymptotic():
-    assert constant({0.1: 3.0, 0.2: 4.0, 0.4: 6.0}).approaches
-    assert not constant({0.1: 4.0, 0.2: 4.0, 0.4: 6.0}).approaches
-    assert not constant({0.1: 4.0}).approaches
-
-
 def test_runs_that_cannot_be_used_count_for_nothing():
     problem = Problem(decay, [1.0], [0.0, 1.0, 2.0])
     dts = [0.5, 0.25, 0.125, 0.0625, 0.03125]

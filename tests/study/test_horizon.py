@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from ropeode import Problem, horizon
-from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
 from ropeode.references.extended.taylor import solve
 from ropeode.render import format_horizon
@@ -123,24 +122,3 @@ def test_a_truth_that_ends_early():
     assert len(study.bound) == len(study.lost) == len(study.runs[0].errors) == len(study.times)
     words = " ".join(format_horizon(study).split())
     assert f"up to t = 0.9 only ({study.truth.failure})" in words
-
-
-@pytest.mark.parametrize(
-    ("spans", "words"),
-    [
-        ([], r"spans: \[\] given; allowed: one or more"),
-        ([0], "spans: 0 given; allowed: a finite number > 0"),
-        (["far"], "spans: 'far' given; allowed: a finite number > 0"),
-        ([1e6], "spans: 1000000.0 given; allowed: at most 10000"),
-    ],
-)
-def test_faults(spans, words):
-    with pytest.raises(InputError, match=words) as raised:
-        horizon(PROBLEMS["oscillator"](), spans)
-    assert all("Fix: " in line for line in raised.value.problems)
-
-
-def test_every_fault_is_told():
-    with pytest.raises(InputError) as raised:
-        horizon(PROBLEMS["oscillator"](), [0, -1])
-    assert len(raised.value.problems) == 2

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ropeode import Problem, Rope, node_paths
-from ropeode.errors import InputError
+from ropeode import node_paths
 from ropeode.norms import NORMS, distance
 from ropeode.problems import PROBLEMS
 from ropeode.simulation import simulate
@@ -17,7 +16,7 @@ ROUNDING = 1e-12
 
 @pytest.mark.slow
 def test_a_long_film_has_fewer_samples_in_each_frame():
-    found = node_paths(Rope(num_nodes=4).problem(frames=100), ["rk4"], 8)
+    found = node_paths(PROBLEMS["kepler"](100), ["rk4"], 8)
     assert found.samples_per_frame == 2
 
 
@@ -42,23 +41,11 @@ def test_more_samples_change_no_step(steps, parts, small_rope):
         assert path.diverged_at is None
 
 
-@pytest.fixture(scope="module")
-def uneven(small_rope):
-    return small_rope.changed(ts=np.array([0.0, 0.3, 1.0, 2.5]))
-
-
-@pytest.fixture(scope="module")
-def found(uneven):
-    """In frames of different lengths, and in a norm of its own."""
-    return node_paths(uneven, ["rk4"], 4, norm="velocity-rms")
-
-
-def test_frames_of_any_length(found, uneven):
+def test_frames_of_different_lengths_and_a_norm_of_its_own(small_rope):
+    uneven = small_rope.changed(ts=np.array([0.0, 0.3, 1.0, 2.5]))
+    found = node_paths(uneven, ["rk4"], 4, norm="velocity-rms")
     assert np.array_equal(found.times[::4], uneven.ts)
     assert np.all(np.diff(found.times) > 0)
-
-
-def test_errors_are_in_the_norm_asked_for(found):
     finer = found.reference.problem
     run = simulate(finer, "rk4", 1)
     apart = distance(finer, NORMS["velocity-rms"], run.states, found.reference.states)
@@ -71,19 +58,3 @@ def test_diverged_at_is_a_frame_of_the_problem():
     (path,) = node_paths(quartic(), ["explicit-euler"], 2).paths
     assert path.diverged_at == run.diverged_at is not None
     assert np.all(np.isfinite(path.positions))
-
-
-@pytest.mark.parametrize(
-    ("problem", "arguments", "words"),
-    [
-        (PROBLEMS["oscillator"](), {}, "problem: .* positions have 2 or 3 components"),
-        (Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]), {}, "problem: .* 2 or 3 components"),
-        (PROBLEMS["kepler"](), {"steppers": ["rk5"]}, "did you mean 'rk4'"),
-        (PROBLEMS["kepler"](), {"steps_per_frame": 1.5}, "steps_per_frame: "),
-        (PROBLEMS["kepler"](), {"norm": "state-max"}, "norm: 'state-max' given"),
-    ],
-    ids=lambda value: getattr(value, "name", str(value)),
-)
-def test_bad_arguments(problem, arguments, words):
-    with pytest.raises(InputError, match=words):
-        node_paths(problem, **arguments)

@@ -10,6 +10,7 @@ import hashlib
 import os
 import signal
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from ropeode import sandbox
@@ -80,8 +81,7 @@ class Rows:
         notes: a folder with a note of each case that has killed once.
         raising: cases that raise.
         slow: cases that never end.
-        leaving: cases that leave a process, in a session of its own, and note which.
-        saying: a case, and what it says in place of rows.
+        saying: of cases, what they say in place of rows.
     """
 
     seconds: float = 0.0
@@ -90,8 +90,7 @@ class Rows:
     notes: Path = Path()
     raising: frozenset[int] = frozenset()
     slow: frozenset[int] = frozenset()
-    leaving: frozenset[int] = frozenset()
-    saying: tuple[int, bytes] | None = None
+    saying: Mapping[int, bytes] = dataclasses.field(default_factory=dict)
 
     def __call__(self, task: Task) -> list[dict]:
         time.sleep(self.seconds)
@@ -104,16 +103,8 @@ class Rows:
                 os.kill(os.getpid(), signal.SIGKILL)
             if case.number in self.slow:
                 time.sleep(3600.0)
-            if case.number in self.leaving:
-                left = self.notes / "left"
-                if os.fork() == 0:
-                    os.setsid()
-                    left.symlink_to(str(os.getpid()))
-                    time.sleep(3600.0)
-                while not left.is_symlink():
-                    time.sleep(0.01)
-            if self.saying and case.number == self.saying[0]:
-                sandbox.say(self.saying[1])
+            if case.number in self.saying:
+                sandbox.say(self.saying[case.number])
                 time.sleep(3600.0)
             if case.number in self.raising:
                 raise ArithmeticError(f"number {case.number}")
@@ -131,18 +122,3 @@ def stored(folder: Path) -> list[dict]:
 def compute(sweep: Sweep, folder: Path, rows=Rows()) -> None:
     """Run a sweep in this process, with partitions of five tasks, so that few cases have many."""
     work_through(sweep, Store(folder, COLUMNS, partition_size=5), InProcess(rows))
-
-
-def run(folder: Path, count: int, writes: int | None = None) -> None:
-    """Run a sweep as a process of its own, killed when it has put so many files in place."""
-    replace, done = os.replace, 0
-
-    def counted(*paths):
-        nonlocal done
-        if done == writes:
-            os.kill(os.getpid(), signal.SIGKILL)
-        replace(*paths)
-        done += 1
-
-    os.replace = counted
-    compute(Sweep(count), folder)

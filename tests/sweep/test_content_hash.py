@@ -53,14 +53,10 @@ def cases():
     return plain | {what: only_case({**VALUES, **more}) for what, more in CHANGES.items()}
 
 
-def test_every_change_changes_the_key(cases):
+def test_every_change_changes_the_key_and_some_the_reference(cases):
     assert len({case.key for case in cases.values()}) == len(cases)
-
-
-@pytest.mark.parametrize("what", CHANGES)
-def test_a_reference_is_shared_by_what_does_not_change_it(cases, what):
-    same = cases[what].problem_key == cases["plain"].problem_key
-    assert same == (what in SAME_REFERENCE)
+    same = {w for w, case in cases.items() if case.problem_key == cases["plain"].problem_key}
+    assert same == SAME_REFERENCE | {"plain"}
 
 
 def test_each_draw_has_a_key_of_its_own():
@@ -78,29 +74,13 @@ def test_what_is_written_as_the_default_is_no_change(cases):
     assert only_case({**VALUES, "steppers": ["rk4:"]}).key == cases["plain"].key
 
 
-@pytest.mark.parametrize("name", ["jax", "numpy", "python", "machine", "backend", "source"])
-def test_every_version_counts(cases, name):
+def test_every_version_counts(cases):
     case = cases["plain"]
-    software = {**case.settings.software, name: "another"}
-    assert software.keys() == case.settings.software.keys()
-    settings = dataclasses.replace(case.settings, software=software)
-    assert settings.problem_key(case.parameters) != case.problem_key
-
-
-def test_a_users_file_counts_by_what_is_in_it(tmp_path):
-    text = (Path(__file__).parents[2] / "docs" / "examples" / "pendulum.py").read_text()
-
-    def key_of(folder: str, file: str, text: str) -> str:
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / file).write_text(text)
-        spec = tmp_path / folder / "sweep.toml"
-        spec.write_text(f'problem = "{file}:pendulum"\nsteppers = ["rk4"]\nsteps_per_frame = [4]')
-        (case,) = read_sweep(spec).cases()
-        return case.key
-
-    here = key_of("a", "pendulum.py", text)
-    assert key_of("b", "moved.py", text) == here
-    assert key_of("c", "pendulum.py", text.replace("RATE = 0.1", "RATE = 0.2")) != here
+    assert {"jax", "numpy", "python", "machine", "backend", "source"} <= set(case.settings.software)
+    for name in case.settings.software:
+        software = {**case.settings.software, name: "another"}
+        settings = dataclasses.replace(case.settings, software=software)
+        assert settings.problem_key(case.parameters) != case.problem_key
 
 
 STEPPER = """
@@ -132,24 +112,30 @@ def test_a_users_stepper_counts_by_what_is_in_its_file(tmp_path, monkeypatch):
         evaluate(task, tmp_path)
 
 
-def test_a_name_of_a_file_starts_from_the_folder_of_the_spec(tmp_path):
-    """A stepper in a file counts by what is in it, with and without a name, and what it imports."""
-    euler = "import helper\ndef euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
+PENDULUM = (Path(__file__).parents[2] / "docs/examples/pendulum.py").read_text()
+EULER = "import helper\ndef euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
 
-    def digest(text):
-        values = SweepSpec({**VALUES, "steppers": [text]}, tmp_path).values
-        (file,) = values.get("stepper_files", {text: None}).values()
-        return file
 
-    (tmp_path / "helper.py").touch()
-    (tmp_path / "steps.py").write_text(euler)
-    before = digest("steps.py")
-    assert before == digest("steps.py:euler") is not None
-    assert {digest(name) for name in ("rk4", "diffrax:Heun")} == {None}
-    (tmp_path / "steps.py").write_text(euler + "# changed")
-    assert (changed := digest("steps.py")) not in (before, None)
-    (tmp_path / "helper.py").write_text("# changed")
-    assert digest("steps.py") not in (before, changed, None)
+def test_a_users_file_counts_by_what_is_in_it_and_in_what_it_imports(tmp_path):
+    """Of a problem and of a stepper, wherever the files are."""
+
+    def key_of(folder, problem=PENDULUM, step=EULER, helper="", stepper="steps.py"):
+        (tmp_path / folder).mkdir()
+        files = {"own.py": problem, "steps.py": step, "helper.py": helper}
+        files["sweep.toml"] = f'problem = "own.py:pendulum"\nsteppers = ["{stepper}"]\n'
+        for name, text in files.items():
+            (tmp_path / folder / name).write_text(text)
+        case, *_ = read_sweep(tmp_path / folder / "sweep.toml").cases()
+        return case.key
+
+    keys = [
+        key_of("plain"),
+        key_of("problem changed", problem=PENDULUM.replace("RATE = 0.1", "RATE = 0.2")),
+        key_of("step changed", step=EULER + "# changed"),
+        key_of("helper changed", helper="# changed"),
+    ]
+    assert len(set(keys)) == 4
+    assert key_of("moved") == keys[0]
 
 
 def test_all_sources_count_that_a_sweep_imports(cases):

@@ -5,11 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import resource
 import shutil
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from unittest import mock
 from unittest.mock import DEFAULT
@@ -22,8 +18,6 @@ from hypothesis import strategies as st
 from ropeode.errors import RopeodeError
 from ropeode.sweep import COLUMNS, Store, summarize, take_over
 from tests.sweep.stand_in import Rows, Sweep, compute, expected, row, stored
-
-ROOT = Path(__file__).parents[2]
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -70,14 +64,10 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
         left = [moment]
         before = {each["key"] for each in stored(folder)}
         with contextlib.ExitStack() as stack:
-            for where, name in [
-                (os, "replace"),
-                (os, "fsync"),
-                (os, "rmdir"),
-                (os, "unlink"),
-                (Path, "unlink"),
-                (Path, "mkdir"),
-            ]:
+            for where, name in (
+                *((os, name) for name in ("replace", "fsync", "rmdir", "unlink")),
+                *((Path, name) for name in ("unlink", "mkdir")),
+            ):
                 real = getattr(where, name)
                 stack.enter_context(mock.patch.object(where, name, dying(real, left)))
             with contextlib.suppress(Killed):
@@ -88,32 +78,6 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
     compute(sweep, folder)
     assert files(folder) == files(undisturbed)
     shutil.rmtree(folder)
-
-
-def run(folder: Path, count: int, writes: int | None) -> subprocess.CompletedProcess:
-    code = (
-        "from pathlib import Path\nfrom tests.sweep.stand_in import run\n"
-        f"run(Path({str(folder)!r}), {count}, {writes})"
-    )
-    return subprocess.run([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE)
-
-
-@pytest.mark.slow
-def test_a_process_that_is_killed_loses_no_row(tmp_path):
-    """With SIGKILL, before a file of a task and before a merged one are put in place."""
-    sweep, folder = Sweep(count=47), tmp_path / "killed"
-    before: set[str] = set()
-    for writes, rows in ((3, 12), (2, 20)):
-        done = run(folder, sweep.count, writes)
-        assert (done.returncode, done.stderr) == (-signal.SIGKILL, b"")
-        keys = [each["key"] for each in stored(folder)]
-        assert len(set(keys)) == len(keys) == rows
-        assert before <= set(keys)
-        before = set(keys)
-    assert [name for name in files(folder) if name.endswith(".part")]
-    compute(sweep, folder)
-    assert stored(folder) == expected(sweep)
-    assert not [name for name in files(folder) if name.endswith(".part")]
 
 
 def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
@@ -133,19 +97,16 @@ def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
     assert stored(tmp_path) == expected(Sweep(count=47))
 
 
-def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
+def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path, room_for):
     """A limit on the size of files stands for the disk: no partition can be merged."""
     sweep, folder = Sweep(count=47), tmp_path / "full"
     compute(sweep, tmp_path / "free")
     merged = files(tmp_path / "free")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    limit = len(merged["000000.parquet"]) - 1
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
-        with pytest.raises(RopeodeError, match="cannot be written to .*finished cases are kept"):
-            compute(sweep, folder)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with (
+        room_for(len(merged["000000.parquet"]) - 1),
+        pytest.raises(RopeodeError, match="cannot be written to .*finished cases are kept"),
+    ):
+        compute(sweep, folder)
     assert stored(folder) == expected(sweep)[:20]
     assert not [name for name in files(folder) if name.endswith(".part")]
     compute(sweep, folder)
@@ -163,21 +124,9 @@ def test_a_damaged_file_is_named(tmp_path):
     assert stored(tmp_path) == expected(Sweep(count=8))
 
 
-def test_rows_of_many_files_are_taken_over(tmp_path):
-    compute(Sweep(count=47), tmp_path / "old")
-
-    def store(name):
-        return Store(tmp_path / name, COLUMNS, partition_size=5)
-
-    assert take_over(tmp_path / "old", store("new"), Sweep(count=60)) == 0
-    assert stored(tmp_path / "new") == expected(Sweep(count=60))[:47]
-    # A smaller sweep does not have them all.
-    assert take_over(tmp_path / "old", store("small"), Sweep(count=30)) == 17
-
-
-def test_a_summary_adds_all_files_up(tmp_path):
-    rows = Rows(raising=frozenset({2, 46}))
-    compute(Sweep(count=47), tmp_path / "rows-1", rows)
+def test_rows_of_many_files_are_summed_up_and_taken_over(tmp_path):
+    rows = tmp_path / "rows-1"
+    compute(Sweep(count=47), rows, Rows(raising=frozenset({2, 46})))
     index = {"spec": {}, "software": {}, "count": 50, "columns": COLUMNS, "rows": "rows-1"}
     (tmp_path / "index.json").write_text(json.dumps({"format": 1, **index}))
     summary = summarize(tmp_path)
@@ -186,9 +135,15 @@ def test_a_summary_adds_all_files_up(tmp_path):
     own = summary.steppers["rk4"]
     assert own.ranges == {"error_max": (1 / 48, 1 / 3)}
     assert dict(own.counts["resolved"]) == {False: 16, True: 29}
-    assert summary.reasons == {
-        ("failed", f"ArithmeticError: number {number}"): 1 for number in (2, 46)
-    }
+    assert summary.reasons == {("failed", f"ArithmeticError: number {n}"): 1 for n in (2, 46)}
+
+    def store(name):
+        return Store(tmp_path / name, COLUMNS, partition_size=5)
+
+    assert take_over(rows, store("new"), Sweep(count=60)) == 0
+    assert stored(tmp_path / "new") == stored(rows)
+    # A smaller sweep does not have them all.
+    assert take_over(rows, store("small"), Sweep(count=30)) == 17
 
 
 @pytest.mark.parametrize(("count", "again"), [(5, 2), (47, 4)])
@@ -207,6 +162,9 @@ def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count
             if case.number == died:
                 each |= {"status": "worker-died", "seconds": None}
         return rows
+
+    def killed(*_, **__):
+        raise KeyboardInterrupt
 
     folder, sweep = tmp_path / "rows", Sweep(count=count)
     store = Store(folder, COLUMNS, partition_size=5)
@@ -231,7 +189,3 @@ def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count
     compute(sweep, folder)
     kept = [each["status"] for each in stored(folder)]
     assert kept == ["timed-out" if n == 6 else "ok" for n in range(count)]
-
-
-def killed(*_, **__):
-    raise KeyboardInterrupt

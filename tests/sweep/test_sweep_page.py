@@ -4,7 +4,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from ropeode.sweep import INPUTS, RESULTS, STATUSES, Distribution, SweepSpec, failed_row
+from ropeode.sweep import INPUTS, RESULTS, STATUSES, Distribution, SweepSpec
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/sweep-spec.md").read_text()
 
@@ -26,9 +26,3 @@ def test_the_example_has_as_many_cases_as_it_says():
     text = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0]
     assert SweepSpec(tomllib.loads(text)).count == 7200
     assert "7200 cases" in PAGE
-
-
-def test_a_row_without_results_has_all_columns():
-    row = failed_row(dict.fromkeys(INPUTS, 1), "worker-died", "it died")
-    assert set(row) == {*INPUTS, *RESULTS}
-    assert (row["status"], row["reason"], row["error_max"]) == ("worker-died", "it died", None)

@@ -5,8 +5,6 @@ import json
 import tomllib
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from ropeode.errors import InputError
 from ropeode.study import TableJob
@@ -33,30 +31,29 @@ def sweep(text: str, **more) -> SweepSpec:
     return SweepSpec({**tomllib.loads(text), **more})
 
 
-def keys(spec: SweepSpec) -> list[str]:
-    return [case.key for case in spec.cases()]
-
-
-def test_every_combination_comes_once():
+@pytest.fixture(scope="module")
+def small():
     spec = sweep(SMALL)
-    cases = list(spec.cases())
+    return spec, list(spec.cases())
+
+
+def test_every_combination_comes_once(small):
+    spec, cases = small
     assert [case.number for case in cases] == list(range(spec.count)) == list(range(2 * 2 * 24))
     assert len({case.key for case in cases}) == spec.count
+    assert json.loads(json.dumps(spec.values)) == spec.values
+    for start, stop in ((0, 0), (0, 7), (5, 110), (23, 24), (40, 30), (96, 97)):
+        assert list(spec.cases(start, stop)) == cases[start:stop]
     combinations = {
         (
-            case.parameters["damping"],
-            case.parameters["gravity"][1],
-            case.seed,
-            case.draw,
-            case.stepper,
-            case.steps_per_frame,
+            *(case.parameters["damping"], case.parameters["gravity"][1]),
+            *(case.seed, case.draw, case.stepper, case.steps_per_frame),
         )
         for case in cases
     }
+    named = ("rk4", "semi-implicit-euler")
     assert combinations == set(
-        itertools.product(
-            (0.0, 0.1), (-1.0, -2.0), (4, 7), range(3), ("rk4", "semi-implicit-euler"), (8, 16)
-        )
+        itertools.product((0.0, 0.1), (-1.0, -2.0), (4, 7), range(3), named, (8, 16))
     )
     # Each draw is the same at every point of the grid.
     drawn = {(case.seed, case.draw, case.parameters["stiffness"]) for case in cases}
@@ -64,24 +61,10 @@ def test_every_combination_comes_once():
     assert len({stiffness for *_, stiffness in drawn}) == 6
 
 
-@given(start=st.integers(0, 110), stop=st.integers(0, 110))
-@settings(max_examples=20, deadline=None)
-def test_cases_by_number(small, start, stop):
-    spec, cases = small
-    assert list(spec.cases(start, stop)) == cases[start:stop]
-
-
-@pytest.fixture(scope="module")
-def small():
-    spec = sweep(SMALL)
-    return spec, list(spec.cases())
-
-
 def test_tasks_hold_every_case_once_and_one_shape_each():
-    text = SMALL.replace("num_nodes = 3\n", "").replace(
-        "[random]", "frames = [2, 3]\n[random]\nnum_nodes = { integers = [2, 3] }"
-    )
-    spec = sweep(text.replace("frames = 3\n", ""))
+    text = SMALL.replace("num_nodes = 3\n", "").replace("frames = 3\n", "")
+    shapes = "frames = [2, 3]\n[random]\nnum_nodes = { integers = [2, 3] }"
+    spec = sweep(text.replace("[random]", shapes))
     tasks = list(spec.tasks())
     assert sorted(case.number for task in tasks for case in task.cases) == list(range(spec.count))
     for task in tasks:
@@ -127,34 +110,10 @@ def test_a_sweep_that_grows_keeps_its_cases(what, small):
         assert after[case.key].inputs() == case.inputs()
 
 
-def test_how_it_is_written_does_not_matter(small):
-    spec, cases = small
-    turned = """
-    [random]
-    node_mass = { for_each = "node", uniform = [0.5, 2] }
-    stiffness = { log_uniform = [10, 100.0] }
-    seeds = [4, 7]
-    count = 3
-    [grid]
-    gravity = [[0, -1], [0, -2.0]]
-    damping = [0, 0.1]
-    [rope]
-    pinned = [0]
-    num_nodes = 3.0
-    """
-    head = 'frames = 3\nsteps_per_frame = [8, 16]\nsteppers = ["rk4:", "semi-implicit-euler"]\n'
-    other = sweep(head + turned)
-    assert set(keys(other)) == {case.key for case in cases}
-    assert json.loads(json.dumps(spec.values)) == spec.values
-
-
 def test_steppers_and_steps_may_be_drawn():
-    text = SMALL.replace(
-        "[random]",
-        '[random]\nstepper = { choice = ["rk4", "velocity-verlet"] }\n'
-        "steps_per_frame = { integers = [4, 40] }",
-    )
-    spec = sweep(text)
+    drawn = 'stepper = { choice = ["rk4", "velocity-verlet"] }\n'
+    drawn += "steps_per_frame = { integers = [4, 40] }"
+    spec = sweep(SMALL.replace("[random]", f"[random]\n{drawn}"))
     cases = list(spec.cases())
     assert len(cases) == spec.count == 2 * 2 * 6
     assert {case.stepper for case in cases} == {"rk4", "velocity-verlet"}
@@ -177,85 +136,57 @@ def test_a_number_of_nodes_is_drawn_before_lists():
 
 
 def test_no_velocity_is_drawn_for_a_pinned_node():
-    text = SMALL.replace(
-        "[random]",
-        '[random]\ninitial_velocity = { uniform = [[-1, 0], [1, 2]], for_each = "node" }',
-    )
-    for case in sweep(text).cases(0, 8):
+    velocity = 'initial_velocity = { uniform = [[-1, 0], [1, 2]], for_each = "node" }'
+    for case in sweep(SMALL.replace("[random]", f"[random]\n{velocity}")).cases(0, 8):
         velocity = case.parameters["initial_velocity"]
         assert velocity[0] == [0.0, 0.0]
         assert all(-1 <= x <= 1 and 0 <= y <= 2 and x != y for x, y in velocity[1:])
 
 
 BAD = {
+    "norm": "norm = 'big'\nsteps_per_frame = []\n[grid]\ndamping = 1\n[random]\ncount = -1",
     "stepers": 'stepers = ["rk4"]',
     "stepper: 3": "steppers = 3",
-    "steps_per_frame": "steps_per_frame = [0]",
     "order_factors": "order_factors = [1, 2]",
     "foo": "[grid]\nfoo = [1]",
-    "damping": "[grid]\ndamping = [0.1, -1.0]",
-    "num_nodes": "[grid]\nnum_nodes = [0, 3]",
-    "grid.damping": "[grid]\ndamping = 0.1",
+    "damping": "[grid]\ndamping = [-1.0, 0.1, -2.0]",
     "grid.stiffness": "[grid]\nstiffness = [1.0, 1]",
     "grid.node_mass": "[grid]\nnode_mass = [inf]",
     "grid.steps_per_frame": "[grid]\nsteps_per_frame = [4]",
     "gravity": "[rope]\ngravity = [0, -1]\n[grid]\ngravity = [[0, -1]]",
-    "frames": "frames = 3\n[grid]\nframes = [3]",
     "random": "[random]\ncount = 3",
     "random.count": "[random]\nstiffness = { uniform = [1, 2] }",
     "random.seeds": "[random]\ncount = 1\nseeds = [1, 1]\nstiffness = { uniform = [1, 2] }",
     "stiffness": "[random]\ncount = 1\nstiffness = { uniform = [0, 2] }",
     "random.stiffness": "[random]\ncount = 1\nstiffness = 3",
-    "random.damping": "[random]\ncount = 1\ndamping = { uniform = [2, 1] }",
     "random.end": "[random]\ncount = 1\nend = { uniform = [1, 2], choice = [3] }",
-    "random.start": "[random]\ncount = 1\nstart = { normal = [1, 2] }",
     "random.stepper": "[random]\ncount = 1\nstepper = { uniform = [1, 2] }",
     "rk5": '[random]\ncount = 1\nstepper = { choice = ["rk5"] }',
     "velocity-verlet": 'problem = "lorenz"\nsteppers = ["velocity-verlet"]',
     "rope": 'problem = "lorenz"\n[rope]\ndamping = 1.0',
-    "kind": 'problem = "lorenz"\nkind = "inextensible-rope"',
     "largest_stable_dt": 'problem = "lorenz"\nlargest_stable_dt = true',
-    "norm": 'problem = "lorenz"\nnorm = "position-max"',
-    "lorentz": 'problem = "lorentz"',
-    "eccentricity": 'problem = "kepler"\n[random]\ncount = 1\neccentricity = { uniform = [0, 2] }',
     "random.periods": 'problem = "kepler"\n[random]\ncount = 1\n'
     'periods = { uniform = [1, 2], for_each = "node" }',
     "pinned": 'kind = "inextensible-rope"\n[grid]\npinned = [[0], [0, 15]]',
     "grid": "grid = 3",
-    "digits": "digits = 3",
     "problem": 'problem = "missing.py:foo"',
     "problem: {'kind': 'rope'}": '[problem]\nkind = "rope"',
     "steps_per_frame: [[1]]": "[random]\ncount = 1\nsteps_per_frame = { choice = [[1], [1]] }",
 }
+SEVERAL = {"norm": 4, "damping": 2}
 
 
 @pytest.mark.parametrize("what", BAD)
-def test_bad_values_are_reported_before_anything_runs(what):
+def test_bad_values_are_all_reported_before_anything_runs(what):
     with pytest.raises(InputError) as caught:
         sweep(BAD[what])
     lines = caught.value.problems
     assert any(what in line.partition(" given;")[0] for line in lines)
-    assert len(set(lines)) == len(lines)
+    assert len(set(lines)) == len(lines) == SEVERAL.get(what, 1)
     for line in lines:
         assert "\n" not in line
         assert "; allowed: " in line or ", which does not exist" in line
         assert "Fix: " in line
-
-
-def test_all_faults_are_reported_at_once():
-    with pytest.raises(InputError) as caught:
-        sweep("norm = 'big'\nsteps_per_frame = []\n[grid]\ndamping = 1\n[random]\ncount = -1")
-    assert len(caught.value.problems) == 4
-
-
-def test_a_fault_is_reported_for_each_value():
-    with pytest.raises(InputError) as caught:
-        sweep("[grid]\ndamping = [-1.0, 0.1, -2.0]\nstiffness = [1.0, 0.0]")
-    assert [line.split(" given")[0] for line in caught.value.problems] == [
-        "damping: -1.0",
-        "damping: -2.0",
-        "stiffness: 0.0",
-    ]
 
 
 def test_the_commented_spec(tmp_path):

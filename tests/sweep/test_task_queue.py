@@ -131,30 +131,30 @@ def test_no_more_tasks_are_made_than_there_is_room_for(deadly):
         assert len(taken) <= done + 1 + 3
 
 
-@pytest.mark.parametrize(
-    "error", [OSError(28, "No space left on device"), InputError("out: full.")]
-)
-def test_what_would_happen_to_every_case_ends_the_sweep(error):
-    class Full(Scripted):
+def full(future):
+    future.set_exception(OSError(28, "No space left on device"))
+
+
+def refused(future):
+    future.set_exception(InputError("out: full."))
+
+
+def cancelled(future):
+    """As where the connection is lost."""
+    future.cancel()
+    future.set_running_or_notify_cancel()
+
+
+@pytest.mark.parametrize("ends", [full, refused, cancelled])
+def test_what_would_happen_to_every_case_ends_the_sweep(ends):
+    class Ending(Scripted):
         def submit(self, task):
             future = Future()
-            future.set_exception(error)
-            return future
-
-    with pytest.raises(RopeodeError, match="a worker cannot go on .*finished cases are kept"):
-        rows_of(Sweep(count=4), Full())
-
-
-def test_a_lost_connection_ends_the_sweep():
-    class Lost(Scripted):
-        def submit(self, task):
-            future = Future()
-            future.cancel()
-            future.set_running_or_notify_cancel()
+            ends(future)
             return future
 
     with pytest.raises(RopeodeError, match="finished cases are kept"):
-        rows_of(Sweep(count=4), Lost())
+        rows_of(Sweep(count=4), Ending())
 
 
 def test_an_engine_that_nobody_works_for_ends_the_sweep():
