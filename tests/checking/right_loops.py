@@ -106,17 +106,6 @@ def verlet_in_place(acceleration, t, x, v, dt, args):
     return x, v
 
 
-def exact_damping(acceleration, t, x, v, dt, args):
-    """Strang: half the damping exactly, kick, drift, kick, half the damping."""
-    half = np.exp(-0.5 * dt * args.free * args.damping / args.mass)[:, None]
-    still = np.zeros_like(v)
-    v = half * v
-    v = v + 0.5 * dt * accelerations(x, still, args)
-    x = x + dt * v
-    v = v + 0.5 * dt * accelerations(x, still, args)
-    return x, half * v
-
-
 def damping_first(acceleration, t, x, v, dt, args):
     """Semi-implicit Euler with a factor exp(-rate dt)."""
     v = v * np.exp(-dt * args.free * args.damping / args.mass)[:, None]
@@ -167,41 +156,6 @@ def taylor2(rhs, t, y, dt, args):
     return y + dt * first + dt**2 / 2 * second
 
 
-def extrapolated(rhs, t, y, dt, args):
-    """Gragg's modified midpoint rule with 2 and 4 substeps, extrapolated: order 4."""
-
-    def gragg(n):
-        h = dt / n
-        before, now = y, y + h * rhs(t, y, args)
-        for k in range(1, n):
-            before, now = now, before + 2 * h * rhs(t + k * h, now, args)
-        return 0.5 * (now + before + h * rhs(t + dt, now, args))
-
-    return (4 * gragg(4) - gragg(2)) / 3
-
-
-def pins_put_back(acceleration, t, x, v, dt, args):
-    """Moves all nodes, and puts the pinned ones back."""
-    f = forces(x, v, args) / args.mass[:, None]
-    v_new = v + dt * f
-    x_new = x + dt * v_new
-    pinned = args.free == 0
-    x_new[pinned], v_new[pinned] = x[pinned], 0.0
-    return x_new, v_new
-
-
-def guarded_length(acceleration, t, x, v, dt, args):
-    """Lengths at least 1e-12."""
-    d = x[1:] - x[:-1]
-    length = np.maximum(np.linalg.norm(d, axis=1), 1e-12)
-    pull = ((args.stiffness * (length - args.rest_length)) / length)[:, None] * d
-    f = args.mass[:, None] * args.gravity - args.damping[:, None] * v
-    np.add.at(f, np.arange(len(x) - 1), pull)
-    np.subtract.at(f, np.arange(1, len(x)), pull)
-    v = v + dt * args.free[:, None] * f / args.mass[:, None]
-    return x + dt * v, v
-
-
 # --- Implicit methods --------------------------------------------------------------------------
 
 
@@ -210,45 +164,6 @@ def _flat(x, v, args):
     mass = np.repeat(args.mass, x.shape[1])
     rate = np.repeat(args.damping, x.shape[1])
     return free, mass, rate
-
-
-def newton(residual, derivative, x, iterations=30, tolerance=1e-13):
-    """The root, with a full step each time."""
-    for _ in range(iterations):
-        dx = np.linalg.solve(derivative(x), -residual(x))
-        x = x + dx
-        if np.max(np.abs(dx), initial=0.0) <= tolerance * (1.0 + np.max(np.abs(x))):
-            break
-    return x
-
-
-def positions_after(h, x, v, args):
-    """Backward Euler over the time h: Newton's method for the new positions of the free nodes."""
-    free, mass, c = _flat(x, v, args)
-    x0, v0 = x.ravel(), v.ravel()
-
-    def whole(z):
-        out = x0.copy()
-        out[free] = z
-        return out
-
-    def residual(z):
-        y = whole(z)
-        f = forces(y.reshape(x.shape), (y - x0).reshape(x.shape) / h, args).ravel()
-        return (mass * (y - x0 - h * v0) - h**2 * f)[free]
-
-    def derivative(z):
-        k = stiffness_matrix(whole(z).reshape(x.shape), args)
-        return (np.diag(mass + h * c) - h**2 * k)[np.ix_(free, free)]
-
-    return whole(newton(residual, derivative, (x0 + h * v0)[free])).reshape(x.shape)
-
-
-def midpoint_by_newton(acceleration, t, x, v, dt, args):
-    """Implicit midpoint: half a step of backward Euler, twice as far."""
-    middle = positions_after(0.5 * dt, x, v, args)
-    v_middle = (middle - x) / (0.5 * dt)
-    return 2 * middle - x, (2 * v_middle - v) * args.free[:, None]
 
 
 def stopped_early(rhs, t, y, dt, args):
@@ -347,14 +262,6 @@ def xpbd(iterations: int) -> Callable:
     return step
 
 
-def xpbd_small_steps(acceleration, t, x, v, dt, args):
-    """Macklin and others 2019: twenty substeps with one iteration each."""
-    one = xpbd(1)
-    for _ in range(20):
-        x, v = one(acceleration, t, x, v, dt / 20, args)
-    return x, v
-
-
 # --- Another solver inside, and classes --------------------------------------------------------
 
 
@@ -369,38 +276,6 @@ def solve_ivp_inside(acceleration, t, x, v, dt, args):
     out = integrate.solve_ivp(f, (0.0, dt), y, method="DOP853", rtol=1e-13, atol=1e-14)
     x, v = out.y[:, -1].reshape(2, -1, 3)
     return x, v
-
-
-class Leapfrog(Stepper):
-    """Velocities half a step behind; the state has those of the full step."""
-
-    name = "staggered-leapfrog"
-    needs = "second order, linear damping"
-    equal_frames = True
-
-    def order(self, problem_class):
-        return 2
-
-    def init(self, system, t, y, dt):
-        a = system.acceleration(t, y.x, y.v)
-        return y.x, y.v - dt / 2 * a + dt**2 / 8 * self._jerk(system, t, y, a, dt / 16)
-
-    def _jerk(self, system, t, y, a, h):
-        return (
-            system.acceleration(t + h, y.x + h * y.v, y.v + h * a)
-            - system.acceleration(t - h, y.x - h * y.v, y.v - h * a)
-        ) / (2 * h)
-
-    def step(self, system, t, carried, dt):
-        x, v = carried
-        half = system.damping.rate * dt / 2
-        v = ((1 - half) * v + dt * system.undamped_acceleration(t, x)) / (1 + half)
-        return x + dt * v, v
-
-    def state(self, system, t, carried, dt):
-        x, v = carried
-        half = system.damping.rate * dt / 2
-        return Phase(x, (v + dt / 2 * system.undamped_acceleration(t, x)) / (1 + half))
 
 
 class Undeclared(Stepper):
@@ -423,16 +298,11 @@ RIGHT_LOOPS: dict[str, tuple[Any, dict[str, Any]]] = {
     "overflowing": (overflowing, _FIRST),
     "pairs in turn": (pairs_in_turn, _FIRST),
     "Verlet in place": (verlet_in_place, {**_SECOND, "symplectic": True, "reversible": True}),
-    "exact damping": (exact_damping, {**_SECOND, "symplectic": True}),
     "damping first": (damping_first, _FIRST),
     "sub-steps by stiffness": (sub_steps_by_stiffness, _SECOND),
     "RK4 in long double": (rk4_in_long_double, _FOURTH),
     "Nystrom": (nystrom4, _FOURTH),
     "Taylor": (taylor2, _SECOND),
-    "extrapolated": (extrapolated, _FOURTH),
-    "pins put back": (pins_put_back, _FIRST),
-    "guarded length": (guarded_length, _FIRST),
-    "midpoint by Newton": (midpoint_by_newton, _SECOND),
     "stopped early": (stopped_early, _FIRST),
     "linearly implicit": (linearly_implicit(linalg.solve), _FIRST),
     "one sweep": (linearly_implicit(one_sweep, definite=True), _FIRST),
@@ -440,9 +310,7 @@ RIGHT_LOOPS: dict[str, tuple[Any, dict[str, Any]]] = {
     "Rosenbrock": (rosenbrock2, _SECOND),
     "XPBD 1": (xpbd(1), _FIRST),
     "XPBD 60": (xpbd(60), _FIRST),
-    "XPBD small steps": (xpbd_small_steps, _FIRST),
     # Where two nodes coincide its steps go to zero, and it does not end.
     "solve_ivp inside": (solve_ivp_inside, {"skip": ("zero-length",)}),
-    "staggered leapfrog": (Leapfrog, {}),
     "undeclared": (Undeclared, {}),
 }

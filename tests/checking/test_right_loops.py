@@ -50,20 +50,6 @@ def test_the_order_of_a_sweep_matters_to_a_method_that_is_claimed_by_name():
     assert check_stepper(right_loops.pairs_in_turn, 1, only=["node-order"]).passed
 
 
-def test_nodes_that_see_neighbours_that_have_moved_lose_momentum():
-    def in_place(acceleration, t, x, v, dt, args):
-        x, v = np.array(x), np.array(v)
-        for node in range(len(x)):
-            v[node] += dt * right_loops.accelerations(x, v, args)[node]
-            x[node] += dt * v[node]
-        return x, v
-
-    report = check_stepper(in_place, 1, only=["momentum", "boost"], diagnose=False)
-    assert [each.check for each in report.failed] == ["momentum", "boost"]
-    # Its defect falls like its error, and not faster.
-    assert report.failed[0].evidence["power"] == pytest.approx(1.0, abs=0.2)
-
-
 @pytest.mark.parametrize(
     "symplectic",
     [None, pytest.param(True, marks=pytest.mark.slow), pytest.param(False, marks=pytest.mark.slow)],

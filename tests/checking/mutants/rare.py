@@ -101,8 +101,6 @@ _RARE: dict[Callable, dict[str, Changes]] = {
     position_verlet: {
         "x and z swapped in the last term": at_end("x_new = x_half + dt / 2 * v_new[:, ::-1]"),
     },
-    heun: {"dt to three digits": before("    k1", "dt = np.round(float(dt), 3)")},
-    midpoint: {"time from 0": before("    k1", "t = abs(t)")},
     rk4: {
         "growth of 1e-9": "return y -> return y * (1 + 1e-9 * dt)",
         "constant of 1e-8": "return y -> return 1e-8 * dt + y",
@@ -113,6 +111,8 @@ _RARE: dict[Callable, dict[str, Changes]] = {
         "forces in float32": before("    k2", *rounded("k1")),
         "time in float32": before("    k1", "t = np.float32(float(t))"),
     },
+    heun: {"dt to three digits": before("    k1", "dt = np.round(float(dt), 3)")},
+    midpoint: {"time from 0": before("    k1", "t = abs(t)")},
     own_verlet: {
         "float32": before("    a = ", *rounded("x", "v")),
         "rounded to six digits": before("    a = ", "x = x.round(6)"),
