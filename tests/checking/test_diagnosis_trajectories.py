@@ -25,7 +25,7 @@ PULLED = {"gravity": (0.3, -1.5), "damping": 0.1, "stiffness": 200.0}
 HALF = {"gravity": (0.0, -0.5), "damping": 0.0}
 # Stepper, what is changed, whether velocities are written, and words of the diagnosis.
 OTHER_ROPES = [
-    ("velocity-verlet", {"damping": 0.0}, True, "the rope with damping 0 instead of 0.01"),
+    ("semi-implicit-euler", {"damping": 0.0}, True, "the rope with damping 0 instead of 0.01"),
     # Without velocities in the files these may be wrong from the start.
     ("stormer-verlet", {"initial_velocity": (1.0, 0.5)}, False, "velocity (1, 0.5)"),
     *(

@@ -43,9 +43,9 @@ def test_the_report_is_the_same(tmp_path, small_rope, known, between, velocities
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_files_of_many_megabytes(tmp_path, small_rope, suffix):
     """They are read in parts."""
-    steps = 12_000
+    steps = 4_000 if suffix == ".csv" else 12_000
     times = np.arange(steps * small_rope.frames + 1) / steps
-    values = np.random.default_rng(1).integers(0, 9999, size=(len(times), 4, 4)) / 64
+    values = np.random.default_rng(1).normal(size=(len(times), 4, 4))
     path = WRITERS[suffix](tmp_path / f"it{suffix}", times, values, 1 / steps)
     assert path.stat().st_size > 2**22
     (run,) = read_runs([path], small_rope, fewest=1)
@@ -70,9 +70,12 @@ ARRAYS = {
 @pytest.mark.parametrize("suffix", [".npz", ".nc"])
 @pytest.mark.parametrize("words", ARRAYS)
 def test_wrong_arrays(tmp_path, small_rope, suffix, words):
-    changed = {"times": np.arange(4.0), "values": np.zeros((4, 4, 4)), "dt": 0.5, **ARRAYS[words]}
-    path = WRITERS[suffix](tmp_path / f"it{suffix}", **changed)
-    assert words in complaint_of([path] * 3, small_rope)
+    arrays = {"times": np.arange(4.0), "values": np.zeros((4, 4, 4)), "dt": 0.5, **ARRAYS[words]}
+    made = [
+        WRITERS[suffix](tmp_path / f"{part}{suffix}", **{**arrays, "dt": arrays["dt"] / part})
+        for part in (1, 2, 4)
+    ]
+    assert words in complaint_of(made, small_rope)
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def test_a_right_program_is_not_rejected(tmp_path, small_rope, known, examples):
         )
         report = grade(made, known, expected_order=2)
         assert report.verdict != "wrong", report.failed[0].line
-        assert report.notes == ()
+        assert not any("does not divide" in note for note in report.notes)
         assert report.passed or re.search(r"; (write|add|compute) ", finding(report).line)
 
     passes_or_is_undecided()
