@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import re
 
@@ -105,6 +106,7 @@ def every_step(problem, n):
 @pytest.mark.parametrize("examples", [5, pytest.param(30, marks=pytest.mark.slow)])
 def test_a_right_program_is_not_rejected(tmp_path, small_rope, known, examples):
     """Whatever its step sizes and digits are: it passes, or they are too few for a verdict."""
+    run = functools.cache(functools.partial(every_step, small_rope))
 
     @settings(max_examples=examples, deadline=None)
     @given(
@@ -117,9 +119,9 @@ def test_a_right_program_is_not_rejected(tmp_path, small_rope, known, examples):
         made = files(
             tmp_path,
             small_rope,
-            lambda problem, n: every_step(problem, n)[1][:, :, :columns],
+            lambda problem, n: run(n)[1][:, :, :columns],
             [n + part for n in steps],
-            times=lambda n: every_step(small_rope, n)[0],
+            times=lambda n: run(n)[0],
             digits=digits,
         )
         report = grade(made, known, expected_order=2)
