@@ -42,8 +42,8 @@ def test_the_report_is_the_same(tmp_path, small_rope, known, between, velocities
 
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_files_of_many_megabytes(tmp_path, small_rope, suffix):
-    """They are read in parts."""
-    steps = 4_000 if suffix == ".csv" else 12_000
+    """They are read in parts; the first part of the CSV file ends within a sample."""
+    steps = 3_900 if suffix == ".csv" else 12_000
     times = np.arange(steps * small_rope.frames + 1) / steps
     values = np.random.default_rng(1).normal(size=(len(times), 4, 4))
     path = WRITERS[suffix](tmp_path / f"it{suffix}", times, values, 1 / steps)
