@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import importlib
+import sys
 from collections.abc import Iterator
 from typing import Any
 from unittest import mock
@@ -18,6 +19,7 @@ from ropeode.checking import (
     Finding,
     check_rope,
     checked_claims,
+    reference_of,
 )
 from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
@@ -26,42 +28,15 @@ from ropeode.simulation import Method, method_of
 from tests.checking.right_steppers import RIGHT
 
 NODES, DIM = 5, 3
-# They hold what no face has: the ropes, which are replaced here, and where checks look for them.
-check_context = importlib.import_module("ropeode.checking.check_context")
+# It holds what no face has: the ropes, which are replaced wherever checks look for them.
 check_ropes = importlib.import_module("ropeode.checking.check_ropes")
-
-# Modules in which the ropes are replaced. (The package has functions of some of their names.)
-MODULES = (
-    check_context,
-    *(
-        importlib.import_module(f"ropeode.checking.checks.{name}")
-        for name in (
-            "conservation",
-            "side_effects",
-            "orders",
-            "rounding",
-            "scales",
-            "sizes",
-            "far_states",
-            "stability",
-            "structure",
-            "symmetry",
-        )
-    ),
-)
 
 # What is not drawn of ropes that other checks use beside those of order: they have equal frames,
 # and are not driven; nothing pulls or holds the free one.
 _NOTHING = (0.0, 0.0, 0.0)
 ALIKE: dict[str, dict[str, Any]] = {
     "unequal": {"equal": True, "drive": _NOTHING},
-    "free": {
-        "equal": True,
-        "drive": _NOTHING,
-        "gravity": _NOTHING,
-        "damping": 0.0,
-        "pinned": (),
-    },
+    "free": {"equal": True, "drive": _NOTHING, "gravity": _NOTHING, "damping": 0.0, "pinned": ()},
 }
 
 Random = np.random.Generator
@@ -117,7 +92,7 @@ def ropes(seed: int, index: int) -> tuple[dict[str, Any], int]:
         drawn = drawn_ropes(random)
         try:
             for problem in drawn["convergence_problems"]().values():
-                check_context.reference_of(problem)
+                reference_of(problem)
         except ReferenceRefused:
             refused += 1
             continue
@@ -170,11 +145,13 @@ def pushed(random: Random, still: Problem) -> Problem:
 
 @contextlib.contextmanager
 def in_place(drawn: dict[str, Any]) -> Iterator[None]:
-    """The drawn ropes instead of the check ropes."""
+    """The drawn ropes instead of the check ropes, in all modules of the room that have them."""
+    modules = [each for name, each in sys.modules.items() if name.startswith("ropeode.checking.")]
     with contextlib.ExitStack() as stack:
-        for module in MODULES:
-            for name, function in drawn.items():
-                if hasattr(module, name):
+        for name, function in drawn.items():
+            own = getattr(check_ropes, name)
+            for module in modules:
+                if module is not check_ropes and getattr(module, name, None) is own:
                     stack.enter_context(mock.patch.object(module, name, function))
         yield
 

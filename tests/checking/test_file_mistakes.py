@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from trajectory_writing import node_values, write_csv, write_npz
+from trajectory_writing import WRITERS, node_values, write_runs
 
 from ropeode import grade
 from ropeode.errors import InputError
@@ -24,12 +24,12 @@ def runs(small_rope):
     return {n: node_values(longer, simulate(longer, "velocity-verlet", n).states) for n in STEPS}
 
 
-def written(folder, runs, change, write=write_npz, **how):
+def written(folder, runs, change, suffix=".npz", **how):
     """Files of what a change makes of the times, values and step size of a run."""
     paths = []
     for n in STEPS:
         times, values, dt = change(np.arange(FRAMES + 1.0), runs[n], 1 / n)
-        paths.append(write(folder / f"{n}.{write.__name__[6:]}", times, values, dt, **how))
+        paths.append(WRITERS[suffix](folder / f"{n}{suffix}", times, values, dt, **how))
     return paths
 
 
@@ -45,6 +45,10 @@ def mistake(made, problem):
 def numbers(change):
     """A change of the numbers alone."""
     return lambda t, v, dt: (t, change(v[:-1], dt), dt)
+
+
+def after(first, rest):
+    return np.concatenate([first, rest])
 
 
 COLUMNS = {
@@ -65,46 +69,14 @@ COLUMNS = {
     "velocities are dt times those of the problem: per step": lambda v, dt: v * [1, 1, dt, dt],
     "velocities are 24 times those of the problem": lambda v, dt: v * [1, 1, 24, 24],
     "all numbers are 100 times those of the problem": lambda v, dt: 100.0 * v,
+    "the nodes are in reverse order": lambda v, dt: v[:, ::-1],
+    "positions are shifted by (1, 2)": lambda v, dt: v + np.array([1, 2, 0, 0]),
+    # As where the initial state is written by other lines than the rest.
+    "after the first row, x points the other way": lambda v, dt: after(
+        v[:1], v[1:] * [-1, 1, -1, 1]
+    ),
+    "after the first row, the nodes are in reverse order": lambda v, dt: after(v[:1], v[1:, ::-1]),
 }
-
-
-@pytest.mark.parametrize("words", COLUMNS)
-def test_columns_that_hold_other_numbers(tmp_path, known, runs, words):
-    made = written(tmp_path, runs, numbers(COLUMNS[words]))
-    found = mistake(made, known)
-    assert words in found
-    assert "positions order 2.0" in found
-
-
-@pytest.mark.parametrize(
-    ("words", "change"),
-    [
-        ("after the first row, x points the other way", lambda v: v * [-1, 1, -1, 1]),
-        ("after the first row, the nodes are in reverse order", lambda v: v[:, ::-1]),
-    ],
-)
-def test_what_begins_after_the_first_row(tmp_path, known, runs, words, change):
-    """As where the initial state is written by other lines than the rest."""
-    made = written(tmp_path, runs, numbers(lambda v, dt: np.concatenate([v[:1], change(v[1:])])))
-    assert words in mistake(made, known)
-
-
-def test_momenta(tmp_path, known, runs):
-    """The reference of one rope, and masses of another, which change nothing else here."""
-    masses = np.array([1.0, 2.0, 0.5, 3.0])
-    args = known.problem.args._replace(mass=masses)
-    problem = dataclasses.replace(known.problem, args=args)
-    made = written(
-        tmp_path, runs, numbers(lambda v, dt: v * np.outer(masses, [0, 0, 1, 1]) + v * [1, 1, 0, 0])
-    )
-    of_other_masses = dataclasses.replace(known, problem=problem)
-    assert "velocities are multiplied by the masses" in mistake(made, of_other_masses)
-
-
-def test_rows_of_one_array(tmp_path, known, runs):
-    made = written(tmp_path, runs, numbers(lambda v, dt: v[[3, 3, 3, 3]]))
-    with pytest.raises(InputError, match=r"all rows of a file are the same\. Fix: write a copy"):
-        grade(made, known)
 
 
 TIMES = {
@@ -130,12 +102,54 @@ TIMES = {
 }
 
 
-@pytest.mark.parametrize("words", TIMES)
-def test_rows_of_other_times(tmp_path, known, runs, words):
-    made = written(tmp_path, runs, TIMES[words])
-    found = mistake(made, known)
+MISTAKES = {**{words: numbers(change) for words, change in COLUMNS.items()}, **TIMES}
+
+
+@pytest.mark.parametrize("words", MISTAKES)
+def test_a_mistake_is_named_and_so_read_the_runs_are_right(tmp_path, known, runs, words):
+    found = mistake(written(tmp_path, runs, MISTAKES[words]), known)
     assert words in found
     assert "positions order 2.0" in found
+
+
+def one_step(dt):
+    """The state after the first step of velocity Verlet."""
+    problem = Rope(num_nodes=4).problem(1).changed(ts=np.array([0.0, dt]))
+    return node_values(problem, simulate(problem, "velocity-verlet", 1).states)[1:]
+
+
+STARTS = {
+    "; it is right in single precision. Fix: compute it in double": numbers(
+        lambda v, dt: after(v[:1].astype(np.float32), v[1:])
+    ),
+    "the first row is the state after the first step": numbers(
+        lambda v, dt: after(one_step(dt), v[1:])
+    ),
+    "Fix: start from the initial state": numbers(lambda v, dt: v + np.arange(4.0)[:, None]),
+    "the initial state is written at t = dt, and each row as much": lambda t, v, dt: (
+        (t + dt, v[:-1], dt)
+    ),
+    "all rows of a file are the same. Fix: write a copy": numbers(lambda v, dt: v[[3, 3, 3, 3]]),
+}
+
+
+@pytest.mark.parametrize("words", STARTS)
+def test_another_initial_state(tmp_path, known, runs, words):
+    with pytest.raises(InputError) as caught:
+        grade(written(tmp_path, runs, STARTS[words]), known)
+    assert words in str(caught.value)
+
+
+def test_momenta(tmp_path, known, runs):
+    """The reference of one rope, and masses of another, which change nothing else here."""
+    masses = np.array([1.0, 2.0, 0.5, 3.0])
+    args = known.problem.args._replace(mass=masses)
+    problem = dataclasses.replace(known.problem, args=args)
+    made = written(
+        tmp_path, runs, numbers(lambda v, dt: v * np.outer(masses, [0, 0, 1, 1]) + v * [1, 1, 0, 0])
+    )
+    of_other_masses = dataclasses.replace(known, problem=problem)
+    assert "velocities are multiplied by the masses" in mistake(made, of_other_masses)
 
 
 def test_times_with_few_digits(tmp_path, known, runs):
@@ -146,19 +160,16 @@ def test_times_with_few_digits(tmp_path, known, runs):
 
 
 def test_the_report_names_the_mistake_once(tmp_path, known, runs):
-    made = written(tmp_path, runs, numbers(COLUMNS["velocities are 24 times those of the problem"]))
-    report = grade(made, known, expected_order=2)
-    (diagnosis,) = report.diagnosis
-    assert diagnosis.cause == "columns"
-    assert diagnosis.remedy == "write them in the problem's units"
-    made = written(tmp_path, runs, numbers(COLUMNS["x points the other way"]))
+    made = written(tmp_path, runs, MISTAKES["velocities are 24 times those of the problem"])
+    (diagnosis,) = grade(made, known, expected_order=2).diagnosis
+    assert (diagnosis.cause, diagnosis.remedy) == ("columns", "write them in the problem's units")
+    made = written(tmp_path, runs, MISTAKES["x points the other way"])
     with pytest.raises(InputError) as caught:
         grade(made, known)
     (line,) = caught.value.problems
     assert "24.npz, initial state, node 1 (x): 133.3" in line
-    assert "; x points the other way; read so, positions order 2.0" in line
     assert line.endswith("Fix: let x point in the direction of the spec. So in 48.npz and 96.npz.")
-    made = written(tmp_path, runs, TIMES["t counts steps"], write_csv)
+    made = written(tmp_path, runs, MISTAKES["t counts steps"], ".csv")
     with pytest.raises(InputError, match="24.csv, 48.csv, 96.csv: .*t counts steps; read so"):
         grade(made, known)
 
@@ -166,24 +177,18 @@ def test_the_report_names_the_mistake_once(tmp_path, known, runs):
 def test_printed_with_few_digits(tmp_path, known, runs):
     """What is mirrored at 480 has no more digits than the file."""
     change = COLUMNS["y points the other way and positions are shifted by (0, 480)"]
-    made = written(tmp_path, runs, numbers(change), write_csv, digits="%.7g")
+    made = written(tmp_path, runs, numbers(change), ".csv", digits="%.7g")
     with pytest.raises(InputError, match="y points the other way and positions are shifted by"):
         grade(made, known)
 
 
-@pytest.fixture(scope="module")
-def from_zero():
+@pytest.mark.slow
+def test_both_are_said(tmp_path):
     """A rope at y = 0 whose y, mirrored, moves as if gravity had the wrong sign."""
     ends = {"num_nodes": 4, "start": (0, 0), "end": (-400, 0)}
-    other = Rope(**ends, gravity=(0, 1)).problem(FRAMES + 1)
-    runs = {n: node_values(other, simulate(other, "velocity-verlet", n).states) for n in STEPS}
-    return Rope(**ends).problem(FRAMES), runs
-
-
-@pytest.mark.slow
-def test_both_are_said(tmp_path, from_zero):
-    problem, wrong = from_zero
-    (diagnosis,) = grade(written(tmp_path, wrong, numbers(lambda v, dt: v)), problem).diagnosis
+    other = Rope(**ends, gravity=(0, 1)).problem(FRAMES)
+    made = write_runs(tmp_path, other, "velocity-verlet", STEPS)
+    (diagnosis,) = grade(made, Rope(**ends).problem(FRAMES)).diagnosis
     assert diagnosis.cause == "parameters"
     assert "as if gravity has the wrong sign; or, which is the same in the files" in diagnosis.line
     assert "y points the other way; read so, positions order 2.0" in diagnosis.line

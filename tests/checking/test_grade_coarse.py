@@ -7,12 +7,10 @@ import re
 import jax
 import numpy as np
 import pytest
-from trajectory_writing import node_values, write_npz
+from trajectory_writing import finding, node_values, write_npz, write_runs
 
 from ropeode import grade, reference
-from ropeode.analysis import ROUND_OFF, observed_order
-from ropeode.checking import Convergence, read_runs
-from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
+from ropeode.checking import read_runs
 from ropeode.problems import Rope
 from ropeode.simulation import simulate
 
@@ -21,10 +19,12 @@ PRE_ASYMPTOTIC = (8, 12, 18, 27, 40, 60)
 
 def rope(**changed):
     """Taut, and thrown: its springs swing."""
-    given = {"num_nodes": 8, "start": (0.0, 0.0), "end": (-7.0, 1.75), "node_mass": 0.5}
     thrown = ((0.0, 0.0), *((1.0, -0.5),) * 7)
-    rest = {"gravity": (0.0, -9.81), "stiffness": 200.0, "damping": 0.0, "initial_velocity": thrown}
-    return Rope(**{**given, **rest, **changed}).problem(frames=2)
+    given = {
+        "num_nodes": 8, "start": (0.0, 0.0), "end": (-7.0, 1.75), "initial_velocity": thrown,
+        "node_mass": 0.5, "stiffness": 200.0, "damping": 0.0, "gravity": (0.0, -9.81),
+    }  # fmt: skip
+    return Rope(**{**given, **changed}).problem(frames=2)
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +32,10 @@ def taut():
     return reference(rope())
 
 
-def verdict(tmp_path, known, problem, stepper, steps, expected=None):
-    made = [
-        write_npz(tmp_path / f"{n}.npz", problem.ts, node_values(problem, run.states), run.dt)
-        for n in steps
-        for run in [simulate(problem, stepper, n)]
-    ]
+def verdict(folder, known, problem, stepper, steps, expected=None):
+    made = write_runs(folder, problem, stepper, steps)
     report = grade(made, known, expected_order=expected, diagnose=False)
-    return report.verdict, next(each.line for each in report.findings if each.check == "order")
+    return report.verdict, finding(report).line
 
 
 def largest_eigenvalue(known):
@@ -76,66 +72,14 @@ def test_a_lower_whole_order_is_wrong_at_any_step_size(tmp_path, taut):
     assert found == "wrong", line
 
 
-@pytest.mark.parametrize("changed", [{"gravity": (0.0, -9.0)}, {"node_mass": 0.6}])
-@pytest.mark.parametrize("stepper", ["implicit-euler", "velocity-verlet"])
+@pytest.mark.parametrize(
+    ("stepper", "changed"),
+    [("implicit-euler", {"gravity": (0.0, -9.0)}), ("velocity-verlet", {"node_mass": 0.6})],
+)
 def test_another_equation_stays_wrong(tmp_path, taut, changed, stepper):
     steps = (60, 90, 135, 200, 300, 450)
     assert verdict(tmp_path, taut, rope(**changed), stepper, steps)[0] == "wrong"
     assert verdict(tmp_path, taut, rope(), stepper, steps)[0] != "wrong"
-
-
-DTS = 0.02 / 1.5 ** np.arange(7)
-# The largest possible round-off, which is as large as all but one of the errors.
-ROUNDING = 2e-5 * DTS**-1.5
-
-
-def in_single_precision(errors, rounding=ROUNDING, limits=None, claimed=None):
-    """The order that `by_coarse_steps` finds in errors with so much round-off."""
-
-    def observe(count, floor=0.0 * ROUNDING):
-        order = observed_order(DTS[:count], errors[:count], claimed=claimed, rounding=floor[:count])
-        orders = {"position": order}
-        return Convergence(
-            problem="made up",
-            dts=tuple(DTS[:count]),
-            errors={"position": tuple(errors[:count])},
-            rounding={"position": tuple(floor)},
-            resolution={"position": 0.0},
-            orders=orders,
-            expected=None,
-            limits=limits or {},
-        )
-
-    return by_coarse_steps(observe, observe(len(DTS), 0.1 * rounding), 0.1).orders["position"]
-
-
-def test_round_off_at_fine_steps_leaves_the_order_of_the_coarse_ones():
-    errors = DTS + np.where(DTS < 0.003, 0.005 * ROUNDING, 0.0)
-    order = in_single_precision(errors)
-    assert order.verdict == "converges"
-    assert order.observed == pytest.approx(1.0, abs=0.02)
-    assert len(order.used) >= 4
-    assert {point.reason for point in order.left_out} == {ROUND_OFF}
-    off = {"position": (2e-3, 1e-3)}
-    assert in_single_precision(errors, limits=off).verdict == "undetermined"
-
-
-def test_what_round_off_cannot_explain_is_not_left_out():
-    plateau = DTS + 2e-3
-    assert in_single_precision(plateau).verdict == "undetermined"
-    assert in_single_precision(plateau, 1e-9 * ROUNDING).verdict != "converges"
-    # So much at the finest step leaves much at the others.
-    assert in_single_precision(DTS + 0.05 * (DTS[-1] == DTS)).verdict == "undetermined"
-    # Errors that fall all the way are bent for another reason.
-    bent = np.where(DTS > 0.005, DTS**2 / 0.005, DTS)
-    assert in_single_precision(bent, 5.0 * ROUNDING).verdict == "undetermined"
-
-
-def test_three_steps_on_a_line_may_be_chance_where_round_off_is_as_large():
-    errors = DTS**2 * np.array([1.0, 1.5, 1.0, 1.5, 1.0, 1.0, 1.0])
-    assert observed_order(DTS, errors, claimed=2).verdict == "converges"
-    assert in_single_precision(errors, 50.0 * ROUNDING, claimed=2).verdict == "undetermined"
-    assert in_single_precision(errors, 1e-9 * ROUNDING, claimed=2).verdict == "converges"
 
 
 def test_single_precision_shows_in_velocities_alone(tmp_path):

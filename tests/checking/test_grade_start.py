@@ -10,33 +10,22 @@ import subprocess
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from trajectory_writing import finding, write_runs
 
 from ropeode import grade, reference
-from ropeode.checking import samples_of, write_start
+from ropeode.checking import samples_of, write_assignment, write_start
 from ropeode.cli import cli
 from ropeode.errors import InputError
 from ropeode.study import TableJob, read_spec
 
-ROPE = {"num_nodes": 4, "start": [0.0, 1.0, 0.5], "end": [3.0, 1.0, 0.5], "gravity": [0, -1, 0.5]}
-ROPES = {
-    "usual": {},
-    "small": {
-        "frames": 3,
-        "accuracy": 1e-5,
-        "rope": {"num_nodes": 4, "damping": [0.0, 0.1, 0.2, 0.3], "node_mass": [1, 2, 0.5, 1.5]},
-    },
-    "in space": {
-        "frames": 3,
-        "rope": {
-            **ROPE,
-            "pinned": [1, 3],
-            "node_mass": [1.0, 2.0, 0.5, 1.5],
-            "stiffness": [10.0, 20.0, 30.0],
-            "damping": [0.0, 0.1, 0.2, 0.3],
-            "initial_velocity": [[0, 1, 0], [0, 0, 0], [1, 0, 0], [0, 0, 0]],
-        },
-    },
-}
+needs_compiler = pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
+IN_SPACE = {
+    "num_nodes": 4, "start": [0.0, 1.0, 0.5], "end": [3.0, 1.0, 0.5], "gravity": [0, -1, 0.5],
+    "pinned": [1, 3], "node_mass": [1, 2, 0.5, 1.5], "stiffness": [10.0, 20.0, 30.0],
+    "damping": [0.0, 0.1, 0.2, 0.3],
+    "initial_velocity": [[0, 1, 0], [0, 0, 0], [1, 0, 0], [0, 0, 0]],
+}  # fmt: skip
+ROPES = {"usual": {}, "in space": {"frames": 3, "accuracy": 1e-5, "rope": IN_SPACE}}
 OTHERS = {
     "rigid": {"kind": "inextensible-rope", "rope": {"num_nodes": 3}},
     "lorenz": {"problem": "lorenz", "frames": 2},
@@ -69,18 +58,6 @@ def test_a_problem_in_a_file_is_found_from_anywhere(tmp_path):
     assert again.problem.frames == 3
 
 
-def test_nothing_is_overwritten(tmp_path):
-    (tmp_path / "old").mkdir()
-    with pytest.raises(InputError, match="old' given; allowed: a new folder"):
-        write_start(tmp_path / "old")
-    with pytest.raises(InputError, match="in a folder that exists"):
-        write_start(tmp_path / "no" / "such")
-    assert [path.name for path in tmp_path.iterdir()] == ["old"]
-
-
-needs_compiler = pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
-
-
 def commands_of(page):
     """The commands of the section on the program, without the last, which grades."""
     block = page.split("```sh\n")[-1].split("```")[0].splitlines()
@@ -89,43 +66,44 @@ def commands_of(page):
 
 
 @needs_compiler
-@pytest.mark.usefixtures("command_surroundings")
-def test_the_program_is_right_and_a_wrong_one_is_not(tmp_path, monkeypatch):
-    job = TableJob(ROPES["small"])
+@pytest.mark.slow
+def test_the_program_is_right_and_a_wrong_one_is_not(tmp_path):
+    job = TableJob(ROPES["in space"])
     write_start(tmp_path / "new", job)
     folder, source = tmp_path / "new", tmp_path / "new" / "rope.cpp"
     page = (folder / "README.md").read_text()
     commands, graded = commands_of(page)
-    files = [folder / name for name in graded if name.endswith(".csv")]
-    right = source.read_text()
+    commands[0] = commands[0].replace("g++ -O2", "g++ -O0 -Wall -Wextra -Werror")
+    known = reference(job.problem)
 
-    def run(text):
+    def report(text, **options):
         source.write_text(text)
-        commands[0] = commands[0].replace("g++ -O2", "g++ -O0 -Wall -Wextra -Werror")
         for command in commands:
             subprocess.run(command, shell=True, check=True, cwd=folder)
+        files = [folder / name for name in graded if name.endswith(".csv")]
+        return grade(files, known, expected_order=2, **options)
 
-    run(right)
-    known = reference(job.problem)
-    report = grade(files, known, expected_order=2)
-    assert report.passed
-    assert all(abs(o.observed - 2) < 0.1 for o in report.findings[1].convergence.orders.values())
+    right = source.read_text()
+    orders = finding(report(right)).convergence.orders.values()
+    assert all(order.observed == pytest.approx(2, abs=0.1) for order in orders)
     # As the page says.
     line = re.search("delete the line `(.*)`", page)[1]
     assert right.count(line) == 1
-    run(right.replace(line, ""))
-    report = grade(files, known, expected_order=2, diagnose=False)
-    assert [each.check for each in report.failed] == ["order"]
+    wrong = report(right.replace(line, ""), diagnose=False)
+    assert [each.check for each in wrong.failed] == ["order"]
 
-    # The command, on the wrong program's files; what it diagnoses has tests of its own.
-    patched = "ropeode.checking.diagnosis.trajectories.diagnose_trajectories"
-    monkeypatch.setattr(patched, lambda *_: ())
-    paths = [str(path) for path in files]
-    runner, given = CliRunner(), ["grade", *paths, "--problem", str(folder / "spec.toml")]
-    done = runner.invoke(cli, [*given, "--order", "2", "--format", "json"], standalone_mode=False)
-    assert done.return_value == 1
-    assert json.loads(done.stdout)["passed"] is False
-    assert runner.invoke(cli, [*given, "--out", str(tmp_path / "a.md")]).stdout == ""
+
+@pytest.mark.usefixtures("command_surroundings")
+def test_the_command_grades_with_the_spec(tmp_path, small_rope):
+    write_start(tmp_path / "new", TableJob({"frames": 3, "rope": {"num_nodes": 4}}))
+    runner, spec = CliRunner(), ["--problem", str(tmp_path / "new" / "spec.toml"), "--order", "2"]
+    for stepper, passes in (("velocity-verlet", True), ("explicit-euler", False)):
+        made = write_runs(tmp_path, small_rope, stepper, (128, 256, 512), ".csv")
+        words = ["grade", *map(str, made), *spec]
+        done = runner.invoke(cli, [*words, "--format", "json"], standalone_mode=False)
+        assert done.return_value == (0 if passes else 1)
+        assert json.loads(done.stdout)["passed"] is passes
+    assert runner.invoke(cli, [*words, "--out", str(tmp_path / "a.md")]).stdout == ""
     assert (tmp_path / "a.md").read_text().startswith("#")
 
 
@@ -138,8 +116,28 @@ def test_the_program_is_right_and_a_wrong_one_is_not(tmp_path, monkeypatch):
         (["a.csv", "--problem", "no.toml"], "spec: 'no.toml' given"),
         (["a.csv", "--init", "new"], "init: 'new' given; allowed: no other option but those of"),
         (["a.csv", "--problem", "x", "--out", "no/such.md"], "out: "),
+        (["--init", "new", "--assignment", "games102"], "is not 'games101'"),
+        (["a.csv", "--assignment", "games101"], "'games101' given; allowed: one with --init"),
+        (["--init", "new", "--assignment", "games101", "--frames", "3"], "no problem beside it"),
+        (["--init", "new", "--assignment", "games101", "--order", "1"], "no other option but"),
     ],
 )
 def test_wrong_use(given, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(Exception, match=words):
         cli.main(["grade", *given], standalone_mode=False)
+
+
+def test_nothing_is_written_where_it_should_not_be(tmp_path):
+    (tmp_path / "old").mkdir()
+    for write, words in (
+        (lambda: write_start(tmp_path / "old"), "old' given; allowed: a new folder"),
+        (lambda: write_start(tmp_path / "no" / "such"), "in a folder that exists"),
+        (lambda: write_assignment(tmp_path / "old", "games101"), "old' given; allowed: a new fol"),
+        (
+            lambda: write_assignment(tmp_path / "mine", "games102"),
+            "'games102' given, which does not exist; allowed: games101",
+        ),
+    ):
+        with pytest.raises(InputError, match=words):
+            write()
+    assert [path.name for path in tmp_path.rglob("*")] == ["old"]

@@ -19,18 +19,10 @@ from tests.checking.no_time_limit import check_stepper
 from tests.checking.right_loops import RIGHT_LOOPS
 
 # Checks of a few steps, which take little time in Python too.
-FEW_STEPS = (
-    "free-flight",
-    "momentum",
-    "translation",
-    "boost",
-    "rotation",
-    "mirror",
-    "node-order",
-    "units",
-    "float32",
-    "zero-length",
-)
+FEW_STEPS = [
+    "free-flight", "momentum", "translation", "boost", "rotation", "mirror", "node-order", "units",
+    "float32", "zero-length",
+]  # fmt: skip
 
 
 # NumPy and SciPy warn of what loops compute from states as large as the checks hand them.
@@ -43,19 +35,9 @@ def test_right_loops_are_right(name):
     assert report.verdict == "right", [*report.failed, *report.undetermined]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "gauss_seidel_1",
-        *(
-            pytest.param(name, marks=pytest.mark.slow)
-            for name in ("xpbd_in_plain_python", "xpbd_small_steps")
-        ),
-    ],
-)
-def test_right_loops_keep_what_a_motion_keeps(name):
-    """They divide by the stiffness, cut an iteration off, or take velocities from positions."""
-    step, claims = RIGHT_LOOPS[name]
+def test_a_right_loop_keeps_what_a_motion_keeps():
+    """It is implicit, and cuts its iteration off."""
+    step, claims = RIGHT_LOOPS["one sweep"]
     report = check_stepper(step, diagnose=False, only=FEW_STEPS, **claims)
     assert report.verdict == "right", report.failed
 
@@ -66,20 +48,6 @@ def test_the_order_of_a_sweep_matters_to_a_method_that_is_claimed_by_name():
     )
     assert report.verdict == "wrong"
     assert check_stepper(right_loops.pairs_in_turn, 1, only=["node-order"]).passed
-
-
-def test_nodes_that_see_neighbours_that_have_moved_lose_momentum():
-    def in_place(acceleration, t, x, v, dt, args):
-        x, v = np.array(x), np.array(v)
-        for node in range(len(x)):
-            v[node] += dt * right_loops.accelerations(x, v, args)[node]
-            x[node] += dt * v[node]
-        return x, v
-
-    report = check_stepper(in_place, 1, only=["momentum", "boost"], diagnose=False)
-    assert [each.check for each in report.failed] == ["momentum", "boost"]
-    # Its defect falls like its error, and not faster.
-    assert report.failed[0].evidence["power"] == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -107,11 +75,7 @@ def test_what_fails_in_a_rare_state_alone_is_otherwise_right():
     assert (report.verdict, report.exit_code) == ("wrong", 1)
     assert report.otherwise_right
     assert "the step raises ZeroDivisionError" in report.failed[0].line
-    words = " ".join(format_check(report).split())
-    assert (
-        "Wrong in an edge case, otherwise right: 1 of 2 checks fails (zero-length), 1 passed."
-        in (words)
-    )
+    assert "edge case, otherwise right: 1 of 2 checks" in " ".join(format_check(report).split())
     another = Finding("pins", "fail", "a pinned node moves")
     report = dataclasses.replace(report, findings=(*report.findings, another))
     assert not report.otherwise_right

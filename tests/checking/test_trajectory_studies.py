@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from trajectory_writing import node_values, write_csv, write_netcdf, write_npz
+from trajectory_writing import write_runs
 
 from ropeode import accuracy_table, node_paths
 from ropeode.analysis import ROUND_OFF
@@ -28,22 +28,8 @@ FRAMES = 3
 def files(known, tmp_path_factory):
     """In three formats; samples at the frames alone."""
     folder = tmp_path_factory.mktemp("trajectories")
-    writers = ((write_csv, "csv"), (write_npz, "npz"), (write_netcdf, "nc"))
-    paths = []
-    for steps, (write, suffix) in zip(STEPS, writers, strict=True):
-        run = simulate(known.problem, STEPPER, steps)
-        paths.append(folder / f"{steps}.{suffix}")
-        write(paths[-1], run.times, node_values(known.problem, run.states), 1 / steps)
-    return paths
-
-
-def write(folder, problem, steps=STEPS, velocities=True, **how):
-    paths = []
-    for each in steps:
-        run = simulate(problem, STEPPER, each)
-        values = node_values(problem, run.states, velocities)
-        paths.append(write_csv(folder / f"{each}.csv", run.times, values, 1 / each, **how))
-    return paths
+    pairs = zip(STEPS, (".csv", ".npz", ".nc"), strict=True)
+    return [write_runs(folder, known.problem, STEPPER, [n], suffix)[0] for n, suffix in pairs]
 
 
 @pytest.mark.parametrize("norm", [None, "velocity-rms"])
@@ -73,21 +59,13 @@ def test_curves_are_those_of_the_runs(known, files):
         ]  # fmt: skip
 
 
-def test_one_file_has_curves_and_no_order(known, files):
-    (curve,) = trajectory_error_curves(files[:1], known).curves
-    assert (curve.stepper, curve.label) == ("16.csv", "dt = 0.0625")
-    (each,) = trajectory_errors(files[:1], known).orders
-    assert each.order.verdict == "undetermined"
-
-
 def test_a_film_shows_the_samples_between_frames(tmp_path):
     """Of 15 and of 21 steps in each frame, 3 end at the same times."""
     problem = Rope(num_nodes=4).problem(1)
     paths = []
     for steps in (15, 21):
-        run = simulate(sampled_finer(problem, steps), STEPPER, 1)
-        values = node_values(problem, run.states)
-        paths.append(write_csv(tmp_path / f"{steps}.csv", run.times, values, 1 / steps))
+        (path,) = write_runs(tmp_path, sampled_finer(problem, steps), STEPPER, [1])
+        paths.append(path.rename(tmp_path / f"{steps}.npz"))
     nodes = trajectory_paths(paths, problem)
     assert nodes.samples_per_frame == 3
     assert nodes.times == pytest.approx([0.0, 1 / 3, 2 / 3, 1.0], abs=1e-15)
@@ -107,7 +85,6 @@ def test_a_film_with_a_stored_reference_shows_its_samples(known, files):
         assert np.array_equal(path.positions, simulate(known.problem, STEPPER, steps).positions)
     figure, show = film(nodes)
     show(2)
-    assert "steps/frame" not in figure.get_suptitle()
     assert "16.csv, dt = 0.0625" in figure.axes[1].get_title(loc="left")
 
 
@@ -119,42 +96,43 @@ def test_they_are_drawn(kind, known, files):
     assert any("16.csv, 32.npz, 64.nc" in each for each in words)
 
 
-def test_written_digits_count_as_round_off(known, tmp_path):
-    """With 5 digits, half a unit of the last one is 0.005: more than any error here."""
-    paths = write(tmp_path, known.problem, digits="%.5g")
-    (each,) = trajectory_errors(paths, known).orders
-    assert each.order.verdict == "undetermined"
-    assert {point.reason for point in each.order.left_out} == {ROUND_OFF}
+@pytest.mark.parametrize(
+    ("damping", "steps", "how", "verdict"),
+    [
+        # With 5 digits, half a unit of the last one is 0.005: more than any error here.
+        (0.01, STEPS, {"digits": "%.5g"}, "undetermined"),
+        (0.01, STEPS, {"velocities": False}, "converges"),
+        # That of another damping, from the same start.
+        (0.5, STEPS, {}, "does not converge"),
+        (0.01, STEPS[:1], {}, "undetermined"),
+    ],
+)
+def test_orders_of_files(known, tmp_path, damping, steps, how, verdict):
+    problem = Rope(num_nodes=4, damping=damping).problem(FRAMES)
+    made = write_runs(tmp_path, problem, STEPPER, steps, ".csv", **how)
+    (each,) = trajectory_errors(made, known).orders
+    assert each.order.verdict == verdict
+    if "digits" in how:
+        assert {point.reason for point in each.order.left_out} == {ROUND_OFF}
+    if len(steps) == 1:
+        (curve,) = trajectory_error_curves(made, known).curves
+        assert (curve.stepper, curve.label) == ("16.csv", "dt = 0.0625")
 
 
-def test_a_wrong_trajectory_does_not_converge(known, tmp_path):
-    """That of another damping, from the same start."""
-    other = Rope(num_nodes=4, damping=0.5).problem(FRAMES)
-    (each,) = trajectory_errors(write(tmp_path, other), known).orders
-    assert each.order.verdict == "does not converge"
-
-
-def test_without_velocities_there_are_errors_of_positions_alone(known, tmp_path):
-    paths = write(tmp_path, known.problem, velocities=False)
-    positions = trajectory_errors(paths, known)
-    assert positions.orders[0].order.verdict == "converges"
-    for study, more in (
-        (trajectory_energy_curves, {}),
-        (trajectory_error_curves, {"norm": "velocity-max"}),
-    ):
-        with pytest.raises(InputError, match="velocities: .* allowed: velocities in all files"):
-            study(paths, known, **more)
-
-
-def test_faults_are_those_of_grade(known, tmp_path, files):
-    with pytest.raises(InputError, match="file: .*missing.csv"):
-        trajectory_paths([tmp_path / "missing.csv"], known)
-    with pytest.raises(InputError, match="files: 0 given"):
-        trajectory_errors([], known)
-    with pytest.raises(InputError, match="dt: 1 given; allowed: one for each of the 3 files"):
-        trajectory_errors(files, known, [0.1])
+def test_bad_input(known, tmp_path, files):
+    """As of `grade`, and what a study needs."""
     shifted = Rope(num_nodes=4, start=(0, 201), end=(-400, 201)).problem(FRAMES)
-    with pytest.raises(InputError, match="initial state.*positions are shifted"):
-        trajectory_errors(write(tmp_path, shifted), known)
-    with pytest.raises(InputError, match="norm: 'max' given"):
-        trajectory_errors(files, known, norm="max")
+    beside = write_runs(tmp_path, shifted, STEPPER, STEPS)
+    without = write_runs(tmp_path, known.problem, STEPPER, STEPS, ".csv", velocities=False)
+    velocities = "velocities: .* allowed: velocities in all files"
+    for study, made, more, words in (
+        (trajectory_paths, [tmp_path / "missing.csv"], {}, "file: .*missing.csv"),
+        (trajectory_errors, [], {}, "files: 0 given"),
+        (trajectory_errors, files, {"dts": [0.1]}, "dt: 1 given; allowed: one for each of the 3"),
+        (trajectory_errors, files, {"norm": "max"}, "norm: 'max' given"),
+        (trajectory_errors, beside, {}, "initial state.*positions are shifted"),
+        (trajectory_energy_curves, without, {}, velocities),
+        (trajectory_error_curves, without, {"norm": "velocity-max"}, velocities),
+    ):
+        with pytest.raises(InputError, match=words):
+            study(made, known, **more)

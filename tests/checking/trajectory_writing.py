@@ -1,9 +1,11 @@
-"""Files of trajectories, as programs in other languages write them; shares nothing with readers."""
+"""Files of trajectories, as other programs write them; shares nothing with readers."""
 
 from __future__ import annotations
 
 import h5netcdf
 import numpy as np
+
+from ropeode.simulation import simulate
 
 
 def node_values(problem, states, velocities=True):
@@ -50,3 +52,20 @@ def write_netcdf(path, times, values, dt=None, dim=2):
         if dt is not None:
             file.attrs["dt"] = dt
     return path
+
+
+WRITERS = {".csv": write_csv, ".npz": write_npz, ".nc": write_netcdf}
+
+
+def write_runs(folder, problem, stepper, steps, suffix=".npz", velocities=True, **how):
+    """Files of a stepper, one for each number of steps per frame."""
+    paths = []
+    for n in steps:
+        run = simulate(problem, stepper, n)
+        values = node_values(problem, run.states, velocities)
+        paths.append(WRITERS[suffix](folder / f"{n}{suffix}", run.times, values, run.dt, **how))
+    return paths
+
+
+def finding(report, check="order"):
+    return next(each for each in report.findings if each.check == check)

@@ -52,16 +52,48 @@ def from_source(original: Callable, name: str, change: str, source: str) -> Muta
     return Mutant(name, family, claims, change, make)
 
 
-def replaced(original: Callable, what: str, *changes: tuple[str, str]) -> Mutant:
-    """A mutant made by hand.
+# "old -> new", or several of them.
+Changes = str | tuple[str, ...]
+
+
+def by_hand(table: Mapping[Callable, Mapping[str, Changes]]) -> tuple[Mutant, ...]:
+    """Mutants made by hand.
 
     Arguments:
-        original: one of `ORIGINALS`.
-        what: the mistake, in a few words.
-        changes: old and new text; the old one stands once in the source.
+        table: of each of `ORIGINALS` the mistakes, in a few words, and what they change in its
+            source; each old text stands there once.
     """
+    return tuple(
+        _replaced(original, what, (changes,) if isinstance(changes, str) else changes)
+        for original, mistakes in table.items()
+        for what, changes in mistakes.items()
+    )
+
+
+def _replaced(original: Callable, what: str, changes: tuple[str, ...]) -> Mutant:
     source = source_of(original)
-    for old, new in changes:
+    for change in changes:
+        old, new = change.split(" -> ")
         assert source.count(old) == 1, f"{old!r} stands {source.count(old)} times"
         source = source.replace(old, new)
     return from_source(original, f"{original.__name__}: {what}", what, source)
+
+
+def before(text: str, *lines: str) -> str:
+    """The change that puts lines before a text, indented as it is."""
+    indent = text[: len(text) - len(text.lstrip())]
+    return f"{text} -> " + "".join(f"{indent}{line}\n" for line in lines) + text
+
+
+def at_end(*lines: str) -> str:
+    """The change that puts lines before a function returns."""
+    return before("    return x_new, v_new", *lines)
+
+
+def by_closure(original: Callable, made: Mapping[str, Callable[[], Any]]) -> tuple[Mutant, ...]:
+    """Mutants that are functions which keep something from call to call, made anew for each use."""
+    family, claims = ORIGINALS[original]
+    return tuple(
+        Mutant(f"{original.__name__}: {what}", family, claims, what, make)
+        for what, make in made.items()
+    )

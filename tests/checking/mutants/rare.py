@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from tests.checking.mutants.mutant import Mutant, replaced
+from tests.checking.mutants.mutant import Changes, Mutant, at_end, before, by_closure, by_hand
 from tests.checking.mutants.originals import (
-    ORIGINALS,
     explicit_euler,
     heun,
     leapfrog,
@@ -21,220 +20,107 @@ from tests.checking.mutants.originals import (
     velocity_verlet,
 )
 
-_END = "    return x_new, v_new"
+
+def rounded(*names: str, kind: str = "float32") -> tuple[str, ...]:
+    """Lines that round numbers."""
+    return tuple(f"{name} = {name}.astype(np.{kind}).astype(float)" for name in names)
 
 
-def _at_end(original: Callable, what: str, *lines: str) -> Mutant:
-    """With lines before it returns."""
-    return replaced(original, what, (_END, "".join(f"    {line}\n" for line in lines) + _END))
-
-
-_SMALL = (
-    _at_end(velocity_verlet, "growth of 1e-3", "v_new = v_new * (1 + 1e-3 * dt)"),
-    _at_end(velocity_verlet, "growth of 1e-6", "v_new = v_new * (1 + 1e-6 * dt)"),
-    _at_end(semi_implicit_euler, "growth of 1e-3", "v_new = v_new * (1 + 1e-3 * dt)"),
-    _at_end(explicit_euler, "growth of 1e-2", "v_new = v_new * (1 + 1e-2 * dt)"),
-    _at_end(velocity_verlet, "drift of 1e-3 dt^2", "x_new = x_new + 1e-3 * dt**2 * x"),
-    replaced(rk4, "growth of 1e-9", ("    return y", "    return y * (1 + 1e-9 * dt)")),
-    replaced(rk4, "constant of 1e-8", ("    return y", "    return 1e-8 * dt + y")),
-    replaced(rk4, "order 2 by a term of 1e-3", ("2 * k3 + k4)", "2 * k3 + k4 + 1e-3 * (k2 - k1))")),
-    replaced(
-        semi_implicit_euler,
-        "gravity of a hundredth more",
-        ("v + dt * a", "v + dt * (a + 0.01 * args.free[:, None] * args.gravity)"),
-    ),
-    replaced(
-        explicit_euler,
-        "gravity of a thousandth more",
-        ("v + dt * a", "v + dt * (a + 0.001 * args.free[:, None] * args.gravity)"),
-    ),
-    replaced(
-        velocity_verlet,
-        "gravity of g = 9.80665 for 9.81",
-        (
-            "    x_new",
-            "    a = a - (1 - 9.80665 / 9.81) * args.free[:, None] * args.gravity\n    x_new",
+_RARE: dict[Callable, dict[str, Changes]] = {
+    velocity_verlet: {
+        "growth of 1e-3": at_end("v_new = v_new * (1 + 1e-3 * dt)"),
+        "growth of 1e-6": at_end("v_new = v_new * (1 + 1e-6 * dt)"),
+        "drift of 1e-3 dt^2": at_end("x_new = x_new + 1e-3 * dt**2 * x"),
+        "gravity of g = 9.80665 for 9.81": before(
+            "    x_new", "a = a - (1 - 9.80665 / 9.81) * args.free[:, None] * args.gravity"
         ),
-    ),
-)
-
-_SOMEWHERE = (
-    _at_end(
-        velocity_verlet,
-        "Euler along z",
-        "x_new = x_new - np.array([0.0, 0.0, 1.0]) * dt**2 / 2 * a",
-    ),
-    _at_end(
-        velocity_verlet,
-        "Euler along x for the velocities",
-        "v_new = v_new - np.array([1.0, 0.0, 0.0]) * dt / 2 * (a_new - a)",
-    ),
-    _at_end(
-        velocity_verlet,
-        "Euler at the last node",
-        "last = np.arange(5.0)[:, None] == 4",
-        "x_new = x_new - last * dt**2 / 2 * a",
-    ),
-    _at_end(
-        velocity_verlet,
-        "Euler next to the last node",
-        "there = np.arange(5.0)[:, None] == 3",
-        "v_new = v_new + there * dt / 2 * (a - a_new)",
-    ),
-    _at_end(velocity_verlet, "velocities halfway", "v_new = v + dt / 2 * a"),
-    _at_end(
-        semi_implicit_euler,
-        "explicit along x",
-        "x_new = x_new - np.array([1.0, 0.0, 0.0]) * dt**2 * a",
-    ),
-    _at_end(
-        semi_implicit_euler,
-        "explicit at odd nodes",
-        "x_new = x_new - (np.arange(5.0) % 2)[:, None] * dt**2 * a",
-    ),
-    _at_end(semi_implicit_euler, "flat", "x_new = x_new * np.array([1.0, 1.0, 0.0])"),
-    _at_end(
-        leapfrog,
-        "damping at the last node left out",
-        "v_new = v_new + dt * (np.arange(5.0)[:, None] == 4) * rate * v_new",
-    ),
-    _at_end(
-        position_verlet,
-        "x and z swapped in the last term",
-        "x_new = x_half + dt / 2 * v_new[:, ::-1]",
-    ),
-    _at_end(velocity_verlet, "velocity from the positions", "v_new = (x_new - x) / dt"),
-)
-
-_SOMETIMES = (
-    _at_end(velocity_verlet, "Euler for t > 1", "x_new = x_new - (t > 1) * dt**2 / 2 * a"),
-    _at_end(
-        velocity_verlet, "no force for t > 2", "v_new = v_new - (t > 2) * dt / 2 * (a + a_new)"
-    ),
-    replaced(
-        rk4, "order 2 for t > 1", ("    return y", "    return (t > 1) * (dt * (k2 - k4) / 6) + y")
-    ),
-    replaced(
-        rk4, "order 1 for t < 0", ("    return y", "    return (t < 0) * (dt * (k1 - k4) / 6) + y")
-    ),
-    replaced(
-        velocity_verlet,
-        "asleep where it is slow",
-        (_END, "    v_new = v_new * (v_new**2 > 1e-4)\n" + _END),
-    ),
-    replaced(
-        velocity_verlet,
-        "speed limit of 1",
-        (_END, "    v_new = v_new / (1 + (abs(v_new) > 1) * (abs(v_new) - 1))\n" + _END),
-    ),
-    replaced(
-        velocity_verlet,
-        "speed limit of 100",
-        (_END, "    v_new = v_new / (1 + (abs(v_new) > 100) * (abs(v_new) / 100 - 1))\n" + _END),
-    ),
-    _at_end(
-        velocity_verlet,
-        "floor at y = -1",
-        "above = (x_new > -1) + (np.arange(3.0) != 1) > 0",
-        "x_new = x_new * above - (1.0 - above)",
-    ),
-    _at_end(
-        velocity_verlet,
-        "floor at y = -100",
-        "above = (x_new > -100) + (np.arange(3.0) != 1) > 0",
-        "x_new = x_new * above - 100 * (1.0 - above)",
-    ),
-    replaced(
-        velocity_verlet,
-        "longest step 1/60",
-        ("    a = ", "    dt = dt - (dt > 1 / 60) * (dt - 1 / 60)\n    a = "),
-    ),
-    replaced(
-        velocity_verlet,
-        "shortest step 1/60",
-        ("    a = ", "    dt = dt + (dt < 1 / 60) * (1 / 60 - dt)\n    a = "),
-    ),
-    replaced(velocity_verlet, "always 1/60", ("    a = ", "    dt = 1 / 60\n    a = ")),
-    replaced(
-        velocity_verlet,
-        "time to two digits",
-        ("    a = ", "    t = np.round(float(t), 2)\n    a = "),
-    ),
-    replaced(heun, "dt to three digits", ("    k1", "    dt = np.round(float(dt), 3)\n    k1")),
-    replaced(midpoint, "time from 0", ("    k1", "    t = abs(t)\n    k1")),
-)
-
-_DIGITS = (
-    replaced(
-        rk4,
-        "float32",
-        (
-            "    k1 = rhs(t, y, args)",
-            "    y = y.astype(np.float32).astype(float)\n    k1 = rhs(t, y, args)",
+        "Euler along z": at_end("x_new = x_new - np.array([0.0, 0.0, 1.0]) * dt**2 / 2 * a"),
+        "Euler along x for the velocities": at_end(
+            "v_new = v_new - np.array([1.0, 0.0, 0.0]) * dt / 2 * (a_new - a)"
         ),
-    ),
-    replaced(
-        rk4,
-        "forces in float32",
-        ("k1 = rhs(t, y, args)", "k1 = rhs(t, y, args).astype(np.float32).astype(float)"),
-    ),
-    replaced(rk4, "time in float32", ("    k1", "    t = np.float32(float(t))\n    k1")),
-    replaced(
-        velocity_verlet,
-        "float32",
-        (
-            _END,
-            "    x_new, v_new = (y.astype(np.float32).astype(float) for y in (x_new, v_new))\n"
-            + _END,
+        "Euler at the last node": at_end(
+            "last = np.arange(5.0)[:, None] == 4", "x_new = x_new - last * dt**2 / 2 * a"
         ),
-    ),
-    replaced(
-        velocity_verlet,
-        "positions in float32",
-        (_END, "    x_new = x_new.astype(np.float32).astype(float)\n" + _END),
-    ),
-    replaced(
-        velocity_verlet,
-        "forces in float32",
-        ("    x_new", "    a = a.astype(np.float32).astype(float)\n    x_new"),
-        ("    v_new", "    a_new = a_new.astype(np.float32).astype(float)\n    v_new"),
-    ),
-    replaced(
-        semi_implicit_euler,
-        "float32",
-        (
-            _END,
-            "    x_new, v_new = (y.astype(np.float32).astype(float) for y in (x_new, v_new))\n"
-            + _END,
+        "Euler next to the last node": at_end(
+            "there = np.arange(5.0)[:, None] == 3", "v_new = v_new + there * dt / 2 * (a - a_new)"
         ),
-    ),
-    replaced(
-        semi_implicit_euler,
-        "forces in float32",
-        ("    v_new", "    a = a.astype(np.float32).astype(float)\n    v_new"),
-    ),
-    replaced(
-        explicit_euler,
-        "float16",
-        (
-            _END,
-            "    x_new, v_new = (y.astype(np.float16).astype(float) for y in (x_new, v_new))\n"
-            + _END,
+        "velocities halfway": at_end("v_new = v + dt / 2 * a"),
+        "velocity from the positions": at_end("v_new = (x_new - x) / dt"),
+        "Euler for t > 1": at_end("x_new = x_new - (t > 1) * dt**2 / 2 * a"),
+        "no force for t > 2": at_end("v_new = v_new - (t > 2) * dt / 2 * (a + a_new)"),
+        "asleep where it is slow": at_end("v_new = v_new * (v_new**2 > 1e-4)"),
+        **{
+            f"speed limit of {limit}": at_end(
+                f"v_new = v_new / (1 + (abs(v_new) > {limit}) * (abs(v_new) / {limit} - 1))"
+            )
+            for limit in (1, 100)
+        },
+        **{
+            f"floor at y = -{depth}": at_end(
+                f"above = (x_new > -{depth}) + (np.arange(3.0) != 1) > 0",
+                f"x_new = x_new * above - {depth} * (1.0 - above)",
+            )
+            for depth in (1, 100)
+        },
+        "longest step 1/60": before("    a = ", "dt = dt - (dt > 1 / 60) * (dt - 1 / 60)"),
+        "shortest step 1/60": before("    a = ", "dt = dt + (dt < 1 / 60) * (1 / 60 - dt)"),
+        "always 1/60": before("    a = ", "dt = 1 / 60"),
+        "time to two digits": before("    a = ", "t = np.round(float(t), 2)"),
+        "float32": at_end(*rounded("x_new", "v_new")),
+        "positions in float32": at_end(*rounded("x_new")),
+        "forces in float32": (
+            before("    x_new", *rounded("a")),
+            before("    v_new", *rounded("a_new")),
         ),
-    ),
-    replaced(
-        own_verlet,
-        "float32",
-        (
-            "    a = ",
-            "    x, v = (each.astype(np.float32).astype(float) for each in (x, v))\n    a = ",
+    },
+    semi_implicit_euler: {
+        "growth of 1e-3": at_end("v_new = v_new * (1 + 1e-3 * dt)"),
+        "gravity of a hundredth more": (
+            "dt * a -> dt * (a + 0.01 * args.free[:, None] * args.gravity)"
         ),
-    ),
-    replaced(own_verlet, "rounded to six digits", ("    a = ", "    x = x.round(6)\n    a = ")),
-)
+        "explicit along x": at_end("x_new = x_new - np.array([1.0, 0.0, 0.0]) * dt**2 * a"),
+        "explicit at odd nodes": at_end(
+            "x_new = x_new - (np.arange(5.0) % 2)[:, None] * dt**2 * a"
+        ),
+        "flat": at_end("x_new = x_new * np.array([1.0, 1.0, 0.0])"),
+        "float32": at_end(*rounded("x_new", "v_new")),
+        "forces in float32": before("    v_new", *rounded("a")),
+    },
+    explicit_euler: {
+        "growth of 1e-2": at_end("v_new = v_new * (1 + 1e-2 * dt)"),
+        "gravity of a thousandth more": (
+            "dt * a -> dt * (a + 0.001 * args.free[:, None] * args.gravity)"
+        ),
+        "float16": at_end(*rounded("x_new", "v_new", kind="float16")),
+    },
+    leapfrog: {
+        "damping at the last node left out": at_end(
+            "v_new = v_new + dt * (np.arange(5.0)[:, None] == 4) * rate * v_new"
+        ),
+    },
+    position_verlet: {
+        "x and z swapped in the last term": at_end("x_new = x_half + dt / 2 * v_new[:, ::-1]"),
+    },
+    rk4: {
+        "growth of 1e-9": "return y -> return y * (1 + 1e-9 * dt)",
+        "constant of 1e-8": "return y -> return 1e-8 * dt + y",
+        "order 2 by a term of 1e-3": "2 * k3 + k4) -> 2 * k3 + k4 + 1e-3 * (k2 - k1))",
+        "order 2 for t > 1": "return y -> return (t > 1) * (dt * (k2 - k4) / 6) + y",
+        "order 1 for t < 0": "return y -> return (t < 0) * (dt * (k1 - k4) / 6) + y",
+        "float32": before("    k1", *rounded("y")),
+        "forces in float32": before("    k2", *rounded("k1")),
+        "time in float32": before("    k1", "t = np.float32(float(t))"),
+    },
+    heun: {"dt to three digits": before("    k1", "dt = np.round(float(dt), 3)")},
+    midpoint: {"time from 0": before("    k1", "t = abs(t)")},
+    own_verlet: {
+        "float32": before("    a = ", *rounded("x", "v")),
+        "rounded to six digits": before("    a = ", "x = x.round(6)"),
+    },
+}
 
 
-# What follows keeps something from call to call; each is made anew where it is used.
+# What follows keeps something from call to call.
 def _two_step_in_a_closure() -> Callable:
     before: list[Any] = []
 
@@ -260,41 +146,6 @@ def _stale_in_a_closure() -> Callable:
     return step
 
 
-def _every_hundredth_step_left_out() -> Callable:
-    calls = [0]
-
-    def step(acceleration, t, x, v, dt, args):
-        calls[0] += 1
-        if calls[0] % 100 == 0:
-            return np.array(x), np.array(v)
-        x, v = velocity_verlet(acceleration, t, x, v, dt, args)
-        return np.array(x), np.array(v)
-
-    return step
-
-
-def _mean_dt() -> Callable:
-    steps: list[float] = []
-
-    def step(acceleration, t, x, v, dt, args):
-        steps.append(float(dt))
-        x, v = velocity_verlet(acceleration, t, x, v, sum(steps) / len(steps), args)
-        return np.array(x), np.array(v)
-
-    return step
-
-
-def _first_dt_for_good() -> Callable:
-    first: list[float] = []
-
-    def step(acceleration, t, x, v, dt, args):
-        first.append(float(dt))
-        x, v = velocity_verlet(acceleration, t, x, v, first[0], args)
-        return np.array(x), np.array(v)
-
-    return step
-
-
 def _noise(size: float, seed: int | None) -> Callable:
     random = np.random.default_rng(seed)
 
@@ -305,55 +156,71 @@ def _noise(size: float, seed: int | None) -> Callable:
     return step
 
 
-def _first_args_for_good() -> Callable:
-    first: list[Any] = []
+def _calling(choose: Callable) -> Callable[[], Callable]:
+    """Calls the method with the dt and args that are chosen, by what was kept of earlier calls."""
 
-    def step(acceleration, t, x, v, dt, args):
-        first.append(args)
-        x, v = velocity_verlet(acceleration, t, x, v, dt, first[0])
-        return np.array(x), np.array(v)
+    def make() -> Callable:
+        kept: dict[str, Any] = {}
 
-    return step
+        def step(acceleration, t, x, v, dt, args):
+            method, dt, args = choose(kept, float(dt), args)
+            x, v = method(acceleration, t, x, v, dt, args)
+            return np.array(x), np.array(v)
 
+        return step
 
-def _args_worn_out() -> Callable:
-    def step(acceleration, t, x, v, dt, args):
-        args.stiffness[:] *= 1 - 1e-3 * float(dt)
-        x, v = velocity_verlet(acceleration, t, x, v, dt, args)
-        return np.array(x), np.array(v)
-
-    return step
+    return make
 
 
-def _euler_in_turn() -> Callable:
-    calls = [0]
-
-    def step(acceleration, t, x, v, dt, args):
-        calls[0] += 1
-        which = (velocity_verlet, semi_implicit_euler)[calls[0] % 2]
-        x, v = which(acceleration, t, x, v, dt, args)
-        return np.array(x), np.array(v)
-
-    return step
+def _at_rest(acceleration, t, x, v, dt, args):
+    return x, v
 
 
-def _kept() -> Iterator[Mutant]:
-    made = {
+def _calls(kept):
+    kept["calls"] = kept.get("calls", 0) + 1
+    return kept["calls"]
+
+
+def _leaving_out(kept, dt, args):
+    return (velocity_verlet if _calls(kept) % 100 else _at_rest), dt, args
+
+
+def _in_turn(kept, dt, args):
+    return (velocity_verlet, semi_implicit_euler)[_calls(kept) % 2], dt, args
+
+
+def _mean_dt(kept, dt, args):
+    dts = kept.setdefault("dts", [])
+    dts.append(dt)
+    return velocity_verlet, sum(dts) / len(dts), args
+
+
+def _first_dt(kept, dt, args):
+    return velocity_verlet, kept.setdefault("dt", dt), args
+
+
+def _first_args(kept, dt, args):
+    return velocity_verlet, dt, kept.setdefault("args", args)
+
+
+def _worn_out(kept, dt, args):
+    args.stiffness[:] *= 1 - 1e-3 * dt
+    return velocity_verlet, dt, args
+
+
+KEPT = by_closure(
+    velocity_verlet,
+    {
         "two-step method in a closure": _two_step_in_a_closure,
         "acceleration kept in a closure": _stale_in_a_closure,
-        "every hundredth step left out": _every_hundredth_step_left_out,
-        "mean of all dt": _mean_dt,
-        "first dt for good": _first_dt_for_good,
+        "every hundredth step left out": _calling(_leaving_out),
+        "mean of all dt": _calling(_mean_dt),
+        "first dt for good": _calling(_first_dt),
         "noise of 1e-6": lambda: _noise(1e-6, None),
         "noise of 1e-9, the same each time": lambda: _noise(1e-9, 1),
-        "first args for good": _first_args_for_good,
-        "wears out its args": _args_worn_out,
-        "Euler every other step": _euler_in_turn,
-    }
-    for what, make in made.items():
-        family, claims = ORIGINALS[velocity_verlet]
-        yield Mutant(f"velocity_verlet: {what}", family, claims, what, make)
-
-
-KEPT: tuple[Mutant, ...] = tuple(_kept())
-RARE: tuple[Mutant, ...] = (*_SMALL, *_SOMEWHERE, *_SOMETIMES, *_DIGITS, *KEPT)
+        "first args for good": _calling(_first_args),
+        "wears out its args": _calling(_worn_out),
+        "Euler every other step": _calling(_in_turn),
+    },
+)
+RARE: tuple[Mutant, ...] = (*by_hand(_RARE), *KEPT)

@@ -91,48 +91,42 @@ RULES: dict[Callable, tuple[Callable[[Callable], Iterator[Mutant]], ...]] = {
 def _places(original: Callable, kind: type) -> list:
     """Where it computes: not in indices and loops, nor in what a class says of itself."""
     tree = ast.parse(source_of(original))
-    left_out = set()
-    for node in ast.walk(tree):
-        aside = []
-        if isinstance(node, ast.Subscript):
-            aside = [node.slice]
-        elif isinstance(node, ast.For):
-            aside = [node.target, node.iter]
-        elif isinstance(node, ast.ClassDef):
-            aside = [each for each in node.body if not isinstance(each, ast.FunctionDef)]
-            aside += node.bases
-            aside += [
-                each
-                for each in node.body
-                if isinstance(each, ast.FunctionDef) and each.name == "order"
-            ]
-        elif isinstance(node, ast.arguments):
-            aside = [node]
-        left_out |= {inner for each in aside for inner in ast.walk(each)}
+    aside = {inner for node in ast.walk(tree) for each in _aside(node) for inner in ast.walk(each)}
     return [
         node
         for node in ast.walk(tree)
         if isinstance(node, kind)
-        and node not in left_out
-        and not (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
+        and node not in aside
+        and not isinstance(getattr(node, "ctx", None), ast.Store)
     ]
+
+
+def _aside(node: ast.AST) -> list:
+    match node:
+        case ast.Subscript():
+            return [node.slice]
+        case ast.For():
+            return [node.target, node.iter]
+        case ast.arguments():
+            return [node]
+        case ast.ClassDef():
+            functions = [each for each in node.body if isinstance(each, ast.FunctionDef)]
+            kept = [each for each in functions if each.name != "order"]
+            return [*node.bases, *(each for each in node.body if each not in kept)]
+    return []
 
 
 def _set_before(original: Callable, node: ast.Name) -> set[str]:
     """Names that have a value where a name stands: parameters, and what lines above set."""
-    tree = ast.parse(source_of(original))
-    function = next(
+    functions = ast.walk(ast.parse(source_of(original)))
+    (function,) = (
         each
-        for each in ast.walk(tree)
-        if isinstance(each, ast.FunctionDef)
-        and each.lineno <= node.lineno <= (each.end_lineno or 0)
+        for each in functions
+        if isinstance(each, ast.FunctionDef) and each.lineno <= node.lineno <= each.end_lineno
     )
-    known = {argument.arg for argument in function.args.args}
-    return known | {
-        each.id
-        for each in ast.walk(function)
-        if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)
-        if each.lineno < node.lineno
+    stored = (each for each in ast.walk(function) if isinstance(each, ast.Name))
+    return {argument.arg for argument in function.args.args} | {
+        each.id for each in stored if isinstance(each.ctx, ast.Store) and each.lineno < node.lineno
     }
 
 
