@@ -33,7 +33,7 @@ def test_power_laws_are_found_exactly(order, constant, ratios, data):
     assert found.left_out == ()
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.003, 0.02])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_interval_covers_the_order(noise):
     # C dt^p (1 + a dt + b dt^2) with random coefficients: bent, and scattered by the noise.
     rng = np.random.default_rng(5)

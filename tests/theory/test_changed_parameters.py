@@ -37,7 +37,7 @@ def euler_of(change):
             marks=pytest.mark.slow,
         ),
         # No change of parameters makes up for it.
-        (lambda f, y: f() + 0.1 * y**2, None, None),
+        pytest.param(lambda f, y: f() + 0.1 * y**2, None, None, marks=pytest.mark.slow),
     ],
     ids=["two", "component", "none"],
 )

@@ -110,8 +110,6 @@ DRIVEN = Problem.second_order(lambda t, x, v, args: t - x, [1.0], [0.0], [0.0, 1
         (lambda: hanging_equilibrium(FIRST_ORDER), "second-order"),
         (lambda: hanging_equilibrium(DRIVEN), "does not depend on time"),
         (lambda: growth_per_frame(small(), "explicit-euler", 0), "steps_per_frame: 0 given"),
-        # Some of the steps are Euler's for ever.
-        (lambda: stability_limit(small(), EulerAndHeunInTurns), "settled"),
     ],
 )
 def test_misuse(call, words):
@@ -147,15 +145,15 @@ def test_explicit_euler_grows_as_its_closed_form(steps, damping):
 
 
 @pytest.mark.parametrize(
-    ("name", "damping"),
+    ("name", "damping", "steps"),
     [
-        ("semi-implicit-euler", 0.1),
-        ("semi-implicit-euler", 0.0),
-        ("stormer-verlet", 0.0),
-        ("velocity-verlet", 0.0),
+        ("semi-implicit-euler", 0.1, 65536),
+        ("semi-implicit-euler", 0.0, 16),
+        ("stormer-verlet", 0.0, 16),
+        ("stormer-verlet", 0.0, 65536),
+        ("velocity-verlet", 0.0, 16),
     ],
 )
-@pytest.mark.parametrize("steps", [16, 65536])
 def test_symplectic_steppers_decay_by_the_damping_alone(name, damping, steps):
     # mu^2 - (2 - r dt - (omega dt)^2) mu + 1 - r dt = 0: complex roots have |mu|^2 = 1 - r dt.
     found = growth_per_frame(small(damping=damping), name, steps)
@@ -249,7 +247,7 @@ def test_damping_per_step_grows_with_the_steps():
     assert found.rate == pytest.approx(-(OMEGA[0] ** 2) / 102.4, rel=0.01)
 
 
-@pytest.mark.parametrize("name", every_name("explicit-euler", "constraint-verlet"))
+@pytest.mark.parametrize("name", every_name("constraint-verlet"))
 def test_every_stepper_can_be_linearised(name):
     problem = (Rope if name != "rattle" else InextensibleRope)(**SMALL, damping=0.1).problem(2)
     found = growth_per_frame(problem, name, 5000)
@@ -291,3 +289,9 @@ def test_a_step_in_numpy_at_rest_at_zero():
 def test_a_method_that_starts_as_another_grows_as_it_goes_on():
     problem = PROBLEMS["oscillator"](stiffness=400.0)
     assert stability_limit(problem, Ramp) == stability_limit(problem, "adams-bashforth4")
+
+
+@pytest.mark.slow
+def test_a_method_that_never_settles_has_no_limit():
+    with pytest.raises(InputError, match="settled"):
+        stability_limit(small(), EulerAndHeunInTurns)

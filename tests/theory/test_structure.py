@@ -60,7 +60,12 @@ VERLET = ({*ALL} - {"energy"}, {"energy": 3})
         ("ruth3", {*ALL} - {"energy", "reversible"}, {"energy": 4, "reversible": 4}),
         pytest.param("pefrl", {*ALL} - {"energy"}, {"energy": 5}, marks=SLOW),
         pytest.param("yoshida6", {*ALL} - {"energy"}, {"energy": 7}, marks=SLOW),
-        (half_a_step_late, {*ALL} - {"energy", "reversible"}, {"energy": 2, "reversible": 2}),
+        pytest.param(
+            half_a_step_late,
+            {*ALL} - {"energy", "reversible"},
+            {"energy": 2, "reversible": 2},
+            marks=SLOW,
+        ),
     ],
 )
 def test_a_rope(stepper, kept, powers):
