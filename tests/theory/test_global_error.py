@@ -8,53 +8,31 @@ import pytest
 
 from ropeode import Problem
 from ropeode.problems import LinearDamping
-from ropeode.references import Reference
 from ropeode.simulation import method_of
-from ropeode.steppers import Phase, Stepper
 from ropeode.theory import predicted_error
 from tests.exact_reference import exact_reference
+from tests.theory.steps import WithMemory
 
 TIMES = np.linspace(0.0, 3.0, 7)
 
 
-def spring(t, x, v, args):
-    return -x
-
-
-def from_rest(start: float) -> Reference:
-    """An oscillator without damping, released at rest, and its exact solution."""
-    problem = Problem.second_order(
-        spring,
-        [start],
+# An oscillator without damping, released at rest, and its exact solution.
+KNOWN = exact_reference(
+    Problem.second_order(
+        lambda t, x, v, args: -x,
+        [0.8],
         [0.0],
         TIMES,
         damping=lambda args: LinearDamping(jnp.zeros(()), jnp.zeros(())),
-    )
-    states = start * np.stack([np.cos(TIMES), -np.sin(TIMES)], axis=1)[..., None]
-    return exact_reference(problem, states)
-
-
-KNOWN = from_rest(0.8)
+    ),
+    0.8 * np.stack([np.cos(TIMES), -np.sin(TIMES)], axis=1)[..., None],
+)
 X, V = np.moveaxis(KNOWN.states, 1, 0)
+VERLET = (2, TIMES[:, None] * V / 24, -TIMES[:, None] * X / 24 - V / 8)
 
 
-class FromRestInPython(Stepper):
-    """The position form of Verlet with ``x(-dt) = x(0)``."""
-
-    needs = "second order"
-
-    def init(self, system, t, y, dt):
-        return np.array(y.x), np.array(y.x)
-
-    def step(self, system, t, carried, dt):
-        x, before = carried
-        a = np.asarray(system.acceleration(t, x, 0.0 * x))
-        return 2 * x - before + dt**2 * a, x
-
-    def state(self, system, t, carried, dt):
-        x, before = carried
-        after, _ = self.step(system, t, carried, dt)
-        return Phase(x, (after - before) / (2 * dt))
+def predicted(stepper, known=KNOWN):
+    return predicted_error(known, method_of(stepper, known.problem))
 
 
 @pytest.mark.parametrize(
@@ -66,15 +44,14 @@ class FromRestInPython(Stepper):
         ("semi-implicit-euler", 1, V / 2, 0.0 * V),
         # It starts with half a step of acceleration too much.
         ("stormer-verlet:start=rest", 1, V / 2, -X / 2),
-        pytest.param(FromRestInPython(), 1, V / 2, -X / 2, marks=pytest.mark.slow),
         # The frequency is too high by dt**2/24, and the velocities too small by another factor.
-        ("velocity-verlet", 2, TIMES[:, None] * V / 24, -TIMES[:, None] * X / 24 - V / 8),
+        ("velocity-verlet", *VERLET),
         # The same positions, and velocities by central differences: the same, too.
-        ("stormer-verlet", 2, TIMES[:, None] * V / 24, -TIMES[:, None] * X / 24 - V / 8),
+        pytest.param("stormer-verlet", *VERLET, marks=pytest.mark.slow),
     ],
 )
 def test_the_error_of_an_oscillator(stepper, order, positions, velocities):
-    found = predicted_error(KNOWN, method_of(stepper, KNOWN.problem))
+    found = predicted(stepper)
     assert not isinstance(found, str), found
     assert found.order == order
     expected = np.stack([positions, velocities], axis=1)
@@ -82,14 +59,12 @@ def test_the_error_of_an_oscillator(stepper, order, positions, velocities):
     assert found.uncertain < 1e-4
 
 
-class TwoStepMidpoint(Stepper):
+class TwoStepMidpoint(WithMemory):
     """``y(t + dt) = y(t - dt) + 2 dt f``, whose other root is -1.
 
     Arguments:
         exact: whether the state of one step ago comes from a method of order 4, or from Euler's.
     """
-
-    equal_frames = True
 
     def __init__(self, exact):
         self.exact = exact
@@ -107,17 +82,14 @@ class TwoStepMidpoint(Stepper):
         y, before = carried
         return before + 2 * dt * system.rhs(t, y), y
 
-    def state(self, system, t, carried, dt):
-        return carried[0]
-
 
 def test_what_swings_from_step_to_step_is_not_predicted():
     """A start of order 1 sets a root -1 swinging, which adds to the error what runs show."""
-    found = predicted_error(KNOWN, method_of(TwoStepMidpoint(exact=False), KNOWN.problem))
+    found = predicted(TwoStepMidpoint(exact=False))
     assert isinstance(found, str)
     assert "swings from step to step" in found
     # Two steps lack dt**3/3 of the third derivative, -y': half of it in each, e' = J e + y'/6.
-    found = predicted_error(KNOWN, method_of(TwoStepMidpoint(exact=True), KNOWN.problem))
+    found = predicted(TwoStepMidpoint(exact=True))
     assert not isinstance(found, str), found
     t = TIMES[:, None]
     expected = np.stack([t * V / 6, -t * X / 6], axis=1)
@@ -126,21 +98,17 @@ def test_what_swings_from_step_to_step_is_not_predicted():
 
 def test_what_settles_slowly_is_not_predicted():
     """Slopes from before the start: the first steps' own errors look like growth for long."""
-    found = predicted_error(KNOWN, method_of("adams-bashforth3:start=euler", KNOWN.problem))
+    found = predicted("adams-bashforth3:start=euler")
     assert isinstance(found, str)
     assert "settles slowly: 2 steps more change it by" in found
-    assert not isinstance(predicted_error(KNOWN, method_of("adams-bashforth2", KNOWN.problem)), str)
 
 
 def test_a_single_frame_has_a_prediction():
     """Its solution may be known at seven states only."""
     once = exact_reference(KNOWN.problem.changed(ts=TIMES[:2]), KNOWN.states[:2])
-    for stepper in ("explicit-euler", "rk4"):
-        whole, one = (
-            predicted_error(each, method_of(stepper, each.problem)) for each in (KNOWN, once)
-        )
-        assert not isinstance(one, str), one
-        np.testing.assert_allclose(one.states, whole.states[:2], rtol=1e-3, atol=1e-6)
+    whole, one = predicted("rk4"), predicted("rk4", once)
+    assert not isinstance(one, str), one
+    np.testing.assert_allclose(one.states, whole.states[:2], rtol=1e-3, atol=1e-6)
 
 
 def followed(rhs, y, times=TIMES):
@@ -168,14 +136,17 @@ CORNERS = {
 }
 
 
-@pytest.mark.parametrize("name", CORNERS)
+@pytest.mark.parametrize(
+    "name",
+    ["corner", "floor", *(pytest.param(n, marks=pytest.mark.slow) for n in ("root", "jump"))],
+)
 def test_corners_are_not_called_stiff(name):
     known = followed(*CORNERS[name])
-    assert "t =" in str(predicted_error(known, method_of("explicit-euler", known.problem)))
+    assert "t =" in str(predicted("explicit-euler", known))
 
 
 def test_what_decays_fast_all_along_is_called_stiff():
     fast = followed(lambda t, y, args: -1e6 * (y - jnp.cos(t)) - jnp.sin(t), np.cos)
-    assert "stiff" in str(predicted_error(fast, method_of("explicit-euler", fast.problem)))
+    assert "stiff" in str(predicted("explicit-euler", fast))
     slow = followed(lambda t, y, args: -(y - jnp.cos(t)) - jnp.sin(t), np.cos)
-    assert not isinstance(predicted_error(slow, method_of("explicit-euler", slow.problem)), str)
+    assert not isinstance(predicted("explicit-euler", slow), str)

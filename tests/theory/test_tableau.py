@@ -13,8 +13,6 @@ from ropeode.tableaus import Tableau
 from ropeode.theory import EXPLICIT, IMPLICIT
 from tests.theory.random_tableaus import explicit_tableaus
 
-RK4 = EXPLICIT["RK4"]
-
 
 def test_rows_must_fit():
     with pytest.raises(InputError, match="rows of 1 entries, 2 weights"):
@@ -27,10 +25,8 @@ def test_rows_must_fit():
         # Hairer, Wanner, Solving ODEs II, table IV.5.13.
         ("the Gauss method of order 4", (4, 2, 2)),
         ("Radau IA of order 3", (3, 1, 2)),
-        ("Radau IIA of order 3", (3, 2, 1)),
         ("Radau IIA of order 5", (5, 3, 2)),
         ("Lobatto IIIA of order 4", (4, 3, 1)),
-        ("Lobatto IIIC of order 2", (2, 1, 1)),
     ],
 )
 def test_simplifying_assumptions(name, assumptions):
@@ -42,7 +38,6 @@ def test_simplifying_assumptions(name, assumptions):
     [
         # Hairer, Wanner, Solving ODEs II, table IV.3.1 of Pade approximations to exp(z).
         ("implicit Euler", [1], [1, -1]),
-        ("the implicit trapezoidal rule", [1, F(1, 2)], [1, -F(1, 2)]),
         ("Radau IIA of order 3", [1, F(1, 3)], [1, -F(2, 3), F(1, 6)]),
         ("Lobatto IIIA of order 4", [1, F(1, 2), F(1, 12)], [1, -F(1, 2), F(1, 12)]),
         ("Lobatto IIIC of order 2", [1], [1, -1, F(1, 2)]),
@@ -50,11 +45,6 @@ def test_simplifying_assumptions(name, assumptions):
 )
 def test_stability_functions_are_exact(name, above, below):
     assert IMPLICIT[name].stability_function == (tuple(above), tuple(below))
-
-
-def test_stability_polynomial_of_rk4():
-    assert RK4.stability_function == ((1, 1, F(1, 2), F(1, 6), F(1, 24)), (1,))
-    assert abs(RK4.stability_function(-2.785293563405282)) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", [*EXPLICIT, *IMPLICIT])
@@ -85,7 +75,8 @@ def test_stages_without_effect_do_not_count(tableau):
 def test_a_stage_without_effect_is_no_factor_of_the_stability_function():
     tableau = Tableau.of([[1, 0], [0, "1/2"]], [1, 0])
     assert tableau.stability_function == ((1,), (1, -1))
-    assert (tableau.unused, Tableau.of([[], [0]], [0, 1]).unused) == ((1,), (0,))
+    assert tableau.unused == (1,)
+    assert Tableau.of([[], [0]], [0, 1]).unused == (0,)
 
 
 def test_implicit_equations_without_a_solution_nearby_give_not_a_number():

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 Rhs = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Tensions = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 EPS = np.finfo(np.longdouble).eps
 # Longest first. Sequences that grow more slowly need fewer steps in all, but their weights are
@@ -115,158 +116,59 @@ def _relative(error: np.ndarray, y: np.ndarray, increment: np.ndarray, sizes: An
 
 
 def rope_rhs(args: Any) -> Rhs:
-    """The rope's right-hand side, written anew; its state is ``(..., 2, dim, nodes)``.
+    """The right-hand side of a rope of springs or of rigid links; states ``(..., 2, dim, nodes)``.
 
     Arguments:
-        args: with the fields of `ropeode.problems.rope.RopeArgs`, whose float64 numbers are
-            taken as they are.
+        args: of the problem of a `Rope` or an `InextensibleRope`, whose float64 numbers are taken
+            as they are.
     """
-    mass, stiffness, rest, free, gravity, damping = (
+    mass, free, gravity, damping = (
         np.asarray(getattr(args, name), dtype=np.longdouble)
-        for name in ("mass", "stiffness", "rest_length", "free", "gravity", "damping")
+        for name in ("mass", "free", "gravity", "damping")
     )
+    tensions = rigid_tensions(free / mass) if rigid(args) else spring_tensions(args)
 
     def rhs(t: np.ndarray, y: np.ndarray) -> np.ndarray:
         x, v = y[..., 0, :, :], y[..., 1, :, :]
-        along = x[..., 1:] - x[..., :-1]
-        length = np.sqrt(np.sum(along * along, axis=-2, keepdims=True))
-        pull = stiffness * (length - rest) / length * along
-        force = -damping * v
+        force = mass * gravity - damping * v
+        pull = tensions(np.diff(x), np.diff(v), np.diff(force / mass * free)) * np.diff(x)
         force[..., :-1] += pull
         force[..., 1:] -= pull
-        return np.stack([v, (force / mass + gravity) * free], axis=-3)
+        return np.stack([v, force / mass * free], axis=-3)
 
     return rhs
 
 
-def rope_sizes(args: Any, y0: np.ndarray) -> np.ndarray:
-    """Sizes of positions and velocities for `integrate`, ``(2, 1, 1)``.
-
-    A spring's length is a small difference of large positions. Their rounding errors shake
-    the velocities at the rope's highest frequency, which is below ``sqrt(4 k/m)``.
-    """
-    position = np.max(np.abs(y0[0]))
-    stiffness = np.max(args.stiffness, initial=0.0)
-    frequency = np.sqrt(4 * stiffness / np.min(args.mass))
-    velocity = max(frequency * position, np.max(np.abs(y0[1])), 1e-3 * position)
-    return np.array([position, velocity]).reshape(2, 1, 1)
+def rigid(args: Any) -> bool:
+    return not hasattr(args, "stiffness")
 
 
-def rope_solution(problem: Any, *, rtol: float = 1e-19) -> np.ndarray:
-    """The states of a rope's problem at its sample times, in `np.longdouble`.
-
-    The default tolerance is where rounding takes over: measured on several ropes, positions
-    are then known to 1e-17 of their size, velocities to about 1e-17 of `rope_sizes`.
-    """
-    return integrate(
-        rope_rhs(problem.args),
-        problem.y0,
-        problem.ts,
-        sizes=rope_sizes(problem.args, problem.y0),
-        rtol=rtol,
-    )
+def spring_tensions(args: Any) -> Tensions:
+    """What the links are multiplied by to make the forces of springs."""
+    stiffness, rest = (np.asarray(of, np.longdouble) for of in (args.stiffness, args.rest_length))
+    return lambda d, w, fall: stiffness * (1 - rest / np.sqrt(np.sum(d * d, -2, keepdims=True)))
 
 
-class Links:
-    """An inextensible rope in the directions of its links, and not in its nodes' positions.
-
-    The nodes are sums of links, so that there are no lengths to keep and no tensions: each
-    link turns about axes across it, and d'Alembert's principle along these motions gives a
-    dense symmetric system for how fast the turning changes. The state is
-    ``(..., 2, dim, 1 + links)``: how far the first pin has moved (the first node, where none
-    is pinned), then the links over their lengths; and the rates of all that.
+def rigid_tensions(lightness: np.ndarray) -> Tensions:
+    """Likewise, for forces that keep ``d . d`` as it is: ``d . d'' + d' . d' = 0`` of each link.
 
     Arguments:
-        problem: of an inextensible rope, whose float64 numbers are taken as they are.
+        lightness: of each node, 1 over its mass, and 0 where it is pinned.
     """
+    moving = lightness[:-1] + lightness[1:] > 0
+    coupling = np.diag(lightness[:-1] + lightness[1:])
+    coupling -= np.diag(lightness[1:-1], 1) + np.diag(lightness[1:-1], -1)
+    coupling = coupling[np.ix_(moving, moving)]
 
-    def __init__(self, problem: Any):
-        args = problem.args
-        self.mass, self.damping = (
-            np.asarray(of, dtype=np.longdouble) for of in (args.mass, args.damping)
-        )
-        self.gravity = np.asarray(args.gravity, dtype=np.longdouble)[:, 0]
-        x, v = np.asarray(problem.y0, dtype=np.longdouble)
-        d, w = np.diff(x), np.diff(v)
-        self.length = np.sqrt(np.sum(d * d, axis=0))
-        pinned = np.flatnonzero(np.asarray(args.free) == 0)
-        base = int(pinned[0]) if len(pinned) else 0
-        self.start = x[:, base]
-        self.dim, nodes = x.shape
-        self.base_moves = not len(pinned)
-        self.turning = [
-            j for j in range(nodes - 1) if not (j in set(pinned) and j + 1 in set(pinned))
-        ]
-        # How far each node goes with the first column (all by one) and with each link.
-        node, link = np.arange(nodes)[:, None], np.arange(nodes - 1)
-        signs = np.where((base <= link) & (link < node), 1, 0)
-        signs = signs - np.where((node <= link) & (link < base), 1, 0)
-        self.reach = np.hstack([np.ones((nodes, 1)), signs * self.length])
-        self.y0 = np.zeros((2, self.dim, nodes), dtype=np.longdouble)
-        self.y0[0, :, 1:], self.y0[1, :, 1:] = d / self.length, w / self.length
-        if self.base_moves:
-            self.y0[1, :, 0] = v[:, base]
-        # Each unknown belongs to a column; the unknowns of a link to its axes one by one.
-        self.column = [0] * self.dim * self.base_moves + [
-            1 + j for j in self.turning for _ in range(self.dim - 1)
-        ]
-        each = self.reach[:, self.column]
-        self.inertia = each.T @ (self.mass[:, None] * each)
+    def tensions(d: np.ndarray, w: np.ndarray, fall: np.ndarray) -> np.ndarray:
+        right = np.sum(d * fall + w * w, axis=-2)
+        along = d[..., moving]
+        found = np.zeros_like(right)
+        system = coupling * (np.swapaxes(along, -1, -2) @ along)
+        found[..., moving] = solve_symmetric(system, right[..., moving])
+        return found[..., None, :]
 
-    def __call__(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """The right-hand side, for `integrate`."""
-        q, rate = y[..., 0, :, :], y[..., 1, :, :]
-        u, w = q[..., 1:], rate[..., 1:]
-        axes = self._axes(u)
-        # What the links' turning alone needs: |u| stays as it is where u . u'' = -|w|^2.
-        bend = np.zeros_like(q)
-        bend[..., 1:] = (
-            -u * np.sum(w * w, axis=-2, keepdims=True) / np.sum(u * u, axis=-2, keepdims=True)
-        )
-        force = (
-            self.mass * self.gravity[:, None]
-            - self.damping * (rate @ self.reach.T)
-            - self.mass * (bend @ self.reach.T)
-        )
-        pull = np.sum(axes * (force @ self.reach)[..., self.column], axis=-2)
-        system = self.inertia * (np.swapaxes(axes, -1, -2) @ axes)
-        change = axes * solve_symmetric(system, pull)[..., None, :]
-        for unknown, column in enumerate(self.column):
-            bend[..., column] += change[..., unknown]
-        return np.stack([rate, bend], axis=-3)
-
-    def _axes(self, u: np.ndarray) -> np.ndarray:
-        """The direction of each unknown, ``(rows, dim, unknowns)``."""
-        rows = np.moveaxis(u[..., self.turning], -2, -1)
-        if self.dim == 2:
-            across = [np.stack([-rows[..., 1], rows[..., 0]], axis=-1)]
-        else:
-            far = np.eye(3, dtype=np.longdouble)[np.argmin(np.abs(rows), axis=-1)]
-            first = np.cross(rows, far)
-            first = first / np.sqrt(np.sum(first * first, axis=-1, keepdims=True))
-            across = [first, np.cross(rows, first)]
-        # Link by link, the axes of one after the other.
-        turning = np.stack(across, axis=-2).reshape(len(u), -1, self.dim)
-        moving = np.eye(self.dim, dtype=np.longdouble)[: self.dim * self.base_moves]
-        moving = np.broadcast_to(moving, (len(u), *moving.shape))
-        return np.swapaxes(np.concatenate([moving, turning], axis=1), 1, 2)
-
-    def sizes(self) -> np.ndarray:
-        """Sizes of the state for `integrate`, ``(2, 1, 1 + links)``."""
-        whole, shortest = np.sum(self.length), np.min(self.length, initial=np.inf)
-        pull = np.sqrt(np.sum(self.gravity**2))
-        turning = np.sqrt(pull / shortest) + np.max(np.abs(self.y0[1, :, 1:]), initial=0)
-        moving = np.sqrt(pull * whole) + np.max(np.abs(self.y0[1]), initial=0) * max(whole, 1)
-        result = np.ones((2, 1, self.y0.shape[-1]), dtype=np.longdouble)
-        result[0, :, 0], result[1, :, 0] = max(whole, moving), max(moving, 1)
-        result[1, :, 1:] = max(turning, 1e-3)
-        return result
-
-    def nodes(self, states: np.ndarray) -> np.ndarray:
-        """States of the problem, ``(times, 2, dim, nodes)``."""
-        found = states @ self.reach.T
-        found[:, 0] += self.start[:, None]
-        return found
+    return tensions
 
 
 def solve_symmetric(system: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -285,11 +187,32 @@ def solve_symmetric(system: np.ndarray, right: np.ndarray) -> np.ndarray:
     return b
 
 
-def inextensible_rope_solution(problem: Any, *, rtol: float = 1e-19) -> np.ndarray:
-    """The states of an inextensible rope's problem at its sample times, in `np.longdouble`.
+def rope_sizes(args: Any, y0: np.ndarray) -> np.ndarray:
+    """Sizes of positions and velocities for `integrate`, ``(2, 1, 1)``.
 
-    Tolerance and accuracy are as for `rope_solution`; rounding in the links' directions
-    counts times the length of the rope.
+    A link's length is a small difference of large positions. Their rounding errors shake the
+    velocities at the rope's highest frequency: below ``sqrt(4 k/m)`` for springs, and of the order
+    of that of a pendulum as long as the shortest link.
     """
-    links = Links(problem)
-    return links.nodes(integrate(links, links.y0, problem.ts, sizes=links.sizes(), rtol=rtol))
+    position = np.max(np.abs(y0[0]))
+    if rigid(args):
+        shortest = np.min(np.linalg.norm(np.diff(y0[0]), axis=0))
+        frequency = np.sqrt(np.linalg.norm(args.gravity) / shortest)
+    else:
+        frequency = np.sqrt(4 * np.max(args.stiffness, initial=0.0) / np.min(args.mass))
+    velocity = max(frequency * position, np.max(np.abs(y0[1])), 1e-3 * position)
+    return np.array([position, velocity]).reshape(2, 1, 1)
+
+
+def rope_solution(problem: Any, *, rtol: float = 1e-19) -> np.ndarray:
+    """The states of a problem of either rope at its sample times, in `np.longdouble`.
+
+    The default tolerance is where rounding takes over: measured on several ropes, positions
+    are then known to 1e-17 of their size, velocities to about 1e-17 of `rope_sizes`.
+    """
+    sizes = rope_sizes(problem.args, problem.y0)
+    return integrate(rope_rhs(problem.args), problem.y0, problem.ts, sizes=sizes, rtol=rtol)
+
+
+# Its name where a test is about one kind of rope.
+inextensible_rope_solution = rope_solution

@@ -44,11 +44,23 @@ def check_predicted(name, stepper):
             assert min(each["closest"], each["limit"] - each["correction"]) <= most, line
 
 
+def sampled():
+    """One problem for each stepper, and about an eighth of the steppers for each problem.
+
+    All pairs take hours; docs/data/predicted_errors.jsonl has them.
+    """
+    problems = {}
+    for name, stepper in predicted_errors.pairs():
+        if (name, stepper.label) not in TOO_FAR:
+            problems.setdefault(stepper, []).append(name)
+    return [(own[i % len(own)], each) for i, (each, own) in enumerate(problems.items())]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_predicted_error_is_measured(name):
-    for problem, stepper in predicted_errors.pairs():
-        if problem == name and (name, stepper.label) not in TOO_FAR:
+    for problem, stepper in sampled():
+        if problem == name:
             check_predicted(name, stepper)
 
 
@@ -60,9 +72,8 @@ def test_predictions_that_runs_do_not_confirm(name, stepper):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_no_random_step_gets_a_false_order(seed):
+def test_no_random_step_gets_a_false_order():
     with jax.enable_x64(True):
-        lines = [case(seed, i) for i in range(40) for case in (expansions.right, expansions.wrong)]
+        lines = [case(1, i) for i in range(40) for case in (expansions.right, expansions.wrong)]
     assert all(line["found"] in (line["true"], None) for line in lines)
     assert sum(line["found"] is not None for line in lines) > 0.8 * len(lines)

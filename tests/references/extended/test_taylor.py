@@ -14,12 +14,7 @@ from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
 from ropeode.references import extended_solution
 from ropeode.references.defect import look_between
 from ropeode.references.extended.taylor import solve
-from tests.verification.extrapolation import (
-    Links,
-    inextensible_rope_solution,
-    rope_sizes,
-    rope_solution,
-)
+from tests.verification.extrapolation import rope_sizes, rope_solution
 
 heyoka = pytest.importorskip("heyoka", reason="the extra 'extended' is not installed")
 
@@ -188,20 +183,18 @@ def test_samples_are_steps():
         assert largest(solve(problem).states[:, 0] - exact) < 1e-32
 
 
-def test_ropes_against_extrapolation():
+@pytest.mark.parametrize(
+    "problem",
+    [
+        Rope(num_nodes=4, damping=0.02).problem(frames=5),
+        pytest.param(InextensibleRope(num_nodes=4).problem(frames=5), marks=pytest.mark.slow),
+    ],
+    ids=["rope", "inextensible"],
+)
+def test_ropes_against_extrapolation(problem):
     # The extrapolation knows positions to 1e-17 of their size, velocities to that of theirs.
-    problem = Rope(num_nodes=4, damping=0.02).problem(frames=5)
     apart = solve(problem).states - reals(rope_solution(problem))
     assert largest(apart / reals(rope_sizes(problem.args, problem.y0))) < 4e-17
-
-
-@pytest.mark.slow
-def test_inextensible_ropes_against_extrapolation():
-    problem = InextensibleRope(num_nodes=4).problem(frames=5)
-    apart = solve(problem).states - reals(inextensible_rope_solution(problem))
-    position, velocity = Links(problem).sizes()[:, 0, 0]
-    sizes = np.array([position, velocity]).reshape(2, 1, 1)
-    assert largest(apart / reals(sizes)) < 4e-17
 
 
 @pytest.mark.slow
