@@ -202,7 +202,7 @@ def check_growing(numbers, span, y0, **options):
 @pytest.mark.parametrize("rtol", [1e-6, pytest.param(1e-4, marks=pytest.mark.slow)])
 def test_windows_in_the_state_are_found_where_tolerances_are_loose(rtol):
     """A window of a few thousandths of the state: the path must be nearer to the solution."""
-    for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3), (1.0, 5.1, 2e-3)):
+    for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3)):
         check_growing((height, low, low + width, 2.5, 1.0), 0.74, -0.4, rtol=rtol)
 
 
@@ -246,6 +246,7 @@ def _disc_on_the_way(t, x, v, args):
     return jnp.stack([jnp.zeros(()), 12.0 * t**2 + 1e4 * push])[None]
 
 
+@pytest.mark.slow
 def test_a_body_on_a_curved_path_is_met():
     """Steps are so long that a cubic between their ends is a hundred radii beside the disc."""
     at = 0.3871

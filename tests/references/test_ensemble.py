@@ -25,8 +25,8 @@ def exact(problem):
     return (np.sqrt(problem.y0[0]) + problem.args[1] * problem.ts / 2) ** 2
 
 
-RATES = (0.3, 0.7, -0.6, 0.1)
-REFUSED = 4
+RATES = (0.7, -0.6)
+REFUSED = 2
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_each_member_has_the_states_that_it_has_alone(many, together):
 
 
 def test_a_member_does_not_depend_on_the_others(many, together):
-    found = list(each_reference(Ensemble.of(list(many)[2::-1]), workers=2))[::-1]
+    found = list(each_reference(Ensemble.of(list(many)[1::-1]), workers=2))[::-1]
     for once, again in zip(together, found, strict=False):
         assert once.states.tobytes() == again.states.tobytes()
         assert series(once) == series(again)

@@ -43,7 +43,6 @@ def test_what_differs_has_another(folder):
     changed = swing()
     right = changed.rhs
     for problem, options in (
-        (swing(), ReferenceOptions(accuracy=1e-6)),
         (swing(), ReferenceOptions(time_limit=99.0)),
         (swing(x0=1.1), ReferenceOptions()),
         # Parameters of the library are no evidence of the equation.

@@ -244,6 +244,7 @@ def column(t, x, v, args):
     return jnp.stack([rate**2 * x[0] + force, -x[1], jnp.zeros_like(x[2])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "pull"), [(2.0, 1e-17), (0.7, -8e-17), (5.0, 0.0)])
 def test_an_unstable_balance_is_trusted_no_longer_than_it_lasts(rate, pull):
     ts = np.linspace(0.0, 60.0 / rate, 8)

@@ -60,14 +60,3 @@ def test_an_implicit_solver_sees_the_derivative(solved):
 
     assert [solved(with_slope(factor)) for factor in (2.0, 3.0)] == [1, 1]
     assert [solved(with_slope(factor), solver=KVAERNO5) for factor in (2.0, 3.0)] == [2, 3]
-
-
-@pytest.mark.slow
-def test_what_cannot_be_kept_is_solved_all_the_same(solved):
-    def rhs(t, y, args):
-        jax.debug.callback(lambda: None)
-        return 0.5 * y
-
-    assert solved(rhs) == 0
-    run = solve(Problem(rhs, [1.0], [0.0, 1.0]), DOPRI8, 1e-9, 1e-9)
-    assert abs(run.states[-1, 0] - np.exp(0.5)) < 1e-8

@@ -25,11 +25,12 @@ def extended(problem, **options):
     return reference(problem, level="extended", time_limit=NEVER, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [
         Rope(num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.1, initial_velocity=(0.3, 1)).problem,
-        pytest.param(InextensibleRope(num_nodes=4, damping=0.3).problem, marks=pytest.mark.slow),
+        InextensibleRope(num_nodes=4, damping=0.3).problem,
     ],
     ids=["rope", "inextensible"],
 )
@@ -71,7 +72,11 @@ def test_float64_solvers_are_among_the_witnesses_and_none_may_contradict(monkeyp
 
 @pytest.mark.usefixtures("looked_at_as_for_users")
 @pytest.mark.parametrize(
-    ("equation", "reason"), [("tall pulse", "some float64 solvers see something"), ("pulse", "")]
+    ("equation", "reason"),
+    [
+        ("tall pulse", "some float64 solvers see something"),
+        pytest.param("pulse", "", marks=pytest.mark.slow),
+    ],
 )
 def test_the_trust_ends_at_a_pulse_that_both_runs_pass_by(equation, reason):
     """At t = 3.3; some of the float64 runs pass by it too."""

@@ -157,7 +157,7 @@ def test_inextensible_ropes_against_extrapolation():
 
 def test_runs_agree_to_the_digits_asked_for_wherever_they_end():
     """However much of them an unstable balance has lost by then."""
-    for end in (1.0, 3.0, 5.0):
+    for end in (1.0, 5.0):
         problem = Problem(lambda t, y, a: jnp.stack([3 * y[0], -y[1]]), [0.0, 1.0], [0.0, end])
         known = extended_solution(problem, digits=15, time_limit=NEVER)
         assert known.agreed == 2

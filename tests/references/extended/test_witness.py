@@ -58,6 +58,7 @@ def test_its_steps_are_short_and_end_on_the_samples():
             lambda: Problem(lambda t, y, a: jax.lax.digamma(y), [3.0], [0.0, 1.0]),
             0,
             id="no counterpart",
+            marks=pytest.mark.slow,
         ),
         pytest.param(lambda: scalar("saw", 1.0, np.linspace(0, 1, 6)), 0, id="a switch"),
     ],
