@@ -25,18 +25,13 @@ from ropeode.references.extended.taylor import solve as solve_in_extended_precis
 from tests.problems.exact import EXACT
 from tests.references.covered import assert_covered, covered
 from tests.references.scalar_problems import scalar
+from tests.sampled import sampled
 from tests.verification.extrapolation import EPS, inextensible_rope_solution
 
 EPS64 = np.finfo(np.float64).eps
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name in ("oscillator", "kepler") else pytest.mark.slow)
-        for name in EXACT
-    ],
-)
+@pytest.mark.parametrize("name", sampled(EXACT, fast=("oscillator", "kepler")))
 @pytest.mark.parametrize("rtol", [None, 1e-6, 1e-9])
 def test_bound_covers_the_true_error(name, rtol):
     problem = PROBLEMS[name](frames=4)
@@ -237,11 +232,7 @@ def test_bound_covers_the_true_error_of_an_inextensible_rope(name):
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.slow if name.startswith("space") else ())
-        for name in INEXTENSIBLE
-    ],
+    "name", sampled(INEXTENSIBLE, fast=("neighbours pinned", "no pins, moving"))
 )
 def test_drift_is_how_far_links_are_off(name):
     problem = INEXTENSIBLE[name].problem(frames=3)

@@ -15,6 +15,7 @@ from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS, ROPES, InextensibleRope, Problem, Rope
 from ropeode.references.extended.taylor import solve
 from ropeode.references.extended.translate import translate
+from tests.sampled import sampled
 
 heyoka = pytest.importorskip("heyoka", reason="the extra 'extended' is not installed")
 
@@ -48,10 +49,7 @@ def largest_difference(found, wanted):
 FEW = ("rope", "inextensible-rope", "kepler", "double-pendulum", "oregonator")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in PROBLEMS],
-)
+@pytest.mark.parametrize("name", sampled(PROBLEMS, fast=FEW))
 def test_library_problems_are_what_jax_computes(name):
     problem = PROBLEMS[name](**({"num_nodes": 4} if name in ROPES else {}))
     draw = np.random.default_rng(3).normal(size=(5, *problem.y0.shape))
@@ -187,7 +185,6 @@ CASES = {
         (jnp.stack([y, 2 * y]).T.reshape(2, 3)[:, None] * y).squeeze(1).sum(0) + jnp.tile(y, 2)[1:4]
     ),
     "split": lambda t, y, a: sum(jnp.split(jnp.concatenate([y, y * y]), 2)) + jnp.copy(y),
-    "unstack": lambda t, y, a: sum(jnp.unstack(jnp.stack([y, y * y]))) * y,
     "sums": lambda t, y, a: (
         jnp.sum(y) + jnp.prod(y) + jnp.cumsum(y) + jnp.cumprod(y) + jax.lax.cumsum(y, reverse=True)
     ),
@@ -331,10 +328,7 @@ def side_by_side(names):
     return both(problem, states, t=0.3)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.slow if name in RARE else ()) for name in CASES],
-)
+@pytest.mark.parametrize("name", sampled(CASES, fast=CASES.keys() - RARE))
 def test_each_primitive_is_what_jax_computes(name):
     names = tuple(each for each in CASES if group(each) == group(name))
     own = slice(3 * names.index(name), 3 * names.index(name) + 3)

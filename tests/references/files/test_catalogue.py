@@ -20,6 +20,7 @@ from ropeode.references import (
     verify_checksum,
 )
 from tests.problems.exact import EXACT
+from tests.sampled import sampled
 
 MOST_BYTES = 20 * 2**20
 # Seconds that no run takes, however busy the machine is.
@@ -64,12 +65,7 @@ def test_what_is_loaded_is_what_the_manifest_says(name):
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name == "oscillator" else pytest.mark.slow)
-        for name in EXTENDED
-        if name not in COSTLY
-    ],
+    "name", sampled((name for name in EXTENDED if name not in COSTLY), fast=("oscillator",))
 )
 def test_extended_ones_are_reproduced_to_the_last_bit(name):
     pytest.importorskip("heyoka")

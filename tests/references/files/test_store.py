@@ -39,6 +39,7 @@ from ropeode.references import (
     with_dense_output,
 )
 from ropeode.simulation import simulate
+from tests.sampled import sampled
 
 
 def riccati(t, y, args):
@@ -111,13 +112,7 @@ def anything(problem: Problem, reached: int) -> Reference:
 
 
 # Ropes, and what is of first order; the others are kept by name and parameters as well.
-FAST = ("rope", "inextensible-rope", "lorenz")
-
-
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in PROBLEMS],
-)
+@pytest.mark.parametrize("name", sampled(PROBLEMS, fast=("rope", "inextensible-rope", "lorenz")))
 def test_every_problem_of_the_library_comes_back(name, tmp_path):
     """All of it, and a reference that ends before its problem does."""
     problem = PROBLEMS[name](frames=3)
