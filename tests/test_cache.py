@@ -95,14 +95,14 @@ def test_other_software_makes_it_again(cache_folder, other_software, name, other
     assert [made(), made()] == [2, 2]
 
 
-@pytest.mark.parametrize("variable", ["XLA_FLAGS", "JAX_DEFAULT_MATMUL_PRECISION", "EQX_ON_ERROR"])
-def test_other_settings_of_jax_make_it_again(cache_folder, monkeypatch, variable):
-    made = Making()
+def test_other_settings_of_jax_make_it_again(cache_folder, monkeypatch):
+    made, count = Making(), 1
     made()
-    with monkeypatch.context() as patch:
-        patch.setenv(variable, "--another")
-        cache.software.cache_clear()
-        assert made() == 2
+    for variable in ("XLA_FLAGS", "JAX_DEFAULT_MATMUL_PRECISION", "EQX_ON_ERROR"):
+        with monkeypatch.context() as patch:
+            patch.setenv(variable, "--another")
+            cache.software.cache_clear()
+            assert made() == (count := count + 1)
     cache.software.cache_clear()
     assert made() == 1
 
@@ -122,13 +122,10 @@ def test_what_has_no_description_or_is_not_to_be_kept_is_made_each_time(cache_fo
     assert made() == 1
 
 
-def test_without_a_folder_nothing_is_kept(monkeypatch):
-    monkeypatch.setattr("ropeode.cache._folder", None)
-    made = Making()
-    assert [made(), made()] == [1, 2]
-
-
-def test_a_folder_that_cannot_be_written_to_is_no_fault(cache_folder):
+@pytest.mark.parametrize("folder", ["none", "no folder"])
+def test_without_a_folder_nothing_is_kept(folder, cache_folder, monkeypatch):
+    if folder == "none":
+        monkeypatch.setattr("ropeode.cache._folder", None)
     cache_folder.write_text("no folder")
     made = Making()
     assert [made(), made()] == [1, 2]
@@ -229,7 +226,7 @@ def test_what_calls_lapack_is_not_kept(folder, call):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("problem", ["van-der-pol", "hires", "rope"])
+@pytest.mark.parametrize("problem", ["hires", "rope"])
 def test_a_command_says_the_same_three_times_with_one_cache(problem, tmp_path):
     solved = PROBLEMS[problem]()
     names = [name for name, stepper in STEPPERS.items() if can_run(stepper(), solved)]
@@ -254,14 +251,7 @@ problem = Problem(rhs, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5])
 def test_a_stiff_reference_is_the_same_three_times_with_one_cache(tmp_path):
     file = tmp_path / "stiff.py"
     file.write_text(STIFF)
-    words = [
-        "reference",
-        "compute",
-        "--problem",
-        f"{file}:problem",
-        "--out",
-        f"{tmp_path}/truth.nc",
-    ]
+    words = ["reference", "compute", "--problem", f"{file}:problem", "--out", f"{tmp_path}/a.nc"]
     assert len(set(three_times(words, tmp_path))) == 1
 
 
@@ -320,8 +310,8 @@ def test_which_runs_share_a_program(monkeypatch):
     small = Rope(num_nodes=19)
     problem = small.problem(frames=3)
     one = description_of(problem)
-    assert one == description_of(small.problem(frames=5))
-    assert one == description_of(Rope(num_nodes=19, damping=0.0, stiffness=7.0).problem(frames=3))
+    same = Rope(num_nodes=19, damping=0.0, stiffness=7.0).problem(frames=5)
+    assert description_of(same) == one
     others = [
         description_of(small.problem(frames=40)),
         description_of(Rope(num_nodes=20).problem(frames=3)),
@@ -329,9 +319,8 @@ def test_which_runs_share_a_program(monkeypatch):
         description_of(problem, "stormer-verlet"),
         description_of(problem, "stormer-verlet:start=rest"),
         description_of(small.ensemble(frames=3, damping=np.linspace(0.0, 0.1, 9))),
-        description_of(small.ensemble(frames=3, damping=np.linspace(0.0, 0.1, 200))),
     ]
-    assert len({one, *others}) == 8
+    assert len({one, *others}) == 7
     assert description_of(problem, Derived()) is None
     assert description_of(Problem(decay, [1.0], [0.0, 1.0])) is None
 
@@ -346,7 +335,6 @@ def test_one_description_for_one_value(small_rope):
     ("one", "other"),
     [
         (1, 1.0),
-        (1, "1"),
         (1, True),
         (0.0, -0.0),
         ((1, 2), (1, (2,))),
@@ -357,7 +345,6 @@ def test_one_description_for_one_value(small_rope):
         (ARRAY, ARRAY[:, None]),
         (StormerVerlet(), StormerVerlet(start="rest")),
         (ROPE.rhs, INEXTENSIBLE.rhs),
-        (ROPE.mechanics.acceleration, Rope),
     ],
 )
 def test_another_for_another_value(one, other):
@@ -386,9 +373,7 @@ def test_every_number_of_a_problem_counts(small_rope):
         Derived(),
         Derived,
         as_stepper(lambda rhs, t, y, dt, args: y),
-        Problem.second_order(lambda t, x, v, args: -x, [1.0], [0.0], [0.0, 1.0]).rhs,
         np.array([ARRAY, None], dtype=object),
-        object(),
         {1, 2},
     ],
 )

@@ -37,31 +37,10 @@ EACH = 12
 MOST_SECONDS, MOST_KILOBYTES, MOST_LINES, LONGEST = 30.0, 600_000, 11, 2000
 
 ODD = [
-    None,
-    True,
-    False,
-    -1,
-    0,
-    0.5,
-    -1e300,
-    1e308,
-    10**9,
-    10**12,
-    10**30,
-    "",
-    "x",
-    "x" * 100_000,
-    [],
-    {},
-    [[]],
-    [1, "a"],
-    {"kind": []},
+    None, True, False, -1, 0, 0.5, -1e300, 1e308, 10**9, 10**12, 10**30, float("nan"), float("inf"),
+    "", "x", "x" * 100_000, "rope", "extended", [], {}, [[]], [1, "a"], {"kind": []},
     {"self": 1, "cls": 1},
-    "rope",
-    "extended",
-    float("nan"),
-    float("inf"),
-]
+]  # fmt: skip
 
 
 def complaint_or_value(read):
@@ -313,19 +292,8 @@ def runs(tmp_path_factory):
 
 CSV = ["", "nan", "-inf", "1e999", "9" * 5000, "x" * 5000, ",", "\n", "\0", "#", "-0", "0x1", "é"]
 DT = [
-    "1e-308",
-    "1e-320",
-    "1e308",
-    "-1",
-    "0",
-    "nan",
-    "inf",
-    "1e-400",
-    "9" * 5000,
-    "",
-    "x",
-    "1" * 400,
-]
+    "1e-308", "1e-320", "1e308", "-1", "0", "nan", "inf", "1e-400", "9" * 5000, "", "x", "1" * 400,
+]  # fmt: skip
 
 
 def changed_csv(whole, draw):

@@ -34,6 +34,10 @@ EQUATIONS = {
     # The state rounded to the 24 bits of a float32, by Veltkamp's splitting.
     "24 bits": lambda t, y, rate: -rate * ((2.0**29 + 1) * y - ((2.0**29 + 1) * y - y)),
     "pulse": _pulse,
+    # Its area is 1, however narrow it is.
+    "tall pulse": lambda t, y, width: (
+        1.0 - y + jnp.exp(-(((t - 3.3) / width) ** 2)) / (width * jnp.sqrt(jnp.pi))
+    ),
     "saw": _saw,
     "turns": lambda t, y, at: jnp.where(t <= at, y, -y),
     # sin t, from 0 on: stiff where the rate is far below zero, unstable where it is above.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +11,7 @@ from ropeode import Problem, ReferenceRefused, reference
 from ropeode.problems import Ensemble
 from ropeode.references import SCIPY_DOP853, solve
 from ropeode.references.defect import look_between
+from tests.references.covered import assert_covered, covered
 
 pytestmark = pytest.mark.usefixtures("looked_at_as_for_users")
 
@@ -29,23 +28,8 @@ def _pulses(t, y, args):
     return jnp.stack([y[1] + there, -y[0] + kick])
 
 
-def _two_that_cancel(t, y, args):
-    height, start, end, *_ = args
-    width = end - start
-
-    def pulse(centre):
-        return height * jnp.exp(-(((t - centre) / width) ** 2))
-
-    return jnp.stack([y[1], -y[0] + pulse(start) - pulse(start + 10 * width)])
-
-
 def _roots(t, y, args):
     return -jnp.sqrt(y)
-
-
-def _corners(t, y, args):
-    drive = jnp.interp(t, jnp.arange(12.0), jnp.array(6 * [1.0, -1.0]))
-    return drive - jnp.sign(y - 0.1) * y
 
 
 def _holes(t, y, args):
@@ -68,10 +52,7 @@ def _needles(t, y, args):
     return jnp.stack([y[1], -y[0] + jnp.where((t > place) & (t < place + 2e-7), height, 0.0)])
 
 
-EQUATIONS = {
-    each.__name__: each
-    for each in (_pulses, _two_that_cancel, _needles, _roots, _corners, _holes, _grows)
-}
+EQUATIONS = {each.__name__: each for each in (_pulses, _needles, _roots, _holes, _grows)}
 
 
 def rhs(t, y, args):
@@ -156,6 +137,14 @@ def test_what_is_less_than_the_bound_is_left_alone(path):
     assert len(look_between(brief, path, {"state": np.full(len(TS), 0.1)}).times) == 0
 
 
+def pushed(start, end):
+    """`turn` with a pulse of height 1, which all samples lie before or after."""
+    t = TS
+    free = [np.cos(t) + 0.5 * np.sin(t), 0.5 * np.cos(t) - np.sin(t)]
+    pulse = [np.cos(t - end) - np.cos(t - start), np.sin(t - start) - np.sin(t - end)]
+    return np.stack(free, axis=1) + np.where(t[:, None] > end, np.stack(pulse, axis=1), 0.0)
+
+
 def test_the_certificate_says_what_was_seen():
     start, width = 5.3, 2e-5
     known = reference(turn(1.0, start, start + width))
@@ -163,29 +152,15 @@ def test_the_certificate_says_what_was_seen():
     assert "near t = 5.300" in known.certificate.horizon_reason
     assert known.certificate.sampling.times > 2**20
     assert known.certificate.witnesses[-1].role == "close look"
-    free = reference(turn()).states
-    assert np.all(np.abs(known.states - free)[: known.trusted, 0] <= known.bound())
+    assert_covered(known, pushed(start, start + width))
     with pytest.raises(ReferenceRefused, match=r"near t = 1\.300.* declare jump_times"):
         reference(turn(1.0, 1.3, 1.3 + width))
     # What changes the solution by less than the accuracy widens the bound instead.
     width *= 10
     told = reference(turn(1.0, start, start + width), accuracy=1e-2)
     assert told.horizon is None
-    truth = reference(turn(1.0, start, start + width, jump_times=[start, start + width]))
-    assert truth.horizon is None
-    missed = np.max(np.abs(told.states - truth.states), axis=1)
+    missed = np.max(np.abs(told.states - pushed(start, start + width)), axis=1)
     assert 0.5 * width < missed[-1] <= told.bound()[-1] < 5 * width
-
-
-def test_two_pulses_that_cancel_are_no_fault(monkeypatch):
-    """Both are seen, and a run that sees them ends where the others do."""
-    # It sees them too, and makes the bound so large that nobody looks closer.
-    monkeypatch.setitem(sys.modules, "heyoka", None)
-    cancelling = turn(1.0, 5.3, 5.3001, equation=_two_that_cancel)
-    known = reference(cancelling, accuracy=1e-6)
-    assert known.certificate.witnesses[-1].role == "close look"
-    assert known.horizon is None
-    assert known.bound()[-1] > 1e-8
 
 
 def test_a_hole_in_the_right_hand_side_is_not_trusted():
@@ -203,11 +178,6 @@ def test_a_member_of_an_ensemble_is_looked_at_like_any_problem():
     assert all(member.certificate.sampling.times > 2**20 for member in members)
 
 
-@pytest.mark.slow
-def test_corners_that_the_solvers_resolve_are_no_fault():
-    assert reference(turn(equation=_corners)).horizon is None
-
-
 def test_times_are_never_on_a_jump():
     holes = turn(0.0, 2.5, 6.0, equation=_holes, jump_times=[2.5, 6.0])
     assert reference(holes).horizon is None
@@ -220,27 +190,20 @@ def test_where_one_needle_was_hit_there_may_be_others():
         reference(turn(1e-3, equation=_needles, ts=ts), accuracy=1e-3)
 
 
-def covered(numbers, span, y0, **options):
-    """Whether the bound covers what `_grows` does to the second number, or there is none."""
+def check_growing(numbers, span, y0, **options):
+    """The bound covers what `_grows` does to both numbers, or there is none."""
     height, low, high, rate, own = numbers
-    ts = np.array([0.0, span])
-    problem = turn(*numbers, equation=_grows, y0=[1.0, y0], ts=ts)
-    try:
-        known = reference(problem, **options)
-    except ReferenceRefused:
-        return True
     late = np.exp(own * (span - np.log([low, high]) / rate))
-    exact = y0 * np.exp(own * span) + height / own * (late[0] - late[1])
-    return abs(known.states[-1, 1] - exact) <= known.bound()[-1]
+    end = y0 * np.exp(own * span) + height / own * (late[0] - late[1])
+    problem = turn(*numbers, equation=_grows, y0=[1.0, y0], ts=[0.0, span])
+    covered(problem, np.array([[1.0, y0], [np.exp(rate * span), end]]), **options)
 
 
-@pytest.mark.parametrize(
-    "rtol", [1e-6, *(pytest.param(rtol, marks=pytest.mark.slow) for rtol in (1e-4, 1e-8))]
-)
+@pytest.mark.parametrize("rtol", [1e-6, pytest.param(1e-4, marks=pytest.mark.slow)])
 def test_windows_in_the_state_are_found_where_tolerances_are_loose(rtol):
     """A window of a few thousandths of the state: the path must be nearer to the solution."""
-    for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3), (1.0, 5.1, 2e-3)):
-        assert covered((height, low, low + width, 2.5, 1.0), 0.74, -0.4, rtol=rtol)
+    for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3)):
+        check_growing((height, low, low + width, 2.5, 1.0), 0.74, -0.4, rtol=rtol)
 
 
 def test_motion_between_the_samples_counts():
@@ -254,7 +217,7 @@ def test_a_window_that_a_node_hits_is_found():
     """It spoils the polynomial of its step, so that all is off it but the window itself."""
     window = (1.2089052726877827, 1.2089872370944925)
     numbers = (61286.55863275827, *window, 0.44646090280592166, 0.807577811618335)
-    assert covered(numbers, 2.0084368246778497, -1.0793797669842606)
+    check_growing(numbers, 2.0084368246778497, -1.0793797669842606)
 
 
 def _clock(t, y, args):
@@ -267,18 +230,13 @@ def _clock(t, y, args):
     [
         (1385171085775.8655, 1184138.80307, 9.737e-6, 1.3e-10),
         (37684936176977.78, 62719.552039613, 1.383e-4, None),
-        (874060145502.8757, 4682680.6816, 3.866e-6, 8e-8),
     ],
 )
 def test_what_changes_between_two_numbers_of_the_state_is_not_known(clock, rate, span, rtol):
     """The clock stands still: its last place is many turns, or nearly whole ones."""
     problem = Problem(_clock, [clock, 0.1], np.linspace(0.0, span, 17), (rate, clock))
-    try:
-        known = reference(problem, rtol=rtol)
-    except ReferenceRefused:
-        return
-    apart = np.abs(known.states[:, 1] - 0.1 - np.sin(rate * problem.ts[: len(known.states)]))
-    assert np.all(apart[: known.trusted] <= known.bound())
+    exact = [np.longdouble(clock) + problem.ts, 0.1 + np.sin(rate * problem.ts)]
+    covered(problem, np.stack(exact, axis=1), rtol=rtol)
 
 
 def _disc_on_the_way(t, x, v, args):
@@ -288,15 +246,16 @@ def _disc_on_the_way(t, x, v, args):
     return jnp.stack([jnp.zeros(()), 12.0 * t**2 + 1e4 * push])[None]
 
 
+@pytest.mark.slow
 def test_a_body_on_a_curved_path_is_met():
     """Steps are so long that a cubic between their ends is a hundred radii beside the disc."""
-    for at, radius in ((0.3871, 1e-5), (0.71, 3e-6)):
-        problem = Problem.second_order(
-            _disc_on_the_way,
-            [[0.0, 0.0]],
-            [[1.0, 0.0]],
-            [0.0, 1.0],
-            (np.array([at, at**4]), radius),
-        )
-        with pytest.raises(ReferenceRefused, match=f"near t = {at:.3f}"):
-            reference(problem)
+    at = 0.3871
+    problem = Problem.second_order(
+        _disc_on_the_way,
+        [[0.0, 0.0]],
+        [[1.0, 0.0]],
+        [0.0, 1.0],
+        (np.array([at, at**4]), 1e-5),
+    )
+    with pytest.raises(ReferenceRefused, match="near t = 0.387"):
+        reference(problem)

@@ -13,7 +13,7 @@ from scipy.interpolate import BPoly
 from ropeode import reference
 from ropeode.errors import InputError
 from ropeode.norms import NORMS, distance
-from ropeode.problems import PROBLEMS, Problem, Rope
+from ropeode.problems import PROBLEMS, Problem
 from ropeode.references import (
     Dense,
     largest_norms,
@@ -22,9 +22,9 @@ from ropeode.references import (
     time_derivatives,
     verify_reference,
 )
-from tests.verification.extrapolation import rope_solution
 
 RANDOM = np.random.default_rng(7)
+TS = np.linspace(0.0, 2.5, 6)
 
 
 def random_times(known, count=400):
@@ -41,26 +41,29 @@ def errors_over_bounds(known, times, truth):
     }
 
 
+def something_at(t, y, args):
+    """Two equations of which something happens at a time, so that one compilation serves both."""
+    is_root, at = args
+    return jax.lax.cond(
+        is_root,
+        lambda: jnp.sqrt(jnp.abs(t - at)) + 0.0 * y,
+        lambda: jnp.where(t < at, y, -y),
+    )
+
+
+def near(what, at, y0, **more):
+    return Problem(something_at, [y0], TS, (what == "root", at), **more)
+
+
 @pytest.fixture(scope="module")
 def oscillator():
     return reference(PROBLEMS["oscillator"](frames=4), dense=True)
 
 
 @pytest.fixture(scope="module")
-def kepler():
-    """Four frames, of which one holds most of the way around the sun in no time."""
-    return reference(PROBLEMS["kepler"](frames=4, eccentricity=0.9, periods=1.3), dense=True)
-
-
-@pytest.fixture(scope="module")
 def jumping():
     """y' = y, and -y from t = 1.3 on: the solution has a corner, between two samples."""
-
-    def turns(t, y, args):
-        return jnp.where(t < 1.3, y, -y)
-
-    ts = [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
-    return reference(Problem(turns, [1.0], ts, jump_times=[1.3]), dense=True)
+    return reference(near("turn", 1.3, y0=1.0, jump_times=[1.3]), dense=True)
 
 
 def test_bound_covers_the_true_error_of_an_exact_solution(oscillator):
@@ -74,33 +77,9 @@ def test_bound_covers_the_true_error_of_an_exact_solution(oscillator):
         assert np.all(np.diff(known.dense.bounds[quantity]) >= 0)
 
 
-@pytest.mark.slow
-def test_bound_covers_the_pericentre(kepler):
-    times = random_times(kepler)
-    truth = kepler.problem.exact(times)
-    for over in errors_over_bounds(kepler, times, truth).values():
-        assert np.max(over) <= 1.0
-        assert np.max(over) >= 1e-4
-    # Nodes are where they are needed.
-    gaps = np.diff(kepler.dense.times)
-    assert np.max(gaps) > 10 * np.min(gaps)
-
-
-@pytest.mark.slow
-def test_bound_covers_the_true_error_of_a_rope():
-    """Held against extrapolation in extended precision, which shares nothing with this."""
-    rope = Rope(num_nodes=4, node_mass=(1, 2, 0.5, 1), damping=0.1, initial_velocity=(0.3, 1))
-    known = reference(rope.problem(3), dense=True)
-    times = np.append(0.0, random_times(known, 40))
-    truth = rope_solution(dataclasses.replace(known.problem, ts=times)).astype(np.float64)
-    for over in errors_over_bounds(known, times, truth).values():
-        assert 1e-3 <= np.max(over) <= 1.0
-
-
 def test_both_sides_of_a_jump(jumping):
     times = np.append(random_times(jumping), [np.nextafter(1.3, 0), 1.3, np.nextafter(1.3, 2)])
     exact = np.where(times < 1.3, np.exp(times), np.exp(2.6 - times))[:, None]
-    assert np.max(errors_over_bounds(jumping, np.sort(times), np.sort(exact, 0))["state"]) >= 0
     apart = np.abs(jumping.at(times) - exact)[:, 0]
     assert np.all(apart <= jumping.bound_at(times))
     assert {np.nextafter(1.3, 0), 1.3} <= set(jumping.dense.times.tolist())
@@ -139,22 +118,6 @@ def test_derivatives_are_those_of_the_solution():
     np.testing.assert_allclose(found, np.stack(factors, 1) * y, rtol=1e-14)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 4])
-def test_order_of_the_polynomials(count):
-    """Halving the pieces makes the error 2^order times smaller."""
-    problem = PROBLEMS["oscillator"](frames=1)
-    times = np.linspace(0.0, 1.0, 1001)
-    errors = []
-    for parts in (2, 4) if count < 4 else (1, 2):
-        nodes = np.linspace(0.0, 1.0, parts + 1)
-        # Four derivatives, as all tests: they share one program.
-        values = time_derivatives(problem, nodes, problem.exact(nodes), 4)[:, : 1 + count]
-        dense = Dense(nodes, values, {})
-        assert dense.order == 2 * (1 + count)
-        errors.append(np.max(np.abs(dense.at(times) - problem.exact(times))))
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(dense.order, abs=0.3)
-
-
 def test_polynomials_are_those_of_scipy():
     nodes = np.array([0.0, 0.5, 2.0, 2.25])
     values = RANDOM.normal(size=(4, 5, 3))
@@ -167,22 +130,13 @@ def test_polynomials_are_those_of_scipy():
 def test_it_comes_back_from_a_file_and_verifies(oscillator, jumping, tmp_path):
     for known in (oscillator, jumping):
         path = save_reference(known, tmp_path / "x.nc")
-        found = load_reference(path, known.problem)
-        np.testing.assert_array_equal(found.dense.times, known.dense.times)
-        np.testing.assert_array_equal(found.dense.derivatives, known.dense.derivatives)
-        for quantity, series in known.dense.bounds.items():
-            np.testing.assert_array_equal(found.dense.bounds[quantity], series)
+        found = load_reference(path)
+        assert found.dense == known.dense
         times = random_times(known)
         np.testing.assert_array_equal(found.at(times), known.at(times))
     verified = verify_reference(save_reference(oscillator, tmp_path / "y.nc"))
     assert verified.agrees
     assert verified.samples > len(oscillator.times)
-
-
-@pytest.mark.slow
-def test_it_verifies_with_a_jump(jumping, tmp_path):
-    path = save_reference(jumping, tmp_path / "x.nc")
-    assert verify_reference(path, jumping.problem).agrees
 
 
 def test_wrong_derivatives_do_not_verify(oscillator, tmp_path):
@@ -195,27 +149,11 @@ def test_wrong_derivatives_do_not_verify(oscillator, tmp_path):
     assert found.outside["position"] not in oscillator.times
 
 
-@pytest.mark.slow
-def test_wrong_derivatives_are_measured():
-    """A derivative that is not the solution's makes the bound large, not the number wrong."""
-
-    @jax.custom_jvp
-    def slope(y):
-        return -y
-
-    slope.defjvp(lambda y, dy: (-y[0], -1.1 * dy[0]))
-    problem = Problem(lambda t, y, args: slope(y), [1.0], np.arange(4.0))
-    known = reference(problem, dense=True)
-    times = random_times(known)
-    assert np.all(np.abs(known.at(times)[:, 0] - np.exp(-times)) <= known.bound_at(times))
-
-
 @pytest.mark.parametrize(
     ("times", "words"),
     [
         (2.6, "times: 2.6 given; allowed: a number, or a list of numbers, from 0 to 2.5"),
-        ([0.1, -1e-9], "times: -1e-09 given"),
-        ([np.nan], "times: "),
+        ([0.1, np.nan], "times: "),
         ([[0.1]], r"times: \(1, 1\) given"),
         ("now", "times: "),
     ],
@@ -245,22 +183,11 @@ def test_it_ends_with_the_horizon():
         known.at(known.horizon)
 
 
-def near(at, power):
-    def rhs(t, y, args):
-        at, power = args
-        return jnp.abs(t - at) ** power + 0.0 * y
-
-    return Problem(rhs, [0.0], np.linspace(0.0, 2.5, 6), (at, power))
-
-
-tightest = pytest.param(None, marks=pytest.mark.slow, id="tightest")
-
-
-@pytest.mark.parametrize("rtol", [1e-6, tightest])
-@pytest.mark.parametrize("at", [1.0, 0.0, 0.7])
+@pytest.mark.slow
+@pytest.mark.parametrize(("at", "rtol"), [(1.0, 1e-6), (0.7, 1e-6), (0.0, 1e-6), (0.0, None)])
 def test_a_singular_derivative(at, rtol):
     """At a sample, at the start, and between samples: y' = sqrt(|t - at|)."""
-    problem = near(at, 0.5)
+    problem = near("root", at, y0=0.0)
     made = reference(problem, rtol=rtol, dense=True)
     assert made.dense.end == made.times[made.trusted - 1]
     close = at + np.array([-1e-3, -1e-7, 0.0, 1e-12, 1e-7, 1e-3])

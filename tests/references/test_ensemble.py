@@ -25,8 +25,8 @@ def exact(problem):
     return (np.sqrt(problem.y0[0]) + problem.args[1] * problem.ts / 2) ** 2
 
 
-RATES = (0.3, 0.7, -0.6, 0.1)
-REFUSED = 4
+RATES = (0.7, -0.6)
+REFUSED = 2
 
 
 @pytest.fixture(scope="module")
@@ -39,10 +39,9 @@ def together(many):
     return reference(many)
 
 
-def series(known, quantity="state"):
+def series(known):
     return {
-        (w.role, w.tolerance): w.differences[quantity].tobytes()
-        for w in known.certificate.witnesses
+        (w.role, w.tolerance): w.differences["state"].tobytes() for w in known.certificate.witnesses
     }
 
 
@@ -67,7 +66,7 @@ def test_each_member_has_the_states_that_it_has_alone(many, together):
 
 
 def test_a_member_does_not_depend_on_the_others(many, together):
-    found = list(each_reference(Ensemble.of(list(many)[2::-1]), workers=2))[::-1]
+    found = list(each_reference(Ensemble.of(list(many)[1::-1]), workers=2))[::-1]
     for once, again in zip(together, found, strict=False):
         assert once.states.tobytes() == again.states.tobytes()
         assert series(once) == series(again)
@@ -76,11 +75,9 @@ def test_a_member_does_not_depend_on_the_others(many, together):
 
 def test_witnesses_can_be_made_again(together):
     known = together[0]
-    (witness,) = [w for w in known.certificate.witnesses if w.role == "independent"]
     ((_, run),) = witness_runs(known, roles=["independent"])
-    assert (run.solver, run.steps) == (witness.solver, witness.steps)
     again = np.abs(run.states - known.states)[:, 0]
-    assert again.tobytes() == witness.differences["state"].tobytes()
+    assert again.tobytes() == series(known)["independent", run.rtol]
 
 
 def test_members_come_one_after_the_other(many):
@@ -98,7 +95,7 @@ def test_a_jump_is_left_to_the_solver_that_stops_there():
         assert abs(member.states[-1, 0] - member.problem.y0[0] * np.exp(0.6)) <= member.bound()[-1]
 
 
-@pytest.mark.parametrize("wrong", [{"rtol": -1.0}, {"accuracy": 0.0}, {"workers": 0}])
+@pytest.mark.parametrize("wrong", [{"rtol": -1.0}, {"workers": 0}])
 def test_wrong_arguments_are_refused_before_anything_is_solved(many, wrong):
     (name,) = wrong
     with pytest.raises(InputError, match=name):
@@ -130,15 +127,6 @@ def test_it_is_scipys_method_but_for_rounding():
         assert run.steps == scipys.steps
         # Rounding of each step, grown by no more than a few.
         np.testing.assert_allclose(run.states, scipys.states, rtol=0, atol=1e-13 * problem.scale)
-
-
-def test_its_error_is_of_the_size_of_the_tolerance():
-    problems = [grows(rate) for rate in (0.3, -0.6, 0.1)]
-    for rtol in (1e-6, 1e-12):
-        runs = solve_side_by_side(problems, [rtol] * 3, [rtol] * 3, max_steps=[1000] * 3)
-        for problem, run in zip(problems, runs, strict=True):
-            largest = np.max(np.abs(exact(problem)))
-            assert np.max(np.abs(run.states[:, 0] - exact(problem))) < 30 * rtol * largest
 
 
 def test_lanes_do_not_feel_each_other():

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from ropeode import save_reference
-from ropeode.problems import PROBLEMS, Problem
+from ropeode.problems import PROBLEMS
 from ropeode.references import ReferenceOptions, reference_for
+from tests.references.scalar_problems import scalar
 
 
 @pytest.fixture
@@ -37,38 +38,17 @@ def test_a_kept_reference_is_the_one_that_was_computed(folder, tmp_path):
     assert first == second
 
 
-def test_a_damaged_file_is_computed_anew(folder):
-    computed, _ = runs_for(swing())
-    (path,) = folder.iterdir()
-    whole = path.read_bytes()
-    for damage in (b"", b"x\n", whole[:-1], whole[:-9] + b"9" + whole[-8:]):
-        path.write_bytes(damage)
-        again, runs = runs_for(swing())
-        assert runs > 9
-        assert again.states.tobytes() == computed.states.tobytes()
-        assert runs_for(swing())[1] == 0
-
-
 def test_what_differs_has_another(folder):
     runs_for(swing())
     changed = swing()
     right = changed.rhs
     for problem, options in (
-        (swing(), ReferenceOptions(accuracy=1e-6)),
         (swing(), ReferenceOptions(time_limit=99.0)),
         (swing(x0=1.1), ReferenceOptions()),
         # Parameters of the library are no evidence of the equation.
         (changed.changed(rhs=lambda t, y, args: 1.001 * right(t, y, args)), ReferenceOptions()),
     ):
         assert runs_for(problem, options)[1] > 9
-
-
-def test_a_horizon_is_kept(folder):
-    bound = runs_for(swing(damping=0.0), ReferenceOptions(rtol=1e-9))[0].bound()
-    options = ReferenceOptions(rtol=1e-9, accuracy=1.2 * bound[2])
-    assert runs_for(swing(damping=0.0), options)[0].horizon == 3.0
-    again, runs = runs_for(swing(damping=0.0), options)
-    assert (again.horizon, runs) == (3.0, 0)
 
 
 @pytest.mark.slow
@@ -80,7 +60,7 @@ def test_what_ended_early_is_not_kept(folder):
 
 
 def test_only_problems_of_the_library_are_kept(folder, monkeypatch):
-    runs_for(Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0]))
+    runs_for(scalar("decay", 1.0, range(6)))
     assert not folder.exists()
     runs_for(swing())
     monkeypatch.setattr("ropeode.cache._folder", None)

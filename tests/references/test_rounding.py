@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,11 +11,11 @@ import pytest
 from jax import lax
 
 from ropeode import reference
-from ropeode.errors import ReferenceRefused
 from ropeode.precision import in_float64
-from ropeode.problems import PROBLEMS, Ensemble, Problem
-from ropeode.references import DOPRI8, KVAERNO5, largest_norms, solve
+from ropeode.problems import PROBLEMS, Problem
+from ropeode.references import DOPRI8, KVAERNO5, Role, largest_norms, solve
 from ropeode.references.solvers.rounding import change_by_rounding
+from tests.references.covered import covered
 from tests.references.scalar_problems import scalar
 
 EPS = np.finfo(np.float64).eps
@@ -25,14 +27,12 @@ LOSSES = {
     "a sum of two": lambda one, small: (one + small) - one,
     "both sides alike": lambda one, small: (one + small) - (one + 2 * small),
     "1 - cos": lambda one, small: one - jnp.cos(1e8 * small),
-    "cos - cos": lambda one, small: jnp.cos(1e8 * small) - jnp.cos(2e8 * small),
     "of one array": lambda one, small: jnp.diff(jnp.cos(1e8 * small * jnp.array([1.0, 2.0])))[0],
     # Nothing else in these is moved: a product with 1.0 is exact.
     "a product": lambda one, small: 0.3 * (3.0 * one) - 0.9,
     "a quotient": lambda one, small: one / (3.0 * one) - 1 / 3,
     "a sum of many": lambda one, small: jnp.sum(jnp.stack([one, small, -one])),
     "a product of matrices": lambda one, small: jnp.stack([one, small, -one]) @ jnp.ones(3),
-    "a mean": lambda one, small: jnp.mean(jnp.stack([one, small, -one])),
     "a running sum": lambda one, small: jnp.cumsum(jnp.stack([one, small, -one]))[2],
     "sums by index": lambda one, small: (
         jnp.zeros(1).at[jnp.array([0, 0, 0])].add(jnp.stack([one, small, -one]))[0]
@@ -47,9 +47,6 @@ LOSSES = {
     "two rounds of a scan": lambda one, small: jnp.diff(
         lax.scan(lambda _, x: (_, jnp.cos(x)), 0.0, 1e8 * small * jnp.arange(2.0))[1]
     )[0],
-    "fori_loop": lambda one, small: lax.fori_loop(
-        0, 3, lambda i, sum: sum + jnp.stack([one, small, -one])[i], 0 * one
-    ),
     "while_loop": lambda one, small: (
         lax.while_loop(lambda x: x > 10, lambda x: x - one, 12.0 + small) - 10.0
     ),
@@ -105,6 +102,7 @@ def test_what_is_lost_shows(name, changes):
         "linear equations",
         "a root",
         "a derivative of its own",
+        "complex numbers",
     )
     assert np.mean(seen) >= 0.5 if name in by_chance else np.all(seen)
     sizes = {"whole turns": 1.0, "a comparison of equal numbers": 1.0, "linear equations": 1e-2}
@@ -153,20 +151,6 @@ def test_no_change_at_the_edge_of_a_domain():
 
 
 @pytest.mark.parametrize("solver", [DOPRI8, KVAERNO5], ids=str)
-def test_a_run_with_moved_roundings_is_another_one(solver):
-    problem = scalar("logistic", 0.1, np.arange(6.0))
-    runs = [
-        solve(problem, solver, 1e-9, 1e-9, max_steps=10_000, rounding_seed=seed)
-        for seed in (0, 1, 2, 1)
-    ]
-    plain, first, second, again = (run.states for run in runs)
-    assert np.array_equal(first, again)
-    assert not np.array_equal(plain, first)
-    assert not np.array_equal(first, second)
-    np.testing.assert_allclose(first, plain, rtol=1e-9)
-
-
-@pytest.mark.parametrize("solver", [DOPRI8, KVAERNO5], ids=str)
 def test_steps_too_short_to_move_the_state_are_not_lost(solver):
     """In 10 000 steps y grows by 9 units in the last place, and by 1/1000 in each."""
     problem = scalar("decay", 1.0, np.arange(6.0), -4e-16)
@@ -195,94 +179,31 @@ def crept(problem):
     return problem.y0[0] * np.exp(rate * t) + args["slope"] * spread + surge
 
 
-def creeping_variants():
+def creeping_variants(samples, start):
     """Each move, per sample, between 1/1000 and 1/2 of a unit in the last place."""
-    draw, variants = np.random.default_rng(13), []
-    for samples, start in ((2, 1e9), (7, -3.0), (130, 1e5), (200, 1e9)):
-        ts = start + np.arange(samples) * 2.0 ** draw.integers(-3, 4)
-        moves = EPS * 10.0 ** draw.uniform(-3, -0.3, size=3) / (ts[1] - ts[0])
-        y0 = draw.choice([-1, 1], 3) * 10.0 ** draw.uniform(-5, 16, 3)
-        # Each number of samples takes a program of its own.
-        marks = [] if samples == 2 else pytest.mark.slow
-        variants += [
-            pytest.param(y0[0], ts, {"rate": moves[0]}, marks=marks),
-            pytest.param(y0[1], ts, {"slope": moves[1] * y0[1]}, marks=marks),
-            pytest.param(0.0, ts - start, {"slope": moves[2] * 1e16, "surge": 1e18}, marks=marks),
-        ]
-    return variants
-
-
-def covered(problem, exact, **options):
-    """The reference, if the problem has one; its error never exceeds its bound.
-
-    Arguments:
-        problem: what to solve.
-        exact: for each quantity its exact values, ``(times, entries)``.
-        options: of `reference`.
-    """
-    try:
-        known = reference(problem, **options)
-    except ReferenceRefused:
-        return None
-    for quantity, values in exact.items():
-        states = problem.quantity(quantity, known.states[: known.trusted]).astype(Exact)
-        wrong = np.abs(states.reshape(len(states), -1) - values[: known.trusted]).max(axis=1)
-        assert np.all(wrong <= known.certificate.bounds[quantity][: known.trusted])
-    return known
+    draw = np.random.default_rng(13)
+    ts = start + np.arange(samples) * 2.0 ** draw.integers(-3, 4)
+    moves = EPS * 10.0 ** draw.uniform(-3, -0.3, size=3) / (ts[1] - ts[0])
+    y0 = draw.choice([-1, 1], 3) * 10.0 ** draw.uniform(-5, 16, 3)
+    return [
+        creeping(y0[0], ts, rate=moves[0]),
+        creeping(y0[1], ts, slope=moves[1] * y0[1]),
+        creeping(0.0, ts - start, slope=moves[2] * 1e16, surge=1e18),
+    ]
 
 
 @pytest.mark.parametrize(
-    ("y0", "ts", "terms"),
-    creeping_variants(),
-    ids=lambda value: "-".join(value) if isinstance(value, dict) else "",
+    ("samples", "start"), [(2, 1e9), pytest.param(2_000, 1e5, marks=pytest.mark.slow)]
 )
-def test_motion_below_the_last_place_is_kept(y0, ts, terms):
-    problem = creeping(y0, ts, **terms)
-    exact = crept(problem)
-    known = covered(problem, {"state": exact[:, None]})
-    assert known is not None
-    assert known.trusted == len(problem.ts)
-    # The rounding of the state itself, and of the evaluation where it grows at first.
-    wrong = np.abs(known.states[:, 0] - exact) / np.spacing(np.abs(known.states[:, 0]))
-    assert np.max(wrong) <= (3 if problem.args["surge"] else 0.51)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("samples", [2_000, 20_000])
-def test_motion_below_the_last_place_is_kept_over_many_samples(samples):
-    for problem in (
-        creeping(1.0, np.arange(float(samples)), rate=4e-17),
-        creeping(1.7e9, 1e-7 * np.arange(samples), slope=1.0),
-        creeping(1e16, np.arange(samples) / 2, slope=1.0),
-    ):
-        assert covered(problem, {"state": crept(problem)[:, None]}) is not None
-
-
-@pytest.mark.slow
-def test_motion_below_the_last_place_is_kept_in_an_ensemble():
-    ts = np.arange(130.0)
-    problems = [creeping(1.0, ts, rate=rate) for rate in (4e-17, -6e-17, 1e-17)]
-    for problem, known in zip(problems, reference(Ensemble.of(problems)), strict=True):
-        wrong = np.abs(known.states[:, 0] - crept(problem))
-        assert np.all(wrong <= known.bound())
-        assert np.max(wrong) < 0.51 * EPS
-
-
-def beside(t, y, args):
-    """A clock beside an oscillator that forces many steps in each frame."""
-    return jnp.stack([jnp.ones_like(y[0]), args * y[2], -args * y[1]])
-
-
-@pytest.mark.slow
-def test_a_clock_beside_something_fast_is_kept():
-    rate, frame = 2e8, 1e-7
-    problem = Problem(beside, [1.7e9, 0.0, 1e9], frame * np.arange(7), rate)
-    t = problem.ts.astype(Exact)
-    exact = [Exact(1.7e9) + t, 1e9 * np.sin(rate * t), 1e9 * np.cos(rate * t)]
-    known = covered(problem, {"state": np.stack(exact, axis=1)}, accuracy=10.0)
-    assert known is not None
-    assert known.horizon is None
-    assert np.max(np.abs(known.states[:, 0] - exact[0])) <= 0.51 * np.spacing(1.7e9)
+def test_motion_below_the_last_place_is_kept(samples, start):
+    for problem in creeping_variants(samples, start):
+        exact = crept(problem)
+        known = covered(problem, exact)
+        assert known is not None
+        assert known.trusted == len(problem.ts)
+        # The rounding of the state itself, and of the evaluation where it grows at first.
+        wrong = np.abs(known.states[:, 0] - exact) / np.spacing(np.abs(known.states[:, 0]))
+        assert np.max(wrong) <= (3 if problem.args["surge"] else 0.51)
 
 
 def noisy(t, y, args):
@@ -290,10 +211,8 @@ def noisy(t, y, args):
     which, size, small, wave = args
     losses = [
         lambda: (1.0 + small) - 1.0,
-        lambda: (1.0 + small) - (1.0 + 3 * small),
         lambda: jnp.sum(jnp.stack([small * 0 + 1, small, -1 + small * 0])),
         lambda: 1.0 - jnp.cos(wave * t),
-        lambda: jnp.cos(wave * t) - jnp.cos(2 * wave * t),
         lambda: jnp.sqrt(1.0 + (wave * t) ** 2) - 1.0,
     ]
     return size * lax.switch(which, losses) - y
@@ -301,23 +220,19 @@ def noisy(t, y, args):
 
 def noisy_variants():
     draw = np.random.default_rng(14)
-    sizes = 10.0 ** draw.uniform((4, -18, -10), (13, -15.5, -7), size=(12, 3))
-    first = [(which, *each) for which, each in enumerate(sizes[:6])]
-    second = [
-        pytest.param(which, *each, marks=pytest.mark.slow) for which, each in enumerate(sizes[6:])
-    ]
-    return [(3, 1e16, 0.0, 1e-8), *first, *second]
+    sizes = 10.0 ** draw.uniform((4, -18, -10), (13, -15.5, -7), size=(4, 3))
+    return [(2, 1e16, 0.0, 1e-8), *((which, *each) for which, each in enumerate(sizes))]
 
 
 @pytest.mark.parametrize(("which", "size", "small", "wave"), noisy_variants())
 def test_digits_lost_in_the_equation_are_not_trusted(which, size, small, wave):
-    constant = size * small * (1, -2, 1, 0, 0, 0)[which]
-    square = size * wave**2 * (0, 0, 0, 0.5, 1.5, 0.5)[which]
+    constant = size * small * (1, 1, 0, 0)[which]
+    square = size * wave**2 * (0, 0, 0.5, 0.5)[which]
     ts = np.linspace(0.0, 7.0, 6)
     exact = constant + square * (ts**2 - 2 * ts + 2) + (1 - constant - 2 * square) * np.exp(-ts)
     problem = Problem(noisy, [1.0], ts, (np.int64(which), size, small, wave))
     for accuracy in (None, 1.0):
-        known = covered(problem, {"state": exact[:, None]}, accuracy=accuracy)
+        known = covered(problem, exact, accuracy=accuracy)
     # A factor that hardly counts costs no reference.
     assert known is not None or size * EPS > 1e-7
 
@@ -329,21 +244,20 @@ def column(t, x, v, args):
     return jnp.stack([rate**2 * x[0] + force, -x[1], jnp.zeros_like(x[2])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "pull"), [(2.0, 1e-17), (0.7, -8e-17), (5.0, 0.0)])
-@pytest.mark.parametrize("swing", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
-def test_an_unstable_balance_is_trusted_no_longer_than_it_lasts(rate, pull, swing):
+def test_an_unstable_balance_is_trusted_no_longer_than_it_lasts(rate, pull):
     ts = np.linspace(0.0, 60.0 / rate, 8)
-    x0 = [[0.0, 0.0], [0.0, swing], [0.0, 3.0]]
+    x0 = [[0.0, 0.0], [0.0, 1.0], [0.0, 3.0]]
     problem = Problem.second_order(column, x0, np.zeros((3, 2)), ts, (rate, pull))
     leaves = pull * (np.cosh(rate * ts) - 1) / rate**2
-    exact = np.zeros((len(ts), 3, 2))
-    exact[:, 0] = leaves[:, None]
-    exact[:, 1, 1], exact[:, 2, 1] = swing * np.cos(ts), 3.0
-    rates = np.zeros_like(exact)
-    rates[:, 0] = (pull * np.sinh(rate * ts) / rate)[:, None]
-    rates[:, 1, 1] = -swing * np.sin(ts)
-    flat = {"position": exact.reshape(len(ts), -1), "velocity": rates.reshape(len(ts), -1)}
-    known = covered(problem, flat)
+    leaves_at = pull * np.sinh(rate * ts) / rate
+    exact = np.zeros((len(ts), *problem.y0.shape))
+    position, velocity = (problem.quantity(name, exact) for name in problem.quantities)
+    position[:, 0], velocity[:, 0] = leaves[:, None], leaves_at[:, None]
+    position[:, 1, 1], velocity[:, 1, 1] = np.cos(ts), -np.sin(ts)
+    position[:, 2, 1] = 3.0
+    known = covered(problem, exact)
     assert known is None or known.horizon is not None
 
 
@@ -352,28 +266,9 @@ def test_ordinary_problems_have_no_larger_bound(name, small_rope):
     known = reference(small_rope if name == "rope" else PROBLEMS[name](frames=4))
     assert known.horizon is None
     for quantity in largest_norms(known.problem):
-        largest = {True: 0.0, False: 4 * EPS * np.max(np.abs(known.states))}
+        seen = {role: [0.0] for role in get_args(Role)}
         for witness in known.certificate.witnesses:
-            if witness.role != "looser":
-                of_rounding = witness.role == "rounding"
-                seen = max(largest[of_rounding], np.max(witness.differences[quantity]))
-                largest[of_rounding] = seen
-        assert largest[True] <= 2 * largest[False]
+            seen[witness.role].append(np.max(witness.differences[quantity]))
+        others = max(max(seen[role]) for role in seen if role not in ("rounding", "looser"))
+        assert max(seen["rounding"]) <= 2 * max(others, 4 * EPS * np.max(np.abs(known.states)))
     assert sum(w.role == "rounding" for w in known.certificate.witnesses) == 2
-
-
-@pytest.mark.slow
-def test_stiff_problems_lose_digits_too():
-    def rhs(t, y, args):
-        forced = -1e6 * (y[0] - jnp.cos(t)) - jnp.sin(t)
-        return jnp.stack([forced, -y[1] + (1.0 - jnp.cos(1e-8 * t)) * args])
-
-    ts = np.arange(6.0)
-    for size in (1e8, 1e16):
-        c = size * 1e-16 / 2
-        lost = np.exp(-ts) * (1 - 2 * c) + c * (ts**2 - 2 * ts + 2)
-        exact = {"state": np.stack([np.cos(ts), lost], axis=1)}
-        known = covered(Problem(rhs, [1.0, 1.0], ts, size), exact, accuracy=1e-6)
-        assert (known is None) == (size > 1e10)
-        if known is not None:
-            assert known.certificate.solver in (KVAERNO5, DOPRI8)
