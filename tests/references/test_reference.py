@@ -26,7 +26,7 @@ from tests.problems.exact import EXACT
 from tests.references.covered import assert_covered, covered
 from tests.references.scalar_problems import scalar
 from tests.sampled import sampled
-from tests.verification.extrapolation import EPS, inextensible_rope_solution
+from tests.verification.extrapolation import EPS, rope_solution
 
 EPS64 = np.finfo(np.float64).eps
 
@@ -224,7 +224,7 @@ INEXTENSIBLE = {
 @pytest.mark.parametrize("name", INEXTENSIBLE)
 def test_bound_covers_the_true_error_of_an_inextensible_rope(name):
     problem = INEXTENSIBLE[name].problem(frames=3)
-    truth = inextensible_rope_solution(problem)
+    truth = rope_solution(problem)
     for rtol in (None, 1e-8) if name.startswith("space") else (1e-8,):
         known = reference(problem, rtol=rtol)
         assert known.horizon is None

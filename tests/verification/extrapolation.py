@@ -212,7 +212,3 @@ def rope_solution(problem: Any, *, rtol: float = 1e-19) -> np.ndarray:
     """
     sizes = rope_sizes(problem.args, problem.y0)
     return integrate(rope_rhs(problem.args), problem.y0, problem.ts, sizes=sizes, rtol=rtol)
-
-
-# Its name where a test is about one kind of rope.
-inextensible_rope_solution = rope_solution
