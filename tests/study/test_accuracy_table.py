@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -170,3 +171,14 @@ def test_progress_reaches_the_end(small_rope):
 def test_bad_input(change, words, small_rope):
     with pytest.raises(InputError, match=words):
         accuracy_table(small_rope, **{"steps_per_frame": (4, 8), **change})
+
+
+def test_an_orbit_that_is_back_at_each_sample_is_not_unstable() -> None:
+    def attraction(t, x, v, args):
+        return -x / jnp.sum(x**2) ** 1.5
+
+    whole = Problem.second_order(attraction, [[1.0, 0.0]], [[0.0, 1.0]], [0.0, 2 * np.pi])
+    table = accuracy_table(whole, ["rk4", "stormer-verlet"], [64, 128, 256, 512])
+    reasons = {left.reason for each in table.orders for left in each.order.left_out}
+    assert "unstable" not in reasons
+    assert [each.order.verdict for each in table.orders] == ["converges", "converges"]
