@@ -10,6 +10,7 @@ from .errors import distances_from as distances_from
 from .errors import energy_errors as energy_errors
 from .errors import error_series as error_series
 from .errors import error_sizes as error_sizes
+from .errors import moved as moved
 from .errors import quantity_distances as quantity_distances
 from .errors import resolution as resolution
 from .lyapunov import LyapunovExponent as LyapunovExponent

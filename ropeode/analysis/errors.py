@@ -12,14 +12,17 @@ from numpy.typing import ArrayLike
 from ropeode.arrays import real_array
 from ropeode.display import Tabular
 from ropeode.errors import InputError
-from ropeode.norms import Norm, distance, node_distances, norm_for
-from ropeode.problems import Problem, same_problem
+from ropeode.norms import Norm, distance, motion, node_distances, norm_for
+from ropeode.precision import in_float64
+from ropeode.problems import NoEquations, Problem, same_problem
 from ropeode.references import Reference
 from ropeode.simulation import Trajectory
 from ropeode.validation import bad_value, check_kind, not_traced
 
 # An error is shown as a number only if it is this many times the reference's bound.
 RESOLUTION_FACTOR = 10.0
+# What is so much less, at the samples, than it may be between them comes back at each sample.
+_COMES_BACK = 1e-3
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -236,3 +239,28 @@ def energy_errors(energies: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """Energies of a run minus the true ones, at the first samples that both have, ``(times,)``."""
     samples = min(len(energies), len(truth))
     return energies[:samples] - truth[:samples]
+
+
+@in_float64
+def moved(reference: Reference, norm: Norm) -> float:
+    """How far the solution gets from its start inside the horizon.
+
+    An orbit that is sampled once in each period comes back, and has moved between the samples: as
+    far as its first slope (and acceleration) leads in a frame, but no farther than the size of the
+    initial state.
+
+    Arguments:
+        reference: of the solution.
+        norm: the measure.
+    """
+    problem = reference.problem
+    seen = float(motion(problem, reference.states, norm)[reference.trusted - 1])
+    if seen >= _COMES_BACK * problem.scale or isinstance(problem.rhs, NoEquations):
+        return seen
+    frame = float(np.max(np.diff(problem.ts)))
+    way = frame * np.array(problem.rhs(problem.ts[0], problem.y0, problem.args))
+    if problem.mechanics is not None:
+        way[0] += frame / 2 * way[1]
+    ahead = float(distance(problem, norm, (problem.y0 + way)[None], problem.y0[None])[0])
+    between = min(ahead, problem.scale)
+    return between if seen < _COMES_BACK * between else seen

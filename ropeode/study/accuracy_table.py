@@ -18,13 +18,14 @@ from ropeode.analysis import (
     ObservedOrder,
     error_series,
     in_other_units,
+    moved,
     observed_order,
     round_off,
 )
 from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.json_form import json_shows
-from ropeode.norms import Norm, motion, norm_for
+from ropeode.norms import Norm, norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references import (
@@ -315,7 +316,7 @@ def table_of_rows(
     """
     problem = reference.problem
     resolution = float(RESOLUTION_FACTOR * reference.bound(norm)[-1])
-    size = float(motion(problem, reference.states, norm)[reference.trusted - 1])
+    size = moved(reference, norm)
     orders = []
     for stepper, prediction in zip(chosen, predictions, strict=True):
         runs = [row for row in rows if row.stepper == stepper.label]

@@ -10,11 +10,11 @@ from typing import Any, ClassVar, Literal, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis import RESOLUTION_FACTOR, UNSTABLE_FROM, energy_errors, error_series
+from ropeode.analysis import RESOLUTION_FACTOR, UNSTABLE_FROM, energy_errors, error_series, moved
 from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.json_form import json_shows
-from ropeode.norms import Norm, motion, norm_for
+from ropeode.norms import Norm, norm_for
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, part_of, shows_progress
@@ -534,7 +534,7 @@ class _Measuring:
         problem, trusted = reference.problem, reference.trusted
         self._reference, self._norm, self._energies = reference, norm, None
         self.resolution = float(RESOLUTION_FACTOR * reference.bound(norm)[-1])
-        self._motion = float(motion(problem, reference.states[:trusted], norm)[-1])
+        self._motion = moved(reference, norm)
         self.energy_resolution = None
         if problem.energy is not None:
             self._energies = energies_of(problem, reference, reference.states[:trusted], ())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -114,3 +115,14 @@ def test_jumps_take_the_expectation_away(jump_times, expected):
     problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0], jump_times=jump_times)
     known = exact_reference(problem, np.exp(-problem.ts)[:, None])
     assert accuracy_table(known, ["rk4"], [4]).orders[0].expected == expected
+
+
+def test_an_orbit_that_is_back_at_each_sample_is_not_unstable() -> None:
+    def attraction(t, x, v, args):
+        return -x / jnp.sum(x**2) ** 1.5
+
+    whole = Problem.second_order(attraction, [[1.0, 0.0]], [[0.0, 1.0]], [0.0, 2 * np.pi])
+    table = accuracy_table(whole, ["rk4", "stormer-verlet"], [64, 128, 256, 512])
+    reasons = {left.reason for each in table.orders for left in each.order.left_out}
+    assert "unstable" not in reasons
+    assert [each.order.verdict for each in table.orders] == ["converges", "converges"]

@@ -11,13 +11,20 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis import ObservedOrder, differences, distances, observed_order, resolution
+from ropeode.analysis import (
+    ObservedOrder,
+    differences,
+    distances,
+    moved,
+    observed_order,
+    resolution,
+)
 from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import shown, worst_rounding
 from ropeode.checking.trajectories.layout import samples_of, states_of
 from ropeode.checking.trajectories.run_files import Run, names_of
 from ropeode.display import Tabular
-from ropeode.norms import Norm, motion, norm_for
+from ropeode.norms import Norm, norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Reference, ReferenceOptions, problem_of, reference_for
@@ -309,7 +316,7 @@ def _order(
             errors,
             resolution=float(resolution(reference, norm)[-1]),
             rounding=[_size(rounding(run), reference, norm) for run in runs],
-            motion=float(motion(reference.problem, reference.states, norm)[reference.trusted - 1]),
+            motion=moved(reference, norm),
         )
 
     as_written = with_rounding(attrgetter("rounding"))

@@ -13,9 +13,10 @@ from ropeode.analysis import (
     in_other_units,
     keeps_units,
     motion_words,
+    moved,
 )
 from ropeode.errors import InputError
-from ropeode.norms import Norm, motion
+from ropeode.norms import Norm
 from ropeode.problems import Ensemble, Problem, family_of
 from ropeode.references import Reference
 from ropeode.simulation import Method, Trajectory, method_of, simulate
@@ -55,8 +56,7 @@ def subject(problem: Problem, norm: Norm, outcome: Reference | str) -> Subject:
     rescaled, alike = in_other_units(problem), family_of(problem)
     if not isinstance(outcome, Reference):
         return Subject(problem, rescaled, norm, None, outcome, np.inf, alike)
-    size = float(motion(problem, outcome.states, norm)[-1])
-    return Subject(problem, rescaled, norm, outcome, None, size, alike)
+    return Subject(problem, rescaled, norm, outcome, None, moved(outcome, norm), alike)
 
 
 class Run(NamedTuple):
