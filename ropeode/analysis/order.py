@@ -217,7 +217,10 @@ def observed_order(
     local = np.diff(np.log(error[usable])) / np.diff(np.log(dt[usable]))
     scattered = ""
     if _scatters(local):
-        scattered = "; the errors scatter, as where the right-hand side is not smooth"
+        scattered = (
+            "; the errors scatter, as where the right-hand side is not smooth, or where they happen "
+            "to cancel at some step sizes"
+        )
     if not kept:
         bent = "the three finest usable step sizes do not lie on one power law"
         return nothing.withheld(bent + scattered)
