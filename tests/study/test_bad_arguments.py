@@ -97,7 +97,7 @@ def said_of(call):
     return caught.value.problems
 
 
-@pytest.mark.parametrize("given", BAD, ids=lambda given: str(given[1]))
+@pytest.mark.parametrize("given", BAD, ids=lambda given: given[-1])
 def test_each_fault_is_a_line_with_its_fix(given, small_rope):
     function, named, *words = given
     computing = []
