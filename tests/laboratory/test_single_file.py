@@ -77,9 +77,7 @@ def test_what_is_shown_first():
 
 
 def test_the_command_writes_the_file_whole_or_refuses(tmp_path: Path, monkeypatch, recorded_file):
-    monkeypatch.setattr(
-        "ropeode.laboratory.single_file.page_with_answers", lambda *_: recorded_file
-    )
+    monkeypatch.setattr("ropeode.laboratory.page_with_answers", lambda *_: recorded_file)
     # It would switch on 64-bit types for all tests after this one.
     monkeypatch.setattr("ropeode.cli.lab.set_up_jax", lambda: None)
     monkeypatch.chdir(tmp_path)

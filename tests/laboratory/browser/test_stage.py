@@ -83,6 +83,7 @@ def test_each_press_halves_the_step_and_adds_points_that_say_what_they_are(alone
     expect(stops).to_have_count(1)
     # Their numbers stand in a table: rk4 evaluates four times as often.
     plot.locator("summary").press("Enter")
+    expect(plot.locator("tbody tr")).to_have_count(9)
     rows = plot.locator("tbody tr").evaluate_all(
         "all => all.map((row) => [...row.cells].map((each) => each.innerText))"
     )
