@@ -218,8 +218,8 @@ def observed_order(
     scattered = ""
     if _scatters(local):
         scattered = (
-            "; the errors scatter, as where the right-hand side is not smooth, or where they happen "
-            "to cancel at some step sizes"
+            "; the errors scatter, as where the right-hand side is not smooth, or where they "
+            "happen to cancel at some step sizes"
         )
     if not kept:
         bent = "the three finest usable step sizes do not lie on one power law"
