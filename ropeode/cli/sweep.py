@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +37,6 @@ def run(spec: Path, out: str, **options: Any) -> None:
     Finished cases are kept in DIR. After Ctrl-C, a crash or a full disk, run the same command to
     resume. Needs the data packages: pip install '.[data]', and with a scheduler '.[data,dask]'.
     """
-    # After Ctrl-C, Python's tracker removes the workers' queues, and would print a warning.
-    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     from ropeode.sweep import folder_reserved, run_in_folder
 
     with folder_reserved(out) as lock:
