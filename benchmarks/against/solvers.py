@@ -17,6 +17,7 @@ from against.timing import Peers
 from ropeode import Problem
 from ropeode.references import DOPRI8, KVAERNO5
 from ropeode.references import Solver as ReferenceSolver
+from ropeode.references import solve as solve_with
 
 MOST_STEPS = 10**6
 _SCIPY_TIGHTEST = 100 * np.finfo(np.float64).eps
@@ -75,7 +76,7 @@ def primary(problem: Problem, method: ReferenceSolver) -> Solver:
     """Ropeode's solver of a reference, without what certifies it."""
 
     def solve(rtol: float, of: Problem = problem) -> np.ndarray:
-        run = solve(of, method, rtol, rtol * of.scale, max_steps=MOST_STEPS)
+        run = solve_with(of, method, rtol, rtol * of.scale, max_steps=MOST_STEPS)
         if run.failure:
             raise NotSolved(run.failure)
         return run.states
@@ -94,7 +95,7 @@ def primary(problem: Problem, method: ReferenceSolver) -> Solver:
         jax.effects_barrier()
         return calls[0]
 
-    compiling = solve(problem, method, 1e-3, 1e-3, max_steps=10).compile_seconds
+    compiling = solve_with(problem, method, 1e-3, 1e-3, max_steps=10).compile_seconds
     return Solver("ropeode", f"primary: {method}", "", solve, count, compile_seconds=compiling)
 
 

@@ -34,6 +34,7 @@ from .problem import require_problem as require_problem
 from .python_rhs import PythonRhs as PythonRhs
 from .rope import Rope as Rope
 from .ropes import ROPES as ROPES
+from .ropes import rope_of as rope_of
 from .scipy_form import without_memory as without_memory
 from .state_structure import StateStructure as StateStructure
 from .traced import callbacks_in as callbacks_in

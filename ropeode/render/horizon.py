@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.norms import NORMS
-from ropeode.problems import ROPES
+from ropeode.problems import rope_of
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.results import blocks, line, rows
@@ -135,7 +135,7 @@ def growth_words(study: Horizon) -> list[str]:
 
 def unit(study: Horizon) -> str:
     """The unit of the problem's time."""
-    return "frame" if study.problem.parameters.get("kind") in ROPES else "time unit"
+    return "frame" if rope_of(study.problem) else "time unit"
 
 
 def _growth_words(growth: Growth | None, per: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ropeode.analysis import ObservedOrder
-from ropeode.problems import ROPES, Problem
+from ropeode.problems import Problem, rope_of
 from ropeode.references import Certificate, remarks
 from ropeode.study import AccuracyTable, Row, StepperOrder
 from ropeode.study.error_constant import AGREE_CLOSELY, ErrorConstant
@@ -41,12 +41,13 @@ def title(table: AccuracyTable) -> str:
 def problem_words(problem: Problem) -> str:
     """The problem in a few words."""
     words, parameters = [problem.name], problem.parameters
-    if parameters.get("kind") in ROPES:
+    rope = rope_of(problem)
+    if rope is not None:
         words.append(counted(parameters["num_nodes"], "node"))
         words.append(_parameter_words("damping", parameters["damping"]))
     words.append(counted(problem.frames, "frame"))
-    if kind := ROPES.get(parameters.get("kind", "")):
-        usual = kind().model_dump(mode="json")
+    if rope is not None:
+        usual = rope().model_dump(mode="json")
         words += [
             _parameter_words(name, parameters[name])
             for name in usual

@@ -113,9 +113,6 @@ def node_order(examination: Examination) -> Finding:
     if power >= (examination.expected(problem) or 1) - POWER_TOLERANCE:
         line += f", and by dt^{power:.1f} less at smaller dt: it sweeps over nodes or springs"
         return Finding("node-order", "pass", line, finding.evidence)
-    if is_small(difference, examination, problem):
-        line += ", which is small beside the error of the step"
-        return Finding("node-order", "pass", line, finding.evidence)
     return finding
 
 
@@ -167,33 +164,21 @@ def _at_many_times(examination: Examination) -> Finding | None:
 
 
 def units(examination: Examination) -> Finding:
-    """A rope in another unit of length moves in the same way.
-
-    An iteration that ends at an absolute tolerance contains a constant with a unit. That is no
-    fault as long as what it leaves is small beside the error of the step.
-    """
+    """A rope in another unit of length moves in the same way."""
     textbook = convergence_problems()["textbook"]
     # The textbook's lengths are integers, but not in another unit.
     for problem in (textbook, generic()):
-        other = in_other_units(problem)
-
-        @functools.cache
-        def difference(steps: int, problem: Problem = problem, other: Problem = other) -> float:
-            moved = examination.run(other, steps) / UNITS
-            return _apart(problem, examination.run(problem, steps), moved)
-
-        words = "in another unit of length"
-        hint = "; does the step contain a constant with a unit, or convert a length to an integer?"
-        finding = _finding(examination, problem, "units", difference, words, hint)
+        finding = _compared(
+            examination,
+            "units",
+            in_other_units(problem),
+            lambda states: states / UNITS,
+            "in another unit of length",
+            "; does the step contain a constant with a unit, or convert a length to an integer?",
+            problem,
+        )
         if finding.status == "fail":
-            if not is_small(difference, examination, problem):
-                break
-            line = (
-                f"a rope {words} moves differently, by {difference(_STEPS):.1e} of its size at "
-                f"dt = {step_size(problem, _STEPS):.3g}, which is small beside the error of the "
-                "step: is there a tolerance with a unit?"
-            )
-            finding = Finding("units", "pass", line, finding.evidence)
+            break
     return finding
 
 
@@ -266,6 +251,10 @@ def _finding(
 ) -> Finding:
     """Whether two ropes move in the same way.
 
+    What an iteration or steps inside the step leave that end at a tolerance need not: the tolerance
+    has a unit, or is a part of a number that another motion adds to. That is no fault where it is
+    small beside the error of the step.
+
     Arguments:
         examination: of the stepper.
         problem: one of the ropes.
@@ -282,7 +271,10 @@ def _finding(
         return Finding(check, "pass", line, evidence)
     line = f"a rope {words} moves differently, by {found:.1e} of its size"
     power = evidence["power"] = falling_power(difference)
+    at = f" at dt = {step_size(problem, _STEPS):.3g}"
     if is_harmless(power, examination, problem):
-        line += f" at dt = {step_size(problem, _STEPS):.3g}, and by {cut_off(power)}"
+        return Finding(check, "pass", f"{line}{at}, and by {cut_off(power)}", evidence)
+    if is_small(difference, examination, problem):
+        line += f"{at}, which is small beside the error of the step, as where a tolerance ends it"
         return Finding(check, "pass", line, evidence)
     return Finding(check, "fail", line + hint, evidence)

@@ -9,7 +9,7 @@ import numpy as np
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.messages import AskTruth, Truth
 from ropeode.laboratory.setup import Laboratory
-from ropeode.problems import ROPES, Problem
+from ropeode.problems import Problem, rope_of
 from ropeode.progress import Progress
 from ropeode.references import Reference, remarks
 from ropeode.render import certificate_claim, problem_words
@@ -27,7 +27,7 @@ def answer(ask: AskTruth, laboratory: Laboratory, progress: Progress) -> Answer:
     }
     if motion.energy is not None:
         arrays |= {"energy": motion.energy.values, "energy_bound": motion.energy.bound}
-    rope = problem.parameters.get("kind") in ROPES
+    rope = rope_of(problem) is not None
     message = Truth(
         words=problem_words(problem),
         frame=float(np.max(frame_lengths(problem))),

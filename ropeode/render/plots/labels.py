@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ropeode.norms import NORMS
-from ropeode.problems import ROPES, Problem
+from ropeode.problems import ROPES, Problem, rope_of
 
 _ROPE_UNITS = {
     "time": "frames",
@@ -23,7 +23,7 @@ def with_unit(text: str, problem: Problem, quantity: str) -> str:
 
 def unit_of(problem: Problem, quantity: str) -> str:
     """The unit of a quantity; empty where it has none."""
-    return _ROPE_UNITS[quantity] if problem.parameters.get("kind") in ROPES else ""
+    return _ROPE_UNITS[quantity] if rope_of(problem) else ""
 
 
 # By column of a sweep; its errors have the unit of their norm.
