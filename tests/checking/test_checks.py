@@ -187,18 +187,20 @@ def test_steps_in_parts_are_right_in_all_units():
     assert not check_stepper(in_parts, 1, only=["scales"], time_limit=600.0).failed
 
 
-def test_an_absolute_tolerance_that_is_small_beside_the_error_is_no_fault():
+@pytest.mark.parametrize(("check", "relative"), [("units", False), ("boost", True)])
+def test_a_tolerance_that_is_small_beside_the_error_is_no_fault(check, relative):
     def implicit_midpoint(rhs, t, y, dt, args):
         slope = rhs(t, y, args)
         for _ in range(50):
             slope, last = rhs(t + dt / 2, y + dt / 2 * slope, args), slope
-            if np.max(np.abs(slope - last)) < 1e-6:
+            size = 0.1 * np.linalg.norm(slope) if relative else 1.0
+            if np.max(np.abs(slope - last)) < 1e-6 * size:
                 break
         return y + dt * slope
 
-    (finding,) = check_stepper(implicit_midpoint, 2, only=["units"], diagnose=False).findings
+    (finding,) = check_stepper(implicit_midpoint, 2, only=[check], diagnose=False).findings
     assert finding.status == "pass"
-    assert finding.evidence["difference"] > 1e-10
+    assert finding.evidence["difference"] > 1e-8 if relative else 1e-10
 
 
 def nan_for_long_steps(acceleration, t, x, v, dt, args):

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ropeode.checking.check_context import Examination
+from ropeode.checking.checks.local_errors import exact_states
 from ropeode.problems import Problem
 
 # Steps per frame at which a defect is measured for the power of dt.
@@ -21,7 +22,7 @@ STEPS = (20, 40)
 POWER_TOLERANCE = 0.25
 # By how much the power exceeds the order of a method that the defect does not harm.
 _HIGHER = 0.5
-# What an iteration leaves is small beside the error if it is at most this part of it.
+# What a tolerance leaves is small beside the error if it is at most this part of it.
 _SMALL_PART = 0.01
 # In place of infinity, which JSON does not have.
 _AT_ONCE = 99.0
@@ -54,15 +55,15 @@ def is_harmless(power: float, examination: Examination, problem: Problem) -> boo
 
 
 def is_small(defect: Callable[[int], float], examination: Examination, problem: Problem) -> bool:
-    """Whether a defect is small beside the error of a step, as where an iteration has ended.
+    """Whether a defect is small beside the error of the steps, as where a tolerance ends them.
 
     Arguments:
         defect: its size at a number of steps per frame, as a part of the rope's.
         examination: of the stepper.
-        problem: on which it has the defect.
+        problem: on which it has the defect; a rope without a drive.
     """
-    coarse, fine = (examination.run(problem, steps) for steps in (STEPS[1], 2 * STEPS[1]))
-    error = float(np.max(np.abs(coarse - fine))) / problem.scale
+    states = examination.run(problem, STEPS[1])
+    error = float(np.max(np.abs(states - exact_states(problem)))) / problem.scale
     return examination.may_sweep and defect(STEPS[1]) <= _SMALL_PART * error
 
 
