@@ -125,9 +125,17 @@ def streams_kept() -> Iterator[None]:
     """A block of a user's code that may replace `sys.stdout` and `sys.stderr`, as many scripts do.
 
     What ropeode prints behind the block goes where it went before.
+
+    Raises:
+        UserCodeError: the code closed standard output.
     """
     with contextlib.redirect_stdout(sys.stdout), contextlib.redirect_stderr(sys.stderr):
         yield
+    if getattr(sys.stdout, "closed", False):
+        raise UserCodeError(
+            "your code: it closes sys.stdout; allowed: code that leaves it open for the result. "
+            "Fix: remove the call of close()."
+        )
 
 
 class ReferenceRefused(RopeodeError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -14,6 +15,7 @@ import click
 import pytest
 
 from ropeode.cli import cli, run_command
+from ropeode.errors import UserCodeError, streams_kept
 from ropeode.references import entries
 from tests.time_limit import HANGS_AFTER_S
 
@@ -366,3 +368,9 @@ def test_a_file_that_prints_elsewhere_does_not_take_the_table_along(run):
     done = run("table", "--steppers", "steps.py", "--steps", "16,32,64", "--frames", "2")
     assert done.returncode == 0
     assert "steps.py:step" in done.stdout
+
+
+def test_code_that_closes_the_output_is_told_so(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    with pytest.raises(UserCodeError, match="closes sys.stdout"), streams_kept():
+        sys.stdout.close()
