@@ -203,6 +203,25 @@ def test_a_tolerance_that_is_small_beside_the_error_is_no_fault(check, relative)
     assert finding.evidence["difference"] > 1e-8 if relative else 1e-10
 
 
+def adaptive(rhs, t, y, dt, args):
+    """Heun's method with steps of its own, which keep the largest component to a tolerance."""
+    end, h, y = t + dt, dt, np.asarray(y)
+    while t < end - 1e-12:
+        h = min(h, end - t)
+        first = np.asarray(rhs(t, y, args))
+        second = np.asarray(rhs(t + h, y + h * first, args))
+        if np.max(np.abs(h * (second - first))) < 2e-5:
+            t, y, h = t + h, y + h * (first + second) / 2, 1.5 * h
+        else:
+            h /= 2
+    return y
+
+
+@pytest.mark.slow
+def test_steps_that_adapt_to_a_tolerance_break_no_symmetry():
+    assert not check_stepper(adaptive, only=["rotation", "mirror", "units"], diagnose=False).failed
+
+
 def nan_for_long_steps(acceleration, t, x, v, dt, args):
     x, v = steps.velocity_verlet(acceleration, t, x, v, dt, args)
     return (x, v) if dt < 0.3 else (x + np.nan, v)

@@ -22,8 +22,9 @@ STEPS = (20, 40)
 POWER_TOLERANCE = 0.25
 # By how much the power exceeds the order of a method that the defect does not harm.
 _HIGHER = 0.5
-# What a tolerance leaves is small beside the error if it is at most this part of it.
-_SMALL_PART = 0.01
+# What a tolerance leaves is small beside the error if it is at most this part of it; or at most as
+# large, where the error itself is so small. (Steps inside the step that adapt have no other error.)
+_SMALL_PART, _ACCURATE = 0.01, 1e-4
 # In place of infinity, which JSON does not have.
 _AT_ONCE = 99.0
 
@@ -64,7 +65,8 @@ def is_small(defect: Callable[[int], float], examination: Examination, problem: 
     """
     states = examination.run(problem, STEPS[1])
     error = float(np.max(np.abs(states - exact_states(problem)))) / problem.scale
-    return examination.may_sweep and defect(STEPS[1]) <= _SMALL_PART * error
+    most = error if error <= _ACCURATE else _SMALL_PART * error
+    return examination.may_sweep and defect(STEPS[1]) <= most
 
 
 def cut_off(power: float) -> str:
