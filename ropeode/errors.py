@@ -129,9 +129,10 @@ def streams_kept() -> Iterator[None]:
     Raises:
         UserCodeError: the code closed standard output.
     """
+    was_closed = getattr(sys.stdout, "closed", False)
     with contextlib.redirect_stdout(sys.stdout), contextlib.redirect_stderr(sys.stderr):
         yield
-    if getattr(sys.stdout, "closed", False):
+    if getattr(sys.stdout, "closed", False) and not was_closed:
         raise UserCodeError(
             "your code: it closes sys.stdout; allowed: code that leaves it open for the result. "
             "Fix: remove the call of close()."

@@ -80,7 +80,6 @@ LEAVES: dict[str, str] = {
     "ropeode.render.plots.overlaps": "where lines and marks go that would hide one another",
     "ropeode.study.error_constant": "the leading term of an error, on runs made up for it",
     "ropeode.study.pareto": "Pareto fronts and costs of errors, held against brute force",
-    "ropeode.tableaus.order_conditions": "conditions on coefficients, held against the literature",
     "ropeode.tableaus.rooted_trees": "rooted trees, held against their known numbers",
     "ropeode.tableaus.stages": "arithmetic with exact coefficients",
     "ropeode.theory.known_mistakes": "famous mistakes, as data",

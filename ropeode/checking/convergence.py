@@ -17,13 +17,14 @@ from ropeode.analysis import (
     ObservedOrder,
     distances,
     largest_distance,
+    moved,
     observed_order,
     quantity_distances,
 )
 from ropeode.analysis import resolution as resolution_of
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.richardson import limit_of
-from ropeode.norms import NORMS, Norm, motion
+from ropeode.norms import NORMS, Norm
 from ropeode.references import Reference
 
 # The step size of a run and its states ``(times, *state)``, not-a-number from where it diverged;
@@ -131,7 +132,7 @@ def converging(
             errors[quantity],
             resolution=resolution[quantity],
             rounding=own,
-            motion=float(motion(problem, reference.states, norm)[reference.trusted - 1]),
+            motion=moved(reference, norm),
             claimed=expected,
             solved=[dt not in unsolved for dt in dts],
         )

@@ -145,7 +145,6 @@ def process_state() -> ProcessState:
         "draws or seeds the random numbers that all of NumPy shares": repr(shared["state"]),
         "draws or seeds the random numbers that all of Python shares": random.getstate(),
         "changes what NumPy does about floating-point errors": np.geterr(),
-        "replaces sys.stdout or sys.stderr": (sys.stdout, sys.stderr),
     }
     return ProcessState(os.getcwd(), dict(os.environ), tuple(map(_identity, range(3))), others)
 
@@ -171,5 +170,8 @@ def process_effects(before: ProcessState) -> Iterator[str]:
     for name, then, there in zip(_STREAMS, before.streams, now.streams, strict=True):
         if then != there:
             yield f"closes {name}" if there is None else f"redirects {name}"
-    if getattr(sys.stdout, "closed", False):
+    # Not whether it is another one: that may be a check in another thread, which keeps its output.
+    if not hasattr(sys.stdout, "write"):
+        yield "replaces sys.stdout"
+    elif sys.stdout.closed:
         yield "closes standard output"

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis import distances, resolution
+from ropeode.analysis import distances, moved, resolution
 from ropeode.display import Tabular
-from ropeode.norms import Norm, motion, norm_for
+from ropeode.norms import Norm, norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
@@ -167,7 +167,7 @@ def errors_of(reference: Reference, norm: Norm, curves: Iterable[Curve]) -> Erro
         problem=reference.problem,
         reference=reference,
         norm=norm,
-        motion=float(motion(reference.problem, reference.states, norm)[reference.trusted - 1]),
+        motion=moved(reference, norm),
         times=reference.times[inside],
         bound=reference.bound(norm)[inside],
         resolution=resolution(reference, norm)[1:],

@@ -200,7 +200,7 @@ def test_a_tolerance_that_is_small_beside_the_error_is_no_fault(check, relative)
 
     (finding,) = check_stepper(implicit_midpoint, 2, only=[check], diagnose=False).findings
     assert finding.status == "pass"
-    assert finding.evidence["difference"] > 1e-8 if relative else 1e-10
+    assert finding.evidence["difference"] > (1e-8 if relative else 1e-10)
 
 
 def adaptive(rhs, t, y, dt, args):

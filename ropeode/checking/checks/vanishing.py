@@ -66,7 +66,7 @@ def is_small(defect: Callable[[int], float], examination: Examination, problem: 
     states = examination.run(problem, STEPS[1])
     error = float(np.max(np.abs(states - exact_states(problem)))) / problem.scale
     most = error if error <= _ACCURATE else _SMALL_PART * error
-    return examination.may_sweep and defect(STEPS[1]) <= most
+    return examination.may_sweep and defect(STEPS[1]) <= most < math.inf
 
 
 def cut_off(power: float) -> str:

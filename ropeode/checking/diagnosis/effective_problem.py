@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -28,8 +28,7 @@ from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.report import Diagnosis
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import NORMS, motion
-from ropeode.problems import Problem
-from ropeode.references import Reference
+from ropeode.references import Reference, reference_for
 
 # By how much of its spread a number that is not simple may be rounded.
 _PART = 0.1
@@ -55,9 +54,7 @@ class EffectiveProblem:
     misfit: float
 
 
-def confirmed_problem(
-    limit: ObservedLimit, fit: Fit, runs: Runs, certify: Callable[[Problem], Reference]
-) -> EffectiveProblem | None:
+def confirmed_problem(limit: ObservedLimit, fit: Fit, runs: Runs) -> EffectiveProblem | None:
     """The rope of a fit, if its certified reference confirms that the runs converge to it.
 
     Returns:
@@ -71,7 +68,7 @@ def confirmed_problem(
         fitted,
     ):
         try:
-            reference = certify(with_fitted(limit.problem, numbers))
+            reference = reference_for(with_fitted(limit.problem, numbers))
         except ReferenceRefused:
             return None
         misfit = limit.misfit(reference)

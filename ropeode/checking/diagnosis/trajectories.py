@@ -20,7 +20,7 @@ from ropeode.checking.report import Diagnosis
 from ropeode.checking.written_precision import rounding_of
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
-from ropeode.references import Reference, reference_for
+from ropeode.references import Reference
 from ropeode.theory import is_rope
 
 # At first a motion depends on the parameters most simply, and later frames add little. With
@@ -122,7 +122,7 @@ def _confirmed(limit: ObservedLimit, frames: int, runs: Runs) -> list[EffectiveP
     for fit in smallest_fits(beginning):
         whole = fit_parameters(limit, fit.names, fit.changes, near=True)
         if fit.names and whole.explains and _agree(fit, whole):
-            solved = confirmed_problem(limit, whole, runs, reference_for)
+            solved = confirmed_problem(limit, whole, runs)
             if solved is not None:
                 confirmed.append(solved)
     return confirmed

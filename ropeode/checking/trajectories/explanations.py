@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.analysis import distances, resolution
+from ropeode.analysis import distances, moved, resolution
 from ropeode.checking.trajectories.arrangement import Arrangement, arrangements
 from ropeode.checking.trajectories.arrangement_words import Mistake, mistakes_in
 from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of
@@ -20,7 +20,7 @@ from ropeode.checking.trajectories.likely_clocks import likely_clocks
 from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run, finite, opened_files, read_runs
 from ropeode.errors import InputError
-from ropeode.norms import NORMS, motion
+from ropeode.norms import NORMS
 from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.validation import complaint
@@ -89,8 +89,8 @@ def explain_columns(
     if found is None:
         return None
     undone = found.arrangement.undone_in(runs)
-    moved = same_start and found.arrangement.moves_positions and not found.arrangement.after
-    return Explanation("columns", found.words, found.fix, found.evidence, undone, reference, moved)
+    moves = same_start and found.arrangement.moves_positions and not found.arrangement.after
+    return Explanation("columns", found.words, found.fix, found.evidence, undone, reference, moves)
 
 
 def explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
@@ -277,14 +277,14 @@ def _closeness(reference: Reference, runs: Sequence[Run]) -> str | None:
     words = []
     for name in runs[0].quantities:
         norm = NORMS[f"{name}-max"]
-        moved = motion(reference.problem, reference.states, norm)[reference.trusted - 1]
         coarse, fine = (
             float(np.max(distances(run.states, reference, norm)[1:])) for run in (runs[0], runs[-1])
         )
-        tiny = max(_VERY_SMALL * moved, float(resolution(reference, norm)[-1]))
-        if fine > max(tiny, min(_SMALL * moved, _FALLEN * coarse)):
+        way = moved(reference, norm)
+        tiny = max(_VERY_SMALL * way, float(resolution(reference, norm)[-1]))
+        if fine > max(tiny, min(_SMALL * way, _FALLEN * coarse)):
             return None
-        words.append(f"the error in {name} is {100.0 * fine / moved:.2g}% of the motion")
+        words.append(f"the error in {name} is {100.0 * fine / way:.2g}% of the motion")
     return " and ".join(words) + f" at dt = {runs[-1].dt:.4g}"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ropeode.analysis import distances, largest_distance
+from ropeode.analysis import distances, largest_distance, moved
 from ropeode.checking.report import Claims, Convergence
 from ropeode.checking.trajectories.convergence import (
     order_finding,
@@ -20,7 +20,7 @@ from ropeode.checking.trajectories.instability import advice
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.likely_methods import LIKELY
 from ropeode.checking.trajectories.run_files import Run, finite
-from ropeode.norms import NORMS, motion
+from ropeode.norms import NORMS
 from ropeode.problems import Problem
 from ropeode.progress import silent
 from ropeode.references import Reference
@@ -160,7 +160,7 @@ def _agree(reference: Reference, run: Run, made: Run) -> bool:
     """Whether two runs have the same positions in the first frame, and until they blow up."""
     problem, norm = reference.problem, NORMS[f"{reference.problem.quantities[0]}-max"]
     errors = distances(run.states, reference, norm)
-    blown_up = errors > motion(problem, reference.states, norm)[reference.trusted - 1]
+    blown_up = errors > moved(reference, norm)
     end = max(int(np.argmax(blown_up)), 2) if blown_up.any() else len(errors)
     apart = largest_distance(problem, norm, run.states[:end], made.states[:end])
     rounding = float(np.linalg.norm(worst_rounding(run, reference)[: run.layout.dim]))

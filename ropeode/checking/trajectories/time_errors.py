@@ -9,12 +9,12 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ropeode.analysis import differences
+from ropeode.analysis import differences, moved
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.trajectories.initial_states import begins_right
 from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run
-from ropeode.norms import NORMS, motion
+from ropeode.norms import NORMS
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.references import Reference
@@ -280,10 +280,7 @@ class _Shifts:
         self._rates, self._changes = _derivatives(self.problem, reference.states[:trusted])
         self._elapsed = self.problem.ts[:trusted] - self.problem.ts[0]
         self._errors = [differences(run.states, reference) for run in runs]
-        self._motion = {
-            name: float(motion(self.problem, reference.states, NORMS[f"{name}-max"])[trusted - 1])
-            for name in runs[0].quantities
-        }
+        self._motion = {name: moved(reference, NORMS[f"{name}-max"]) for name in runs[0].quantities}
 
     def left_over(self, delay: Delay, names: Sequence[str]) -> tuple[float, float] | None:
         """The part of the errors of some quantities that a delay leaves unexplained.

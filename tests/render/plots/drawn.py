@@ -25,16 +25,6 @@ def look(line: Line2D) -> tuple[str, Any]:
     return to_hex(line.get_color()).upper(), marker
 
 
-def legend_of(figure: Figure) -> dict[str, tuple[str, Any]]:
-    """How what each label of the legends stands for looks."""
-    return {
-        text.get_text(): look(handle)
-        for legend in figure.legends
-        for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True)
-        if isinstance(handle, Line2D)
-    }
-
-
 def described(figure: Figure) -> str:
     """All that a figure shows, but for where its texts stand and how its axes are laid out."""
     lines = [figure.get_suptitle()]
