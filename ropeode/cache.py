@@ -57,11 +57,14 @@ _PLAIN = (type(None), bool, int, float, str, Fraction)
 
 
 def set_up_jax() -> None:
-    """Use 64-bit types, and the user's cache folder: for a process of ropeode's own.
+    """Use 64-bit types, the processor, and the user's cache folder: for a process of ropeode's own.
 
-    To be called before anything is solved.
+    To be called before anything is solved. JAX_PLATFORMS may name another device: `on_processor`
+    says why it is not the first that JAX finds.
     """
     jax.config.update("jax_enable_x64", True)
+    if not jax.config.jax_platforms:  # type: ignore[attr-defined]
+        jax.config.update("jax_platforms", "cpu")
     use_cache_folder()
 
 

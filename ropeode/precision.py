@@ -1,7 +1,8 @@
-"""float64 for the length of a call, whatever the caller's JAX configuration is."""
+"""float64 on the processor for the length of a call, whatever the caller's JAX configuration is."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import warnings
 from collections.abc import Callable
@@ -31,7 +32,7 @@ R = TypeVar("R")
 
 
 def in_float64(function: Callable[P, R]) -> Callable[P, R]:
-    """Make a public function run with 64-bit JAX types.
+    """Make a public function run with 64-bit JAX types, on the processor.
 
     The switch is made outside any ``jit`` (inside one it breaks diffrax), and functions
     decorated with it must return NumPy arrays: a float64 JAX array that leaves the scope
@@ -42,7 +43,7 @@ def in_float64(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
         _check_settings()
-        with jax.enable_x64(True), callbacks.raised_again():
+        with jax.enable_x64(True), on_processor(), callbacks.raised_again():
             try:
                 return function(*args, **kwargs)
             except _TRACER_ERRORS:
@@ -53,6 +54,19 @@ def in_float64(function: Callable[P, R]) -> Callable[P, R]:
                 raise traced_value(getattr(function, "__name__", "ropeode"), "a call") from None
 
     return wrapper
+
+
+def on_processor() -> contextlib.AbstractContextManager[Any]:
+    """A block in which JAX computes on the processor, unless the user names another device.
+
+    A step of a small system takes a processor less time than a GPU takes to begin it: where JAX
+    finds a GPU, a table of seconds would take minutes.
+    """
+    config = jax.config
+    named = config.jax_platforms or config.jax_default_device is not None  # type: ignore[attr-defined]
+    if named or jax.default_backend() == "cpu":
+        return contextlib.nullcontext()
+    return jax.default_device(jax.devices("cpu")[0])
 
 
 def _check_settings() -> None:

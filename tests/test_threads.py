@@ -1,8 +1,9 @@
-"""How many processors are used."""
+"""Which processors are used, and how many."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import subprocess
 import sys
 import threading
@@ -12,6 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode import reference
+from ropeode.cli import run_command
 from ropeode.sweep import LocalProcesses
 from ropeode.threads import cores, threads, use_cores
 from tests.time_limit import HANGS_AFTER_S
@@ -31,6 +34,38 @@ def test_a_limit_holds_until_it_is_taken_back():
     finally:
         use_cores(None)
     assert cores() == there
+
+
+def test_a_small_system_is_not_computed_on_a_gpu(small_rope, monkeypatch):
+    """Each operation of a step would wait longer for a GPU than it takes a processor."""
+    devices = []
+
+    def rhs(t, y, args):
+        devices.append(jax.config.jax_default_device)
+        return small_rope.rhs(t, y, args)
+
+    problem = dataclasses.replace(small_rope, rhs=rhs)
+    del devices[:]
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    reference(problem)
+    assert {device.platform for device in devices} == {"cpu"}
+    other = jax.devices()[-1]
+    del devices[:]
+    with jax.default_device(other):
+        reference(problem)
+    assert {*devices} == {other}
+
+
+@pytest.mark.parametrize("given", [None, "cpu,xyz"])
+def test_a_command_asks_jax_for_the_processor(given, command_surroundings, monkeypatch):
+    """Unless the user asks for more."""
+    platforms = jax.config.jax_platforms
+    try:
+        jax.config.update("jax_platforms", given)
+        run_command(["table", "--problem=no such problem"])
+        assert jax.config.jax_platforms == (given or "cpu")
+    finally:
+        jax.config.update("jax_platforms", platforms)
 
 
 @pytest.mark.slow
