@@ -41,7 +41,7 @@ def test_a_small_system_is_not_computed_on_a_gpu(small_rope, monkeypatch):
     devices = []
 
     def rhs(t, y, args):
-        devices.append(jax.config.jax_default_device)
+        devices.append(jax.config.jax_default_device)  # pyright: ignore
         return small_rope.rhs(t, y, args)
 
     problem = dataclasses.replace(small_rope, rhs=rhs)
@@ -59,11 +59,11 @@ def test_a_small_system_is_not_computed_on_a_gpu(small_rope, monkeypatch):
 @pytest.mark.parametrize("given", [None, "cpu,xyz"])
 def test_a_command_asks_jax_for_the_processor(given, command_surroundings, monkeypatch):
     """Unless the user asks for more."""
-    platforms = jax.config.jax_platforms
+    platforms = jax.config.jax_platforms  # pyright: ignore
     try:
         jax.config.update("jax_platforms", given)
         run_command(["table", "--problem=no such problem"])
-        assert jax.config.jax_platforms == (given or "cpu")
+        assert jax.config.jax_platforms == (given or "cpu")  # pyright: ignore
     finally:
         jax.config.update("jax_platforms", platforms)
 
