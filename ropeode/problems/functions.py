@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import functools
 import types
 from collections.abc import Callable
@@ -12,7 +13,22 @@ import numpy as np
 
 from ropeode import cache
 from ropeode.cache import Source, described
-from ropeode.problems.changing import Changing
+
+
+class Changing(abc.ABC):
+    """A function that may compute something else when it is looked at again."""
+
+    @abc.abstractmethod
+    def __call__(self, *inputs: Any) -> Any:
+        """What the function returns."""
+
+    @abc.abstractmethod
+    def again(self) -> Changing:
+        """The function as it is now; the same object where it still computes the same."""
+
+    @abc.abstractmethod
+    def fits(self, inputs: tuple) -> bool:
+        """Whether it is the function of inputs with such a structure and such shapes."""
 
 
 def traced(name: str, function: Callable, inputs: tuple) -> Callable:

@@ -22,11 +22,11 @@ from ropeode.json_form import json_shows
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems import checks
 from ropeode.problems.functions import again, evaluated_once, traced
-from ropeode.problems.keywords import refuse_others
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.scipy_form import ScipyFunction, scipy_form
+from ropeode.problems.signatures import refuse_others
 from ropeode.problems.state_structure import StateStructure, is_tree
 from ropeode.validation import bad_value, check_all, check_memory, not_traced
 

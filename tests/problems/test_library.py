@@ -36,7 +36,6 @@ OF_ROPES = {
         "num_nodes": 5,
         "start": [0, 0, 0],
         "end": [4, 0, 0],
-        "node_mass": np.arange(1, 6),
         "pinned": [2, 1],
         "initial_velocity": [(0, 1, 0), (0, 0, 0), (0, 0, 0), (0, 2, 3), (0, 0, -1)],
     },
