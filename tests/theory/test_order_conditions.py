@@ -130,27 +130,6 @@ def test_order_of_second_order_methods_is_that_of_errors(name, damping):
     assert observed == pytest.approx(tableau.order, abs=0.1)
 
 
-def elementary_differential(tree):
-    """Of y' = y^2 at y = 1, where f = 1, f' = 2, f'' = 2, f''' = 0."""
-    own = (1, 2, 2, 0, 0, 0)[len(tree.branches)]
-    return own * math.prod(map(elementary_differential, tree.branches))
-
-
-@pytest.mark.parametrize("tableau", [EXPLICIT["SSPRK3"], RK4, IMPLICIT["Radau IIA of order 3"]])
-def test_error_coefficients_predict_the_local_error(tableau):
-    predicted = sum(
-        each.coefficient * elementary_differential(each.tree) for each in tableau.error_coefficients
-    )
-
-    def measured(dt):
-        error = tableau.step(lambda t, y: y**2, 0.0, np.array([1.0]), dt)[0] - 1.0 / (1.0 - dt)
-        return error / dt ** (tableau.order + 1)
-
-    # Extrapolated once: what is left is of second order in dt.
-    extrapolated = 2.0 * measured(0.005) - measured(0.01)
-    assert extrapolated == pytest.approx(float(predicted), rel=2e-2)
-
-
 def test_principal_error_norms_are_the_published_ones():
     # Dormand and Prince, J. Comput. Appl. Math. 6 (1980), give 0.399e-3 for RK5(4)7M.
     assert of_diffrax("Dopri8").order == 8
