@@ -13,6 +13,7 @@ from .files import names_in_file as names_in_file
 from .files import names_in_text as names_in_text
 from .files import problem_in_file as problem_in_file
 from .functions import compiled as compiled
+from .functions import for_each_state as for_each_state
 from .inextensible_rope import InextensibleRope as InextensibleRope
 from .library import PROBLEMS as PROBLEMS
 from .library import ROPES as ROPES
