@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 import functools
 import types
 from collections.abc import Callable
@@ -13,22 +12,7 @@ import numpy as np
 
 from ropeode import cache
 from ropeode.cache import Source, described
-
-
-class Changing(abc.ABC):
-    """A function that may compute something else when it is looked at again."""
-
-    @abc.abstractmethod
-    def __call__(self, *inputs: Any) -> Any:
-        """What the function returns."""
-
-    @abc.abstractmethod
-    def again(self) -> Changing:
-        """The function as it is now; the same object where it still computes the same."""
-
-    @abc.abstractmethod
-    def fits(self, inputs: tuple) -> bool:
-        """Whether it is the function of inputs with such a structure and such shapes."""
+from ropeode.problems.changing import Changing
 
 
 def traced(name: str, function: Callable, inputs: tuple) -> Callable:

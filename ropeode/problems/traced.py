@@ -15,7 +15,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
 
 from ropeode.errors import call_user_code
 from ropeode.precision import in_float64, rhs_in_float64
-from ropeode.problems.functions import Changing
+from ropeode.problems.changing import Changing
 from ropeode.problems.nested_jaxprs import equations, evaluated
 from ropeode.validation import bad_value
 
