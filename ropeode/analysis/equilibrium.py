@@ -13,7 +13,7 @@ from scipy.integrate import BDF
 from scipy.linalg import null_space
 
 from ropeode.precision import in_float64
-from ropeode.problems import Acceleration, Problem, free_coordinates, require_problem
+from ropeode.problems import Acceleration, Problem, compiled, free_coordinates, require_problem
 from ropeode.validation import bad_value
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -68,7 +68,7 @@ def hanging_equilibrium(problem: Problem) -> np.ndarray:
 
 def _equilibrium(problem: Problem) -> np.ndarray:
     # Compiled: operation by operation JAX takes many times as long over it.
-    acceleration = jax.jit(problem.require_mechanics("problem").acceleration)
+    acceleration = compiled(problem.require_mechanics("problem").acceleration)
     x, v = problem.y0
     first, *others = (
         np.asarray(acceleration(t, x, v, problem.args))

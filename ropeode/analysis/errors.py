@@ -242,7 +242,7 @@ def energy_errors(energies: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 @in_float64
-def moved(reference: Reference, norm: Norm) -> float:
+def moved(reference: Reference, norm: Norm, frames: int | None = None) -> float:
     """How far the solution gets from its start inside the horizon.
 
     An orbit that is sampled once in each period comes back, and has moved between the samples: as
@@ -252,9 +252,11 @@ def moved(reference: Reference, norm: Norm) -> float:
     Arguments:
         reference: of the solution.
         norm: the measure.
+        frames: up to this one; by default the last of the horizon.
     """
     problem = reference.problem
-    seen = float(motion(problem, reference.states, norm)[reference.trusted - 1])
+    last = reference.trusted - 1 if frames is None else frames
+    seen = float(motion(problem, reference.states[: last + 1], norm)[-1])
     if seen >= _COMES_BACK * problem.scale or isinstance(problem.rhs, NoEquations):
         return seen
     frame = float(np.max(np.diff(problem.ts)))

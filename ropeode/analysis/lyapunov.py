@@ -68,11 +68,6 @@ class LyapunovExponent(Tabular):
         return float(self.times[-1] - self.times[0])
 
     @property
-    def finite_time(self) -> float:
-        """The mean rate over the whole span, of the tangent that has grown most."""
-        return float(np.max(self.log_growth[:, -1])) / self.span
-
-    @property
     def sign(self) -> Literal["positive", "negative", "not told from zero"]:
         """`positive` or `negative` if the whole interval is, else `not told from zero`."""
         low, high = self.interval

@@ -13,9 +13,11 @@ from .files import names_in_file as names_in_file
 from .files import names_in_text as names_in_text
 from .files import problem_in_file as problem_in_file
 from .functions import compiled as compiled
+from .functions import for_each_state as for_each_state
 from .inextensible_rope import InextensibleRope as InextensibleRope
-from .keywords import refuse_others as refuse_others
 from .library import PROBLEMS as PROBLEMS
+from .library import ROPES as ROPES
+from .library import rope_of as rope_of
 from .links import LinearDamping as LinearDamping
 from .links import Links as Links
 from .no_equations import NoEquations as NoEquations
@@ -33,9 +35,8 @@ from .problem import require_memory as require_memory
 from .problem import require_problem as require_problem
 from .python_rhs import PythonRhs as PythonRhs
 from .rope import Rope as Rope
-from .ropes import ROPES as ROPES
-from .ropes import rope_of as rope_of
 from .scipy_form import without_memory as without_memory
+from .signatures import refuse_others as refuse_others
 from .state_structure import StateStructure as StateStructure
 from .traced import callbacks_in as callbacks_in
-from .traced_digest import jaxpr_digest as jaxpr_digest
+from .traced import jaxpr_digest as jaxpr_digest

@@ -19,11 +19,10 @@ import numpy as np
 
 from ropeode.errors import InputError, call_user_code, streams_kept
 from ropeode.files import read_text, refuse_code
-from ropeode.problems.keywords import refuse_others
 from ropeode.problems.problem import Problem
 from ropeode.problems.rope_input import RopeInput
 from ropeode.problems.scipy_form import sample_times_of
-from ropeode.problems.signatures import TIMES, required
+from ropeode.problems.signatures import TIMES, refuse_others, required
 from ropeode.validation import bad_value, unknown
 
 # What may stand beside a right-hand side in a file.

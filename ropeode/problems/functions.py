@@ -35,6 +35,12 @@ def compiled(function: Callable) -> Callable:
     return jax.jit(function)
 
 
+@functools.lru_cache(maxsize=64)
+def for_each_state(function: Callable) -> Callable:
+    """``function(t, y, args)``, compiled for many times and states at once."""
+    return jax.jit(jax.vmap(function, in_axes=(0, 0, None)))
+
+
 def evaluated_once(function: Callable, *inputs: Any) -> Any:
     """The array that a function returns.
 

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ropeode.problems.arenstorf import arenstorf
-from ropeode.problems.double_pendulum import double_pendulum
+from ropeode.problems.chaos import double_pendulum, henon_heiles, lorenz
 from ropeode.problems.forced import forced
-from ropeode.problems.henon_heiles import henon_heiles
-from ropeode.problems.hires import hires
+from ropeode.problems.inextensible_rope import InextensibleRope
 from ropeode.problems.kepler import kepler
 from ropeode.problems.linear_chain import linear_chain
-from ropeode.problems.lorenz import lorenz
-from ropeode.problems.oregonator import oregonator
+from ropeode.problems.orbits import arenstorf, pleiades
 from ropeode.problems.oscillator import oscillator
 from ropeode.problems.pendulum import pendulum
-from ropeode.problems.pleiades import pleiades
 from ropeode.problems.problem import Problem
-from ropeode.problems.robertson import robertson
-from ropeode.problems.ropes import ROPES
-from ropeode.problems.van_der_pol import van_der_pol
+from ropeode.problems.rope import Rope
+from ropeode.problems.stiff import hires, oregonator, robertson, van_der_pol
+
+# The ropes, which take the same words in specs and options.
+ROPES: dict[str, type[Rope] | type[InextensibleRope]] = {
+    rope.kind: rope for rope in (Rope, InextensibleRope)
+}
 
 # Each problem's `parameters` name its kind, one of these keys; with the others it is built anew.
 PROBLEMS: dict[str, Callable[..., Problem]] = {
@@ -39,3 +39,13 @@ PROBLEMS: dict[str, Callable[..., Problem]] = {
     "hires": hires,
     "oregonator": oregonator,
 }
+
+
+def rope_of(problem: Problem) -> type[Rope] | type[InextensibleRope] | None:
+    """The ropes that a problem is one of, by its parameters; None if it is no rope.
+
+    Parameters are what their maker, or a file, says that they are.
+    """
+    kind = problem.parameters.get("kind")
+    rope = ROPES.get(kind) if isinstance(kind, str) else None
+    return rope if rope and rope.model_fields.keys() <= problem.parameters.keys() else None

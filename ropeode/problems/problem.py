@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import functools
 import inspect
 import types
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,12 +19,12 @@ from ropeode.errors import InputError, call_user_code
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems import checks
-from ropeode.problems.functions import again, evaluated_once, traced
-from ropeode.problems.keywords import refuse_others
+from ropeode.problems.functions import again, evaluated_once, for_each_state, traced
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.python_rhs import PythonRhs
 from ropeode.problems.scipy_form import ScipyFunction, scipy_form
+from ropeode.problems.signatures import refuse_others
 from ropeode.problems.state_structure import StateStructure, is_tree
 from ropeode.validation import bad_value, check_all, check_memory, not_traced
 
@@ -633,7 +631,7 @@ class Problem(Displayed):
         # The function as it is now: what it reads besides its arguments may have changed.
         inputs = self.ts[0], self.y0, self.args
         energy = call_user_code("energy", traced, "energy", self.energy, inputs)
-        every = _for_each_state(energy)
+        every = for_each_state(energy)
         return np.asarray(every(self.ts[: len(states)], states, self.args))
 
     @property
@@ -657,7 +655,7 @@ class Problem(Displayed):
         """
         if self.constraints is None:
             return {}
-        every = _for_each_state(self.constraints)
+        every = for_each_state(self.constraints)
         return {
             quantity: np.max(np.abs(residual).reshape(len(states), -1), axis=1, initial=0.0)
             for quantity, residual in every(self.ts[: len(states)], states, self.args).items()
@@ -713,12 +711,6 @@ def _again(functions: Any) -> Any:
     now = {name: again(value) for name, value in fields.items()}
     same = all(now[name] is value for name, value in fields.items())
     return functions if same else dataclasses.replace(functions, **now)
-
-
-@functools.lru_cache(maxsize=64)
-def _for_each_state(function: Callable) -> Callable:
-    """``function(t, y, args)``, compiled for many times and states at once."""
-    return jax.jit(jax.vmap(function, in_axes=(0, 0, None)))
 
 
 def no_damping(args: Any) -> LinearDamping:

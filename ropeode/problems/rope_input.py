@@ -203,7 +203,7 @@ class RopeInput(Input):
             <Problem: rope, 4 nodes, damping 0.1, 3 frames>
         """
         # Not above: few ropes become an ensemble.
-        from ropeode.problems.rope_ensemble import rope_ensemble
+        from ropeode.problems.ensemble import rope_ensemble
 
         return rope_ensemble(self, frames, arrays)
 

@@ -1,13 +1,45 @@
-"""The parameters that a user's function has, and the line to write where it needs others."""
+"""Parameters of users' functions, keywords of ropeode's, and what to write where they misfit."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 from ropeode.errors import InputError
+from ropeode.validation import complaint, unknown
 
 TIMES = ("t", "time", "tau")
+
+# Keywords, above all those of `scipy.integrate.solve_ivp`, and what to do instead.
+_PIECES = "solve the pieces between the events one after the other, as docs/howto/events.md shows"
+_STEPS = (
+    "leave it out: the solvers choose their steps, and the right-hand side is looked at between "
+    "them; times at which it jumps are jump_times"
+)
+_DERIVATIVES = "leave it out: derivatives come from JAX, or from differences"
+_TOLERANCES = "hand it to reference(problem, rtol=..., atol=...)"
+_OF_SCIPY = {
+    "event": _PIECES,
+    "events": _PIECES,
+    "t_span": "hand it over as the second argument, as in Problem.from_scipy(fun, (0, 10), y0)",
+    "t_eval": "hand the times over in place of the span, as in Problem.from_scipy(fun, ts, y0)",
+    "method": (
+        "leave it out: a reference rests on several solvers; simulate(problem, 'scipy:RK45', 16) "
+        "is a run of one"
+    ),
+    "dense_output": "use reference(problem, dense=True)",
+    "vectorized": "leave it out",
+    "first_step": _STEPS,
+    "min_step": _STEPS,
+    "max_step": _STEPS,
+    "jac": _DERIVATIVES,
+    "jac_sparsity": _DERIVATIVES,
+    "lband": _DERIVATIVES,
+    "uband": _DERIVATIVES,
+    "rtol": _TOLERANCES,
+    "atol": _TOLERANCES,
+}
 
 
 def positional(function: Callable) -> list[inspect.Parameter] | None:
@@ -85,3 +117,25 @@ def _required_words(function: Callable) -> list[str]:
 def _name(function: Callable, what: str) -> str:
     name = getattr(function, "__name__", what)
     return name if name.isidentifier() else what
+
+
+def refuse_others(given: Mapping[str, Any], allowed: Iterable[str]) -> None:
+    """Refuse keywords that a function does not take, with what to write instead.
+
+    Arguments:
+        given: the keywords and their values.
+        allowed: the keywords that it takes.
+
+    Raises:
+        InputError: there are others, with one line for each.
+    """
+    names = list(allowed)
+    faults = [
+        complaint(name, value, ", ".join(names), _OF_SCIPY[name])
+        if name in _OF_SCIPY
+        else unknown("keyword", name, names)
+        for name, value in given.items()
+        if name not in names
+    ]
+    if faults:
+        raise InputError(faults)

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal, jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
 
 from ropeode.errors import call_user_code
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems.changing import Changing
 from ropeode.problems.nested_jaxprs import equations, evaluated
-from ropeode.problems.traced_digest import jaxpr_digest
 from ropeode.validation import bad_value
 
 # A function with a derivative of its own for reverse mode; it has none for forward mode.
 _OWN_REVERSE = "custom_vjp_call"
 # Calls of Python that may convert their arrays in threads of XLA, where float64 mode is off.
 _CALLBACKS = ("pure_callback", "io_callback")
+# Their functions are there for derivatives, and say nothing of the values.
+_WITH_DERIVATIVES = ("custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr")
 _TOO_COARSE = ("float32", "float16", "bfloat16", "complex64")
 # A float32 has 24 bits. A number with so few as this may well be what was meant.
 _PLAIN_BITS = 16
@@ -236,3 +238,52 @@ def _place(equation: JaxprEqn) -> str:
         if "site-packages" not in frame.file_name and not frame.file_name.startswith(_OWN):
             return f" in line {frame.line_num} of {frame.file_name}"
     return ""
+
+
+def jaxpr_digest(traced: ClosedJaxpr) -> str:
+    """The sha256 of all operations of a traced function, with all their numbers.
+
+    Arguments:
+        traced: by `jax.make_jaxpr`.
+    """
+    whole = hashlib.sha256()
+    for part in _parts(traced):
+        whole.update(part)
+        whole.update(b"\0")
+    return whole.hexdigest()
+
+
+def _parts(traced: ClosedJaxpr | Jaxpr) -> Iterator[bytes]:
+    if isinstance(traced, ClosedJaxpr):
+        yield from map(_number, traced.consts)
+        traced = traced.jaxpr
+    names: dict[Any, int] = {}
+
+    def named(variable: Any) -> bytes:
+        if isinstance(variable, Literal):
+            return _number(variable.val)
+        return f"{names.setdefault(variable, len(names))}:{variable.aval}".encode()
+
+    yield from map(named, (*traced.constvars, *traced.invars))
+    for equation in traced.eqns:
+        yield equation.primitive.name.encode()
+        yield from map(named, equation.invars)
+        for name, value in sorted(equation.params.items()):
+            yield name.encode()
+            for each in value if isinstance(value, (tuple, list)) else (value,):
+                if isinstance(each, (ClosedJaxpr, Jaxpr)):
+                    yield from _parts(each)
+                elif isinstance(each, (np.ndarray, jax.Array)):
+                    yield _number(each)
+                elif not (callable(each) and equation.primitive.name in _WITH_DERIVATIVES):
+                    # Of other functions, such as callbacks, nothing is known but which they are.
+                    yield repr(each).encode()
+        yield from map(named, equation.outvars)
+    yield from map(named, traced.outvars)
+
+
+def _number(value: Any) -> bytes:
+    if jax.numpy.issubdtype(getattr(value, "dtype", float), jax.dtypes.prng_key):
+        value = jax.random.key_data(value)
+    array = np.asarray(value)
+    return f"{array.dtype}{array.shape}".encode() + array.tobytes()

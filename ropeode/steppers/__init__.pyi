@@ -26,6 +26,7 @@ from .runge_kutta_methods import StrongStabilityPreserving3 as StrongStabilityPr
 from .runge_kutta_methods import ThreeEighths as ThreeEighths
 from .splitting import Pefrl as Pefrl
 from .splitting import Splitting as Splitting
+from .splitting import Yoshida4 as Yoshida4
 from .splitting import Yoshida6 as Yoshida6
 from .stepper_loading import STEPPER_LIBRARIES as STEPPER_LIBRARIES
 from .stepper_loading import as_stepper as as_stepper

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ropeode.problems import Problem, Rhs
+from ropeode.problems import Problem, Rhs, compiled
 
 # Of the terms that cancel: what rounding leaves of a derivative along the solution that is zero.
 _ROUNDING = 1e-9
@@ -108,7 +108,7 @@ class Conserved:
         return function(self.problem.ts[sample], y, self.problem.args)
 
     def _slope(self, y: np.ndarray, sample: int = 0) -> np.ndarray:
-        return np.asarray(self._called(_right_hand_side(self.problem.rhs), y, sample))
+        return np.asarray(self._called(compiled(self.problem.rhs), y, sample))
 
     def _derivative(self, y: np.ndarray) -> np.ndarray:
         found = np.asarray(self._called(_derivative(self.problem.rhs), y))
@@ -208,11 +208,6 @@ def _compiled_energy(energy: Any) -> tuple[Callable, Callable, Callable]:
         jax.jit(jax.grad(energy, argnums=1)),
         jax.jit(jax.jacfwd(momenta, argnums=1)),
     )
-
-
-@functools.lru_cache(maxsize=64)
-def _right_hand_side(rhs: Rhs) -> Callable:
-    return jax.jit(rhs)
 
 
 @functools.lru_cache(maxsize=64)

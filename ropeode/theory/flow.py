@@ -69,12 +69,12 @@ def short_flow(rates: Rates, t: np.ndarray, y: np.ndarray, longest: float | np.n
     longest = np.broadcast_to(longest, np.shape(t))
     length = np.full(len(t), np.nan)
     slopes = np.full((_PANELS, len(t), _STAGES, *y.shape[1:]), np.nan)
-    todo, part = np.flatnonzero(_largest(rates(t, y)) < np.inf), 1.0
+    todo, part = np.flatnonzero(largest(rates(t, y)) < np.inf), 1.0
     # Late in time the rounding of time shows in the slopes, and no polynomial follows that.
     rough = np.zeros(len(t))
     for time in (t, t + longest):
         late = time + _DISTURBANCE * np.spacing(np.abs(time))
-        change = _largest(rates(late, y) - rates(time, y)) / _DISTURBANCE
+        change = largest(rates(late, y) - rates(time, y)) / _DISTURBANCE
         rough = np.fmax(rough, change)
     while len(todo) and part > _SHORTEST:
         tried = part * longest[todo]
@@ -117,7 +117,7 @@ def _panel(
     """
     nodes, stage_weights, tail = _collocation()
     times = (t[:, None] + length[:, None] * nodes).ravel()
-    size = _largest(y) + length * _largest(k) + np.finfo(float).tiny
+    size = largest(y) + length * largest(k) + np.finfo(float).tiny
     slopes = np.repeat(k[:, None], _STAGES, axis=1)
     long = length.reshape(-1, *(1,) * (slopes.ndim - 1))
     with np.errstate(all="ignore"):
@@ -125,14 +125,14 @@ def _panel(
         for iteration in range(_MOST_ITERATIONS):
             stages = y[:, None] + long * _weighted(stage_weights, slopes)
             again = rates(times, stages.reshape(-1, *y.shape[1:])).reshape(slopes.shape)
-            before, moved, slopes = moved, length * _largest(again - slopes), again
+            before, moved, slopes = moved, length * largest(again - slopes), again
             converged = moved <= _CLOSE * size
             # Near the end an iteration may dwell on rounding for a while.
             slow = (moved > _SLOW * before) & (moved > _ROUNDED * size)
             hopeless = slow & (iteration >= _PATIENCE)
             if np.all(converged | hopeless | ~np.isfinite(moved)):
                 break
-        rest = length * _largest(_weighted(tail, slopes))
+        rest = length * largest(_weighted(tail, slopes))
         end = y + (long * _weighted(_integrals(np.ones(1)), slopes))[:, 0]
     return end, slopes, converged & (rest <= _TAIL * size + _ROUGH * length * rough)
 
@@ -142,7 +142,7 @@ def _weighted(weights: np.ndarray, slopes: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.tensordot(weights, slopes, (1, 1)), 0, 1)
 
 
-def _largest(states: np.ndarray) -> np.ndarray:
+def largest(states: np.ndarray) -> np.ndarray:
     """The largest component of each, ``(states,)``."""
     return np.max(np.abs(states).reshape(len(states), -1), axis=1, initial=0.0)
 

@@ -20,6 +20,7 @@ from ropeode.steppers import (
     Splitting,
     StrongStabilityPreserving3,
     ThreeEighths,
+    Yoshida4,
     Yoshida6,
 )
 from ropeode.tableaus import NystromTableau, Tableau
@@ -126,7 +127,6 @@ def _of_substeps(stepper: type[Splitting]) -> NystromTableau:
 # IEEE Trans. Nucl. Sci. 30 (1983); Forest, Ruth, Physica D 43 (1990); Omelyan, Mryglod, Folk,
 # Comput. Phys. Commun. 146 (2002); Yoshida, Phys. Lett. A 150 (1990); Hairer, Norsett, Wanner,
 # Solving ODEs I, section II.14.
-_THETA = 1.0 / (2.0 - 2.0 ** (1 / 3))
 SECOND_ORDER: dict[str, NystromTableau] = {
     "semi-implicit-euler": _kicks_and_drifts([0, 1], [1]),
     "semi-implicit Euler with the positions first": _kicks_and_drifts([1], [1]),
@@ -144,10 +144,7 @@ SECOND_ORDER: dict[str, NystromTableau] = {
     "Ruth's method of order 3 with the positions first": _kicks_and_drifts(
         [1, "-2/3", "2/3"], ["-1/24", "3/4", "7/24"]
     ),
-    "Forest and Ruth's method of order 4": _kicks_and_drifts(
-        [_THETA / 2, 0.5 - _THETA / 2, 0.5 - _THETA / 2, _THETA / 2],
-        [_THETA, 1.0 - 2.0 * _THETA, _THETA],
-    ),
+    "Forest and Ruth's method of order 4": _of_substeps(Yoshida4),
     "PEFRL (order 4)": _of_substeps(Pefrl),
     "Yoshida's method of order 6 (solution A)": _of_substeps(Yoshida6),
     "Nystrom's method of order 4": NystromTableau(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ropeode.progress import Progress, silent
 from ropeode.references import Reference
-from ropeode.theory.flow import Flow, Rates, short_flow
+from ropeode.theory.flow import Flow, Rates, largest, short_flow
 from ropeode.theory.step_samples import rates_of
 
 # States at which a piece is looked at; pieces may be so many; states that are taken at once.
@@ -104,7 +104,7 @@ def _followed(reference: Reference, progress: Progress) -> Along | str:
     # Where a frame ends no piece shows it.
     late = _DISTURBANCE * np.spacing(np.max(np.abs(times)))
     before, after = (own_rates(times + way * late, states) for way in (-1.0, 1.0))
-    jump = _largest(after - before)[1:-1] > _JUMP * np.max(np.abs(after), initial=0.0)
+    jump = largest(after - before)[1:-1] > _JUMP * np.max(np.abs(after), initial=0.0)
     if np.any(jump):
         return f"the right-hand side jumps at t = {times[1:-1][jump][0]:.6g}"
 
@@ -156,7 +156,7 @@ def _is_stiff(rates: Rates, times: np.ndarray, states: np.ndarray) -> bool:
     """Whether something decays much faster than a frame is long, all along the solution."""
     # The last state is followed no further.
     t, y, frames = times[:-1], states[:-1], np.diff(times)
-    size = np.maximum(_largest(y), float(np.max(np.abs(states))) * _NUDGES[0])
+    size = np.maximum(largest(y), float(np.max(np.abs(states))) * _NUDGES[0])
     slopes, decay = rates(t, y), []
     for nudge in _NUDGES:
         h = _column(nudge * size, y)
@@ -180,7 +180,3 @@ def _column(values: np.ndarray, like: np.ndarray) -> np.ndarray:
 
 def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sum((a * b).reshape(len(a), -1), axis=1)
-
-
-def _largest(states: np.ndarray) -> np.ndarray:
-    return np.max(np.abs(states).reshape(len(states), -1), axis=1, initial=0.0)

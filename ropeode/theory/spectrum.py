@@ -46,11 +46,6 @@ class Spectrum:
         """Which of them belong to modes that grow in the solution itself, ``(times, modes)``."""
         return np.real(self.eigenvalues) > self.rounding[:, None]
 
-    @property
-    def fastest_growth(self) -> float:
-        """The largest real part, per time unit; 0 where no mode grows."""
-        return float(np.max(np.real(self.eigenvalues), where=self.growing, initial=0.0))
-
 
 @dataclasses.dataclass(frozen=True)
 class SpectralLimit:
@@ -70,15 +65,12 @@ class SpectralLimit:
         steps: how short they have to be.
         time: when the mode that decides is at its worst: the first that grows with longer steps.
         eigenvalue: of this mode, per time unit.
-        fastest_growth: the largest real part of all eigenvalues: at what rate the solution itself
-            moves away from its neighbours at some time; 0 where it does not.
         times: how many states were looked at.
     """
 
     steps: StableSteps
     time: float
     eigenvalue: complex
-    fastest_growth: float
     times: int
 
 
@@ -168,9 +160,7 @@ def spectral_limit(
         steps = stable_steps(lambda n: bool(np.all(growth(frame / n) <= 0.0)), frame, most)
         unstable = (1.0 + _BEYOND) * steps.dt if 0.0 < steps.dt < np.inf else frame
     worst = int(np.argmax(growth(unstable)))
-    return SpectralLimit(
-        steps, float(times[worst]), complex(z[worst]), along.fastest_growth, len(along.times)
-    )
+    return SpectralLimit(steps, float(times[worst]), complex(z[worst]), len(along.times))
 
 
 def _pairs(values: np.ndarray, rounding: float) -> list[tuple[complex, complex]]:

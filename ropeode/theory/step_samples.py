@@ -14,7 +14,7 @@ from jax.flatten_util import ravel_pytree
 from jax.scipy.sparse.linalg import cg
 
 from ropeode.precision import in_float64
-from ropeode.problems import Mechanics, Problem, PythonRhs, Rhs
+from ropeode.problems import Mechanics, Problem, PythonRhs, Rhs, for_each_state
 from ropeode.simulation import Method, PythonStepper, on_stored_states, on_user_clock, one_at_a_time
 from ropeode.steppers import BuiltIn, Stepper
 
@@ -203,13 +203,8 @@ def rates_of(problem: Problem, args: Any = None) -> Callable[[np.ndarray, np.nda
         return lambda t, y: np.stack(
             [rhs.in_numpy(one_t, one_y, args) for one_t, one_y in zip(t, y, strict=True)]
         )
-    every = _every_rate(rhs)
+    every = for_each_state(rhs)
     return in_float64(lambda t, y: in_batches(lambda t, y: every(t, y, args), (t, y)))
-
-
-@functools.lru_cache(maxsize=64)
-def _every_rate(rhs: Rhs) -> Callable:
-    return jax.jit(jax.vmap(rhs, in_axes=(0, 0, None)))
 
 
 @functools.lru_cache(maxsize=64)

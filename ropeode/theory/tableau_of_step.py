@@ -18,8 +18,7 @@ from ropeode.problems import Problem, free_coordinates
 from ropeode.simulation import as_seen
 from ropeode.steppers import BuiltIn, Stepper, as_stepper
 from ropeode.tableaus import NystromTableau, Tableau
-from ropeode.theory.explicit_reading import ExplicitReading, Iterates, NotASum
-from ropeode.theory.implicit_reading import read_implicit
+from ropeode.theory.reading import ExplicitReading, Iterates, NotASum, read_implicit
 from ropeode.theory.recorded_step import NotReadable, RecordedStep, TooManyCalls
 from ropeode.validation import shortly
 

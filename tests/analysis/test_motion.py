@@ -14,43 +14,28 @@ from ropeode.analysis import Thresholds, classify_motion, sensitivity
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
 from ropeode.simulation import Trajectory, simulate
-from ropeode.steppers import as_stepper
 
 NODES = 5
 LENGTH = 100.0
-# In the units of the ropes here: V = sqrt(g L), T = sqrt(L/g).
-SPEED, TIME = 10.0, 10.0
+# In the units of the ropes here: V = sqrt(g L).
+SPEED = 10.0
 ROPE = {"num_nodes": NODES, "start": (0, 0), "end": (-LENGTH, 0), "damping": 0.0}
 
 
-def trajectory(problem: Problem, x: np.ndarray, v: np.ndarray) -> Trajectory:
-    """A run that made given positions and velocities, ``(times, nodes, dim)``."""
-    states = np.stack([np.moveaxis(x, 1, 2), np.moveaxis(v, 1, 2)], axis=1)
-    return Trajectory(
-        problem=problem,
-        stepper=as_stepper("rk4"),
-        steps_per_frame=1,
-        times=problem.ts[: len(states)],
-        states=states,
-        status="ok",
-        diverged_at=None,
-        rhs_evaluations=0,
-        jacobian_evaluations=0,
-        seconds=0.0,
-        compile_seconds=0.0,
-    )
+def run_of(problem: Problem, states: np.ndarray) -> Trajectory:
+    """A run that made given states."""
+    run = simulate(Rope(**ROPE).problem(1), "explicit-euler", 1)
+    return dataclasses.replace(run, problem=problem, states=states, times=problem.ts[: len(states)])
 
 
 def rod(angle: np.ndarray, rate: np.ndarray, stretch: np.ndarray | float = 0.0):
     """A straight rope at an angle from hanging down; stretched evenly, at no rate."""
-    problem = Rope(**ROPE).problem(len(angle) - 1)
     # Energies are looked at in tests of their own.
-    problem = dataclasses.replace(problem, energy=None)
-    place = LENGTH * np.linspace(0, 1, NODES)[:, None] * (1 + np.broadcast_to(stretch, angle.shape))
-    out = np.stack([-np.sin(angle), -np.cos(angle)], axis=-1)
-    across = np.stack([-np.cos(angle), np.sin(angle)], axis=-1) * rate[:, None]
-    x, v = (place.T[..., None] * each[:, None] for each in (out, across))
-    return trajectory(problem, x, v)
+    problem = dataclasses.replace(Rope(**ROPE).problem(len(angle) - 1), energy=None)
+    place = LENGTH * np.linspace(0, 1, NODES) * (1 + np.broadcast_to(stretch, angle.shape)[:, None])
+    out = np.stack([-np.sin(angle), -np.cos(angle)], axis=1)
+    across = np.stack([-np.cos(angle), np.sin(angle)], axis=1) * rate[:, None]
+    return run_of(problem, np.stack([out, across], axis=1)[..., None] * place[:, None, None])
 
 
 def swinging(frames: int, decay: float, omega: float = 0.12, start: float = 1.2):
@@ -60,15 +45,12 @@ def swinging(frames: int, decay: float, omega: float = 0.12, start: float = 1.2)
     return rod(angle, -size * (decay * np.cos(omega * t) + omega * np.sin(omega * t)))
 
 
-@pytest.mark.parametrize("decay", [0.005, 0.03])
-def test_a_damped_swing(decay):
-    omega, start = 0.12, 1.2
+def test_a_damped_swing():
+    decay, omega, start = 0.005, 0.12, 1.2
     settling = np.log(start * np.hypot(omega, decay) * LENGTH / (1e-3 * SPEED)) / decay
     found = classify_motion(swinging(int(settling) + 200, decay))
     assert found.verdict == "settles"
     assert settling - np.pi / omega - 1 <= found.settled_at <= settling + 1
-    assert found.unsettled_at is None
-    assert found.diverged_at is None
     # The free nodes' centre of mass is 5/8 of the length from the pin; extremes of the angle
     # that are beyond the threshold on both sides make a swing.
     phase = np.arctan2(decay, omega)
@@ -78,30 +60,17 @@ def test_a_damped_swing(decay):
     # the angle is no straight line: it bends by less than omega^2/8 of its size there.
     crossings = (np.arange(found.swings) + 0.5) * np.pi / omega
     np.testing.assert_allclose(found.swing_times, crossings, atol=0.02)
-    i = np.arange(100)
-    aside = 0.625 * np.sin(start * np.exp(-decay * i) * np.cos(omega * i))
-    assert found.reached_vertical_at == np.argmax(aside <= 0.05)
-    assert found.jitter < 1e-15
-    assert found.largest_stretch < 1e-14
+    assert max(found.jitter, found.largest_stretch) < 1e-14
 
 
 def test_a_fall_without_a_swing():
     t = np.arange(400.0)
     found = classify_motion(rod(np.pi / 2 * np.exp(-t / 30), -np.pi / 60 * np.exp(-t / 30)))
-    assert found.verdict == "settles_without_swinging"
-    assert found.swings == 0
-    assert len(found.swing_times) == 0
+    assert (found.verdict, found.swings) == ("settles_without_swinging", 0)
     settling = 30 * np.log(np.pi / 60 * LENGTH / (1e-3 * SPEED))
     assert found.settled_at == int(np.ceil(settling))
     vertical = 30 * np.log(np.pi / 2 / np.arcsin(0.05 / 0.625))
     assert found.reached_vertical_at == int(np.ceil(vertical))
-
-
-def test_a_rest_counts_only_if_it_lasts():
-    settled = classify_motion(swinging(3000, 0.01)).settled_at
-    # The rest lasts from `settled` to the last frame, and 5 T = 50 frames are asked for.
-    assert classify_motion(swinging(settled + 50, 0.01)).verdict == "settles"
-    assert classify_motion(swinging(settled + 49, 0.01)).verdict == "never_settles"
 
 
 def test_a_rest_that_ends_in_divergence():
@@ -113,44 +82,36 @@ def test_a_rest_that_ends_in_divergence():
     # Each node moves away from the pin at the rate at which the rope grows.
     states[:, 1] = rate * (stretch / (1 + stretch))[:, None, None] * states[:, 0]
     found = classify_motion(dataclasses.replace(run, states=states))
-    assert found.verdict == "diverges"
+    assert (found.verdict, found.settled_at) == ("diverges", 0)
     assert found.diverged_at == int(np.ceil(still + np.log(1 / tiny) / rate))
-    assert found.settled_at == 0
     assert found.unsettled_at == int(np.ceil(still + np.log(1e-2 / (tiny * rate * LENGTH)) / rate))
-    assert found.frames == found.diverged_at - 1
-    assert found.largest_stretch == pytest.approx(stretch[found.frames])
-    assert found.largest_stretch_at == found.frames
+    assert found.largest_stretch == pytest.approx(stretch[found.diverged_at - 1])
     assert np.isfinite(found.jitter)
 
 
-def test_a_run_cut_short_has_diverged():
-    run = swinging(100, 0.0)
-    cut = dataclasses.replace(
-        run, states=run.states[:60], times=run.times[:60], status="diverged", diverged_at=60
-    )
-    found = classify_motion(cut)
-    assert (found.verdict, found.diverged_at, found.frames) == ("diverges", 60, 59)
-    assert found.swings == classify_motion(swinging(59, 0.0)).swings
-
-
-@pytest.mark.parametrize("bad", [np.nan, 1e300])
-def test_states_that_are_no_numbers_have_diverged(bad):
+@pytest.mark.parametrize("bad", [np.nan, 1e300, None])
+def test_a_run_cut_short_or_without_numbers_has_diverged(bad):
     run = swinging(100, 0.0)
     states = run.states.copy()
-    states[70:, 0, 0, 2] = bad
-    assert classify_motion(dataclasses.replace(run, states=states)).diverged_at == 70
+    states[70:, 0, 0, 2] = np.nan if bad is None else bad
+    wrong = dataclasses.replace(run, states=states)
+    if bad is None:
+        wrong = dataclasses.replace(
+            run, states=states[:70], times=run.times[:70], status="diverged", diverged_at=70
+        )
+    found = classify_motion(wrong)
+    assert (found.verdict, found.diverged_at, found.frames) == ("diverges", 70, 69)
+    assert found.swings == classify_motion(swinging(69, 0.0)).swings
     with pytest.raises(InputError, match="trajectory: 'a first sample that has diverged' given"):
         classify_motion(dataclasses.replace(run, states=states[70:]))
 
 
 def test_jitter_is_the_rate_at_which_springs_change_length():
     # Every spring's length oscillates by a thousandth with 0.7 per frame: a mean square of half.
-    run = rod(np.zeros(1001), np.zeros(1001))
     t = np.arange(1001.0)
-    states = run.states.copy()
-    down = states[0, 0]
-    states[:, 0] = down * (1 + 1e-3 * np.sin(0.7 * t))[:, None, None]
-    states[:, 1] = down * (1e-3 * 0.7 * np.cos(0.7 * t))[:, None, None]
+    run = rod(0.0 * t, 0.0 * t)
+    factors = np.stack([1 + 1e-3 * np.sin(0.7 * t), 1e-3 * 0.7 * np.cos(0.7 * t)], axis=1)
+    states = factors[..., None, None] * run.states[0, 0]
     found = classify_motion(dataclasses.replace(run, states=states))
     # Over 100 frames the mean of cos^2 differs from 1/2 by less than 1/(2 * 100 * 0.7).
     assert found.jitter == pytest.approx(7e-4 / np.sqrt(2), rel=0.01)
@@ -163,12 +124,10 @@ def test_energy_is_counted_from_hanging_still():
     problem = Rope(num_nodes=4, start=(0, 0), end=(-90, 0)).problem(410)
     states = np.stack([problem.y0] * 411)
     states[401:] *= np.nan
-    x, v = problem.positions(states), problem.velocities(states)
-    found = classify_motion(trajectory(problem, x, v))
+    found = classify_motion(run_of(problem, states))
     tension = np.arange(3.0, 0.0, -1)
     hanging = np.sum(tension**2) / 200 - np.sum(tension * (30 + tension / 100))
     assert found.energy_at_rest == pytest.approx(hanging, rel=1e-13)
-    assert found.diverged_at == 401
     np.testing.assert_allclose(found.energy, [-hanging] * 401, rtol=1e-13)
 
 
@@ -211,8 +170,8 @@ def test_words_depend_on_no_units_and_no_direction(lively, angle, mirror, length
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     turned = seen_otherwise(lively, turn * [mirror, 1.0], length, time)
     found = classify_motion(turned)
-    for name in ("verdict", "settled_at", "swings", "reached_vertical_at", "frames"):
-        assert getattr(found, name) == getattr(usual, name), name
+    for name in ("verdict", "settled_at", "swings", "reached_vertical_at"):
+        assert getattr(found, name) == getattr(usual, name)
     np.testing.assert_allclose(found.swing_times, usual.swing_times * time, rtol=1e-9)
     assert found.jitter == pytest.approx(usual.jitter, rel=1e-6)
     assert found.largest_stretch == pytest.approx(usual.largest_stretch, rel=1e-9)
@@ -235,18 +194,18 @@ def test_in_space_a_rope_that_hangs_at_first_is_seen_along_its_motion():
     assert found.reached_vertical_at == 0
 
 
-def test_sensitivity_shows_a_verdict_on_the_edge():
+def test_a_rest_counts_only_if_it_lasts_and_sensitivity_shows_a_verdict_on_the_edge():
     settled = classify_motion(swinging(3000, 0.01)).settled_at
-    run = swinging(settled + 60, 0.01)
-    changed = {(each.threshold, each.value): each for each in sensitivity(run)}
+    # The rest lasts from `settled` to the last frame, and 5 T = 50 frames are asked for.
+    assert classify_motion(swinging(settled + 50, 0.01)).verdict == "settles"
+    assert classify_motion(swinging(settled + 49, 0.01)).verdict == "never_settles"
+    changed = sensitivity(swinging(settled + 60, 0.01))
     assert len(changed) == 8
-    assert changed["rest", 10.0].verdict == "never_settles"
-    assert changed["rest", 10.0].differs
-    assert not changed["rest", 2.5].differs
-    assert not changed["swing", 0.1].differs
     # Half the speed is reached ln(2)/0.01 = 69 frames later, after the end.
-    assert changed["speed", 5e-4].differs
-    assert not changed["stretch", 2.0].differs
+    assert {(each.threshold, each.value) for each in changed if each.differs} == {
+        ("rest", 10.0),
+        ("speed", 5e-4),
+    }
 
 
 @pytest.mark.parametrize(
@@ -261,13 +220,11 @@ def test_sensitivity_shows_a_verdict_on_the_edge():
 )
 def test_other_motions_have_no_words(problem, message):
     run = simulate(problem, "explicit-euler", 4)
-    with pytest.raises(InputError, match=message):
-        classify_motion(run)
-    with pytest.raises(InputError, match=message):
-        sensitivity(run)
+    for judge in (classify_motion, sensitivity):
+        with pytest.raises(InputError, match=message):
+            judge(run)
 
 
-def test_thresholds_are_checked_together():
-    with pytest.raises(InputError) as caught:
-        Thresholds(speed=0.0, rest=np.nan)
-    assert [line.split(":")[0] for line in caught.value.problems] == ["speed", "rest"]
+def test_thresholds_are_above_zero():
+    with pytest.raises(InputError, match="speed: 0.0 given"):
+        Thresholds(speed=0.0)

@@ -10,18 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import reference
 from ropeode.problems import PROBLEMS, ROPES
-
-
-@pytest.mark.slow
-def test_the_arenstorf_orbit_closes():
-    known = reference(PROBLEMS["arenstorf"](frames=3))
-    # An error at the start, such as that of rounding it, comes back 1e4 times as large.
-    rounding = 1e4 * np.finfo(np.float64).eps
-    gap = np.max(np.abs(known.positions[-1] - known.positions[0]))
-    assert gap <= known.bound()[-1] + rounding
-    assert known.bound()[-1] < 1e-10
 
 
 @pytest.mark.slow
@@ -79,18 +68,7 @@ def test_every_energy_is_looked_at():
     assert have_one == {*CONSERVING, *ROPES}
 
 
-def test_lorenz_shrinks_volumes_at_a_constant_rate():
-    problem = PROBLEMS["lorenz"]()
-    jacobian = jax.jit(jax.jacfwd(problem.rhs, 1))
-    with jax.enable_x64(True):
-        for y in np.random.default_rng(2).normal(size=(3, 3)) * 20:
-            slope = np.asarray(jacobian(0.0, y, problem.args))
-            assert np.trace(slope) == pytest.approx(-(10.0 + 1.0 + 8.0 / 3.0), rel=1e-14)
-
-
-def test_a_pendulum_released_at_the_top_stays_and_near_it_lingers():
-    still = PROBLEMS["pendulum"](angle=0.0)
-    assert not np.any(still.exact(still.ts))
+def test_a_pendulum_released_near_the_top_lingers():
     # One half period is ln(16/k'^2) to the leading order, k' = cos(angle/2).
     angle = np.pi - 1e-6
     near = PROBLEMS["pendulum"](angle=angle)

@@ -107,7 +107,6 @@ PARAMETERS = {
         }
     ),
 }
-CRITICAL = {"mass": 1.0, "stiffness": 1.0, "damping": 2.0}
 
 
 def integrated(name: str, problem: Problem, y0: np.ndarray, ts: np.ndarray) -> np.ndarray:
@@ -176,16 +175,9 @@ def test_near_critical_damping_every_digit_holds(gap, sign, stiffness):
     np.testing.assert_allclose(problem.exact(problem.ts)[:, 0], truth[:, 0], rtol=1e-15)
 
 
-def test_critical_damping_is_the_limit():
-    ts = np.linspace(0, 30, 31)
-    exact = PROBLEMS["oscillator"](**CRITICAL, x0=1.0, v0=0.5).exact(ts)
-    np.testing.assert_allclose(exact[:, 0].ravel(), (1 + 1.5 * ts) * np.exp(-ts), rtol=1e-14)
-
-
 def test_very_strong_damping_neither_overflows_nor_cancels():
     problem = PROBLEMS["oscillator"](frames=5, damping=1e9, v0=1.0)
     slow = -1e-9
     displacement = (1 + 1e-9) * np.exp(slow * problem.ts[1:])
-    exact = problem.exact(problem.ts)
-    np.testing.assert_allclose(exact[1:, 0].ravel(), displacement, rtol=1e-14)
-    np.testing.assert_allclose(exact[1:, 1].ravel(), slow * displacement, rtol=1e-14)
+    exact = problem.exact(problem.ts)[1:, :, 0, 0].T
+    np.testing.assert_allclose(exact, [displacement, slow * displacement], rtol=1e-14)

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode import reference
-from ropeode.norms import distance, norm_for
 from ropeode.problems import InextensibleRope, Rope
 from ropeode.simulation import simulate
 
@@ -122,50 +121,34 @@ def test_constraint_forces_do_no_work(case):
     assert abs(np.sum(power) + np.sum(lost)) <= 1e-12 * (np.sum(np.abs(power)) + np.sum(lost))
 
 
-@pytest.mark.parametrize(
-    "stepper",
-    [
-        "rk4",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("rattle", "constraint-verlet")),
-    ],
-)
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize("stepper", ["rk4", pytest.param("rattle", marks=SLOW)])
 def test_mirror_images_move_as_mirror_images(stepper):
     left, right = (
-        InextensibleRope(num_nodes=4, start=(0, 200), end=(end, 200)).problem(frames=3)
+        simulate(
+            InextensibleRope(num_nodes=4, start=(0, 200), end=(end, 200)).problem(frames=3),
+            stepper,
+            16,
+        )
         for end in (-400, 400)
     )
-    image = np.array([[[[-1.0], [1.0]]]])
-    assert np.array_equal(
-        simulate(left, stepper, 16).states, image * simulate(right, stepper, 16).states
-    )
+    assert np.array_equal(left.positions, [-1.0, 1.0] * right.positions)
 
 
-def across(start, end, rates):
-    """Velocities across a row of nodes in the plane."""
-    along = np.subtract(end, start)
-    return np.outer(rates, (-along[1], along[0]) / np.linalg.norm(along))
-
-
-@pytest.mark.slow
+@SLOW
 def test_stiff_springs_tend_to_it():
     """The springs' extensions are tensions over stiffness, so that the distance falls as 1/k."""
-    given = {
-        "start": (0, 0),
-        "end": (3, 0),
-        "num_nodes": 4,
-        "node_mass": (1, 1, 2, 0.5),
-        "damping": 0.1,
-    }
-    limit = reference(InextensibleRope(**given).problem(frames=3))
+    given = {"start": (0, 0), "end": (3, 0), "num_nodes": 4, "node_mass": (1, 1, 2, 0.5)}
+    limit = reference(InextensibleRope(**given, damping=0.1).problem(frames=3))
     apart = []
     for stiffness in (1e3, 1e4):
-        known = reference(Rope(stiffness=stiffness, **given).problem(frames=3))
-        apart.append(
-            distance(limit.problem, norm_for(limit.problem), known.states, limit.states)[1:]
-        )
-        assert np.all(apart[-1] > 100 * (known.bound()[1:] + limit.bound()[1:]))
+        known = reference(Rope(stiffness=stiffness, **given, damping=0.1).problem(frames=3))
+        apart.append(np.max(np.abs(known.positions - limit.positions)))
+        assert apart[-1] > 100 * max(known.bound()[-1], limit.bound()[-1])
     # Springs swing about their extension, by something like the distance itself.
-    assert np.max(apart[0]) / np.max(apart[1]) == pytest.approx(10, rel=0.2)
+    assert apart[0] / apart[1] == pytest.approx(10, rel=0.2)
 
 
 @pytest.mark.parametrize("kind", [Rope, InextensibleRope])
@@ -180,10 +163,9 @@ def test_one_node_without_pins_is_accelerated_by_gravity_and_damping(kind):
 
 
 def test_velocities_that_only_rounding_makes_stretch_are_taken():
-    start, end = np.array([1000.1, 2000.3]), np.array([996.4, 1999.1])
-    rope = InextensibleRope(
-        start=start, end=end, num_nodes=16, initial_velocity=across(start, end, range(16))
-    )
+    start, along = np.array([1000.1, 2000.3]), np.array([-3.7, -1.2])
+    across = np.outer(range(16), [1.2, -3.7])
+    rope = InextensibleRope(start=start, end=start + along, num_nodes=16, initial_velocity=across)
     assert np.all(rope.problem().y0[1, :, 1:] != 0)
     # Nodes that fly alike, and pins that only the velocity of all free nodes spares.
     assert InextensibleRope(pinned=(), initial_velocity=(3, 4)).problem().rigid

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from ropeode.errors import InputError, UserCodeError
-from ropeode.problems import PROBLEMS, LinearDamping, Problem, Rope
+from ropeode.problems import LinearDamping, Problem
 
 
 def decay(t, y, args):
@@ -26,11 +23,8 @@ def test_values_are_kept_as_read_only_copies_in_float64():
     mine[0] = 7
     assert problem.y0.tolist() == [1, 2]
     assert problem.y0.dtype == problem.ts.dtype == problem.args["rate"].dtype == np.float64
-    assert problem.frames == 2
     with pytest.raises(ValueError, match="read-only"):
         problem.y0[0] = 5.0
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        problem.y0 = np.ones(2)
 
 
 @pytest.mark.parametrize(
@@ -43,26 +37,17 @@ def test_values_are_kept_as_read_only_copies_in_float64():
         ({"ts": [0.0, 1.0, 1.0]}, r"ts: \[1.0, 1.0\] given; .* entries 1 and 2"),
         ({"ts": [0.0]}, "ts: .* at least two"),
         ({"jump_times": [5.0]}, r"jump_times: .* inside \(0.0, 3.0\)"),
-        ({"jump_times": [2.0, 1.0]}, "jump_times: .* increasing"),
         ({"exact": 3}, "exact: 3 given; allowed: a function"),
-        ({"name": 3}, "name: 3 given"),
         ({"args": {"rate": "fast"}}, "args: 'fast' given"),
         ({"rhs": 3}, "rhs: 3 given; allowed: a function rhs"),
         ({"rhs": lambda t, y: y}, r"write `def rhs\(t, y, args\):`, or use Problem.from_scipy"),
         ({"rhs": lambda t, y, args: y[:1]}, r"rhs result: \(1,\) given; .* \(2,\)"),
         ({"rhs": lambda t, y, args: jnp.log(-y)}, "rhs result: .* finite numbers at the initial"),
     ],
-    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
 def test_bad_problems(change, words):
     with pytest.raises(InputError, match=words):
         Problem(**{**GOOD, **change})
-
-
-def test_several_faults_at_once():
-    with pytest.raises(InputError) as caught:
-        Problem(decay, [np.nan], [0.0, 0.0], energy=3)
-    assert len(caught.value.problems) == 3
 
 
 @pytest.mark.parametrize(
@@ -116,30 +101,14 @@ def with_damping(acceleration, rate):
 
 
 def test_damping_is_found_out():
-    found = Problem.second_order(undamped, [1.0], [0.5], [0.0, 1.0]).mechanics.damping
-    assert found is not None
-    assert found(None).rate == 0
+    assert (
+        Problem.second_order(undamped, [1.0], [0.5], [0.0, 1.0]).mechanics.damping(None).rate == 0
+    )
     assert Problem.second_order(damped, [1.0], [0.5], [0.0, 1.0]).mechanics.damping is None
     assert with_damping(damped, 0.3).mechanics.damping is not None
     for acceleration in (damped, undamped):
         with pytest.raises(InputError, match="damping: the acceleration does not change"):
             with_damping(acceleration, 0.2)
-
-
-def compiled_by(build, caplog) -> list[str]:
-    """What JAX compiles in the course of a call."""
-    caplog.clear()
-    with jax.log_compiles():
-        build()
-    messages = (record.getMessage() for record in caplog.records)
-    return [message.split()[1] for message in messages if message.startswith("Compiling")]
-
-
-def test_building_compiles_once_and_rebuilding_not_at_all(caplog):
-    assert len(compiled_by(lambda: Rope(num_nodes=9).problem(3), caplog)) == 1
-    # The first rope is gone when the others are built.
-    assert compiled_by(lambda: Rope(num_nodes=9, damping=0.2).problem(4), caplog) == []
-    assert compiled_by(lambda: PROBLEMS["rope"](frames=4, num_nodes=9), caplog) == []
 
 
 @pytest.mark.parametrize(
@@ -155,29 +124,15 @@ def test_second_order_faults(x0, v0, acceleration, words):
         Problem.second_order(acceleration, x0, v0, [0, 1])
 
 
-def test_a_problem_without_energy_has_none(driven_pendulum):
-    with pytest.raises(InputError, match="energy: None given"):
-        driven_pendulum.energies(driven_pendulum.y0[None])
+@pytest.mark.parametrize(
+    ("ts", "equal"),
+    [(np.linspace(0, 1, 11), True), (1e6 + 0.1 * np.arange(50), True), ([0, 1, 2.001], False)],
+)
+def test_equal_frames(ts, equal):
+    assert Problem(decay, [1.0], ts).equal_frames == equal
 
 
-def test_equal_frames():
-    def at(ts):
-        return Problem(decay, [1.0], ts).equal_frames
-
-    assert at(np.linspace(0, 1, 11))
-    assert at(1e6 + 0.1 * np.arange(50))
-    assert not at([0, 1, 2.001])
-
-
-@pytest.mark.parametrize("rate", [5e-324, 1e-323, 1e-310, 2e-308])
+@pytest.mark.parametrize("rate", [5e-324, 2e-308])
 def test_damping_too_small_for_a_normal_number_is_no_fault(rate):
     """XLA flushes such numbers to zero where NumPy computes on with them."""
-    problem = Problem.second_order(
-        lambda t, x, v, args: -args * v,
-        [0.0],
-        [0.0],
-        [0.0, 1.0],
-        np.float64(rate),
-        damping=lambda args: LinearDamping(args, args),
-    )
-    assert problem.mechanics.damping is not None
+    assert with_damping(lambda t, x, v, args: -rate * v, rate).mechanics.damping is not None

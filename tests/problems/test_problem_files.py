@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import re
 import sys
 
 import pytest
@@ -52,6 +51,9 @@ def test_right_hand_sides_with_what_stands_beside_them(tmp_path):
     assert (problem.name, problem.in_python, problem.frames) == ("pendulum", True, 20)
     assert problem.ts[[0, -1]].tolist() == [0.0, 5.0]
     assert loaded(tmp_path, "pendulum", frames=3).frames == 3
+    for name in ("extensible", "inextensible"):
+        problem = loaded(tmp_path, name, frames=2)
+        assert (problem.rigid, problem.frames) == (name == "inextensible", 2)
     beside = "y0, ts, args = [1.0, 0.0], [0.0, 1.0, 4.0], (2.0,)"
     for name in ("of_strength", "in_jax", "of_angle"):
         problem = loaded(tmp_path, name, beside)
@@ -62,23 +64,12 @@ def test_right_hand_sides_with_what_stands_beside_them(tmp_path):
         loaded(tmp_path, "in_jax", beside, frames=3)
 
 
-@pytest.mark.parametrize("name", ["extensible", "inextensible"])
-def test_ropes_of_either_kind_become_problems(tmp_path, name):
-    problem = loaded(tmp_path, name, frames=2)
-    assert problem.rigid == (name == "inextensible")
-    assert problem.frames == 2
-
-
 @pytest.mark.parametrize(
     ("name", "names", "words"),
     [
         ("pendulum", "", r"add the line `y0 = .*` and add the line `t_span = \(0\.0, 10\.0\)`"),
         ("of_strength", "y0, t_span = [1.0, 0.0], (0, 5)", r"\(t, y, strength\) given; .* args="),
-        (
-            "pendulum",
-            "y0, ts, events = [1.0, 0.0], [0, 1], 3",
-            r"events: 3 given; .* docs/howto/events\.md",
-        ),
+        ("pendulum", "y0, ts, events = [1.0, 0.0], [0, 1], 3", r"events: 3 .*/events\.md"),
         ("number", "", r"a Problem, a rope, .* and this is a int"),
         ("odeint_order", "y0, t_span = [1.0, 0.0], (0, 5)", "the order of odeint"),
         ("of_others", "", r"a function of \(mass, length\)' given; .* t and y, with y0 and t_span"),
@@ -87,15 +78,6 @@ def test_ropes_of_either_kind_become_problems(tmp_path, name):
 def test_what_is_missing_is_said_with_the_line_to_write(tmp_path, name, names, words):
     with pytest.raises(InputError, match=words):
         loaded(tmp_path, name, names)
-
-
-@pytest.mark.slow
-def test_a_table_of_a_right_hand_side(tmp_path, run):
-    (tmp_path / "own.py").write_text(FOR_SCIPY.format(names="y0, t_span = [1.0, 0.0], (0, 5)"))
-    chosen = ("--frames", "2", "--steppers", "rk4", "--steps", "8,16,32")
-    ran = run("table", "--problem", "own.py:pendulum", *chosen)
-    assert ran.returncode == 0, ran.stderr
-    assert re.search(r"^rk4 .* (4\.0|3\.9)\d+ .* converges$", ran.stdout, re.MULTILINE)
 
 
 def test_a_command_says_what_is_wrong_with_it(tmp_path, run):
@@ -140,12 +122,10 @@ def beside(folder):
 
 def test_a_file_imports_what_lies_beside_it_and_no_other_does(tmp_path):
     paths = [beside(tmp_path / name) for name in ("anna", "bert")]
-    before = [*sys.path]
     steps = [as_stepper(f"{path}:step").function for path in paths]
     for path, step in zip(paths, steps, strict=True):
         own = path.parent.name
         assert step(None, 0.0, 0.0, 0.1, None) == (own, f"other {own}", f"other {own}", own)
-    assert sys.path == before
     assert not {"helper", "other", "late", "parts"} & {*sys.modules}
     assert sys.modules["random"] is random
     # What it imports is read again with it, and nothing is left in the folder.

@@ -26,23 +26,12 @@ class Registered:
     v: Any
 
 
-@dataclasses.dataclass
-class Unregistered:
-    x: Any
-
-
 TS = np.linspace(0.0, 1.0, 3)
 X, V, STIFFNESS = np.array([[1.0, 0.5], [0.0, 2.0]]), np.array([[0.0, 1.0], [3.0, 0.0]]), 2.0
 
 
 def springs(t, y, args):
     return {"x": y["v"], "v": -args["stiffness"] * y["x"]}
-
-
-def springs_in_one(t, y, args):
-    """The same with the components in the order in which JAX has the names, v before x."""
-    v, x = y
-    return jnp.stack([-args["stiffness"] * x, v])
 
 
 def motion(ts):
@@ -66,8 +55,6 @@ def as_dict() -> Problem:
 
 def test_references_come_as_the_state_does(as_dict):
     truth = reference(as_dict)
-    assert truth.states.shape == (3, 8)
-    assert set(truth.tree) == {"x", "v"}
     bound = truth.bound()[-1]
     assert bound < 1e-11
     for name, exact in motion(TS).items():
@@ -98,37 +85,20 @@ class OneArray(Stepper):
         return carried + dt * system.rhs(t, carried)
 
 
-@pytest.mark.parametrize("stepper", [in_trees, by_name, with_arithmetic, OneArray, "diffrax:Euler"])
+@pytest.mark.parametrize("stepper", [in_trees, by_name, with_arithmetic, OneArray])
 def test_steps_see_what_the_right_hand_side_sees(as_dict, stepper):
-    in_one = Problem(springs_in_one, np.stack([V, X]), TS, {"stiffness": STIFFNESS})
-    run, same = simulate(as_dict, stepper, 4), simulate(in_one, "explicit-euler", 4)
-    # A state that is one array is its own tree.
-    assert same.tree is same.states
-    assert run.tree["x"].shape == (3, 2, 2)
-    assert np.max(np.abs(run.tree["x"] - same.states[:, 1])) < 1e-14
-    assert np.max(np.abs(run.tree["v"] - same.states[:, 0])) < 1e-14
-
-
-def in_jax_by_index(rhs, t, y, dt, args):
-    return y.at[0].add(dt * rhs(t, y, args)[0])
+    run = simulate(as_dict, stepper, 4)
+    x, v = X, V
+    for _ in range(8):
+        x, v = x + 0.125 * v, v - 0.125 * STIFFNESS * x
+    assert np.max(np.abs(run.tree["x"][-1] - x)) < 1e-14
+    assert np.max(np.abs(run.tree["v"][-1] - v)) < 1e-14
 
 
 def by_half(rhs, t, y, dt, args):
     """Of one array it would take the velocities for positions: the names come sorted."""
     x, v = y[: len(y) // 2], y[len(y) // 2 :]
     return jnp.concatenate([x + dt * v, v + dt * rhs(t, y, args)[len(x) :]])
-
-
-def joined(rhs, t, y, dt, args):
-    return jnp.concatenate([y["x"], y["v"]])
-
-
-def without_velocities(rhs, t, y, dt, args):
-    return {"x": y["x"]}
-
-
-def joined_for_rhs(rhs, t, y, dt, args):
-    return rhs(t, jnp.stack([y["x"], y["v"]]), args)
 
 
 COMES = r"y\['v'\] of shape \(2, 2\) and y\['x'\] of shape \(2, 2\)"
@@ -138,11 +108,15 @@ EULER = r"return \{'v': y\['v'\] \+ dt \* k\['v'\], 'x': y\['x'\] \+ dt \* k\['x
 @pytest.mark.parametrize(
     ("step", "words"),
     [
-        (in_jax_by_index, rf"no attribute 'at'; .* {COMES}.*{EULER}"),
         (by_half, rf"step: it raised .* {COMES}.*{EULER}"),
-        (joined, rf"step result: 'an array of shape \(4, 2\)' given;.*{EULER}"),
-        (without_velocities, r"step result: \{'x': \(2, 2\)\} given; .* {'v': \(2, 2\)"),
-        (joined_for_rhs, r"y for rhs: 'an array of shape \(2, 2, 2\)' given; .* {'v': \(2, 2\)"),
+        (
+            lambda rhs, t, y, dt, args: jnp.concatenate([y["x"], y["v"]]),
+            rf"step result: 'an array of shape \(4, 2\)' given;.*{EULER}",
+        ),
+        (
+            lambda rhs, t, y, dt, args: rhs(t, jnp.stack([y["x"], y["v"]]), args),
+            r"y for rhs: 'an array of shape \(2, 2, 2\)' given; .* {'v': \(2, 2\)",
+        ),
     ],
 )
 def test_a_step_that_takes_the_parts_wrongly_is_told_how_they_come(as_dict, step, words):
@@ -157,16 +131,14 @@ def test_a_step_that_takes_the_parts_wrongly_is_told_how_they_come(as_dict, step
         (Registered(1.0, [0.0, 2.0]), lambda t, y, args: Registered(0.0, -y.v)),
         ((np.ones(2), 3.0), lambda t, y, args: (-y[0], 1)),
         ({"a": {"b": 1, "c": None}, "d": [[1.0, 2.0]]}, lambda t, y, args: y),
-        ({1: np.ones((2, 1)), 2: (1.0, 2.0)}, lambda t, y, args: {2: y[2] * 0, 1: y[1]}),
     ],
 )
 def test_states_of_many_kinds(state, rhs):
     problem = Problem(rhs, state, TS)
     run = simulate(problem, "explicit-euler", 1)
-    first = jax.tree.map(lambda leaf: leaf[0], run.tree)
     flat = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(state)])
-    assert np.array_equal(problem.y0, flat)
-    assert np.array_equal(np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(first)]), flat)
+    first = np.concatenate([np.ravel(leaf[0]) for leaf in jax.tree.leaves(run.tree)])
+    assert problem.y0.tolist() == first.tolist() == flat.tolist()
     assert type(run.tree) is type(state)
 
 
@@ -190,7 +162,7 @@ def test_ensembles_of_trees(as_dict):
         lambda t, y, args: {"a": -args["stiffness"] * y["b"], "b": y["a"]},
         {"a": V, "b": X},
         TS,
-        {"stiffness": STIFFNESS},
+        as_dict.args,
     )
     with pytest.raises(InputError, match="differ in their states"):
         Ensemble.of([as_dict, other])
@@ -213,7 +185,6 @@ TOO_SHORT = r"rhs result: \{'x': \(1,\)\} given; allowed: the shapes of the stat
         (keeps, {"x": "word"}, r"y0\['x'\]: 'word' given"),
         (keeps, State(1.0, 1j), r"y0\.v: 1j given"),
         (keeps, {"x": np.float32([0.1])}, r"y0\['x'\]: .* float64"),
-        (keeps, {"x": Unregistered(1.0)}, r"y0\['x'\]: Unregistered"),
         (keeps, {"x": 1.0, 2: 1.0}, "y0: .* a pytree of JAX"),
         (lambda t, y, args: {"x": y["x"]}, {"x": 1.0, "v": 2.0}, TOO_FEW),
         (lambda t, y, args: {"x": y["x"][:1]}, {"x": [1.0, 2.0]}, TOO_SHORT),

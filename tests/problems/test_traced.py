@@ -15,7 +15,7 @@ from ropeode.problems import Ensemble, Problem, Rope
 from ropeode.simulation import simulate
 
 TS = [0.0, 1.0, 2.5]
-RATES = (1.0, 2.0, 1.0)
+RATES = (1.0, 2.0)
 
 
 @dataclasses.dataclass
@@ -31,21 +31,10 @@ class Decay:
         return -self.rate * y
 
 
-def in_an_array(read):
-    numbers = np.ones(1)
-
-    def rhs(t, y, args):
-        numbers[:] = read.rate
-        return -jnp.asarray(numbers) * y
-
-    return rhs
-
-
 READERS = {
     "in a closure": lambda read: lambda t, y, args: -read.rate * y,
     "as a method": lambda read: read.slope,
     "as an object": lambda read: read,
-    "in an array": in_an_array,
     "inside jit": lambda read: lambda t, y, args: jax.jit(lambda y: -read.rate * y)(y),
 }
 FAST = ("in a closure", "as a method")
@@ -63,25 +52,23 @@ def test_what_changed_between_calls_is_seen(where):
         read.rate = rate
         exact = 1.5 * np.exp(-rate * np.array(TS))
         for each in (problem, Problem(rhs, [1.5], TS)):
-            certified = reference(each)
+            certified, run = reference(each), simulate(each, "rk4", 64)
             assert np.all(np.abs(certified.states[:, 0] - exact) <= certified.bound())
-            run = simulate(each, "rk4", 64)
-            np.testing.assert_allclose(run.states[:, 0], exact, rtol=1e-6)
-            assert error_series(run, certified).final == pytest.approx(
-                abs(run.states[-1, 0] - exact[-1]), rel=1e-3
-            )
-        if rate != RATES[0]:
-            for one, own in zip(each_reference(members), (1.0, -2.0), strict=True):
-                assert np.all(np.abs(one.states[:, 0] - own * exact) <= one.bound())
+            final = abs(run.states[-1, 0] - exact[-1])
+            assert final < 1e-6
+            assert error_series(run, certified).final == pytest.approx(final, rel=1e-3)
         runs = simulate(members, "rk4", 64)
         np.testing.assert_allclose(runs.states[:, 0], np.outer(exact, [1.0, -2.0]), rtol=1e-6)
+    for one, own in zip(each_reference(members), (1.0, -2.0), strict=True):
+        assert np.all(np.abs(one.states[:, 0] - own * exact) <= one.bound())
 
 
+@pytest.mark.slow
 def test_extended_precision_sees_it_too():
     pytest.importorskip("heyoka")
     read = Decay()
     problem = Problem(lambda t, y, args: -read.rate * y, [1.5], TS)
-    for rate in RATES[:2]:
+    for rate in RATES:
         read.rate = rate
         found = reference(problem, level="extended").states[-1, 0]
         assert found == pytest.approx(1.5 * np.exp(-2.5 * rate), rel=1e-15)
@@ -134,19 +121,6 @@ def test_what_computes_something_else_is_not_equal():
     assert len({*map(rhs_of, functions)}) == len(functions)
 
 
-def test_an_array_that_is_written_to_makes_another_function():
-    rates = np.array([1.0, 2.0])
-
-    def now():
-        return rhs_of(lambda t, y, args: -(rates * y))
-
-    before = now()
-    rates[:] = 3.0
-    assert now() != before
-    with jax.enable_x64(True):
-        assert before(0.0, np.ones(2), None).tolist() == [-1.0, -2.0]
-
-
 def with_slope(slope):
     @jax.custom_jvp
     def double(y):
@@ -165,17 +139,21 @@ def with_seed(seed):
 def test_functions_are_what_they_compute(of):
     """With the numbers that they read, a derivative of its own, and keys of random numbers."""
     one, same, other = (rhs_of(of(number)) for number in (1, 1, 2))
-    assert one == same
+    assert one == same != other
     assert hash(one) == hash(same)
-    assert one != other
+
+
+def test_an_array_that_is_written_to_makes_another_function():
+    rates = np.array([1.0, 2.0])
+    before = rhs_of(lambda t, y, args: -(rates * y))
+    rates[:] = 3.0
+    assert rhs_of(lambda t, y, args: -(rates * y)) != before
+    assert before(0.0, np.ones(2), None).tolist() == [-1.0, -2.0]
 
 
 def test_other_shapes_are_left_to_the_function():
     function = Problem(lambda t, y, args: y * args["k"], np.ones(2), [0.0, 1.0], {"k": 2.0}).rhs
-    with jax.enable_x64(True):
-        assert function(0, np.ones(3), {"k": 2}).shape == (3,)
-        assert function(0, np.array([1, 2]), {"k": 2}).tolist() == [2.0, 4.0]
-    assert function(0.0, np.ones(2), {"k": 3.0}).tolist() == [3.0, 3.0]
+    assert function(0, np.ones(3), {"k": 2}).tolist() == [2.0, 2.0, 2.0]
 
 
 @jax.custom_vjp
@@ -212,15 +190,12 @@ with jax.enable_x64(False):
     [
         lambda t, y, args: COARSE * y,
         lambda t, y, args: OUTSIDE * y,
-        lambda t, y, args: ONE * y,
         lambda t, y, args: (2 * y.astype(jnp.float32)).astype(float),
         lambda t, y, args: y.astype(jnp.bfloat16).astype(float),
-        lambda t, y, args: jnp.where(y > 0, COARSE, 0.2) * y,
         lambda t, y, args: jax.lax.fori_loop(0, 3, lambda i, c: c * ONE, y),
         lambda t, y, args: jax.lax.cond(t > 1, lambda y: y * jnp.float32(0.3), jnp.sin, y),
         lambda t, y, args: jnp.real(y * jnp.array([1j], jnp.complex64)),
         # Widened already.
-        lambda t, y, args: jnp.minimum(y, float(COARSE)),
         lambda t, y, args: jnp.minimum(y, float(np.float32(-2.7))),
     ],
 )
@@ -241,7 +216,7 @@ def decay(t, y, args):
     return -y
 
 
-@pytest.mark.parametrize("coarse", [np.float32([0.1]), np.float16([0.1]), OUTSIDE])
+@pytest.mark.parametrize("coarse", [np.float32([0.1]), OUTSIDE])
 def test_float32_in_the_input_is_refused(coarse):
     fine = Problem(decay, [1.0], TS)
     for make, where in (
@@ -269,11 +244,3 @@ def test_numbers_of_float64_are_not_taken_for_float32():
         return y
 
     assert Problem(rhs, [1.0], TS).frames == 2
-
-
-def test_functions_without_a_module():
-    """As code has it that runs by `exec`."""
-    names: dict = {}
-    exec("def rhs(t, y, args):\n    return -y", names)
-    assert names["rhs"].__module__ is None
-    assert Problem(names["rhs"], [1.0], [0.0, 1.0]).rhs(0.0, np.ones(1), None) == -1.0

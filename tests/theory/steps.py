@@ -39,25 +39,26 @@ class WithMemory(Stepper):
 
 
 class AdamsBashforth(WithMemory):
-    """The two-step method, after a step of explicit Euler; it counts time in what it carries."""
+    """The two-step method, after steps of explicit Euler; it counts time in what it carries.
+
+    Arguments:
+        first: how many steps are Euler's.
+    """
+
+    def __init__(self, first=1):
+        self.first = first
 
     def init(self, system, t, y, dt):
-        return y, 0.0 * y, jnp.asarray(t), jnp.asarray(True)
+        return y, 0.0 * y, jnp.asarray(t), jnp.asarray(0)
 
     def step(self, system, t, carried, dt):
-        y, before, since, first = carried
+        y, before, since, made = carried
         k = system.rhs(t, y)
-        return y + dt * jnp.where(first, k, 1.5 * k - 0.5 * before), k, since + dt, ~first & first
+        weighted = jnp.where(made < self.first, k, 1.5 * k - 0.5 * before)
+        return y + dt * weighted, k, since + dt, made + 1
 
 
-_WEIGHTS = np.array(
-    [
-        [1, 0, 0, 0],
-        [3 / 2, -1 / 2, 0, 0],
-        [23 / 12, -16 / 12, 5 / 12, 0],
-        [55 / 24, -59 / 24, 37 / 24, -9 / 24],
-    ]
-)
+_WEIGHTS = np.array([[24, 0, 0, 0], [36, -12, 0, 0], [46, -32, 10, 0], [55, -59, 37, -9]]) / 24.0
 
 
 class Ramp(WithMemory):
@@ -72,20 +73,6 @@ class Ramp(WithMemory):
         weights = jnp.asarray(_WEIGHTS)[jnp.minimum(count, 3)]
         y = y + dt * sum((w * f for w, f in zip(weights, slopes, strict=True)), 0.0 * y)
         return y, slopes[:3], count + 1
-
-
-class GrowingHistory(WithMemory):
-    """The same in Python: the list of slopes grows."""
-
-    def init(self, system, t, y, dt):
-        return y, (), 0
-
-    def step(self, system, t, carried, dt):
-        y, old, count = carried
-        slopes = (system.rhs(t, y), *old[:3])
-        for w, f in zip(_WEIGHTS[len(slopes) - 1].tolist(), slopes, strict=False):
-            y = y + dt * w * f
-        return y, slopes, count + 1
 
 
 class EulerAndHeunInTurns(Ramp):

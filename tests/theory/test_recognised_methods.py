@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from fractions import Fraction as F
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,20 +15,16 @@ from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.theory import EXPLICIT, IMPLICIT, SECOND_ORDER, describe, recognised
 from tests.theory.random_tableaus import coefficients
 
-RK4, HEUN, VERLET = EXPLICIT["RK4"], EXPLICIT["Heun's method"], SECOND_ORDER["velocity-verlet"]
+RK4, HEUN = EXPLICIT["RK4"], EXPLICIT["Heun's method"]
 MUTATED = [each for each in EXPLICIT.items() if each[1].stages > 2 and each[1].rational]
 KNOWN = {**EXPLICIT, **IMPLICIT, **SECOND_ORDER}
 
 
 def changed(tableau, **entries):
     """A tableau with other entries, as in ``a43="1/2"``."""
-    values = {name: list(getattr(tableau, name)) for name in "abc"}
-    values["a"] = list(map(list, tableau.a))
+    values = {name: np.array(getattr(tableau, name)) for name in "abc"}
     for (name, *indices), value in entries.items():
-        row = values[name]
-        for index in indices[:-1]:
-            row = row[int(index) - 1]
-        row[int(indices[-1]) - 1] = F(value)
+        values[name][tuple(int(index) - 1 for index in indices)] = F(value)
     return Tableau(tuple(map(tuple, values["a"])), tuple(values["b"]), tuple(values["c"]))
 
 
@@ -37,18 +35,9 @@ def test_well_known_methods_are_themselves(name):
         assert recognised(NystromTableau.of_tableau(KNOWN[name])).name == name
 
 
-def rk4(**entries):
-    return changed(RK4, **entries)
-
-
-def euler(**given):
-    return dataclasses.replace(SECOND_ORDER["semi-implicit-euler"], **given)
-
-
-def verlet(**given):
-    return dataclasses.replace(VERLET, **given)
-
-
+rk4 = functools.partial(changed, RK4)
+euler = functools.partial(dataclasses.replace, SECOND_ORDER["semi-implicit-euler"])
+verlet = functools.partial(dataclasses.replace, SECOND_ORDER["velocity-verlet"])
 ZERO, ONE = F(0), F(1)
 NONE = ((ZERO, ZERO),) * 2
 
@@ -59,11 +48,7 @@ NONE = ((ZERO, ZERO),) * 2
         (RK4, "RK4; its order is 4"),
         (rk4(a43="1/2"), "RK4 with a43 = 1/2 in place of 1; its order is 1 in place of 4"),
         (NystromTableau.of_tableau(rk4(a43="1/2")), "RK4 with a43 = 1/2 in place of 1; its"),
-        (
-            rk4(b2="2/3", b3=0),
-            "RK4 with k2 used twice in the result in place of k3; its order is 2",
-        ),
-        (rk4(a31="1/2", a32=0), "RK4 with k1 used in the argument of k3 in place of k2; its order"),
+        (rk4(b2="2/3", b3=0), "k2 used twice in the result in place of k3; its order is 2"),
         (rk4(b2="2/3", b3=0, a42=1, a43=0), "k3, and with k2 used in the argument of k4"),
         (rk4(c2=0, c3=0, c4=0), "RK4 with all slopes taken at time t; its order is 1 in place of"),
         (rk4(b1="1/5", b2="2/5", b3="2/5", b4="1/5"), "RK4 with its slopes times 6/5 in the"),
@@ -95,9 +80,7 @@ def test_a_changed_entry_is_named(data):
         # Another one is as near.
         assert len(found.differences) <= 1
         return
-    old = getattr(known, place[0])
-    for index in place[1:]:
-        old = old[int(index) - 1]
+    old = np.array(getattr(known, place[0]))[tuple(int(index) - 1 for index in place[1:])]
     expected = (f"{place} = {value} in place of {old}",) if value != old else ()
     assert found.differences == expected or "all slopes taken at time t" in found.differences
 

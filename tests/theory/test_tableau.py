@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ropeode.errors import InputError
 from ropeode.tableaus import Tableau
 from ropeode.theory import EXPLICIT, IMPLICIT
 from tests.theory.random_tableaus import explicit_tableaus
-
-
-def test_rows_must_fit():
-    with pytest.raises(InputError, match="rows of 1 entries, 2 weights"):
-        Tableau(((F(0),),), (F(1), F(1)), (F(0), F(0)))
 
 
 @pytest.mark.parametrize(
@@ -24,7 +18,6 @@ def test_rows_must_fit():
     [
         # Hairer, Wanner, Solving ODEs II, table IV.5.13.
         ("the Gauss method of order 4", (4, 2, 2)),
-        ("Radau IA of order 3", (3, 1, 2)),
         ("Radau IIA of order 5", (5, 3, 2)),
         ("Lobatto IIIA of order 4", (4, 3, 1)),
     ],
@@ -37,10 +30,8 @@ def test_simplifying_assumptions(name, assumptions):
     ("name", "above", "below"),
     [
         # Hairer, Wanner, Solving ODEs II, table IV.3.1 of Pade approximations to exp(z).
-        ("implicit Euler", [1], [1, -1]),
         ("Radau IIA of order 3", [1, F(1, 3)], [1, -F(2, 3), F(1, 6)]),
         ("Lobatto IIIA of order 4", [1, F(1, 2), F(1, 12)], [1, -F(1, 2), F(1, 12)]),
-        ("Lobatto IIIC of order 2", [1], [1, -1, F(1, 2)]),
     ],
 )
 def test_stability_functions_are_exact(name, above, below):
@@ -50,11 +41,10 @@ def test_stability_functions_are_exact(name, above, below):
 @pytest.mark.parametrize("name", [*EXPLICIT, *IMPLICIT])
 def test_stability_function_is_what_a_step_does(name):
     tableau = {**EXPLICIT, **IMPLICIT}[name]
-    eigenvalue = np.array(-0.4 + 0.9j)
-    # Real and imaginary part as a state of two components.
-    matrix = np.array([[eigenvalue.real, -eigenvalue.imag], [eigenvalue.imag, eigenvalue.real]])
+    # Real and imaginary part of a number that is multiplied by -0.4 + 0.9j, as a state of two.
+    matrix = np.array([[-0.4, -0.9], [0.9, -0.4]])
     x, y = tableau.step(lambda t, y: matrix @ y, 0.0, np.array([1.0, 0.0]), 0.5)
-    assert x + 1j * y == pytest.approx(complex(tableau.stability_function(0.5 * eigenvalue)))
+    assert x + 1j * y == pytest.approx(complex(tableau.stability_function(-0.2 + 0.45j)))
 
 
 @settings(max_examples=15)
@@ -76,7 +66,6 @@ def test_a_stage_without_effect_is_no_factor_of_the_stability_function():
     tableau = Tableau.of([[1, 0], [0, "1/2"]], [1, 0])
     assert tableau.stability_function == ((1,), (1, -1))
     assert tableau.unused == (1,)
-    assert Tableau.of([[], [0]], [0, 1]).unused == (0,)
 
 
 def test_implicit_equations_without_a_solution_nearby_give_not_a_number():

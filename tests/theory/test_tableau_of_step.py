@@ -14,12 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate
 
-from ropeode.errors import InputError
 from ropeode.problems import Problem
 from ropeode.tableaus import Tableau
 from ropeode.theory import EXPLICIT, IMPLICIT, SECOND_ORDER, tableau_of
 from tests.theory.random_tableaus import explicit_tableaus, nystrom_tableaus, step_of
-from tests.theory.steps import WithMemory, euler_in_numpy
+from tests.theory.steps import AdamsBashforth, euler_in_numpy
 
 RK4, SEMI_IMPLICIT = EXPLICIT["RK4"], SECOND_ORDER["semi-implicit-euler"]
 SLOW = pytest.mark.slow
@@ -33,7 +32,7 @@ def equal(one, other):
     )
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(st.one_of(explicit_tableaus(), nystrom_tableaus()))
 def test_every_explicit_method_is_found_exactly(tableau):
     assert tableau_of(step_of(tableau)) == (tableau, "")
@@ -67,14 +66,12 @@ def test_a_few_iterations_of_an_implicit_method_are_an_explicit_one():
         return new
 
     tableau = tableau_of(midpoint).tableau
-    assert tableau.explicit
-    assert tableau.order == 2
-    assert tableau.b == (0, 0, 1)
+    assert (tableau.explicit, tableau.order, tableau.b) == (True, 2, (0, 0, 1))
 
 
 @pytest.mark.parametrize(
     "name",
-    ["scipy:RK23", "scipy:DOP853", "diffrax:Bosh3", pytest.param("diffrax:Dopri8", marks=SLOW)],
+    ["scipy:DOP853", "diffrax:Bosh3", pytest.param("diffrax:Dopri8", marks=SLOW)],
 )
 def test_tableaus_of_libraries_from_their_compiled_steps(name):
     library, method = name.split(":")
@@ -86,12 +83,6 @@ def test_tableaus_of_libraries_from_their_compiled_steps(name):
         own = getattr(diffrax, method).tableau
         published = Tableau.of([[], *own.a_lower], own.b_sol, [0.0, *own.c])
     assert equal(tableau_of(name).tableau.reduced, published.reduced)
-
-
-def test_own_steppers():
-    assert tableau_of("rk4").tableau.reduced == RK4
-    found = tableau_of("stormer-verlet").tableau.reduced
-    assert dataclasses.replace(found, a=None) == SECOND_ORDER["velocity-verlet"]
 
 
 def test_loops_of_jax_are_watched_too():
@@ -117,8 +108,6 @@ def test_on_a_problem(small_rope):
     assert tableau_of(step_of(RK4), small_rope).tableau == RK4
     assert tableau_of(step_of(LAGGED), small_rope).tableau == LAGGED
     assert tableau_of(shu_and_osher, small_rope).tableau == EXPLICIT["SSPRK3"]
-    one_number = Problem(lambda t, y, args: -y, np.array([1.0]), np.arange(3.0))
-    assert tableau_of(step_of(RK4), one_number).tableau == RK4
 
 
 def test_what_the_problem_holds_may_be_held_by_hand(small_rope):
@@ -141,18 +130,13 @@ def test_what_the_problem_holds_may_be_held_by_hand(small_rope):
 
 
 def test_a_state_that_is_a_tree():
-    problem = Problem(
-        lambda t, y, args: {"a": -y["a"], "b": y["b"]},
-        {"a": np.array(1.0), "b": np.arange(3.0)},
-        np.arange(3.0),
-    )
+    state = {"a": np.array(1.0), "b": np.arange(3.0)}
+    problem = Problem(lambda t, y, args: {"a": -y["a"], "b": y["b"]}, state, np.arange(3.0))
 
-    def heun(rhs, t, y, dt, args):
-        k1 = rhs(t, y, args)
-        k2 = rhs(t + dt, {key: y[key] + dt * k1[key] for key in y}, args)
-        return {key: y[key] + dt / 2 * (k1[key] + k2[key]) for key in y}
+    def euler(rhs, t, y, dt, args):
+        return jax.tree.map(lambda y, k: y + dt * k, y, rhs(t, y, args))
 
-    assert tableau_of(heun, problem).tableau == EXPLICIT["Heun's method"]
+    assert tableau_of(euler, problem).tableau == EXPLICIT["explicit-euler"]
 
 
 def test_positions_and_velocities_apart_with_a_right_hand_side():
@@ -169,17 +153,16 @@ def moved(change):
     return lambda rhs, t, y, dt, args: change(euler_in_numpy(rhs, t, y, dt, args), y, t, dt)
 
 
-def of_slopes(change):
-    """Explicit Euler with something done to its slope."""
-    return lambda rhs, t, y, dt, args: y + dt * change(rhs(t, y, args))
-
-
 calls = []
 
 
-def counting(k):
-    calls.append(k)
-    return (1.0 + 1e-9 * len(calls)) * k
+def counting(rhs, t, y, dt, args):
+    calls.append(t)
+    return y + dt * (1.0 + 1e-9 * len(calls)) * rhs(t, y, args)
+
+
+def in_float32(rhs, t, y, dt, args):
+    return y + dt * rhs(t, y, args).astype(np.float32).astype(float)
 
 
 def per_step(acceleration, t, x, v, dt, args):
@@ -205,30 +188,23 @@ def adaptive(rhs, t, y, dt, args):
     return y + dt * k if np.max(np.abs(rhs(t + dt, y + dt * k, args) - k)) < 1.0 else y
 
 
-def broken(rhs, t, y, dt, args):
-    raise ZeroDivisionError("division by zero")
-
-
 @pytest.mark.parametrize(
     ("step", "reason"),
     [
         (moved(lambda new, y, t, dt: new + (new - y) * (dt < 1e-5)), "depend on the step size"),
-        (lambda rhs, t, y, dt, args: y + dt * rhs(t + dt**2, y, args), "depend on the step size"),
-        (moved(lambda new, y, t, dt: new + (new - y) * (t > 10)), "depend on the time"),
         (lambda rhs, t, y, dt, args: y + dt * rhs(round(t, 2), y, args), "depend on the time"),
         (moved(lambda new, y, t, dt: np.clip(new, -500, 500)), "large states"),
         (moved(lambda new, y, t, dt: new - 5e-5 * y), "multiplies the state by 0.99995"),
         (moved(lambda new, y, t, dt: new + 0.001), "not a sum"),
-        (moved(lambda new, y, t, dt: np.sort(new)), "not a sum"),
         (moved(lambda new, y, t, dt: new * np.nan), "not-a-number"),
         (own_forces, "asks for no slope"),
-        (of_slopes(counting), "hidden state"),
-        (of_slopes(lambda k: k.astype(np.float32).astype(float)), "up to a relative error of"),
+        (counting, "hidden state"),
+        (in_float32, "up to a relative error of"),
         (per_step, "multiplies the velocities by 0.99995 in its result"),
         (slow_drift, "the velocities on their way into the positions by 0.5"),
         (drawn_back, "velocities from positions"),
         (adaptive, "small states"),
-        (broken, "ZeroDivisionError"),
+        (lambda rhs, t, y, dt, args: 1 / 0, "ZeroDivisionError"),
         ("constraint-verlet", "nodes in a row"),
         pytest.param("diffrax:ReversibleHeun", "carries memory", marks=SLOW),
         pytest.param("diffrax:Kvaerno3", "iterates", marks=SLOW),
@@ -242,22 +218,4 @@ def test_what_is_no_method_has_no_tableau(step, reason):
 
 @pytest.mark.parametrize("first", [1, 12])
 def test_memory_between_steps_is_noticed(first):
-    """The second Adams-Bashforth method, started by steps of Euler's, from a class."""
-
-    class AdamsBashforth(WithMemory):
-        compiled = False
-
-        def init(self, system, t, y, dt):
-            return y, y, 0
-
-        def step(self, system, t, carried, dt):
-            y, before, made = carried
-            k = system.rhs(t, y)
-            return y + dt * (k if made < first else 1.5 * k - 0.5 * before), k, made + 1
-
-    assert tableau_of(AdamsBashforth()).reason == "carries memory"
-
-
-def test_a_stepper_that_does_not_exist():
-    with pytest.raises(InputError, match="rk5"):
-        tableau_of("rk5")
+    assert tableau_of(AdamsBashforth(first)).reason == "carries memory"

@@ -12,6 +12,7 @@ from ropeode.analysis import (
     RESOLUTION_FACTOR,
     ObservedOrder,
     distances,
+    moved,
     observed_order,
     resolution,
 )
@@ -27,7 +28,7 @@ from ropeode.checking.diagnosis.limits import ObservedLimit, Runs
 from ropeode.checking.diagnosis.parameter_fit import Fit
 from ropeode.checking.report import Diagnosis
 from ropeode.errors import ReferenceRefused
-from ropeode.norms import NORMS, motion
+from ropeode.norms import NORMS
 from ropeode.references import Reference, reference_for
 
 # By how much of its spread a number that is not simple may be rounded.
@@ -97,7 +98,7 @@ def _order(reference: Reference, runs: Runs, name: str, limit: ObservedLimit) ->
         [dt for dt, _ in runs],
         errors,
         resolution=float(resolution(reference, norm)[-1]) + RESOLUTION_FACTOR * uncertainty,
-        motion=float(motion(problem, reference.states, norm)[-1]),
+        motion=moved(reference, norm),
     )
 
 

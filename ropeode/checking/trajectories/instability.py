@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.analysis import ObservedOrder, distances, observed_order, resolution
+from ropeode.analysis import ObservedOrder, distances, moved, observed_order, resolution
 from ropeode.checking.report import Claims
 from ropeode.checking.trajectories.layout import states_of
 from ropeode.checking.trajectories.likely_methods import FIRST
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.errors import InputError
-from ropeode.norms import NORMS, Norm, motion
+from ropeode.norms import NORMS, Norm
 from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.simulation import step_size
@@ -50,14 +50,14 @@ def before_blow_up(
             _largest(states_of(problem, run.values + run.rounding), reference, norm, run.states)
             for run in runs
         ]
-        finest, moved = resolution(reference, norm), motion(problem, reference.states, norm)
+        finest = resolution(reference, norm)
         for frames in range(reference.trusted - 1, 0, -1):
             order = observed_order(
                 [run.dt for run in runs],
                 [each[frames] for each in errors],
                 resolution=finest[frames],
                 rounding=[each[frames] for each in roundings],
-                motion=moved[frames],
+                motion=moved(reference, norm, frames),
             )
             if order.verdict == "converges" and _is_narrow(order):
                 found[quantity] = frames, order
