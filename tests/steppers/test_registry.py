@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 import itertools
 import pkgutil
@@ -23,16 +24,13 @@ def test_no_stepper_escapes_the_registry():
     defined = {each for each in _below(BuiltIn) if each.name}
     assert set(STEPPERS.values()) == {each for each in defined if each.__module__ in imported}
     assert all(name == each.name for name, each in STEPPERS.items())
+    in_families = [each.name for steppers in by_family().values() for each in steppers]
+    assert sorted(in_families) == sorted(STEPPERS)
+    assert "your own" not in by_family()
 
 
 def _below(cls: type) -> set[type]:
     return {each for own in cls.__subclasses__() for each in ({own} | _below(own))}
-
-
-def test_families_hold_each_stepper_once():
-    found = [each for steppers in by_family().values() for each in steppers]
-    assert sorted(each.name for each in found) == sorted(STEPPERS)
-    assert "your own" not in by_family()
 
 
 @pytest.mark.parametrize("each", EVERY_VARIANT, ids=lambda each: each.label)
@@ -65,36 +63,22 @@ NUMBERS = [(cls, option) for cls in STEPPERS.values() for option in number_optio
 @pytest.mark.parametrize(("cls", "option"), NUMBERS)
 def test_any_whole_number_from_one_on(cls, option):
     """As text, and in Python too."""
-    default = getattr(cls(), option)
-    for number in (default + 1, 1000):
-        text = f"{cls.name}:{option}={number}"
-        found = as_stepper(text)
-        assert (getattr(found, option), found.label) == (number, text)
-        assert type(getattr(found, option)) is int
-        assert cls(**{option: np.int64(number)}) == as_stepper(found.label) == found
-    assert as_stepper(f"{cls.name}:{option}={default}").label == cls.name
-    for text, why in [
-        ("0", "0 is below 1"),
-        ("1.5", "'1.5' is not whole"),
-        ("x", "'x' is not a number"),
-        ("", "'' is not a number"),
-        ("inf", "inf is not finite"),
-    ]:
+    found = as_stepper(f"{cls.name}:{option}=1000")
+    assert (getattr(found, option), found.label) == (1000, f"{cls.name}:{option}=1000")
+    assert type(getattr(found, option)) is int
+    assert cls(**{option: np.int64(1000)}) == found
+    assert as_stepper(f"{cls.name}:{option}={getattr(cls(), option)}").label == cls.name
+    texts = [f"{cls.name}:{option}={text}" for text in ("0", "1.5", "x", "", "inf")]
+    for make in (
+        *(functools.partial(as_stepper, text) for text in texts),
+        *(functools.partial(cls, **{option: number}) for number in (0, 2.5, None)),
+    ):
         with pytest.raises(InputError) as caught:
-            as_stepper(f"{cls.name}:{option}={text}")
+            make()
         (line,) = caught.value.problems
-        assert line.startswith(f"{cls.name}:{option}: {text!r} given; allowed: a whole number >= 1")
-        assert f"({why})" in line
+        assert line.startswith(f"{cls.name}:{option}: ")
+        assert "given; allowed: a whole number >= 1" in line
         assert f"Fix: for example {cls.name}:{option}=" in line
-    for given in (0, 2.5, None):
-        with pytest.raises(InputError, match=f"{cls.name}:{option}: {given} given"):
-            cls(**{option: given})
-
-
-def test_there_is_a_number_to_try():
-    assert (STEPPERS["constraint-verlet"], "sweeps") in NUMBERS
-    with pytest.raises(InputError, match="xpbd:substeps: 1000000000000 given; allowed: at most"):
-        as_stepper("xpbd:substeps=1e12")
 
 
 @pytest.mark.parametrize(
@@ -107,6 +91,9 @@ def test_there_is_a_number_to_try():
         ("stormer-verlet:start=rset", "did you mean 'rest'"),
         ("stormer-verlet:start", "allowed: taylor, rest"),
         ("stormer-verlet:start=rest,start=taylor", "each option once"),
+        ("xpbd:substeps=1e12", "xpbd:substeps: 1000000000000 given; allowed: at most"),
+        ("runge-kutta", "allowed: runge-kutta:FILE.toml"),
+        ("runge-kutta:own.py", "allowed: runge-kutta:FILE.toml"),
         (4, "a step function, a Stepper, or the name of one"),
     ],
 )
