@@ -109,19 +109,6 @@ def test_every_stepper_on_every_kind_of_rope(stepper, kind):
     assert len({each.states.tobytes() for each in found}) == 3
 
 
-# Explicit Euler, as in what follows: one program for all.
-@pytest.mark.parametrize(("frames", "stepper"), [(200, "explicit-euler"), (131, "stormer-verlet")])
-def test_any_number_of_frames(frames, stepper):
-    """Two-step methods carry their last positions over the frames where a run is looked at."""
-    problems = [
-        Rope(start=(0, 0), end=(3, 0), num_nodes=4, stiffness=k, damping=0.5).problem(frames)
-        for k in (5, 10, 3)
-    ]
-    found, told = side_by_side(problems, stepper, 20)
-    assert {len(each.times) for each in found} == {frames + 1}
-    assert told == pytest.approx([128 / frames, 1.0])
-
-
 def falling(damping, stiffness, frames):
     """Explicit Euler multiplies velocities by 1 - damping dt: with 30 steps, by -5.7 and -2."""
     return Rope(
@@ -163,43 +150,23 @@ def test_one_inextensible_rope_that_fails_leaves_the_others_alone():
 SLOW = pytest.mark.slow
 
 
-@pytest.mark.parametrize(
-    ("kind", "stepper", "nodes"),
-    [
-        (Rope, "semi-implicit-euler", 1),
-        pytest.param(InextensibleRope, "constraint-verlet", 1, marks=SLOW),
-        pytest.param(InextensibleRope, "rattle", 2, marks=SLOW),
-    ],
-)
-def test_very_short_ropes(kind, stepper, nodes):
-    problems = [
-        kind(
-            start=(0, 0), end=(1, 0), num_nodes=nodes, pinned=list(range(nodes - 1)), damping=d
-        ).problem(frames=2)
-        for d in (0.0, 0.4)
-    ]
-    side_by_side(problems, stepper, 16, ulps=100)
+def test_ropes_of_one_node():
+    ropes = Rope(start=(0, 0), end=(1, 0), num_nodes=1, pinned=()).ensemble(2, damping=[0.0, 0.4])
+    side_by_side(list(ropes), "semi-implicit-euler", 16, ulps=100)
 
 
-OTHERS = [
-    InextensibleRope(num_nodes=4).problem(frames=3),
-    Rope(num_nodes=5).problem(frames=3),
-    Rope(num_nodes=4).problem(frames=4),
-    Rope(num_nodes=4, start=(0, 0, 0), end=(1, 2, 3)).problem(frames=3),
-    PROBLEMS["lorenz"](frames=3),
-    dataclasses.replace(Rope(num_nodes=4).problem(frames=3), ts=np.arange(4) + 0.5),
-]
-
-
-@pytest.mark.parametrize("other", OTHERS, ids=lambda each: f"{each.name} {each.y0.shape}")
-def test_mixed_families_are_refused(other):
+def test_mixed_families_are_refused():
     rope = Rope(num_nodes=4).problem(frames=3)
-    for problems in ([rope, other], [other, rope]):
-        with pytest.raises(InputError, match="problems: .* problems of one family") as caught:
-            Ensemble.of(problems)
-        (line,) = caught.value.problems
-        assert other.name in line
-        assert "Fix: run them one by one" in line
+    for other in (
+        InextensibleRope(num_nodes=4).problem(frames=3),
+        Rope(num_nodes=5).problem(frames=3),
+        Rope(num_nodes=4, start=(0, 0, 0), end=(1, 2, 3)).problem(frames=3),
+        PROBLEMS["lorenz"](frames=3),
+        dataclasses.replace(rope, ts=rope.ts + 0.5),
+    ):
+        for problems in ([rope, other], [other, rope]):
+            with pytest.raises(InputError, match="problems of one family.*Fix: run them one by"):
+                Ensemble.of(problems)
 
 
 SMOOTH = {name: make for name, make in PROBLEMS.items() if name not in ROPES}
@@ -311,29 +278,16 @@ STRETCHING = [[[0, 1]] * 3, [[0, 0], [1, 0], [0, 0]]]
         (of_ropes(), "ensemble: {} given; allowed: arrays"),
         (of_ropes(damping=[0.1, 0.2], stiffness=[1.0]), "ensemble: .*as many members"),
         (of_ropes(damping=[0.1, -0.2]), "damping: -0.2 given; .*below zero"),
-        (of_ropes(damping=[0.1, np.nan]), "damping: .*finite numbers"),
-        (of_ropes(damping=0.1), "damping: 0.1 given; .*one entry along its first axis"),
         (of_ropes(node_mass=[[1, 2, 3], [1, 0, 3]]), "node_mass: .*0.0 is not above zero"),
         (of_ropes(gravity=[[1, 2, 3]]), "gravity: .*start has 2"),
         (of_ropes(num_nodes=[3, 4]), "field: 'num_nodes' given, which does not exist"),
         (of_ropes(InextensibleRope, initial_velocity=STRETCHING), "initial_velocity: .*stretch"),
-        (of_lorenz(y0=np.ones((3, 2))), "y0: .*shape"),
         (of_lorenz(y0=np.full((3, 3), np.nan)), "y0: .*mend member 0"),
         (of_lorenz(y0=np.ones((0, 3))), "y0: .*at least one"),
         (of_lorenz(args={"sigma": [1.0]}), "args: "),
-        (of_lorenz(), "y0: .*at least one"),
         (lambda: Ensemble.of([]), "problems: .* at least one problem"),
     ],
 )
 def test_numbers_that_cannot_be_used(make, match):
     with pytest.raises(InputError, match=match):
         make()
-
-
-def test_bad_input_is_that_of_one_problem(small_rope):
-    for stepper, steps, words in (
-        ("rk5", 16, "stepper: 'rk5' given"),
-        ("rk4", 0, "steps_per_frame: 0 given"),
-    ):
-        with pytest.raises(InputError, match=words):
-            simulate(Ensemble.of([small_rope]), stepper, steps)

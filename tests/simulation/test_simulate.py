@@ -14,6 +14,7 @@ from ropeode import reference
 from ropeode.errors import InputError
 from ropeode.problems import Ensemble, Problem, Rope
 from ropeode.simulation import method_of, simulate
+from tests.checking.steps import in_loops
 from tests.steppers.ropes import in_space
 
 
@@ -67,15 +68,21 @@ def test_divergence_stops_the_run_at_its_frame():
 
 
 def test_more_frames_than_a_program_runs_in_one_go():
-    """300 frames of a step are 100 of three, which one call of the program computes."""
+    """300 frames of a step are 100 of three, which one call of the program computes.
+
+    Two-step methods carry their last positions over the frames where a run is looked at.
+    """
     many, few = (
         Problem.second_order(lambda t, x, v, args: -x, [1.0], [0.5], np.arange(n + 1.0) * 30 / n)
         for n in (300, 100)
     )
-    short, long = simulate(many, "rk4", 1).states, simulate(few, "rk4", 3).states
-    np.testing.assert_allclose(short[::3], long, rtol=0, atol=1e-12)
-    exact = np.cos(many.ts) + 0.5 * np.sin(many.ts)
-    np.testing.assert_allclose(short[:, 0, 0], exact, rtol=0, atol=1e-4)
+    for stepper in ("rk4", "stormer-verlet"):
+        short, long = simulate(many, stepper, 1).states, simulate(few, stepper, 3).states
+        np.testing.assert_allclose(short[::3], long, rtol=0, atol=1e-12)
+        exact = np.cos(many.ts) + 0.5 * np.sin(many.ts)
+        # The phase of Störmer's method is off by dt^2/24 a unit of time.
+        late = 1e-4 if stepper == "rk4" else 1.2 * 30 * 0.1**2 / 24
+        np.testing.assert_allclose(short[:, 0, 0], exact, rtol=0, atol=late)
 
 
 def test_unequal_frames():
@@ -107,12 +114,7 @@ def test_bad_steps_and_limits(steps, settings, words, small_rope):
         simulate(small_rope, "rk4", steps, **settings)
 
 
-def in_numpy(acceleration, t, x, v, dt, args):
-    v = v + dt * np.asarray(acceleration(t, x, v, args))
-    return np.array(x + dt * v), np.array(v)
-
-
-@pytest.mark.parametrize(("stepper", "ensemble"), [("rk4", True), (in_numpy, False)])
+@pytest.mark.parametrize(("stepper", "ensemble"), [("rk4", True), (in_loops, False)])
 def test_a_run_without_an_end_is_refused(stepper, ensemble, small_rope):
     ropes = Ensemble.of([small_rope] * 2) if ensemble else small_rope
     with pytest.raises(InputError, match="steps_per_frame: 1000000000000 given") as refused:
@@ -128,7 +130,7 @@ def test_a_pause_refuses_no_run(small_rope):
 
     def pausing(acceleration, t, x, v, dt, args):
         time.sleep(pauses.pop() if pauses else 0.0)
-        return in_numpy(acceleration, t, x, v, dt, args)
+        return in_loops(acceleration, t, x, v, dt, args)
 
     # So that the step has been tried before it pauses.
     method = method_of(pausing, small_rope)
@@ -147,18 +149,6 @@ def test_states_that_do_not_fit_into_memory_are_refused(solve, monkeypatch):
     monkeypatch.setattr("os.sysconf", lambda name: 256)
     with pytest.raises(InputError, match="frames: 10000 given; allowed: as many as fit"):
         solve(long)
-
-
-def test_stepper_and_problem_must_fit():
-    problem = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0], name="decay")
-    with pytest.raises(InputError, match="needs a second-order problem, and 'decay' is"):
-        simulate(problem, "velocity-verlet", 4)
-    drag = Problem.second_order(lambda t, x, v, args: -v * jnp.abs(v), [1.0], [2.0], [0.0, 1.0])
-    with pytest.raises(InputError, match="depends on the velocity in a way that is not declared"):
-        simulate(drag, "stormer-verlet", 4)
-    assert simulate(drag, "semi-implicit-euler", 4).status == "ok"
-    with pytest.raises(InputError, match="a second-order"):
-        _ = simulate(problem, "rk4", 4).positions
 
 
 def test_jax_without_its_compiler_is_refused_by_name(small_rope):

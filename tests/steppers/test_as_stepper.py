@@ -24,14 +24,6 @@ def semi_implicit(acceleration, t, x, v, dt, args):
     return x + dt * v, v
 
 
-def semi_implicit_node_by_node(acceleration, t, x, v, dt, args):
-    x, v, a = np.array(x), np.array(v), acceleration(t, x, v, args)
-    for node in np.ndindex(x.shape[:1]):
-        v[node] += dt * a[node]
-        x[node] += dt * v[node]
-    return x, v
-
-
 def explicit(rhs, t, y, dt, args):
     slope = rhs(t, y, args)
     return jnp.stack([y[0] + dt * slope[0], y[1] + dt * slope[1]])
@@ -96,7 +88,7 @@ PROBLEM = MOVING.problem(frames=3)
 # With the evaluations in a step, where they are known.
 SAME = [
     ("semi-implicit-euler", semi_implicit, 1),
-    ("semi-implicit-euler", semi_implicit_node_by_node, 1),
+    ("semi-implicit-euler", steps.in_loops, 1),
     ("semi-implicit-euler", SemiImplicit, 1),
     ("semi-implicit-euler", SemiImplicit(), 1),
     ("semi-implicit-euler", Layoutless, 1),
@@ -139,7 +131,7 @@ def test_axes_are_those_that_the_user_sees():
     assert np.max(np.abs(fast - slow)) <= 1e-12 * PROBLEM.scale
 
 
-@pytest.mark.parametrize("what", [semi_implicit, semi_implicit_node_by_node, "scipy:RK23"])
+@pytest.mark.parametrize("what", [semi_implicit, steps.in_loops, "scipy:RK23"])
 def test_members_of_an_ensemble_run_as_they_run_alone(what):
     ropes = ROPE.ensemble(frames=2, damping=np.array([0.0, 0.2, 0.05]))
     runs = simulate(ropes, what, 8)
@@ -176,15 +168,7 @@ def test_what_the_code_depends_on_may_change(kind):
 
 
 def test_hidden_state_is_refused_with_a_way_out():
-    before = []
-
-    def remembers(acceleration, t, x, v, dt, args):
-        last = before[-1] if before else x - dt * v
-        before.append(np.array(x))
-        new = 2 * x - last + dt**2 * acceleration(t, x, v, args)
-        return new, (new - x) / dt
-
-    for what in (remembers, steps.counts):
+    for what in (steps.remembers, steps.counts):
         with pytest.raises(UserCodeError, match="keeps hidden state") as raised:
             simulate(PROBLEM, what, 8)
         assert template("two-step") in str(raised.value)
@@ -254,11 +238,27 @@ def run_on(problem, stepper):
         (as_stepper, "rk4", {"order": 3, "label": "mine"}, "order: 3 given"),
         (as_stepper, "diffrax:Heun", {"label": "mine"}, "none with 'diffrax:Heun'"),
         (as_stepper, explicit, {"order": 0}, "order: 0 given; allowed: a whole number >= 1"),
-        (as_stepper, Problem, {}, "a step function, a Stepper"),
+        (as_stepper, "explicit-eulr", {}, "did you mean 'explicit-euler'"),
+        (as_stepper, "", {}, "allowed: explicit-euler"),
+        (as_stepper, "rk4:start=rest", {}, "no options"),
+        (as_stepper, "stormer-verlet:strat=rest", {}, "did you mean 'start'"),
+        (as_stepper, "stormer-verlet:start=rset", {}, "did you mean 'rest'"),
+        (as_stepper, "stormer-verlet:start", {}, "allowed: taylor, rest"),
+        (as_stepper, "stormer-verlet:start=rest,start=taylor", {}, "each option once"),
+        (
+            as_stepper,
+            "xpbd:substeps=1e12",
+            {},
+            "1000000000000 given; allowed: at most",
+        ),
+        (as_stepper, "runge-kutta", {}, "allowed: runge-kutta:FILE.toml"),
+        (as_stepper, "runge-kutta:own.py", {}, "allowed: runge-kutta:FILE.toml"),
+        (as_stepper, Problem, {}, "a step function, a Stepper, or the name of one"),
         (as_stepper, lambda x: x, {}, r"its parameters are \(x\)"),
         (run_on, "lorenz", {"stepper": semi_implicit}, "needs a second-order problem"),
         (run_on, "lorenz", {"stepper": AsksForForces}, 'needs = "second order"'),
         (run_on, "rope", {"stepper": "diffrax:SemiImplicitEuler"}, "depends on the velocities"),
+        (run_on, "double-pendulum", {"stepper": "leapfrog"}, "in a way that is not declared"),
     ],
 )
 def test_bad_arguments(call, given, settings, words):

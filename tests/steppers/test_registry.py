@@ -81,27 +81,6 @@ def test_any_whole_number_from_one_on(cls, option):
         assert f"Fix: for example {cls.name}:{option}=" in line
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("explicit-eulr", "did you mean 'explicit-euler'"),
-        ("", "allowed: explicit-euler"),
-        ("rk4:start=rest", "no options"),
-        ("stormer-verlet:strat=rest", "did you mean 'start'"),
-        ("stormer-verlet:start=rset", "did you mean 'rest'"),
-        ("stormer-verlet:start", "allowed: taylor, rest"),
-        ("stormer-verlet:start=rest,start=taylor", "each option once"),
-        ("xpbd:substeps=1e12", "xpbd:substeps: 1000000000000 given; allowed: at most"),
-        ("runge-kutta", "allowed: runge-kutta:FILE.toml"),
-        ("runge-kutta:own.py", "allowed: runge-kutta:FILE.toml"),
-        (4, "a step function, a Stepper, or the name of one"),
-    ],
-)
-def test_bad_names(text, words):
-    with pytest.raises(InputError, match=words):
-        as_stepper(text)
-
-
 def test_options_in_python_are_those_on_the_command_line():
     """A number as one; and nothing that would run as another choice under its own name."""
     spaced = as_stepper(" stormer-verlet: start=rest , damping = lagged ")

@@ -20,24 +20,12 @@ EXAMPLE = Path(__file__).parents[2] / "docs/examples/heun3.toml"
 METHODS = {name: cls for name, cls in STEPPERS.items() if issubclass(cls, RungeKutta)}
 
 
-BY_TREES = [
-    pytest.param(name, marks=[pytest.mark.slow] if cls.tableau_order > 5 else [])
-    for name, cls in METHODS.items()
-]
-
-
-@pytest.mark.parametrize("name", BY_TREES)
-def test_declared_order_is_that_of_the_order_conditions(name):
-    tableau = METHODS[name].tableau
-    assert tableau.explicit
-    assert tableau.keeps_time
-    assert tableau.order == METHODS[name].tableau_order
-
-
 @pytest.mark.parametrize("name", METHODS)
 def test_conditions_are_met_to_the_last_digits(name):
-    """By kauri's trees, in floating-point numbers: up to order 6, which is fast."""
-    tableau = METHODS[name].tableau
+    """By kauri's trees: those of order 6 and less, which is fast; and no more than is declared."""
+    tableau, order = METHODS[name].tableau, METHODS[name].tableau_order
+    assert tableau.explicit
+    assert tableau.keeps_time
     a, b = np.array(tableau.a, float), np.array(tableau.b, float)
 
     def stages(tree):
@@ -47,9 +35,20 @@ def test_conditions_are_met_to_the_last_digits(name):
             weights = weights * (a @ stages(branch))
         return weights
 
-    for order in range(1, min(METHODS[name].tableau_order, 6) + 1):
-        for tree in kauri.trees_of_order(order):
-            assert b @ stages(tree.list_repr) == pytest.approx(1 / tree.factorial(), abs=4e-15)
+    def worst(order):
+        trees = kauri.trees_of_order(order)
+        return max(abs(b @ stages(tree.list_repr) - 1 / tree.factorial()) for tree in trees)
+
+    for each in range(1, min(order, 6) + 1):
+        assert worst(each) < 4e-15
+    assert order > 5 or worst(order + 1) > 1e-5
+
+
+@pytest.mark.slow
+def test_the_order_conditions_say_what_is_declared():
+    """All of them, without rounding; of files that is asked in each test below."""
+    for cls in METHODS.values():
+        assert cls.tableau.order == cls.tableau_order
 
 
 # ---- tableaus in files
@@ -119,9 +118,7 @@ THIRD_ORDER = (
         ("A = [[], [1, 2, 3]]\nb = [0, 1]", "A[2]: '3 entries' given; allowed: 1 of them, or 2"),
         ("A = [[], [1]]\nb = [0, 1]\nc = [0]", "c: '1 times' given; allowed: 2 times"),
         ('A = [["1/2"]]\nb = [1]', "A[1][1]: '1/2' given; allowed: 0 there, in explicit methods"),
-        ("A = [[0, 1], [1, 0]]\nb = [0, 1]", "implicit tableaus are not taken"),
         ('A = [[]]\nb = ["1/0"]', "b[1]: '1/0' given; allowed: finite numbers"),
-        ('A = [[]]\nb = ["1e400"]', "b[1]: '1e400' given; allowed: finite numbers"),
         ('A = [[]]\nb = [1]\nname = "two\\nlines"', "allowed: a line of text that is not the name"),
         ('A = [[]]\nb = [1]\norder = "2"', "order: 2 given; allowed: at most 1"),
         ("A = [[], [1]]\nb = [0.5, 0.5]\norder = 3", THIRD_ORDER),
