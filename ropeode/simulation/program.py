@@ -15,8 +15,8 @@ import numpy as np
 
 from ropeode import cache
 from ropeode.cache import Source, described
-from ropeode.simulation.family import Family
-from ropeode.simulation.iterations import Iterations
+from ropeode.simulation.method import Family
+from ropeode.simulation.trajectory import Iterations
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers import BuiltIn
 
