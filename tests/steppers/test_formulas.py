@@ -43,12 +43,22 @@ def undamped(x):
     return acceleration(x, np.zeros_like(x))
 
 
-def velocity_verlet(x, v, steps):
-    for _ in range(steps):
-        middle = v + DT / 2 * (undamped(x) - RATE * v)
-        x = x + DT * middle
-        v = (middle + DT / 2 * undamped(x)) / (1 + RATE * DT / 2)
-    return x, v
+def repeated(step):
+    """So many steps from positions and velocities to the next ones."""
+
+    def run(x, v, steps):
+        for _ in range(steps):
+            x, v = step(x, v)
+        return x, v
+
+    return run
+
+
+@repeated
+def velocity_verlet(x, v):
+    middle = v + DT / 2 * (undamped(x) - RATE * v)
+    x = x + DT * middle
+    return x, (middle + DT / 2 * undamped(x)) / (1 + RATE * DT / 2)
 
 
 def slope(x, v):
@@ -75,31 +85,20 @@ def runge_kutta(*rows):
 rk4 = runge_kutta([1 / 2], [0, 1 / 2], [0, 0, 1], [1 / 6, 1 / 3, 1 / 3, 1 / 6])
 
 
-def ssprk3(x, v, steps):
-    """As means of Euler steps."""
-    y = np.stack([x, v])
-    for _ in range(steps):
-        first = y + DT * slope(*y)
-        second = 3 / 4 * y + 1 / 4 * (first + DT * slope(*first))
-        y = 1 / 3 * y + 2 / 3 * (second + DT * slope(*second))
-    return y
-
-
 def of_scipy(method):
     return runge_kutta(*(method.A[i, :i] for i in range(1, method.n_stages)), method.B)
 
 
-def nystrom4(x, v, steps):
+@repeated
+def nystrom4(x, v):
     """Its four accelerations, each with its own velocity."""
-    for _ in range(steps):
-        k1 = acceleration(x, v)
-        middle = x + DT / 2 * v + DT**2 / 8 * k1
-        k2 = acceleration(middle, v + DT / 2 * k1)
-        k3 = acceleration(middle, v + DT / 2 * k2)
-        k4 = acceleration(x + DT * v + DT**2 / 2 * k3, v + DT * k3)
-        x = x + DT * v + DT**2 / 6 * (k1 + k2 + k3)
-        v = v + DT / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return x, v
+    k1 = acceleration(x, v)
+    middle = x + DT / 2 * v + DT**2 / 8 * k1
+    k2 = acceleration(middle, v + DT / 2 * k1)
+    k3 = acceleration(middle, v + DT / 2 * k2)
+    k4 = acceleration(x + DT * v + DT**2 / 2 * k3, v + DT * k3)
+    x = x + DT * v + DT**2 / 6 * (k1 + k2 + k3)
+    return x, v + DT / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
 def adams(start, predictor, corrector=None):
@@ -205,18 +204,17 @@ def two_step(own, forces, acceleration, sweeps=0):
     return run
 
 
-def rattle(x, v, steps):
-    for _ in range(steps):
-        middle = v + DT / 2 * (GRAVITY - RATE * v)
-        for _ in range(60):
-            ahead = x + DT * middle
-            wrong = squares(START) - squares(ahead)
-            middle = middle + pulls(x, wrong / (2 * DT), INVERSE_MASS, along=ahead)
-        x = x + DT * middle
-        v = (middle + DT / 2 * GRAVITY) / (1 + RATE * DT / 2)
-        # The pulls act on the new velocity, which its own damping already brakes.
-        v = v + pulls(x, -stretching(x) @ v.ravel(), INVERSE_MASS / (1 + RATE * DT / 2))
-    return x, v
+@repeated
+def rattle(x, v):
+    middle = v + DT / 2 * (GRAVITY - RATE * v)
+    for _ in range(60):
+        ahead = x + DT * middle
+        wrong = squares(START) - squares(ahead)
+        middle = middle + pulls(x, wrong / (2 * DT), INVERSE_MASS, along=ahead)
+    x = x + DT * middle
+    v = (middle + DT / 2 * GRAVITY) / (1 + RATE * DT / 2)
+    # The pulls act on the new velocity, which its own damping already brakes.
+    return x, v + pulls(x, -stretching(x) @ v.ravel(), INVERSE_MASS / (1 + RATE * DT / 2))
 
 
 def kicked(damping, v, a, h):
@@ -257,13 +255,13 @@ COMPOSITIONS = {
 
 
 def composition(parts, damping="explicit"):
-    def run(x, v, steps):
-        for _ in range(steps):
-            for kind, part in parts:
-                if kind == "d":
-                    x = x + part * DT * v
-                else:
-                    v = kicked(damping, v, undamped(x), part * DT)
+    @repeated
+    def run(x, v):
+        for kind, part in parts:
+            if kind == "d":
+                x = x + part * DT * v
+            else:
+                v = kicked(damping, v, undamped(x), part * DT)
         return x, v
 
     return run
@@ -297,16 +295,15 @@ def position_based(iterations, sweep, substeps=1, springs=True):
             moved[j + 1] += weight[j + 1] / parts[j + 1] * change * (b - a) / apart
         return moved
 
-    def run(x, v, steps):
-        for _ in range(steps * substeps):
-            p = x + h * (v + h * GRAVITY) / (1 + h * RATE)
-            multiplier = [0.0] * 4
-            for _ in range(iterations):
-                p = project(p, multiplier)
-            x, v = p, (p - x) / h
-        return x, v
+    @repeated
+    def substep(x, v):
+        p = x + h * (v + h * GRAVITY) / (1 + h * RATE)
+        multiplier = [0.0] * 4
+        for _ in range(iterations):
+            p = project(p, multiplier)
+        return p, (p - x) / h
 
-    return run
+    return lambda x, v, steps: substep(x, v, steps * substeps)
 
 
 def projective_dynamics(iterations):
@@ -316,20 +313,19 @@ def projective_dynamics(iterations):
     differences = np.diff(np.eye(5), axis=0)
     matrix = mass + differences.T @ np.diag(ROPE.stiffness) @ differences
 
-    def run(x, v, steps):
-        for _ in range(steps):
-            p = x + DT * (v + DT * GRAVITY) / (1 + DT * RATE)
-            new = p
-            for _ in range(iterations):
-                gaps = differences @ new
-                rest = np.linalg.norm(differences @ START, axis=1)
-                ideal = (rest / np.linalg.norm(gaps, axis=1))[:, None] * gaps
-                right = mass @ p + differences.T @ (np.array(ROPE.stiffness)[:, None] * ideal)
-                right -= matrix[:, ROPE.pinned] @ x[list(ROPE.pinned)]
-                new = x.copy()
-                new[free] = np.linalg.solve(matrix[np.ix_(free, free)], right[free])
-            x, v = new, (new - x) / DT
-        return x, v
+    @repeated
+    def run(x, v):
+        p = x + DT * (v + DT * GRAVITY) / (1 + DT * RATE)
+        new = p
+        for _ in range(iterations):
+            gaps = differences @ new
+            rest = np.linalg.norm(differences @ START, axis=1)
+            ideal = (rest / np.linalg.norm(gaps, axis=1))[:, None] * gaps
+            right = mass @ p + differences.T @ (np.array(ROPE.stiffness)[:, None] * ideal)
+            right -= matrix[:, ROPE.pinned] @ x[list(ROPE.pinned)]
+            new = x.copy()
+            new[free] = np.linalg.solve(matrix[np.ix_(free, free)], right[free])
+        return new, (new - x) / DT
 
     return run
 
@@ -400,7 +396,7 @@ PLAIN = {
     "ralston3": runge_kutta([0.5], [0, 0.75], [2 / 9, 3 / 9, 4 / 9]),
     "kutta3": runge_kutta([0.5], [-1, 2], [1 / 6, 4 / 6, 1 / 6]),
     "three-eighths": runge_kutta([1 / 3], [-1 / 3, 1], [1, -1, 1], [1 / 8, 3 / 8, 3 / 8, 1 / 8]),
-    "ssprk3": ssprk3,
+    "ssprk3": runge_kutta([1], [1 / 4, 1 / 4], [1 / 6, 1 / 6, 4 / 6]),
     "dormand-prince5": of_scipy(RK45),
     "dormand-prince8": of_scipy(DOP853),
     "rkn4": nystrom4,

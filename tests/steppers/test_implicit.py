@@ -16,7 +16,7 @@ from scipy import integrate
 from ropeode.checking import undamped
 from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import Stepper, as_stepper, by_family
+from ropeode.steppers import ProblemClass, Stepper, as_stepper, by_family
 from ropeode.theory import structure_of
 
 IMPLICIT = [each.name for each in by_family()["implicit"]]
@@ -210,6 +210,14 @@ class GivesUp(Stepper):
 def test_a_users_stepper_says_whether_it_solved():
     run = simulate(Problem(lambda t, y, a: -y, [1.0], FRAMES), GivesUp(), 2)
     assert (run.status, run.diverged_at) == ("unsolved", 2)
+
+
+@EVERY
+def test_declared_orders(name):
+    """One iteration leaves an error of order 3 in each step."""
+    own = {"implicit-euler": 1, "gauss4": 4}.get(name, 2)
+    for newton, order in (("converged", own), ("1", min(own, 2))):
+        assert as_stepper(f"{name}:newton={newton}").order(ProblemClass()) == order
 
 
 @pytest.mark.slow
