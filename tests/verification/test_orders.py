@@ -128,12 +128,14 @@ DEAR = "moving inextensible rope"
 def fast(case: str) -> list[BuiltIn]:
     """On ropes, what moves links or has a say on damping, and is for this rope.
 
-    All others know a right-hand side only, and the one of "riccati" tells most of them.
+    All others know a right-hand side only, and the one of "riccati" tells most of them. A slope
+    from before the start that is taken at another time only shows where the order is high.
     """
     if case == DEAR:
         return []
     if case == "driven":
-        return [each for each in SINGLE_OPTIONS if each.needs != "any ODE"]
+        own = [e for e in SINGLE_OPTIONS if e.needs != "any ODE" or e.family == "multistep"]
+        return [*own, *(e for e in EVERY_VARIANT if e.label == "adams-bashforth4")]
     if "rope" not in case:
         return SINGLE_OPTIONS
     rigid = "inextensible" in case
