@@ -12,7 +12,6 @@ from ropeode.steppers import (
     ProblemClass,
     Stepper,
     by_family,
-    option_value,
     options,
 )
 
@@ -29,12 +28,7 @@ def variants(cls: type[BuiltIn]) -> list[BuiltIn]:
     """A stepper with every combination of its options, the defaults first."""
     choices = options(cls)
     return [
-        cls(
-            **{
-                option: option_value(cls, option, text)
-                for option, text in zip(choices, chosen, strict=True)
-            }
-        )
+        cls(**dict(zip(choices, chosen, strict=True)))
         for chosen in itertools.product(*choices.values())
     ]
 

@@ -12,10 +12,10 @@ import numpy as np
 from jax.extend.core import get_opaque_trace_state
 
 from ropeode.cache import Source
-from ropeode.simulation.family import Family, shape_of
-from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.kernel_fusion import in_one_kernel
+from ropeode.simulation.method import Family
 from ropeode.simulation.system import is_turned, positions_last, stored, system
+from ropeode.simulation.trajectory import Iterations
 from ropeode.simulation.transposes import on_stored
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers import Phase
@@ -196,3 +196,8 @@ class _Methods:
         if family.layout.lanes == 1 or family.layout.nodes is not None:
             return on_one_state
         return jax.vmap(on_one_state, in_axes=(-1, None, -1, None), out_axes=-1)
+
+
+def shape_of(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
+    """What stands for an array while nothing is computed."""
+    return jax.ShapeDtypeStruct(shape, dtype)

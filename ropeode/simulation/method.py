@@ -1,16 +1,17 @@
-"""A stepper that is ready to run: tried, and identified by what it computes."""
+"""A stepper that is ready to run, known by what it computes; and which runs share a program."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Hashable
-from typing import Any
+from collections.abc import Callable, Hashable
+from typing import Any, NamedTuple
 
 import jax
 
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems import Problem
+from ropeode.problems import Mechanics, Problem
+from ropeode.simulation.layout import Layout
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
 from ropeode.steppers import Stepper, as_stepper, template
@@ -30,6 +31,26 @@ class Method:
     key: Hashable
     stepper: Stepper = dataclasses.field(compare=False)
     trial: Trial = dataclasses.field(compare=False)
+
+
+class Family(NamedTuple):
+    """What runs have in common that one program can make; hashable.
+
+    Fields:
+        method: the stepper, ready to run.
+        rhs, mechanics: of the problem.
+        layout: of the runs in a block.
+        y0: the initial state of a block.
+        args_tree, args_leaves: the problem's arguments, for a block.
+    """
+
+    method: Method
+    rhs: Callable
+    mechanics: Mechanics | None
+    layout: Layout
+    y0: jax.ShapeDtypeStruct
+    args_tree: Any
+    args_leaves: tuple[jax.ShapeDtypeStruct, ...]
 
 
 @in_float64

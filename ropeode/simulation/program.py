@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import functools
 import threading
 import time
@@ -15,30 +14,46 @@ import numpy as np
 
 from ropeode import cache
 from ropeode.cache import Source, described
-from ropeode.simulation.family import Family
-from ropeode.simulation.iterations import Iterations
+from ropeode.simulation.method import Family
+from ropeode.simulation.trajectory import Iterations
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers import BuiltIn
 
 
-@dataclasses.dataclass(eq=False)
 class Program:
-    """A compiled loop for one family of runs.
+    """A compiled loop for one family of runs; of several threads that ask for it one compiles it.
 
     Arguments:
-        compiled: the loop.
+        family: of runs.
         capacity: the most frames that it runs in one go.
-        nothing_carried: stands for what is carried where there is nothing yet, as arrays.
-        evaluations: of the right-hand side, to start, in a step, and for a sample, without those
-            that the stepper counts; None where they are made in a loop, whose length nobody knows.
-        compile_seconds: that compiling took; 0 once they were taken.
+        blocks: the most of them.
     """
 
-    compiled: Callable
-    capacity: int
-    nothing_carried: list[np.ndarray]
-    evaluations: tuple[int, int, int] | None
-    compile_seconds: float
+    def __init__(self, family: Family, capacity: int, blocks: int):
+        self.capacity = capacity
+        self._of = family, capacity, blocks
+        self._lock = threading.Lock()
+        self._compiled: Callable | None = None
+        # Seconds that compiling took; 0 once they were taken.
+        self._compile_seconds = 0.0
+
+    def compile(self) -> None:
+        """Compile it, where that has not been done.
+
+        The numbers of steps, frames and blocks that are run are run-time values.
+        """
+        with self._lock:
+            if self._compiled is not None:
+                return
+            started = time.perf_counter()
+            compiled, facts = cache.program(_description(*self._of), lambda: _source(*self._of))
+            # Of the right-hand side, to start, in a step, and for a sample, without those that the
+            # stepper counts; None where they are made in a loop, whose length nobody knows.
+            self._evaluations = facts["evaluations"]
+            # Stands for what is carried where there is nothing yet.
+            self._nothing = [np.zeros(shape, dtype) for shape, dtype in facts["carried"]]
+            self._compiled = compiled
+            self._compile_seconds = time.perf_counter() - started
 
     def run(
         self,
@@ -66,9 +81,10 @@ class Program:
             The states at their ends, ``(blocks, capacity, *state)``. What the stepper said of its
             iterations since the start. What the next call goes on from.
         """
-        spare = self.capacity - len(lengths)
+        spare, compiled = self.capacity - len(lengths), self._compiled
+        assert compiled is not None
         frames, states, solved, jacobians, *carried = on_user_clock(
-            lambda *given: jax.block_until_ready(self.compiled(*given)),
+            lambda *given: jax.block_until_ready(compiled(*given)),
             y0,
             args,
             np.pad(ts, (0, spare)),
@@ -77,7 +93,7 @@ class Program:
             np.int64(steps),
             np.int64(count),
             np.bool_(carried is None),
-            self.nothing_carried if carried is None else carried,
+            self._nothing if carried is None else carried,
         )
         return np.asarray(frames), np.asarray(states), Iterations(solved, jacobians), carried
 
@@ -91,50 +107,26 @@ class Program:
             frames: of each run, ``(runs,)``.
             jacobians: that the stepper counted, each with the right-hand side, ``(runs,)``.
         """
-        if self.evaluations is None:
+        if self._evaluations is None:
             return None, None
-        to_start, per_step, per_sample = self.evaluations
+        to_start, per_step, per_sample = self._evaluations
         return to_start + (per_step * steps + per_sample) * frames + jacobians, jacobians
 
     def take_compile_seconds(self) -> float:
         """The seconds that compiling took; 0 for every later use of the program."""
-        seconds, self.compile_seconds = self.compile_seconds, 0.0
+        seconds, self._compile_seconds = self._compile_seconds, 0.0
         return seconds
 
 
-class Slot:
-    """Where a program is kept; of several threads that ask for it one compiles it."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.program: Program | None = None
-
-
-@functools.lru_cache(maxsize=256)
-def slot(family: Family, capacity: int, blocks: int) -> Slot:
-    """The slot of a program; those used last are kept."""
-    del family, capacity, blocks
-    return Slot()
+# Those used last are kept.
+_program = functools.lru_cache(maxsize=256)(Program)
 
 
 def program(family: Family, capacity: int, blocks: int) -> Program:
     """The program for so many frames and blocks, compiled where that has not been done."""
-    own = slot(family, capacity, blocks)
-    with own.lock:
-        if own.program is None:
-            own.program = _compiled(family, capacity, blocks)
-        return own.program
-
-
-def _compiled(family: Family, capacity: int, blocks: int) -> Program:
-    """Compile; the numbers of steps, frames and blocks that are run are run-time values."""
-    started = time.perf_counter()
-    compiled, facts = cache.program(
-        _description(family, capacity, blocks), lambda: _source(family, capacity, blocks)
-    )
-    evaluations = None if facts["evaluations"] is None else tuple(facts["evaluations"])
-    nothing = [np.zeros(shape, dtype) for shape, dtype in facts["carried"]]
-    return Program(compiled, capacity, nothing, evaluations, time.perf_counter() - started)
+    own = _program(family, capacity, blocks)
+    own.compile()
+    return own
 
 
 def _description(family: Family, capacity: int, blocks: int) -> str | None:

@@ -15,10 +15,9 @@ import numpy as np
 from ropeode.errors import UserCodeError, call_user_code
 from ropeode.problems import Problem
 from ropeode.progress import Progress
-from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
 from ropeode.simulation.time_needed import TimeNeeded
-from ropeode.simulation.trajectory import frame_lengths
+from ropeode.simulation.trajectory import Iterations, frame_lengths
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers import Stepper, System
 

@@ -24,14 +24,12 @@ from ropeode.problems import (
     without_memory,
 )
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.simulation.family import Family, shape_of
-from ropeode.simulation.iterations import Iterations
 from ropeode.simulation.layout import Layout
-from ropeode.simulation.method import Method, method_of
+from ropeode.simulation.method import Family, Method, method_of
 from ropeode.simulation.program import Program, program
 from ropeode.simulation.python_driver import run_in_python
 from ropeode.simulation.time_needed import LONGEST_S, TimeNeeded, check_longest
-from ropeode.simulation.trajectory import Trajectories, Trajectory, frame_lengths
+from ropeode.simulation.trajectory import Iterations, Trajectories, Trajectory, frame_lengths
 from ropeode.steppers import BuiltIn
 from ropeode.threads import cores, threads
 from ropeode.validation import check_kind, check_memory, check_whole
@@ -173,18 +171,14 @@ def _joined(chunks: list[Trajectories]) -> Trajectories:
     if len(chunks) == 1:
         return first
 
-    def counts(name: str) -> np.ndarray | None:
-        known = [each for chunk in chunks if (each := getattr(chunk, name)) is not None]
-        return np.concatenate(known) if len(known) == len(chunks) else None
+    def all_of(name: str) -> np.ndarray | None:
+        parts = [getattr(chunk, name) for chunk in chunks]
+        return None if any(part is None for part in parts) else np.concatenate(parts, axis=-1)
 
     return dataclasses.replace(
         first,
-        states=np.concatenate([each.states for each in chunks], axis=-1),
-        frames=np.concatenate([each.frames for each in chunks]),
-        finite=np.concatenate([each.finite for each in chunks]),
-        solved=np.concatenate([each.solved for each in chunks]),
-        rhs_evaluations=counts("rhs_evaluations"),
-        jacobian_evaluations=counts("jacobian_evaluations"),
+        **{name: all_of(name) for name in ("states", "frames", "finite", "solved")},
+        **{name: all_of(name) for name in ("rhs_evaluations", "jacobian_evaluations")},
         seconds=sum(each.seconds for each in chunks),
         compile_seconds=sum(each.compile_seconds for each in chunks),
     )
@@ -304,9 +298,9 @@ class _Job(NamedTuple):
             rhs=first.rhs,
             mechanics=first.mechanics,
             layout=self.layout,
-            y0=shape_of(y0.shape[1:], y0.dtype),
+            y0=jax.ShapeDtypeStruct(y0.shape[1:], y0.dtype),
             args_tree=tree,
-            args_leaves=tuple(shape_of(leaf.shape[1:], leaf.dtype) for leaf in leaves),
+            args_leaves=tuple(jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype) for leaf in leaves),
         )
         # Powers of two, and not the smallest, so that few programs serve all lengths.
         fit = min(max(_SEGMENT // y0.nbytes, 1), _MOST_FRAMES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, check_positive
 
 _HOUR_S = 3600.0
 # What a run may take where the caller does not say.
@@ -20,14 +20,9 @@ def check_longest(seconds: Any) -> float:
     Raises:
         InputError: it is no number above 0.
     """
-    try:
-        limit = float(seconds)
-        if limit > 0.0:
-            return limit
-    except (TypeError, ValueError, OverflowError):
-        pass
-    allowed = "seconds, a number above 0; float('inf') for no limit"
-    raise bad_value("time_limit", seconds, allowed, "for example 3600")
+    if isinstance(seconds, float) and seconds == math.inf:
+        return seconds
+    return check_positive("time_limit", seconds, example="3600, or float('inf') for no limit")
 
 
 class TimeNeeded:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,19 @@ from ropeode.steppers import Stepper
 
 # How a run ended.
 Status = Literal["ok", "diverged", "unsolved"]
+
+
+class Iterations(NamedTuple):
+    """What a stepper says of the iterations inside its steps since the start of some runs.
+
+    Fields:
+        solved: whether its equations were solved, ``(blocks, lanes)``.
+        jacobians: evaluated, each with the right-hand side; 0 where it does not say,
+            ``(blocks, lanes)``.
+    """
+
+    solved: Any
+    jacobians: Any
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -130,7 +130,7 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
             *on_user_clock(memory_effects, fresh, t, problem.y0, dt),
             *process_effects(before),
         )
-        if not _same(first, again):
+        if not np.array_equal(first, again, equal_nan=True):
             # It must not be traced: it would keep a tracer.
             return Trial(False, False, finite, side_effects, asks_for_forces)
         loops, fast = _compiled_steps(stepper, problem, t, dt)
@@ -144,13 +144,9 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
                 side_effects += (WRITES_OVER,)
             if quick is not None and _agree(quick, slow):
                 return Trial(True, True, finite, side_effects, asks_for_forces)
-            repeatable = _same(slow, on_user_clock(_python_steps, fresh(), t, dt, steps))
+            again = on_user_clock(_python_steps, fresh(), t, dt, steps)
+    repeatable = np.array_equal(slow, again, equal_nan=True)
     return Trial(False, repeatable, finite, side_effects, asks_for_forces)
-
-
-def _same(a: Any, b: Any) -> bool:
-    same = jax.tree.map(lambda a, b: np.array_equal(a, b, equal_nan=True), a, b)
-    return all(jax.tree.leaves(same))
 
 
 def _python_steps(

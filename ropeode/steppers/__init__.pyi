@@ -12,7 +12,6 @@ from .functions import StepFunction as StepFunction
 from .phase import Phase as Phase
 from .registry import STEPPERS as STEPPERS
 from .registry import by_family as by_family
-from .registry import option_value as option_value
 from .registry import options as options
 from .registry import registered_stepper as registered_stepper
 from .runge_kutta import RungeKutta as RungeKutta

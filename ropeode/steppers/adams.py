@@ -72,7 +72,6 @@ class Adams(BuiltIn):
         return carried.y
 
 
-@dataclasses.dataclass(frozen=True)
 class AdamsBashforth(Adams):
     """``y += dt Σ β_j f(t - j dt)``: one evaluation for a step, whatever the order."""
 
@@ -82,7 +81,6 @@ class AdamsBashforth(Adams):
         return Earlier(advanced(carried.y, dt, self.predictor, slopes), slopes[:-1])
 
 
-@dataclasses.dataclass(frozen=True)
 class AdamsBashforth2(AdamsBashforth):
     """``y += dt/2 (3 f(t) - f(t - dt))``.
 
@@ -101,7 +99,6 @@ class AdamsBashforth2(AdamsBashforth):
     predictor = _row("3/2 -1/2")
 
 
-@dataclasses.dataclass(frozen=True)
 class AdamsBashforth3(AdamsBashforth):
     """``y += dt/12 (23 f(t) - 16 f(t - dt) + 5 f(t - 2 dt))``.
 
@@ -118,7 +115,6 @@ class AdamsBashforth3(AdamsBashforth):
     predictor = _row("23/12 -16/12 5/12")
 
 
-@dataclasses.dataclass(frozen=True)
 class AdamsBashforth4(AdamsBashforth):
     """``y += dt/24 (55 f(t) - 59 f(t - dt) + 37 f(t - 2 dt) - 9 f(t - 3 dt))``.
 
@@ -135,7 +131,6 @@ class AdamsBashforth4(AdamsBashforth):
     predictor = _row("55/24 -59/24 37/24 -9/24")
 
 
-@dataclasses.dataclass(frozen=True)
 class PredictorCorrector(Adams):
     """Adams-Bashforth predicts, Adams-Moulton corrects once, with the slope at the prediction.
 
@@ -152,7 +147,6 @@ class PredictorCorrector(Adams):
         return Earlier(advanced(carried.y, dt, self.corrector, ahead), slopes[:-1])
 
 
-@dataclasses.dataclass(frozen=True)
 class PredictorCorrector2(PredictorCorrector):
     """``y* = y + dt/2 (3 f(t) - f(t - dt))``, then ``y += dt/2 (f*(t + dt) + f(t))``.
 
@@ -171,7 +165,6 @@ class PredictorCorrector2(PredictorCorrector):
     corrector = _row("1/2 1/2")
 
 
-@dataclasses.dataclass(frozen=True)
 class PredictorCorrector3(PredictorCorrector):
     """`adams-bashforth3`, then ``y += dt/12 (5 f*(t + dt) + 8 f(t) - f(t - dt))``.
 
@@ -188,7 +181,6 @@ class PredictorCorrector3(PredictorCorrector):
     corrector = _row("5/12 8/12 -1/12")
 
 
-@dataclasses.dataclass(frozen=True)
 class PredictorCorrector4(PredictorCorrector):
     """`adams-bashforth4`, then ``y += dt/24 (9 f*(t + dt) + 19 f(t) - 5 f(t - dt) + f(t - 2 dt))``.
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 from ropeode.steppers.runge_kutta import RungeKutta
 from ropeode.tableaus import Tableau
 
 
-def _tableau(rows: str, b: str) -> Tableau:
+def tableau_of(rows: str, b: str) -> Tableau:
     """From texts: rows have bars between them, and end before their zeros."""
     return Tableau.of([row.split() for row in rows.split("|")], b.split())
 
 
-@dataclasses.dataclass(frozen=True)
 class RungeKutta4(RungeKutta):
     """The classical method of order 4: four slopes, weighted 1 : 2 : 2 : 1.
 
@@ -23,11 +20,10 @@ class RungeKutta4(RungeKutta):
 
     name = "rk4"
     source = "Hairer, Norsett, Wanner, Solving ODEs I, table II.1.2"
-    tableau = _tableau("| 1/2 | 0 1/2 | 0 0 1", "1/6 1/3 1/3 1/6")
+    tableau = tableau_of("| 1/2 | 0 1/2 | 0 0 1", "1/6 1/3 1/3 1/6")
     tableau_order = 4
 
 
-@dataclasses.dataclass(frozen=True)
 class Heun(RungeKutta):
     """Euler's step, and then the mean of the slopes at both ends: ``y += dt/2 (k1 + k2)``.
 
@@ -39,11 +35,10 @@ class Heun(RungeKutta):
 
     name = "heun"
     source = "Heun, Z. Math. Phys. 45 (1900)"
-    tableau = _tableau("| 1", "1/2 1/2")
+    tableau = tableau_of("| 1", "1/2 1/2")
     tableau_order = 2
 
 
-@dataclasses.dataclass(frozen=True)
 class Midpoint(RungeKutta):
     """Half of Euler's step, and then the slope that is found there: ``y += dt k2``.
 
@@ -53,11 +48,10 @@ class Midpoint(RungeKutta):
 
     name = "midpoint"
     source = "Hairer, Norsett, Wanner, Solving ODEs I, (II.1.4)"
-    tableau = _tableau("| 1/2", "0 1")
+    tableau = tableau_of("| 1/2", "0 1")
     tableau_order = 2
 
 
-@dataclasses.dataclass(frozen=True)
 class Ralston2(RungeKutta):
     """The method of order 2 with the smallest bound for its local error: ``y += dt/4 (k1 + 3 k2)``.
 
@@ -66,11 +60,10 @@ class Ralston2(RungeKutta):
 
     name = "ralston2"
     source = "Ralston, Math. Comp. 16 (1962)"
-    tableau = _tableau("| 2/3", "1/4 3/4")
+    tableau = tableau_of("| 2/3", "1/4 3/4")
     tableau_order = 2
 
 
-@dataclasses.dataclass(frozen=True)
 class Ralston3(RungeKutta):
     """The method of order 3 with the smallest bound for its local error.
 
@@ -81,11 +74,10 @@ class Ralston3(RungeKutta):
 
     name = "ralston3"
     source = "Ralston, Math. Comp. 16 (1962)"
-    tableau = _tableau("| 1/2 | 0 3/4", "2/9 1/3 4/9")
+    tableau = tableau_of("| 1/2 | 0 3/4", "2/9 1/3 4/9")
     tableau_order = 3
 
 
-@dataclasses.dataclass(frozen=True)
 class Kutta3(RungeKutta):
     """Simpson's rule as a Runge-Kutta method: ``y += dt/6 (k1 + 4 k2 + k3)``.
 
@@ -96,11 +88,10 @@ class Kutta3(RungeKutta):
 
     name = "kutta3"
     source = "Kutta, Z. Math. Phys. 46 (1901)"
-    tableau = _tableau("| 1/2 | -1 2", "1/6 2/3 1/6")
+    tableau = tableau_of("| 1/2 | -1 2", "1/6 2/3 1/6")
     tableau_order = 3
 
 
-@dataclasses.dataclass(frozen=True)
 class StrongStabilityPreserving3(RungeKutta):
     """The three-stage method of order 3 that preserves strong stability, SSPRK(3,3).
 
@@ -112,11 +103,10 @@ class StrongStabilityPreserving3(RungeKutta):
 
     name = "ssprk3"
     source = "Shu, Osher, J. Comput. Phys. 77 (1988), (2.18)"
-    tableau = _tableau("| 1 | 1/4 1/4", "1/6 1/6 2/3")
+    tableau = tableau_of("| 1 | 1/4 1/4", "1/6 1/6 2/3")
     tableau_order = 3
 
 
-@dataclasses.dataclass(frozen=True)
 class ThreeEighths(RungeKutta):
     """The 3/8 rule of order 4: ``y += dt/8 (k1 + 3 k2 + 3 k3 + k4)``.
 
@@ -128,5 +118,5 @@ class ThreeEighths(RungeKutta):
 
     name = "three-eighths"
     source = "Hairer, Norsett, Wanner, Solving ODEs I, table II.1.2"
-    tableau = _tableau("| 1/3 | -1/3 1 | 1 -1 1", "1/8 3/8 3/8 1/8")
+    tableau = tableau_of("| 1/3 | -1/3 1 | 1 -1 1", "1/8 3/8 3/8 1/8")
     tableau_order = 4

@@ -7,7 +7,6 @@ import pytest
 
 from ropeode.analysis import Motion, Thresholds
 from ropeode.case_studies import Comparison, compared, measured, verdict
-from ropeode.errors import InputError
 from ropeode.theory import Growth
 
 
@@ -80,11 +79,6 @@ def test_verdicts(claim, seen, theory, expected):
     assert verdict(claim, seen, theory) == expected
 
 
-def test_what_is_only_drawn_cannot_be_judged():
-    with pytest.raises(InputError):
-        verdict("drawn", motion(), STILL)
-
-
 def test_rest_is_expected_when_a_thousandth_is_left():
     frame = int(np.ceil(np.log(1000) / 0.005))
     assert f"rest expected near {frame}" in measured(motion(), DECAYS)
@@ -110,7 +104,6 @@ ON, SLOW = motion(), motion(swing_times=np.arange(0.0, 300.0, 60.0))
     ("measure", "motions", "holds"),
     [
         ("diverges_later", [EARLY, LATE, ON], True),
-        ("diverges_later", [EARLY, LATE, ON, ON], True),
         ("diverges_later", [LATE, EARLY, ON], False),
         ("diverges_later", [EARLY, ON, LATE], False),
         ("diverges_later", [EARLY, EARLY, ON], False),
@@ -130,7 +123,6 @@ ON, SLOW = motion(), motion(swing_times=np.arange(0.0, 300.0, 60.0))
         ("at_least_as_well", [LEFT, RESTED], True),
         ("at_least_as_well", [ON, ON], True),
         ("at_least_as_well", [RESTED, LEFT], False),
-        ("at_least_as_well", [RESTED, APART], False),
     ],
 )
 def test_comparisons(measure, motions, holds):

@@ -54,27 +54,31 @@ def test_settings_are_those_of_the_report():
                 np.testing.assert_array_equal(args.stiffness, 100)
 
 
-def test_the_listing_of_the_force_verlet_damps_nothing():
+def test_programs_damp_as_the_report_lists_them():
+    """The listing of the force Verlet damps nothing; both Verlets start at rest."""
     for figure in all_figures().values():
         listing = figure.stepper == "force_verlet"
         assert ("listing" in figure.meanings) == listing
         assert ("words" in figure.meanings) == (figure.run_as is not None)
         if listing:
             assert not np.any(figure.setting("listing").problem(ENDS[0], 1).args.damping)
+        if "verlet" in figure.stepper:
+            chosen = as_stepper(figure.run_as)
+            assert (chosen.start, chosen.damping) == ("rest", "per-step")
+            assert getattr(chosen, "sweeps", 1) == 1
 
 
-def test_verlet_programs_start_at_rest_and_damp_per_step():
-    run_as = {figure.stepper: figure.run_as for figure in all_figures().values()}
-    for name in ("constraint_verlet", "force_verlet"):
-        chosen = as_stepper(run_as[name])
-        assert (chosen.start, chosen.damping) == ("rest", "per-step")
-    assert as_stepper(run_as["constraint_verlet"]).sweeps == 1
-
-
-@pytest.mark.parametrize("given", [[0], [42], ["x"], [1.5], []])
-def test_figures_that_do_not_exist(given):
-    with pytest.raises(InputError, match="figures: .*given; allowed: .*Fix: "):
-        rope_report(given)
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        *((([each],), "figures: .*given; allowed: .*Fix: ") for each in (0, 42, "x", 1.5)),
+        (([],), "figures: .*given; allowed: .*Fix: "),
+        *((([4], frames), "frames: .*whole number >= 1") for frames in (0, 1.5, "many")),
+    ],
+)
+def test_bad_arguments(arguments, words):
+    with pytest.raises(InputError, match=words):
+        rope_report(*arguments)
 
 
 def test_figures_are_taken_once_and_in_order():

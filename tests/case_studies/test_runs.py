@@ -13,7 +13,7 @@ from ropeode.simulation import simulate
 from ropeode.theory import growth_per_frame
 from tests.case_studies.conftest import FRAMES as REPORTED
 
-CHEAP = (4, 26, 31)
+CHEAP = (4, 31, 36)
 
 
 @pytest.fixture(scope="module")
@@ -48,20 +48,16 @@ def same(one, other) -> bool:
     )
 
 
-def test_a_run_is_what_simulate_makes_of_the_figure(finished):
+def test_runs_are_those_of_the_figures_and_of_their_mirror_images(finished):
+    """And of a rope that differs from the left one in the last digits alone."""
     for run, images in finished.items():
         setting = run.setting
         for image in images:
             alone = simulate(image.problem, setting.stepper, setting.steps_per_frame)
             np.testing.assert_array_equal(image.states, alone.states)
             assert image.diverged_at == alone.diverged_at
-
-
-def test_images_mirror_each_other_and_the_nudged_one_differs_in_the_last_digits(finished):
-    for run, images in finished.items():
         for image, end in ((images.left, -400.0), (images.right, 400.0)):
-            expected = run.setting.problem((end, 200.0), REPORTED)
-            assert image.problem.parameters == expected.parameters
+            assert image.problem.parameters == setting.problem((end, 200.0), REPORTED).parameters
             assert image.states[0, 0, 0, -1] == end
         assert images.mirrored
         assert not images._replace(right=images.nudged).mirrored
@@ -73,21 +69,14 @@ def test_images_mirror_each_other_and_the_nudged_one_differs_in_the_last_digits(
         assert np.all(np.abs(moved) <= np.spacing(np.abs(left[0, :, 1:])))
 
 
-def test_progress_grows_to_one(wanted):
-    seen = []
-    run_all(wanted, None, lambda text, fraction: seen.append(fraction))
-    assert seen == sorted(seen)
-    assert seen[-1] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("damage", ["none", "cut", "flipped", "gone"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "gone"])
 def test_runs_are_kept_and_a_damaged_file_is_computed_again(damage, kept, wanted, finished):
     assert len(list(kept.iterdir())) == len(wanted)
     victim = sorted(kept.iterdir())[0]
     whole = bytearray(victim.read_bytes())
     if damage == "gone":
         victim.unlink()
-    elif damage != "none":
+    else:
         whole[len(whole) // 2] ^= 0x10
         victim.write_bytes({"cut": whole[:500], "flipped": bytes(whole)}[damage])
     again = run_all(wanted, kept)
@@ -95,13 +84,15 @@ def test_runs_are_kept_and_a_damaged_file_is_computed_again(damage, kept, wanted
 
 
 def test_a_folder_that_cannot_be_written_only_keeps_nothing(tmp_path, wanted, finished):
-    blocked = tmp_path / "file"
-    blocked.write_text("")
-    again = run_all(wanted, blocked / "runs")
+    (tmp_path / "file").write_text("")
+    parts = []
+    again = run_all(wanted, tmp_path / "file/runs", lambda text, part: parts.append(part))
     assert all(same(again[run], finished[run]) for run in wanted)
+    assert parts == sorted(parts)
+    assert parts[-1] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("number", [5, 12, 26, 34])
+@pytest.mark.parametrize("number", [12, 26])
 def test_frames_suffice_for_what_theory_predicts(number):
     figure = all_figures()[number]
     settings = [figure.setting(meaning) for meaning in figure.meanings]

@@ -29,14 +29,15 @@ def ropes(kind, frames=4):
     return [in_space(kind, **each).problem(frames) for each in numbers]
 
 
+FACTS = ("status", "diverged_at", "stepper", "steps_per_frame", "dt")
+WORK = ("rhs_evaluations", "jacobian_evaluations")
+
+
 def assert_same(found, alone, ulps=0):
     """The same run but for the seconds; states within rounding units of their largest value."""
     assert found.problem is alone.problem
-    assert (found.status, found.diverged_at) == (alone.status, alone.diverged_at)
-    assert (found.stepper, found.steps_per_frame) == (alone.stepper, alone.steps_per_frame)
-    assert found.dt == alone.dt
-    assert found.rhs_evaluations == alone.rhs_evaluations
-    assert found.jacobian_evaluations == alone.jacobian_evaluations
+    for name in (*FACTS, *WORK):
+        assert getattr(found, name) == getattr(alone, name)
     assert np.array_equal(found.times, alone.times)
     assert found.states.shape == alone.states.shape
     allowed = ulps * np.finfo(np.float64).eps * np.max(np.abs(alone.states))
@@ -66,8 +67,14 @@ PAIRS = [(each, kind) for kind in (Rope, InextensibleRope) for each in BARE]
 DENSE = ("implicit-euler", InextensibleRope)
 
 
+# Implicit Euler iterates in the same loop, and Adams-Bashforth 2 carries as much.
+ALIKE = ("implicit-midpoint", "trapezium", "bdf2", "adams-pece2")
+
+
 def also_slow(stepper, kind):
     """Each stepper once is fast: on rigid links those that keep them, on springs the others."""
+    if stepper.label in ALIKE:
+        return True
     rigid = stepper.keeps_lengths or (stepper.label, kind) == DENSE
     return rigid != (kind is InextensibleRope) or stepper.label not in REPRESENTATIVES
 
@@ -98,20 +105,8 @@ def test_every_stepper_on_every_kind_of_rope(stepper, kind):
     if (stepper.label, kind) == DENSE:
         assert statuses == ["ok", "ok", "unsolved"]
         assert len({each.jacobian_evaluations for each in found}) == 3
+        assert "none diverged, 1 unsolved" in repr(found)
     assert len({each.states.tobytes() for each in found}) == 3
-
-
-# Explicit Euler, as in what follows: one program for all.
-@pytest.mark.parametrize(("frames", "stepper"), [(200, "explicit-euler"), (131, "stormer-verlet")])
-def test_any_number_of_frames(frames, stepper):
-    """Two-step methods carry their last positions over the frames where a run is looked at."""
-    problems = [
-        Rope(start=(0, 0), end=(3, 0), num_nodes=4, stiffness=k, damping=0.5).problem(frames)
-        for k in (5, 10, 3)
-    ]
-    found, told = side_by_side(problems, stepper, 20)
-    assert {len(each.times) for each in found} == {frames + 1}
-    assert told == pytest.approx([128 / frames, 1.0])
 
 
 def falling(damping, stiffness, frames):
@@ -146,56 +141,32 @@ def test_a_run_in_which_all_diverge_stops_early():
 
 def test_one_inextensible_rope_that_fails_leaves_the_others_alone():
     """Its step is too long for the lengths to be kept; that of the others is not."""
-    problems = [
-        InextensibleRope(
-            start=(0, 0, 0), end=(3, 0, 0), num_nodes=5, gravity=(0, -g, 0), damping=0.5
-        ).problem(frames=5)
-        for g in (1.0, 1e5, 0.5)
-    ]
-    found, _ = side_by_side(problems, "rattle", 20, ulps=2000)
+    gravities = ((0, -1, 0), (0, -1e5, 0), (0, -0.5, 0))
+    problems = [in_space(InextensibleRope, gravity=g, damping=0.5).problem(4) for g in gravities]
+    found, _ = side_by_side(problems, "rattle", 16, ulps=2000)
     assert [each.status for each in found] == ["ok", "unsolved", "ok"]
 
 
 SLOW = pytest.mark.slow
 
 
-@pytest.mark.parametrize(
-    ("kind", "stepper", "nodes"),
-    [
-        (Rope, "semi-implicit-euler", 1),
-        pytest.param(InextensibleRope, "constraint-verlet", 1, marks=SLOW),
-        pytest.param(InextensibleRope, "rattle", 2, marks=SLOW),
-    ],
-)
-def test_very_short_ropes(kind, stepper, nodes):
-    problems = [
-        kind(
-            start=(0, 0), end=(1, 0), num_nodes=nodes, pinned=list(range(nodes - 1)), damping=d
-        ).problem(frames=2)
-        for d in (0.0, 0.4)
-    ]
-    side_by_side(problems, stepper, 16, ulps=100)
+def test_ropes_of_one_node():
+    ropes = Rope(start=(0, 0), end=(1, 0), num_nodes=1, pinned=()).ensemble(2, damping=[0.0, 0.4])
+    side_by_side(list(ropes), "semi-implicit-euler", 16, ulps=100)
 
 
-OTHERS = [
-    InextensibleRope(num_nodes=4).problem(frames=3),
-    Rope(num_nodes=5).problem(frames=3),
-    Rope(num_nodes=4).problem(frames=4),
-    Rope(num_nodes=4, start=(0, 0, 0), end=(1, 2, 3)).problem(frames=3),
-    PROBLEMS["lorenz"](frames=3),
-    dataclasses.replace(Rope(num_nodes=4).problem(frames=3), ts=np.arange(4) + 0.5),
-]
-
-
-@pytest.mark.parametrize("other", OTHERS, ids=lambda each: f"{each.name} {each.y0.shape}")
-def test_mixed_families_are_refused(other):
+def test_mixed_families_are_refused():
     rope = Rope(num_nodes=4).problem(frames=3)
-    for problems in ([rope, other], [other, rope]):
-        with pytest.raises(InputError, match="problems: .* problems of one family") as caught:
-            Ensemble.of(problems)
-        (line,) = caught.value.problems
-        assert other.name in line
-        assert "Fix: run them one by one" in line
+    for other in (
+        InextensibleRope(num_nodes=4).problem(frames=3),
+        Rope(num_nodes=5).problem(frames=3),
+        Rope(num_nodes=4, start=(0, 0, 0), end=(1, 2, 3)).problem(frames=3),
+        PROBLEMS["lorenz"](frames=3),
+        dataclasses.replace(rope, ts=rope.ts + 0.5),
+    ):
+        for problems in ([rope, other], [other, rope]):
+            with pytest.raises(InputError, match="problems of one family.*Fix: run them one by"):
+                Ensemble.of(problems)
 
 
 SMOOTH = {name: make for name, make in PROBLEMS.items() if name not in ROPES}
@@ -218,15 +189,9 @@ def test_every_problem(name):
     short = problem.ts[0] + 1e-4 * np.arange(3)
     first = dataclasses.replace(problem, ts=short, exact=None, jump_times=())
     moved = 1e-6 * np.arange(11).reshape(-1, *[1] * first.y0.ndim)
-    ensemble = Ensemble.varying(first, y0=first.y0 + moved)
-    found = simulate(ensemble, stepper, 8)
-    assert len(found) == 11
-    for each, problem in zip(found, ensemble, strict=True):
-        alone = simulate(problem, stepper, 8)
-        assert each.status == alone.status == "ok"
-        assert each.rhs_evaluations == alone.rhs_evaluations
-        scale = np.max(np.abs(alone.states))
-        assert np.max(np.abs(each.states - alone.states)) <= 64 * np.finfo(float).eps * scale
+    problems = [dataclasses.replace(first, y0=y0) for y0 in first.y0 + moved]
+    found, _ = side_by_side(problems, stepper, 8, ulps=64)
+    assert {each.status for each in found} == {"ok"}
     assert len({each.states.tobytes() for each in found}) == 11
 
 
@@ -265,21 +230,10 @@ def test_arrays_of_parameters_are_those_ropes():
         )
 
 
-def test_chunks_are_the_whole_in_pieces():
-    _, _, ensemble = many(3000)
-    whole = simulate(ensemble, "velocity-verlet", 10)
-    chunks = list(simulate_chunks(ensemble, "velocity-verlet", 10))
-    assert len(chunks) > 4
-    assert [each.start for each in chunks] == np.cumsum([0, *map(len, chunks)])[:-1].tolist()
-    assert np.array_equal(np.concatenate([each.states for each in chunks], axis=-1), whole.states)
-    last = chunks[-1]
-    assert np.array_equal(last[-1].states, whole[2999].states)
-    assert last[-1].problem.parameters == whole[2999].problem.parameters
-
-
-def test_chunks_are_made_as_they_are_taken():
+def test_chunks_are_the_whole_in_pieces_and_made_as_they_are_taken():
     """However many members there are, no more than a few chunks exist."""
     _, _, ropes = many(20_000)
+    whole = simulate(ropes, "velocity-verlet", 1)
     asked = []
 
     def numbers(start, stop):
@@ -287,10 +241,14 @@ def test_chunks_are_made_as_they_are_taken():
         return ropes.numbers(start, stop)
 
     ensemble = Ensemble(ropes.first, len(ropes), numbers, ropes.__getitem__)
-    chunks = simulate_chunks(ensemble, "velocity-verlet", 1)
-    taken = sum(len(next(chunks)) for _ in range(3))
+    rest = simulate_chunks(ensemble, "velocity-verlet", 1)
+    chunks = [next(rest) for _ in range(3)]
+    taken = sum(map(len, chunks))
     assert max(asked) - taken <= (os.cpu_count() + 2) * taken / 3
-    chunks.close()
+    chunks += rest
+    assert [each.start for each in chunks] == np.cumsum([0, *map(len, chunks)])[:-1].tolist()
+    assert np.array_equal(np.concatenate([each.states for each in chunks], axis=-1), whole.states)
+    assert chunks[-1][-1].problem.parameters == whole[19_999].problem.parameters
 
 
 def test_what_does_not_fit_into_memory_is_refused_before_it_runs():
@@ -320,29 +278,16 @@ STRETCHING = [[[0, 1]] * 3, [[0, 0], [1, 0], [0, 0]]]
         (of_ropes(), "ensemble: {} given; allowed: arrays"),
         (of_ropes(damping=[0.1, 0.2], stiffness=[1.0]), "ensemble: .*as many members"),
         (of_ropes(damping=[0.1, -0.2]), "damping: -0.2 given; .*below zero"),
-        (of_ropes(damping=[0.1, np.nan]), "damping: .*finite numbers"),
-        (of_ropes(damping=0.1), "damping: 0.1 given; .*one entry along its first axis"),
         (of_ropes(node_mass=[[1, 2, 3], [1, 0, 3]]), "node_mass: .*0.0 is not above zero"),
         (of_ropes(gravity=[[1, 2, 3]]), "gravity: .*start has 2"),
         (of_ropes(num_nodes=[3, 4]), "field: 'num_nodes' given, which does not exist"),
         (of_ropes(InextensibleRope, initial_velocity=STRETCHING), "initial_velocity: .*stretch"),
-        (of_lorenz(y0=np.ones((3, 2))), "y0: .*shape"),
         (of_lorenz(y0=np.full((3, 3), np.nan)), "y0: .*mend member 0"),
         (of_lorenz(y0=np.ones((0, 3))), "y0: .*at least one"),
         (of_lorenz(args={"sigma": [1.0]}), "args: "),
-        (of_lorenz(), "y0: .*at least one"),
         (lambda: Ensemble.of([]), "problems: .* at least one problem"),
     ],
 )
 def test_numbers_that_cannot_be_used(make, match):
     with pytest.raises(InputError, match=match):
         make()
-
-
-def test_bad_input_is_that_of_one_problem(small_rope):
-    for stepper, steps, words in (
-        ("rk5", 16, "stepper: 'rk5' given"),
-        ("rk4", 0, "steps_per_frame: 0 given"),
-    ):
-        with pytest.raises(InputError, match=words):
-            simulate(Ensemble.of([small_rope]), stepper, steps)

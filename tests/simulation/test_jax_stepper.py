@@ -14,22 +14,14 @@ from ropeode.problems import InextensibleRope, Problem, Rope
 from ropeode.simulation import simulate
 from ropeode.simulation.jax_stepper import jax_stepper
 from ropeode.steppers import as_stepper
+from tests.checking import steps
 from tests.steppers.every_variant import REPRESENTATIVES, SINGLE_OPTIONS
 
 FRAMES, STEPS, NODES = 3, 32, 4
 ROPE = functools.partial(Rope, num_nodes=NODES)
 
 
-def heun(rhs, t, y, dt, args):
-    k = rhs(t, y, args)
-    return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args))
-
-
-def in_numpy(rhs, t, y, dt, args):
-    return y + dt * np.asarray(rhs(t, y, args))
-
-
-OTHERS = [as_stepper(heun), "diffrax:Heun", "diffrax:Kvaerno3", "diffrax:LeapfrogMidpoint"]
+OTHERS = [as_stepper(steps.rk4), "diffrax:Heun", "diffrax:Kvaerno3", "diffrax:LeapfrogMidpoint"]
 # Each way to step, once; with one iteration implicit ones can be differentiated backwards too.
 EVERY = [
     *(e for e in SINGLE_OPTIONS if e.label in REPRESENTATIVES or e.label.endswith("newton=1")),
@@ -90,17 +82,17 @@ def test_every_stepper(stepper):
 def test_a_loop_of_ones_own(small_rope):
     """With what a two-step method carries."""
     own = jax_stepper(small_rope, "stormer-verlet")
-    args, steps = small_rope.args, 4
-    dt = 1.0 / steps
+    args, each = small_rope.args, 4
+    dt = 1.0 / each
 
     @jax.jit
     def after_a_frame(y0):
         carried = own.init(0.0, y0, dt, args)
-        for i in range(steps):
+        for i in range(each):
             carried = own.step(i * dt, carried, dt, args)
         return own.state(1.0, carried, dt, args)
 
-    expected = simulate(small_rope, "stormer-verlet", steps).states[1]
+    expected = simulate(small_rope, "stormer-verlet", each).states[1]
     np.testing.assert_allclose(after_a_frame(small_rope.y0), expected, rtol=1e-12, atol=1e-9)
 
 
@@ -116,7 +108,7 @@ def test_float32_is_refused(small_rope):
 
 
 def test_what_jax_cannot_trace_is_refused(small_rope):
-    for stepper in (in_numpy, "scipy:RK45"):
+    for stepper in (steps.in_loops, "scipy:RK45"):
         with pytest.raises(InputError, match=r"^stepper: .*runs in Python"):
             jax_stepper(small_rope, stepper)
     assert repr(jax_stepper(small_rope, "rk4")).startswith("<JaxStepper: rk4; rope, 4 nodes")

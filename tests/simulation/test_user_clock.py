@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 from ropeode.simulation import (
     TimeIsUp,
@@ -27,24 +28,10 @@ def compute(seconds=SPAN):
         pass
 
 
-def started(work):
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    return thread
-
-
 def in_a_thread(work):
-    """What `work` returns or raises, in a thread of its own, so that no clock is left behind."""
-    outcome = []
-
-    def run():
-        try:
-            outcome.append(work())
-        except TimeIsUp as error:
-            outcome.append(error)
-
-    started(run).join(PATIENCE)
-    return outcome[0]
+    """What becomes of `work` in a thread of its own, so that no clock is left behind."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(work)
 
 
 def test_only_the_users_code_counts():
@@ -61,7 +48,7 @@ def test_only_the_users_code_counts():
         on_user_clock(time.sleep, SPAN)
         return computed, clock.spent()
 
-    computed, waited = in_a_thread(work)
+    computed, waited = in_a_thread(work).result()
     assert 2 * SPAN <= computed.processor < 4 * SPAN
     assert computed.wall >= computed.processor / 2
     assert waited.wall - computed.wall >= SPAN / 2
@@ -79,14 +66,16 @@ def test_an_interruption_reaches_the_users_code_alone():
         reached.append("the end of what is not the user's")
         on_user_clock(reached.append, "the user's code")
 
-    assert isinstance(in_a_thread(work), TimeIsUp)
+    assert isinstance(in_a_thread(work).exception(), TimeIsUp)
     assert reached == ["the end of what is not the user's"]
 
 
 def test_whoever_waited_for_a_turn_that_was_taken_waits_for_the_next():
     has, may_end, got = threading.Event(), threading.Event(), threading.Event()
+    threads = []
 
     def hangs():
+        threads.append(threading.get_ident())
         with one_at_a_time():
             has.set()
             may_end.wait(PATIENCE)
@@ -95,14 +84,14 @@ def test_whoever_waited_for_a_turn_that_was_taken_waits_for_the_next():
         with one_at_a_time():
             got.set()
 
-    hanging = started(hangs)
-    assert has.wait(PATIENCE)
-    waiting = started(waits)
-    take_turn_from(threading.get_ident())
-    assert not got.wait(0.3), "it was taken from a thread that had it not"
-    take_turn_from(hanging.ident or 0)
-    with one_at_a_time(), one_at_a_time():
-        may_end.set()
-        assert not got.wait(0.3), "two have the turn at once"
-    waiting.join(PATIENCE)
+    with ThreadPoolExecutor(2) as pool:
+        pool.submit(hangs)
+        assert has.wait(PATIENCE)
+        pool.submit(waits)
+        take_turn_from(threading.get_ident())
+        assert not got.wait(0.3), "it was taken from a thread that had it not"
+        take_turn_from(threads[0])
+        with one_at_a_time(), one_at_a_time():
+            may_end.set()
+            assert not got.wait(0.3), "two have the turn at once"
     assert got.is_set()

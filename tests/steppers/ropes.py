@@ -28,3 +28,19 @@ def in_space(kind: type[Rope] | type[InextensibleRope], pinned=(1,), **given):
     """A rope of either kind, with other parameters where they are given."""
     moving = {"pinned": pinned, "initial_velocity": velocities(pinned)}
     return kind(**{**SHAPE, **moving, **given})
+
+
+def sweep_links(x, lengths, lightness):
+    """The assignment's loop: each link put back to its length in turn, in place.
+
+    Arguments:
+        x: positions, ``(nodes, dim)``.
+        lengths: of the links.
+        lightness: of each node, 1 over its mass, and 0 where it is pinned.
+    """
+    for i, rest in enumerate(lengths):
+        a, b = lightness[i], lightness[i + 1]
+        gap = x[i + 1] - x[i]
+        excess = (1 - rest / np.linalg.norm(gap)) * gap / ((a + b) or 1.0)
+        x[i] += a * excess
+        x[i + 1] -= b * excess

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 from scipy.optimize import root
 
 from ropeode.errors import InputError
-from ropeode.precision import in_float64
 from ropeode.problems import InextensibleRope, Rope
 from ropeode.simulation import simulate
 from tests.steppers.ropes import SHAPE, in_space
@@ -30,19 +30,16 @@ def rigid(**given):
 def implicit_euler(problem, steps):
     """``v = v_old + dt a(x_old + dt v, v)`` with the whole acceleration, solved for v: a frame."""
     dt = 1.0 / steps
-
-    @in_float64
-    def acceleration(x, v):
-        return np.asarray(problem.mechanics.acceleration(0.0, x, v, problem.args))
-
+    acceleration = jax.jit(lambda x, v: problem.mechanics.acceleration(0.0, x, v, problem.args))
     x, v = problem.y0
+
+    def wrong(w):
+        w = w.reshape(x.shape)
+        return (w - v - dt * np.asarray(acceleration(x + dt * w, w))).ravel()
+
     for _ in range(steps):
-
-        def wrong(w, x=x, v=v):
-            w = w.reshape(x.shape)
-            return (w - v - dt * acceleration(x + dt * w, w)).ravel()
-
-        v = root(wrong, v.ravel(), tol=1e-14).x.reshape(x.shape)
+        with jax.enable_x64(True):
+            v = root(wrong, v.ravel(), tol=1e-14).x.reshape(x.shape)
         x = x + dt * v
     return np.stack([x, v])
 
@@ -54,26 +51,6 @@ def test_projective_dynamics_to_the_end_is_implicit_euler():
         run = simulate(problem, "projective-dynamics:iterations=400", steps)
         expected = implicit_euler(problem, steps)
         np.testing.assert_allclose(run.states[1], expected, rtol=0, atol=1e-11)
-
-
-@pytest.mark.parametrize(
-    ("stepper", "order"),
-    [
-        ("xpbd", 2),
-        ("xpbd:iterations=100", 2),
-        ("projective-dynamics", 2),
-        pytest.param("projective-dynamics:iterations=2", 4, marks=pytest.mark.slow),
-    ],
-)
-def test_how_near_implicit_euler_they_are(stepper, order):
-    """So near that its error is theirs; but XPBD, its iterations to the end, is another method."""
-    problem = springs()
-    coarse, fine = (
-        np.max(np.abs(simulate(problem, stepper, n).states[1] - implicit_euler(problem, n)))
-        for n in (20, 40)
-    )
-    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.25)
-    assert coarse > 1e-8
 
 
 @pytest.mark.parametrize(
@@ -100,32 +77,33 @@ def test_averaged_moves_are_those_of_another_rope(stepper, problem):
     assert np.max(np.abs(runs[-1].states - own_truth)) > 4 * fine
 
 
+@pytest.mark.parametrize("nodes", [4, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "stepper", ["xpbd", "xpbd:sweep=jacobi", "xpbd:sweep=averaged", "projective-dynamics"]
 )
-def test_springs_without_a_direction_do_not_pull(stepper):
+def test_springs_without_a_direction_do_not_pull(stepper, nodes):
     """All nodes at one point: each falls by itself, with the velocity at the end of each step."""
-    for nodes in (1, 4):
-        problem = Rope(
-            start=(0, 0), end=(1, 2), gravity=(0, -1), damping=0.2, num_nodes=nodes, pinned=(),
-            node_mass=0.5,
-        ).problem(2)  # fmt: skip
-        y0 = np.zeros_like(problem.y0)
-        y0[0] = [[1.0], [2.0]]
-        problem = dataclasses.replace(problem, y0=y0)
-        run = simulate(problem, stepper, 4)
-        v, x = 0.0, 2.0
-        for _ in range(8):
-            v = (v - 0.25) / (1 + 0.25 * 0.4)
-            x += 0.25 * v
-        np.testing.assert_allclose(run.positions[-1], np.tile([1.0, x], (nodes, 1)), rtol=1e-14)
+    rope = Rope(
+        start=(0, 0), end=(1, 2), gravity=(0, -1), damping=0.2, num_nodes=nodes, pinned=(),
+        node_mass=0.5,
+    )  # fmt: skip
+    problem = rope.problem(2)
+    y0 = np.zeros_like(problem.y0)
+    y0[0] = [[1.0], [2.0]]
+    run = simulate(dataclasses.replace(problem, y0=y0), stepper, 4)
+    v, x = 0.0, 2.0
+    for _ in range(8):
+        v = (v - 0.25) / (1 + 0.25 * 0.4)
+        x += 0.25 * v
+    np.testing.assert_allclose(run.positions[-1], np.tile([1.0, x], (nodes, 1)), rtol=1e-14)
 
 
 def test_links_of_the_wrong_kind_are_refused():
     taut = springs(pinned=(0, 4))
     for stepper in ("xpbd", "projective-dynamics"):
         assert simulate(taut, stepper, 20).status == "ok"
-    with pytest.raises(InputError, match="taut between the pinned nodes 0 and 4"):
-        simulate(taut, "pbd", 20)
+    for stepper in ("pbd", "constraint-verlet", "rattle"):
+        with pytest.raises(InputError, match="taut between the pinned nodes 0 and 4"):
+            simulate(taut, stepper, 20)
     with pytest.raises(InputError, match="springs, and 'inextensible rope' has rigid ones.* Fix:"):
         simulate(rigid(), "projective-dynamics", 4)

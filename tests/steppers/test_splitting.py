@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from fractions import Fraction
@@ -11,8 +10,7 @@ import numpy as np
 import pytest
 
 from ropeode import LinearDamping
-from ropeode.errors import InputError
-from ropeode.problems import PROBLEMS, Problem
+from ropeode.problems import Problem
 from ropeode.simulation import simulate
 from ropeode.steppers import STEPPERS
 
@@ -99,14 +97,3 @@ def test_without_forces_damping_is_exact(label):
             np.testing.assert_allclose(v, exact, rtol=1e-12, atol=1e-12)
     more = simulate(problem, label, 7).rhs_evaluations - run.rhs_evaluations
     assert more / (6 * problem.frames) == EVALUATIONS[label]
-
-
-def test_staggered_velocities_need_steps_of_one_size():
-    """Half a step before a frame is half a step of another size before the next one."""
-    uneven = dataclasses.replace(
-        PROBLEMS["oscillator"](frames=3), ts=np.array([0.0, 0.4, 1.6, 1.9])
-    )
-    with pytest.raises(InputError, match="staggered' given, a multistep method that needs one"):
-        simulate(uneven, "leapfrog:form=staggered", 7)
-    for form in ("kick-drift-kick", "drift-kick-drift"):
-        assert simulate(uneven, f"leapfrog:form={form}", 7).status == "ok"

@@ -18,27 +18,14 @@ from ropeode.sweep import SweepSpec, evaluate
 
 EXAMPLE = Path(__file__).parents[2] / "docs/examples/heun3.toml"
 METHODS = {name: cls for name, cls in STEPPERS.items() if issubclass(cls, RungeKutta)}
-HIGH = pytest.mark.slow
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=HIGH if cls.tableau_order > 5 else [])
-        for name, cls in METHODS.items()
-    ],
-)
-def test_declared_order_is_that_of_the_order_conditions(name):
-    tableau = METHODS[name].tableau
-    assert tableau.explicit
-    assert tableau.keeps_time
-    assert tableau.order == METHODS[name].tableau_order
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_conditions_are_met_to_the_last_digits(name):
-    """By kauri's trees, in floating-point numbers: up to order 6, which is fast."""
-    tableau = METHODS[name].tableau
+    """By kauri's trees: those of order 6 and less, which is fast; and no more than is declared."""
+    tableau, order = METHODS[name].tableau, METHODS[name].tableau_order
+    assert tableau.explicit
+    assert tableau.keeps_time
     a, b = np.array(tableau.a, float), np.array(tableau.b, float)
 
     def stages(tree):
@@ -48,9 +35,20 @@ def test_conditions_are_met_to_the_last_digits(name):
             weights = weights * (a @ stages(branch))
         return weights
 
-    for order in range(1, min(METHODS[name].tableau_order, 6) + 1):
-        for tree in kauri.trees_of_order(order):
-            assert b @ stages(tree.list_repr) == pytest.approx(1 / tree.factorial(), abs=4e-15)
+    def worst(order):
+        trees = kauri.trees_of_order(order)
+        return max(abs(b @ stages(tree.list_repr) - 1 / tree.factorial()) for tree in trees)
+
+    for each in range(1, min(order, 6) + 1):
+        assert worst(each) < 4e-15
+    assert order > 5 or worst(order + 1) > 1e-5
+
+
+@pytest.mark.slow
+def test_the_order_conditions_say_what_is_declared():
+    """All of them, without rounding; of files that is asked in each test below."""
+    for cls in METHODS.values():
+        assert cls.tableau.order == cls.tableau_order
 
 
 # ---- tableaus in files
@@ -61,18 +59,39 @@ def written(folder: Path, text: str, name: str = "own.toml") -> str:
     return f"runge-kutta:{name}"
 
 
-def test_the_example_is_a_stepper_of_order_3():
-    stepper = as_stepper("runge-kutta:heun3.toml", folder=EXAMPLE.parent)
-    assert (stepper.label, stepper.order(ProblemClass())) == ("heun3", 3)
-    problem = Problem(lambda t, y, args: -y * y * t, [0.7], [0.0, 1.0, 2.0])
+def by_hand(a2, a3, b):
+    """Three stages, each of which reads the one before it."""
 
-    def by_hand(rhs, t, y, dt, args):
+    def step(rhs, t, y, dt, args):
         k1 = rhs(t, y, args)
-        k2 = rhs(t + dt / 3, y + dt / 3 * k1, args)
-        k3 = rhs(t + 2 * dt / 3, y + 2 * dt / 3 * k2, args)
-        return y + dt / 4 * (k1 + 3 * k3)
+        k2 = rhs(t + a2 * dt, y + a2 * dt * k1, args)
+        k3 = rhs(t + a3 * dt, y + a3 * dt * k2, args)
+        return y + dt * (b[0] * k1 + b[1] * k2 + b[2] * k3)
 
-    run, expected = simulate(problem, stepper, 7), simulate(problem, by_hand, 7)
+    return step
+
+
+# Their common denominator is no whole number of float64.
+HALF, QUARTER = Fraction(2**39, 2**40 + 1), Fraction(2**38, 2**40 - 1)
+LARGE = [HALF, QUARTER, 1 - HALF - QUARTER]
+
+
+@pytest.mark.parametrize(
+    ("text", "method", "order"),
+    [
+        (EXAMPLE.read_text(), (1 / 3, 2 / 3, (1 / 4, 0, 3 / 4)), 3),
+        (
+            f"A = [[], [1], [0, 1]]\nb = {[*map(str, LARGE)]}\nc = [0, 1, 1]",
+            (1, 1, [*map(float, LARGE)]),
+            1,
+        ),
+    ],
+)
+def test_a_file_is_its_formula(tmp_path, text, method, order):
+    stepper = as_stepper(written(tmp_path, text), folder=tmp_path)
+    assert stepper.order(ProblemClass()) == order
+    problem = Problem(lambda t, y, args: -y * y * t, [0.7], [0.0, 1.0, 2.0])
+    run, expected = (simulate(problem, each, 7) for each in (stepper, by_hand(*method)))
     np.testing.assert_allclose(run.states, expected.states, rtol=1e-14)
     assert run.rhs_evaluations == 2 * 7 * 3
 
@@ -83,26 +102,6 @@ def test_stages_that_nobody_reads_are_left_out(tmp_path):
     run = simulate(problem, as_stepper(text, folder=tmp_path), 4)
     assert run.rhs_evaluations == 8
     assert np.array_equal(run.states, simulate(problem, "midpoint", 4).states)
-
-
-def test_large_denominators_lose_no_digits(tmp_path):
-    """Their common denominator is no whole number of float64."""
-    half, quarter = Fraction(2**39, 2**40 + 1), Fraction(2**38, 2**40 - 1)
-    rest = 1 - half - quarter
-    text = written(
-        tmp_path, f'A = [[], [1], [0, 1]]\nb = ["{half}", "{quarter}", "{rest}"]\nc = [0, 1, 1]'
-    )
-    problem = Problem(lambda t, y, args: t - y, [0.7], [0.0, 1.0])
-
-    def by_hand(rhs, t, y, dt, args):
-        k1 = rhs(t, y, args)
-        k2 = rhs(t + dt, y + dt * k1, args)
-        k3 = rhs(t + dt, y + dt * k2, args)
-        return y + dt * (float(half) * k1 + float(quarter) * k2 + float(rest) * k3)
-
-    run = simulate(problem, as_stepper(text, folder=tmp_path), 1)
-    expected = simulate(problem, by_hand, 1)
-    np.testing.assert_allclose(run.states, expected.states, rtol=1e-15)
 
 
 THIRD_ORDER = (
@@ -119,20 +118,19 @@ THIRD_ORDER = (
         ("A = [[], [1, 2, 3]]\nb = [0, 1]", "A[2]: '3 entries' given; allowed: 1 of them, or 2"),
         ("A = [[], [1]]\nb = [0, 1]\nc = [0]", "c: '1 times' given; allowed: 2 times"),
         ('A = [["1/2"]]\nb = [1]', "A[1][1]: '1/2' given; allowed: 0 there, in explicit methods"),
-        ("A = [[0, 1], [1, 0]]\nb = [0, 1]", "implicit tableaus are not taken"),
         ('A = [[]]\nb = ["1/0"]', "b[1]: '1/0' given; allowed: finite numbers"),
-        ("A = [[]]\nb = [nan]", "b[1]: nan given; allowed: finite numbers"),
-        ('A = [[]]\nb = ["1e400"]', "b[1]: '1e400' given; allowed: finite numbers"),
-        ('A = [[]]\nb = [1]\nname = "leapfrog:form=staggered"', "name: 'leapfrog:form=staggered'"),
         ('A = [[]]\nb = [1]\nname = "two\\nlines"', "allowed: a line of text that is not the name"),
         ('A = [[]]\nb = [1]\norder = "2"', "order: 2 given; allowed: at most 1"),
         ("A = [[], [1]]\nb = [0.5, 0.5]\norder = 3", THIRD_ORDER),
         ("A = [[]", "a TOML file"),
+        (None, "No such file"),
     ],
 )
 def test_faults_are_one_line_each(tmp_path, text, words):
+    if text is not None:
+        written(tmp_path, text)
     with pytest.raises(InputError) as caught:
-        as_stepper(written(tmp_path, text), folder=tmp_path)
+        as_stepper("runge-kutta:own.toml", folder=tmp_path)
     (line,) = caught.value.problems
     assert "own.toml" in line
     assert words in line
@@ -140,33 +138,14 @@ def test_faults_are_one_line_each(tmp_path, text, words):
     assert "\n" not in line
 
 
-def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path):
-    text = written(tmp_path, "\ufeffA = [[]]\nb = [1]")
-    assert as_stepper(text, folder=tmp_path).order(ProblemClass()) == 1
-
-
-def test_a_file_is_needed(tmp_path):
-    for text in ("runge-kutta", "runge-kutta:", "runge-kutta:own.py"):
-        with pytest.raises(InputError, match="allowed: runge-kutta:FILE.toml"):
-            as_stepper(text)
-    with pytest.raises(InputError, match="No such file"):
-        as_stepper("runge-kutta:none.toml", folder=tmp_path)
-
-
 @pytest.mark.parametrize(
     ("text", "words", "order"),
     [
-        (
-            'A = [[], [1]]\nb = ["1/2", "2/3"]',
-            "weights b add up to 7/6, not to 1; its order is 0",
-            0,
-        ),
+        # A byte order mark is no part of the text.
+        ('\ufeffA = [[], [1]]\nb = ["1/2", "2/3"]', "add up to 7/6, not to 1; its order is 0", 0),
         # Shown with all its digits.
-        (
-            "A = [[], [1]]\nb = [0.3333333333, 0.6666666666]",
-            "weights b add up to 0.9999999999, not to 1",
-            0,
-        ),
+        ("A = [[], [1]]\nb = [0.3333333333, 0.6666666666]", "weights b add up to 0.9999999999,", 0),
+        ("A = [[], [1]]\nb = [0.5, 0.5]\nc = [0, 0.25]", r"c\[2\] is 0.25, and row 2 of A", 1),
         # An order that is the same without time is said once.
         ('A = [[]]\nb = [1]\nc = ["1/2"]', r"row 1 of A adds up to 0; its order is 1\.$", 1),
     ],
@@ -177,26 +156,11 @@ def test_warnings(tmp_path, text, words, order):
     assert stepper.order(ProblemClass()) == order
 
 
-def test_times_that_are_not_row_sums(tmp_path):
-    text = written(tmp_path, "A = [[], [1]]\nb = [0.5, 0.5]\nc = [0, 0.25]")
-    with pytest.warns(
-        InputWarning, match=r"c\[2\] is 0.25, and row 2 of A adds up to 1; its order"
-    ):
-        stepper = as_stepper(text, folder=tmp_path)
-    # Measured on a right-hand side of time alone.
-    problem = Problem(lambda t, y, args: np.cos(3.0) * t + 0 * y, [0.0], [0.0, 1.0])
-    exact = np.cos(3.0) / 2
-    errors = [simulate(problem, stepper, n).states[-1, 0] - exact for n in (10, 30)]
-    assert stepper.order(ProblemClass()) == 1
-    assert errors[0] / errors[1] == pytest.approx(3, rel=1e-6)
-
-
 def test_a_command_warns_in_one_line(tmp_path, run):
     written(tmp_path, "A = [[]]\nb = [2]")
     with warnings.catch_warnings():
         warnings.simplefilter("always", InputWarning)
         done = run("steppers", f"runge-kutta:{tmp_path}/own.toml")
-    assert done.returncode == 0, done.stderr
     (warned,) = done.stderr.splitlines()
     assert warned.startswith("ropeode: warning: ")
     assert "add up to 2, not to 1" in warned
