@@ -15,7 +15,6 @@ from PIL import Image
 
 from ropeode import accuracy_table, check_stepper, grade, hanging_equilibrium, simulate
 from ropeode.analysis import frequencies, normal_modes
-from ropeode.checking import CHECKS
 from ropeode.errors import InputError
 from ropeode.laboratory.messages import (
     AskCheck,
@@ -31,6 +30,7 @@ from ropeode.laboratory.messages import (
     AskTruth,
     GivenFile,
     ProblemChoice,
+    Run,
 )
 from ropeode.problems import PROBLEMS
 from ropeode.progress import silent
@@ -38,9 +38,8 @@ from ropeode.render import format_check, format_table
 from tests.laboratory.conftest import ROPE, csv_of
 
 LADDER = (4, 16, 32, 64, 96)
-HEAVY = ProblemChoice(
-    name="rope", parameters={"num_nodes": 4, "damping": 0.0, "node_mass": 2.5}, frames=3
-)
+KEPLER = ProblemChoice(name="kepler", parameters={"eccentricity": 0.25})
+LORENZ = ProblemChoice(name="lorenz")
 
 
 def run_of(stepper, steps, problem=ROPE):
@@ -49,26 +48,22 @@ def run_of(stepper, steps, problem=ROPE):
 
 def of_row(row):
     """The fields of a row that a run has, but for the time that it took."""
-    names = ("stepper", "steps_per_frame", "dt", "status", "diverged_at", "error_final")
-    more = ("error_max", "error_rms", "resolution", "round_off", "rhs_evaluations")
-    return {name: getattr(row, name) for name in (*names, *more)}
+    names = Run.model_fields.keys() - {"kind", "every", "seconds"}
+    return {name: getattr(row, name) for name in names}
 
 
-@pytest.mark.parametrize(
-    ("stepper", "choice"),
-    [("explicit-euler", ROPE), pytest.param("rk4", HEAVY, marks=pytest.mark.slow)],
-)
-def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory, choice, stepper):
-    table = accuracy_table(laboratory.problem(choice), [stepper], LADDER, progress=silent)
+def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory):
+    reference = laboratory.motion(ROPE, silent).reference
+    table = accuracy_table(reference, ["explicit-euler"], LADDER, progress=silent)
     for row in table.rows:
-        run, arrays = ask(run_of(stepper, row.steps_per_frame, choice))
+        run, arrays = ask(run_of("explicit-euler", row.steps_per_frame))
         assert of_row(run) == of_row(row)
-        if row.status == "ok":
-            at_frames = arrays["errors"][:: 8 // run.every][1:]
-            assert math.isclose(at_frames.max(), row.error_max, rel_tol=1e-9)
+        at_frames = arrays["errors"][:: 8 // run.every][1:]
+        assert math.isclose(at_frames.max(), row.error_max, rel_tol=1e-9)
     (expected,) = table.orders
-    question = AskOrder(kind="order", problem=choice, stepper=stepper, steps_per_frame=LADDER)
-    order, _ = ask(question)
+    order, _ = ask(
+        AskOrder(kind="order", problem=ROPE, stepper="explicit-euler", steps_per_frame=LADDER)
+    )
     assert order.observed == expected.order.observed
     assert (order.low, order.high) == (expected.order.ci95 or (None, None))
     assert (order.verdict, order.expected) == (expected.order.verdict, expected.expected)
@@ -76,15 +71,14 @@ def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory, choice,
 
 
 def test_differences_are_those_of_the_nodes_in_float64(ask, laboratory):
-    run, arrays = ask(run_of("rk4", 32))
+    run, arrays = ask(run_of("explicit-euler", 64))
     truth, of_truth = ask(AskTruth(kind="truth", problem=ROPE))
-    motion = laboratory.motion(ROPE, silent)
-    method = laboratory.method(motion.problem, "rk4", None)
-    states = laboratory.run(motion, method, 32, silent).states
-    wanted = motion.problem.positions(states) - motion.finer.positions[:: run.every]
+    finer = laboratory.motion(ROPE, silent).finer
+    own = simulate(finer.problem, "explicit-euler", 64 // 8, progress=silent)
+    wanted = own.positions - finer.positions
+    assert run.every == 1
     assert np.array_equal(arrays["differences"], wanted)
-    assert 0.0 < np.abs(wanted).max() < 1e-6
-    farthest = np.linalg.norm(arrays["differences"], axis=2).max(axis=1)
+    farthest = np.linalg.norm(wanted, axis=2).max(axis=1)
     np.testing.assert_allclose(arrays["errors"], farthest, rtol=1e-12, atol=1e-300)
     assert truth.trusted == len(of_truth["bound"]) == len(of_truth["times"]) == 25
     assert (truth.links, truth.fixed) == (((0, 1), (1, 2), (2, 3)), (0,))
@@ -94,19 +88,21 @@ def test_the_library_has_every_problem_and_says_what_its_parameters_are(ask):
     library, _ = ask(AskLibrary(kind="library"))
     assert [each.name for each in library.problems] == list(PROBLEMS)
     for problem in library.problems:
-        assert set(problem.default_steppers) <= set(problem.steppers)
-        assert problem.default_steppers
+        assert set() < set(problem.default_steppers) <= set(problem.steppers)
         for each in problem.parameters:
             assert each.words
             assert each.allowed
             if each.low is not None and each.high is not None:
                 assert each.low <= each.default <= each.high
-                assert each.low > 0 or not each.logarithmic
                 assert each.low >= 0 or each.allowed.startswith("a finite number")
+                assert each.low > 0 or not each.logarithmic
                 assert each.logarithmic or "> 0" not in each.allowed
     names = {each.name for each in library.steppers}
     assert names >= {"rk4", "diffrax:Tsit5", "scipy:RK45"}
-    assert all(set(each.steppers) <= names for each in library.problems)
+    assert names >= {name for each in library.problems for name in each.steppers}
+
+
+PHASE = AskPhase(kind="phase", problem=ROPE, stepper="rk4", steps_per_frame=64, mode=1)
 
 
 @pytest.mark.parametrize(
@@ -117,18 +113,13 @@ def test_the_library_has_every_problem_and_says_what_its_parameters_are(ask):
         (run_of("rk4", 16, ProblemChoice(parameters={"num_nodes": "1000000000"})), "num_nodes"),
         (run_of("rk4", 16, ProblemChoice(frames=601)), "frames"),
         (run_of("rk4", 16, ProblemChoice(name="kepler", parameters={"self": 1})), "self"),
-        (run_of("steps.py:step", 16), "stepper"),
         (run_of("/etc/passwd", 16), "stepper"),
         (run_of("scipy:RK45", 2**20), "steps_per_frame"),
         (run_of("diffrax:Kvaerno3", 2**20), "steps_per_frame"),
         (run_of("constraint-verlet:sweeps=999999999", 16), "steps_per_frame"),
+        (PHASE.model_copy(update={"mode": 6}), "mode"),
         (
-            AskFilm(
-                kind="film",
-                problem=ProblemChoice(name="lorenz"),
-                steppers=("rk4",),
-                steps_per_frame=16,
-            ),
+            AskFilm(kind="film", problem=LORENZ, steppers=("rk4",), steps_per_frame=16),
             "2 or 3 components",
         ),
     ],
@@ -140,14 +131,12 @@ def test_what_cannot_be_answered_is_refused_with_the_field(ask, question, named)
 
 def test_theory_predicts_what_a_table_predicts(ask, laboratory):
     found, _ = ask(AskTheory(kind="theory", problem=ROPE, stepper="explicit-euler"))
-    table = accuracy_table(
-        laboratory.problem(ROPE), ["explicit-euler"], [64], predict=True, progress=silent
-    )
+    reference = laboratory.motion(ROPE, silent).reference
+    table = accuracy_table(reference, ["explicit-euler"], [64], predict=True, progress=silent)
     constant = table.orders[0].constant
     assert (found.order, found.constant) == (constant.order, constant.predicted)
     assert found.words in " ".join(format_table(table).split())
     why, _ = ask(AskTheory(kind="theory", problem=ROPE, stepper="constraint-verlet"))
-    assert why.constant is None
     assert why.words.startswith("no error is predicted: ")
 
 
@@ -162,9 +151,8 @@ def test_the_stability_region_is_that_of_an_explanation(ask, laboratory):
     assert math.isclose(found.largest_stable_dt, math.sqrt(8) / fastest, rel_tol=0.01)
     assert arrays["eigenvalues"].shape == (4, 12, 2)
     none, others = ask(AskStability(kind="stability", problem=ROPE, stepper="rattle"))
-    assert none.real is None
     assert none.why_none
-    assert "radius" not in others
+    assert others.keys() == {"times", "eigenvalues"}
 
 
 def test_phase_planes_are_those_of_nodes_and_of_modes(ask, laboratory):
@@ -173,8 +161,7 @@ def test_phase_planes_are_those_of_nodes_and_of_modes(ask, laboratory):
     _, arrays = ask(truth)
     assert np.array_equal(arrays["x"], motion.finer.positions[:, 2, 1])
     assert np.array_equal(arrays["v"], motion.finer.velocities[:, 2, 1])
-    of_run = AskPhase(kind="phase", problem=ROPE, stepper="rk4", steps_per_frame=64, mode=1)
-    found, arrays = ask(of_run)
+    found, arrays = ask(PHASE)
     still = hanging_equilibrium(motion.problem)
     modes = normal_modes(motion.problem, still)
     np.testing.assert_allclose(modes.frequencies, frequencies(motion.problem, still), rtol=1e-9)
@@ -184,38 +171,38 @@ def test_phase_planes_are_those_of_nodes_and_of_modes(ask, laboratory):
     at_once = np.einsum("kdn,tdn->tk", modes.weights, motion.finer.states[:, 0] - still[0])
     np.testing.assert_allclose(arrays["x"], at_once[:, 1], rtol=1e-3)
     assert "mode 1" in found.x_label
-    with pytest.raises(InputError, match="mode"):
-        ask(of_run.model_copy(update={"mode": 6}))
 
 
 def test_files_are_graded_in_the_words_of_grade(ask, laboratory, tmp_path):
-    problem = laboratory.problem(ROPE)
-    files, paths = [], []
-    for steps in (16, 32, 64):
-        run = simulate(problem, "rk4", steps, progress=silent)
-        files.append(GivenFile(name=f"../runs/{steps}.csv", text=csv_of(run)))
-        paths.append(tmp_path / f"{steps}.csv")
-        paths[-1].write_text(files[-1].text)
-    question = AskGrade(kind="grade", problem=ROPE, files=tuple(files))
+    problem, ladder = laboratory.problem(ROPE), (16, 32, 64)
+    texts = [csv_of(simulate(problem, "rk4", steps, progress=silent)) for steps in ladder]
+    files = tuple(
+        GivenFile(name=f"../runs/{steps}.csv", text=text)
+        for steps, text in zip(ladder, texts, strict=True)
+    )
+    question = AskGrade(kind="grade", problem=ROPE, files=files)
     found, arrays = ask(question)
+    paths = [tmp_path / f"{steps}.csv" for steps in ladder]
+    for path, text in zip(paths, texts, strict=True):
+        path.write_text(text)
     report = grade(paths, problem, progress=silent)
     assert found.passed == report.passed
-    texts = [line.text for line in found.lines]
+    lines = [line.text for line in found.lines]
     words = " ".join(format_check(report).split())
-    assert words.startswith(texts[0])
+    assert words.startswith(lines[0])
     # In another time.
-    assert texts[1].split(" (")[0] in words
-    assert texts[2 : 2 + len(report.findings)] == [f"{x.check}: {x.line}" for x in report.findings]
-    for index, (run, steps) in enumerate(zip(found.runs, (16, 32, 64), strict=True)):
+    assert lines[1].split(" (")[0] in words
+    assert lines[2 : 2 + len(report.findings)] == [f"{x.check}: {x.line}" for x in report.findings]
+    for index, (run, steps) in enumerate(zip(found.runs, ladder, strict=True)):
         own, _ = ask(run_of("rk4", steps))
         assert (run.stepper, run.dt) == (f"{steps}.csv", own.dt)
         assert (run.error_final, run.error_max) == (own.error_final, own.error_max)
         assert arrays[f"{index}.differences"].shape == (4, 4, 2)
-    few, _ = ask(question.model_copy(update={"files": question.files[:1]}))
+    few, _ = ask(question.model_copy(update={"files": files[:1]}))
     assert (few.passed, len(few.runs)) == (False, 1)
     bad = GivenFile(name="a.csv", text="t,node,x,y\n0,0,zero,1\n")
     with pytest.raises(InputError, match=r"a\.csv") as refused:
-        ask(question.model_copy(update={"files": (bad, *question.files[:2])}))
+        ask(question.model_copy(update={"files": (bad, *files)}))
     # Where it was written meanwhile.
     assert not re.search("/tmp|ropeode-", str(refused.value))
 
@@ -227,56 +214,41 @@ def test_a_check_has_the_words_of_check(ask):
     wanted = [f"{each.check}: {each.line}" for each in report.findings]
     assert [line.text for line in found.lines[1 : 1 + len(wanted)]] == wanted
     # There is no verdict before the last check.
-    assert (found.made, found.checks) == (len(wanted), len(CHECKS))
     assert not {line.status for line in found.lines} & {"right", "wrong"}
     whole, _ = ask(AskCheck(kind="check", stepper="rk4"))
-    assert whole.made == whole.checks
+    assert found.made < whole.made == whole.checks
     assert whole.lines[1].status == "right"
 
 
-CHANGED = {
-    "num_nodes": 4,
-    "pinned": [0, 3],
-    "stiffness": 55.5,
-    "initial_velocity": [0.0, 0.125],
-}
-
-
-@pytest.mark.parametrize(
-    ("problem", "steppers"),
-    [
-        (ProblemChoice(name="rope", parameters=CHANGED, frames=3), ("explicit-euler",)),
-        pytest.param(
-            *(ROPE, ("rk4", "stormer-verlet:start=rest,damping=lagged")), marks=pytest.mark.slow
-        ),
-        pytest.param(
-            *(ProblemChoice(name="kepler", parameters={"eccentricity": 0.25}), ("rk4",)),
-            marks=pytest.mark.slow,
-        ),
-    ],
-    ids=["changed", "options", "ellipse"],
-)
-def test_command_and_code_compute_what_is_shown(ask, run, problem, steppers):
-    ladder = (16, 32)
+def test_command_and_code_compute_what_is_shown(ask, run):
+    changed = {
+        "num_nodes": 4,
+        "pinned": [0, 3],
+        "stiffness": 55.5,
+        "initial_velocity": [0.0, 0.125],
+    }
+    problem = ProblemChoice(name="rope", parameters=changed, frames=3)
+    stepper = "stormer-verlet:start=rest,damping=lagged"
     question = AskCommand(
-        kind="command", problem=problem, steppers=steppers, steps_per_frame=ladder
+        kind="command", problem=problem, steppers=(stepper,), steps_per_frame=(16, 32)
     )
     found, _ = ask(question)
     made: dict = {}
     exec(found.python, made)
-    rows = made["table"].rows
-    shown = [ask(run_of(each, steps, problem))[0] for each in steppers for steps in ladder]
-    assert [of_row(each) for each in shown] == [of_row(row) for row in rows]
-    if problem.name == "kepler":
-        # The command line has no options for it.
-        assert found.command is None
-        return
+    shown = [ask(run_of(stepper, steps, problem))[0] for steps in (16, 32)]
+    assert [of_row(each) for each in shown] == [of_row(row) for row in made["table"].rows]
     program, *words = shlex.split(found.command)
     assert program == "ropeode"
     done = run(*words, "--format", "json")
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)["rows"]
-    assert [each["error_max"] for each in printed] == [each.error_max for each in rows]
+    assert [each["error_max"] for each in printed] == [each.error_max for each in shown]
+    # The command line has no options for other problems.
+    other, _ = ask(question.model_copy(update={"problem": KEPLER}))
+    assert other.command is None
+    code = other.python.partition("table =")[0]
+    exec(code, made)
+    assert made["problem"].parameters["eccentricity"] == 0.25
 
 
 @pytest.mark.slow

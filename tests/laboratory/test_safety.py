@@ -35,21 +35,20 @@ async def test_the_token_becomes_a_cookie_and_leaves_the_address(lab):
         cookie = done.headers["set-cookie"].lower()
         assert {"httponly", "samesite=strict"} <= {*cookie.split("; ")}
         wrong = await client.get("/?token=wrong")
-        assert wrong.status_code == 403
-        assert "set-cookie" not in wrong.headers
+        assert (wrong.status_code, wrong.headers.get("set-cookie")) == (403, None)
 
 
 async def test_every_answer_carries_the_headers_of_safety(lab):
+    answers = {"/": 200, "/messages.d.ts": 200, "/?token=wrong": 403, "/%2e%2e/server.py": 404}
     async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
-        for path in ("/", "/messages.d.ts", "/none", "/?token=wrong", "/../server.py"):
-            headers = (await client.get(path)).headers
-            policy = headers["content-security-policy"]
-            assert "default-src 'self'" in policy
+        for path, code in answers.items():
+            done = await client.get(path)
+            assert done.status_code == code
+            policy = done.headers["content-security-policy"]
+            assert {"default-src 'self'", "frame-ancestors 'none'"} <= {*policy.split("; ")}
             assert "unsafe" not in policy
-            assert "frame-ancestors 'none'" in policy
-            assert headers["x-content-type-options"] == "nosniff"
-            assert headers["referrer-policy"] == "no-referrer"
-        assert (await client.get("/%2e%2e/server.py")).status_code == 404
+            assert done.headers["x-content-type-options"] == "nosniff"
+            assert done.headers["referrer-policy"] == "no-referrer"
         assert (await client.post("/")).status_code == 405
 
 
@@ -86,8 +85,6 @@ async def test_without_the_token_nothing_is_answered(lab):
 
 FAULTY = {
     "{": "JSON",
-    "": "JSON",
-    "[1]": '{"want"',
     "null": '{"want"',
     '{"want": 3}': '{"want"',
     '{"want": [], "file": "/etc/passwd"}': "leave it out",
@@ -96,6 +93,7 @@ FAULTY = {
     '{"want": [' + "9" * 5000 + "]}": "JSON",
     '{"want": [' + "0," * MOST_WANTED + "0]}": f"at most {MOST_WANTED}",
     " " * (MOST_TEXT + 1): f"at most {MOST_TEXT}",
+    b"\x00": "allowed: text",
 }
 
 
@@ -106,19 +104,14 @@ async def test_a_message_that_is_none_is_refused_with_a_sentence(page):
         assert (refused["kind"], refused["key"]) == ("refused", "")
         assert words in refused["message"]
         assert len(refused["message"]) < 1000
-    await page.socket.send(b"\x00")
-    assert "allowed: text" in (await page.next())["message"]
 
 
 RUN = do("work")
 FAULTY_QUESTIONS = [
     ({**RUN, "steps_per_frame": [0]}, "steps_per_frame.0: 0 given"),
-    ({**RUN, "steps_per_frame": [2**40]}, "less than or equal to"),
-    ({**RUN, "steps_per_frame": []}, "at least 1 item"),
     ({**RUN, "stepper": "s" * 1000}, "at most 200 characters"),
     ({**RUN, "file": "/etc/passwd"}, "file: '/etc/passwd' given; allowed: extra inputs are not"),
     ({"kind": "exec", "code": "1"}, "exec"),
-    ({}, "kind"),
     (7, "7 given"),
 ]
 

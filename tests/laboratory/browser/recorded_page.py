@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import base64
 import json
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
 from ropeode.laboratory import PAGE, encoded
 
+EXAMPLE = Path(__file__).parents[3] / "docs/examples/steps.py"
 RECORDING = json.loads((PAGE / "recordings/default.json").read_text())
-
-
 STILL = {"playing": False, "time": 3.5}
 # A problem of which only Python knows.
 NOT_RECORDED = {"name": "rope", "parameters": {"damping": 0.02}, "frames": 40}
@@ -38,6 +38,7 @@ class Python:
     """
 
     def __init__(self, page) -> None:
+        self._page = page
         self.asked: list[dict] = []
         self.longest = 0
         # JSON, or a message with its arrays.
@@ -59,6 +60,14 @@ class Python:
                 socket.send(encoded(each["key"], *found))
             elif found is not None:
                 socket.send(json.dumps({**found, "key": each["key"]}))
+
+    def until_asked(self, **wanted: object) -> None:
+        """Wait until the page has asked a question with these fields."""
+        for _ in range(1200):
+            if any(wanted.items() <= each.items() for each in self.asked):
+                return
+            self._page.wait_for_timeout(50)
+        raise AssertionError(f"not asked: {wanted}")
 
     def say(self, **message: object) -> None:
         """Send what comes unasked."""
