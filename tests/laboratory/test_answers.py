@@ -16,40 +16,26 @@ from PIL import Image
 from ropeode import accuracy_table, check_stepper, grade, hanging_equilibrium, simulate
 from ropeode.analysis import frequencies, normal_modes
 from ropeode.errors import InputError
-from ropeode.laboratory.messages import (
-    AskCheck,
-    AskCommand,
-    AskFilm,
-    AskGrade,
-    AskLibrary,
-    AskOrder,
-    AskPhase,
-    AskRun,
-    AskStability,
-    AskTheory,
-    AskTruth,
-    GivenFile,
-    ProblemChoice,
-    Run,
-)
+from ropeode.laboratory.messages import Run
 from ropeode.problems import PROBLEMS
 from ropeode.progress import silent
 from ropeode.render import format_check, format_table
-from tests.laboratory.conftest import ROPE, csv_of
+from tests.checking.trajectory_writing import write_runs
+from tests.laboratory.conftest import ROPE
 
 LADDER = (4, 16, 32, 64, 96)
-KEPLER = ProblemChoice(name="kepler", parameters={"eccentricity": 0.25})
-LORENZ = ProblemChoice(name="lorenz")
+# The fields of a run that a row has: all but the time that it took.
+OF_ROW = Run.model_fields.keys() - {"kind", "every", "seconds"}
 
 
-def run_of(stepper, steps, problem=ROPE):
-    return AskRun(kind="run", problem=problem, stepper=stepper, steps_per_frame=steps)
+def run_of(stepper, steps, **problem):
+    given = {"problem": problem} if problem else {"problem": ROPE}
+    return {"kind": "run", "stepper": stepper, "steps_per_frame": steps, **given}
 
 
-def of_row(row):
-    """The fields of a row that a run has, but for the time that it took."""
-    names = Run.model_fields.keys() - {"kind", "every", "seconds"}
-    return {name: getattr(row, name) for name in names}
+def assert_run_is_row(run, row):
+    for name in OF_ROW:
+        assert getattr(run, name) == getattr(row, name), name
 
 
 def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory):
@@ -57,13 +43,11 @@ def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory):
     table = accuracy_table(reference, ["explicit-euler"], LADDER, progress=silent)
     for row in table.rows:
         run, arrays = ask(run_of("explicit-euler", row.steps_per_frame))
-        assert of_row(run) == of_row(row)
+        assert_run_is_row(run, row)
         at_frames = arrays["errors"][:: 8 // run.every][1:]
         assert math.isclose(at_frames.max(), row.error_max, rel_tol=1e-9)
     (expected,) = table.orders
-    order, _ = ask(
-        AskOrder(kind="order", problem=ROPE, stepper="explicit-euler", steps_per_frame=LADDER)
-    )
+    order, _ = ask(run_of("explicit-euler", LADDER) | {"kind": "order"})
     assert order.observed == expected.order.observed
     assert (order.low, order.high) == (expected.order.ci95 or (None, None))
     assert (order.verdict, order.expected) == (expected.order.verdict, expected.expected)
@@ -72,7 +56,7 @@ def test_runs_and_orders_are_those_of_an_accuracy_table(ask, laboratory):
 
 def test_differences_are_those_of_the_nodes_in_float64(ask, laboratory):
     run, arrays = ask(run_of("explicit-euler", 64))
-    truth, of_truth = ask(AskTruth(kind="truth", problem=ROPE))
+    truth, of_truth = ask({"kind": "truth", "problem": ROPE})
     finer = laboratory.motion(ROPE, silent).finer
     own = simulate(finer.problem, "explicit-euler", 64 // 8, progress=silent)
     wanted = own.positions - finer.positions
@@ -85,43 +69,40 @@ def test_differences_are_those_of_the_nodes_in_float64(ask, laboratory):
 
 
 def test_the_library_has_every_problem_and_says_what_its_parameters_are(ask):
-    library, _ = ask(AskLibrary(kind="library"))
+    library, _ = ask({"kind": "library"})
     assert [each.name for each in library.problems] == list(PROBLEMS)
+    names = {each.name for each in library.steppers}
+    assert names >= {"rk4", "diffrax:Tsit5", "scipy:RK45"}
     for problem in library.problems:
-        assert set() < set(problem.default_steppers) <= set(problem.steppers)
+        assert set() < set(problem.default_steppers) <= set(problem.steppers) <= names
         for each in problem.parameters:
             assert each.words
             assert each.allowed
             if each.low is not None and each.high is not None:
                 assert each.low <= each.default <= each.high
-                assert each.low >= 0 or each.allowed.startswith("a finite number")
                 assert each.low > 0 or not each.logarithmic
+                assert each.low >= 0 or each.allowed.startswith("a finite number")
                 assert each.logarithmic or "> 0" not in each.allowed
-    names = {each.name for each in library.steppers}
-    assert names >= {"rk4", "diffrax:Tsit5", "scipy:RK45"}
-    assert names >= {name for each in library.problems for name in each.steppers}
 
 
-PHASE = AskPhase(kind="phase", problem=ROPE, stepper="rk4", steps_per_frame=64, mode=1)
+PHASE = run_of("rk4", 64) | {"kind": "phase", "mode": 1}
+FILM = {"kind": "film", "problem": ROPE, "steppers": ["rk4"], "steps_per_frame": 16}
 
 
 @pytest.mark.parametrize(
     ("question", "named"),
     [
-        (run_of("rk4", 16, ProblemChoice(name="ropes")), "problem"),
-        (run_of("rk4", 16, ProblemChoice(parameters={"num_nodes": 10**9})), "num_nodes"),
-        (run_of("rk4", 16, ProblemChoice(parameters={"num_nodes": "1000000000"})), "num_nodes"),
-        (run_of("rk4", 16, ProblemChoice(frames=601)), "frames"),
-        (run_of("rk4", 16, ProblemChoice(name="kepler", parameters={"self": 1})), "self"),
+        (run_of("rk4", 16, name="ropes"), "problem"),
+        (run_of("rk4", 16, parameters={"num_nodes": 10**9}), "num_nodes"),
+        (run_of("rk4", 16, parameters={"num_nodes": "1000000000"}), "num_nodes"),
+        (run_of("rk4", 16, frames=601), "frames"),
+        (run_of("rk4", 16, name="kepler", parameters={"self": 1}), "self"),
         (run_of("/etc/passwd", 16), "stepper"),
         (run_of("scipy:RK45", 2**20), "steps_per_frame"),
         (run_of("diffrax:Kvaerno3", 2**20), "steps_per_frame"),
         (run_of("constraint-verlet:sweeps=999999999", 16), "steps_per_frame"),
-        (PHASE.model_copy(update={"mode": 6}), "mode"),
-        (
-            AskFilm(kind="film", problem=LORENZ, steppers=("rk4",), steps_per_frame=16),
-            "2 or 3 components",
-        ),
+        (PHASE | {"mode": 6}, "mode"),
+        (FILM | {"problem": {"name": "lorenz"}}, "2 or 3 components"),
     ],
 )
 def test_what_cannot_be_answered_is_refused_with_the_field(ask, question, named):
@@ -130,18 +111,18 @@ def test_what_cannot_be_answered_is_refused_with_the_field(ask, question, named)
 
 
 def test_theory_predicts_what_a_table_predicts(ask, laboratory):
-    found, _ = ask(AskTheory(kind="theory", problem=ROPE, stepper="explicit-euler"))
+    found, _ = ask({"kind": "theory", "problem": ROPE, "stepper": "explicit-euler"})
     reference = laboratory.motion(ROPE, silent).reference
     table = accuracy_table(reference, ["explicit-euler"], [64], predict=True, progress=silent)
     constant = table.orders[0].constant
     assert (found.order, found.constant) == (constant.order, constant.predicted)
     assert found.words in " ".join(format_table(table).split())
-    why, _ = ask(AskTheory(kind="theory", problem=ROPE, stepper="constraint-verlet"))
+    why, _ = ask({"kind": "theory", "problem": ROPE, "stepper": "constraint-verlet"})
     assert why.words.startswith("no error is predicted: ")
 
 
-def test_the_stability_region_is_that_of_an_explanation(ask, laboratory):
-    found, arrays = ask(AskStability(kind="stability", problem=ROPE, stepper="rk4"))
+def test_the_stability_region_is_that_of_an_explanation(ask):
+    found, arrays = ask({"kind": "stability", "problem": ROPE, "stepper": "rk4"})
     rows, columns = arrays["radius"].shape
     z = np.linspace(*found.real, columns) + 1j * np.linspace(*found.imaginary, rows)[:, None]
     polynomial = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
@@ -150,15 +131,14 @@ def test_the_stability_region_is_that_of_an_explanation(ask, laboratory):
     fastest = np.abs(arrays["eigenvalues"][..., 1]).max()
     assert math.isclose(found.largest_stable_dt, math.sqrt(8) / fastest, rel_tol=0.01)
     assert arrays["eigenvalues"].shape == (4, 12, 2)
-    none, others = ask(AskStability(kind="stability", problem=ROPE, stepper="rattle"))
+    none, others = ask({"kind": "stability", "problem": ROPE, "stepper": "rattle"})
     assert none.why_none
     assert others.keys() == {"times", "eigenvalues"}
 
 
 def test_phase_planes_are_those_of_nodes_and_of_modes(ask, laboratory):
     motion = laboratory.motion(ROPE, silent)
-    truth = AskPhase(kind="phase", problem=ROPE, stepper=None, node=2, component=1)
-    _, arrays = ask(truth)
+    _, arrays = ask({"kind": "phase", "problem": ROPE, "node": 2, "component": 1})
     assert np.array_equal(arrays["x"], motion.finer.positions[:, 2, 1])
     assert np.array_equal(arrays["v"], motion.finer.velocities[:, 2, 1])
     found, arrays = ask(PHASE)
@@ -174,17 +154,11 @@ def test_phase_planes_are_those_of_nodes_and_of_modes(ask, laboratory):
 
 
 def test_files_are_graded_in_the_words_of_grade(ask, laboratory, tmp_path):
-    problem, ladder = laboratory.problem(ROPE), (16, 32, 64)
-    texts = [csv_of(simulate(problem, "rk4", steps, progress=silent)) for steps in ladder]
-    files = tuple(
-        GivenFile(name=f"../runs/{steps}.csv", text=text)
-        for steps, text in zip(ladder, texts, strict=True)
-    )
-    question = AskGrade(kind="grade", problem=ROPE, files=files)
-    found, arrays = ask(question)
-    paths = [tmp_path / f"{steps}.csv" for steps in ladder]
-    for path, text in zip(paths, texts, strict=True):
-        path.write_text(text)
+    problem = laboratory.problem(ROPE)
+    paths = write_runs(tmp_path, problem, "rk4", (16, 32, 64), ".csv")
+    files = [{"name": f"../runs/{each.name}", "text": each.read_text()} for each in paths]
+    question = {"kind": "grade", "problem": ROPE}
+    found, arrays = ask({**question, "files": files})
     report = grade(paths, problem, progress=silent)
     assert found.passed == report.passed
     lines = [line.text for line in found.lines]
@@ -193,67 +167,58 @@ def test_files_are_graded_in_the_words_of_grade(ask, laboratory, tmp_path):
     # In another time.
     assert lines[1].split(" (")[0] in words
     assert lines[2 : 2 + len(report.findings)] == [f"{x.check}: {x.line}" for x in report.findings]
-    for index, (run, steps) in enumerate(zip(found.runs, ladder, strict=True)):
-        own, _ = ask(run_of("rk4", steps))
-        assert (run.stepper, run.dt) == (f"{steps}.csv", own.dt)
+    for index, (run, path) in enumerate(zip(found.runs, paths, strict=True)):
+        own, _ = ask(run_of("rk4", int(path.stem)))
+        assert (run.stepper, run.dt) == (path.name, own.dt)
         assert (run.error_final, run.error_max) == (own.error_final, own.error_max)
         assert arrays[f"{index}.differences"].shape == (4, 4, 2)
-    few, _ = ask(question.model_copy(update={"files": files[:1]}))
+    few, _ = ask({**question, "files": files[:1]})
     assert (few.passed, len(few.runs)) == (False, 1)
-    bad = GivenFile(name="a.csv", text="t,node,x,y\n0,0,zero,1\n")
+    bad = {"name": "a.csv", "text": "t,node,x,y\n0,0,zero,1\n"}
     with pytest.raises(InputError, match=r"a\.csv") as refused:
-        ask(question.model_copy(update={"files": (bad, *files)}))
+        ask({**question, "files": [bad, *files]})
     # Where it was written meanwhile.
     assert not re.search("/tmp|ropeode-", str(refused.value))
 
 
 @pytest.mark.slow
 def test_a_check_has_the_words_of_check(ask):
-    found, _ = ask(AskCheck(kind="check", stepper="rk4", quick=True))
+    found, _ = ask({"kind": "check", "stepper": "rk4", "quick": True})
     report = check_stepper("rk4", quick=True, progress=silent)
     wanted = [f"{each.check}: {each.line}" for each in report.findings]
     assert [line.text for line in found.lines[1 : 1 + len(wanted)]] == wanted
     # There is no verdict before the last check.
     assert not {line.status for line in found.lines} & {"right", "wrong"}
-    whole, _ = ask(AskCheck(kind="check", stepper="rk4"))
+    whole, _ = ask({"kind": "check", "stepper": "rk4"})
     assert found.made < whole.made == whole.checks
     assert whole.lines[1].status == "right"
 
 
 def test_command_and_code_compute_what_is_shown(ask, run):
-    changed = {
-        "num_nodes": 4,
-        "pinned": [0, 3],
-        "stiffness": 55.5,
-        "initial_velocity": [0.0, 0.125],
-    }
-    problem = ProblemChoice(name="rope", parameters=changed, frames=3)
-    stepper = "stormer-verlet:start=rest,damping=lagged"
-    question = AskCommand(
-        kind="command", problem=problem, steppers=(stepper,), steps_per_frame=(16, 32)
-    )
-    found, _ = ask(question)
+    changed = {"pinned": [0, 3], "stiffness": 55.5, "initial_velocity": [0.0, 0.125]}
+    problem = {"name": "rope", "parameters": {"num_nodes": 4, **changed}, "frames": 3}
+    stepper, ladder = "stormer-verlet:start=rest,damping=lagged", (16, 32)
+    question = {"kind": "command", "steppers": [stepper], "steps_per_frame": ladder}
+    found, _ = ask({**question, "problem": problem})
     made: dict = {}
     exec(found.python, made)
-    shown = [ask(run_of(stepper, steps, problem))[0] for steps in (16, 32)]
-    assert [of_row(each) for each in shown] == [of_row(row) for row in made["table"].rows]
+    for row in made["table"].rows:
+        assert_run_is_row(ask(run_of(stepper, row.steps_per_frame, **problem))[0], row)
     program, *words = shlex.split(found.command)
     assert program == "ropeode"
     done = run(*words, "--format", "json")
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)["rows"]
-    assert [each["error_max"] for each in printed] == [each.error_max for each in shown]
+    assert [each["error_max"] for each in printed] == [row.error_max for row in made["table"].rows]
     # The command line has no options for other problems.
-    other, _ = ask(question.model_copy(update={"problem": KEPLER}))
+    other, _ = ask({**question, "problem": {"name": "kepler", "parameters": {"eccentricity": 0.2}}})
     assert other.command is None
-    code = other.python.partition("table =")[0]
-    exec(code, made)
-    assert made["problem"].parameters["eccentricity"] == 0.25
+    exec(other.python.partition("table =")[0], made)
+    assert made["problem"] == PROBLEMS["kepler"](eccentricity=0.2, frames=40)
 
 
 @pytest.mark.slow
 def test_a_film_is_a_gif(ask):
-    question = AskFilm(kind="film", problem=ROPE, steppers=("rk4",), steps_per_frame=16)
-    found, _ = ask(question)
+    found, _ = ask(FILM)
     with Image.open(io.BytesIO(base64.b64decode(found.gif))) as film:
         assert (film.format, film.n_frames) == ("GIF", 25)

@@ -9,10 +9,10 @@ import pytest
 import ropeode
 from ropeode import accuracy_table
 from ropeode.case_studies import rope_report
-from ropeode.laboratory import verdicts_of
 from ropeode.laboratory.scenes import lessons, scenes, verdicts
 from ropeode.steppers import as_stepper
 from ropeode.study import rope_of
+from ropeode.laboratory import verdicts_of
 
 DOCS = Path(ropeode.__file__).parent.parent / "docs"
 

@@ -248,10 +248,10 @@ def shown(monkeypatch):
     for ask, header, arrays in answers_in(json.dumps(theirs)):
         if ask.kind in messages:
             del header["key"]
-            known[ask] = messages[ask.kind](**header), arrays
+            known[ask.model_dump_json()] = messages[ask.kind](**header), arrays
 
     def answer(ask, laboratory, progress):
-        return known.get(ask, (Refused(message="not in this test"), {}))
+        return known.get(ask.model_dump_json(), (Refused(message="not in this test"), {}))
 
     monkeypatch.setattr("ropeode.laboratory.background.answer_to", answer)
     text = page_with("", json.dumps(others), ())

@@ -117,6 +117,7 @@ def test_each_press_halves_the_step_and_adds_points_that_say_what_they_are(alone
     expect(stops).to_have_count(1)
     # Their numbers stand in a table: rk4 evaluates four times as often.
     plot.locator("summary").press("Enter")
+    expect(plot.locator("tbody tr")).to_have_count(9)
     rows = [row.split("\t") for row in plot.locator("tbody tr").all_inner_texts()]
     assert [row[1] for row in rows] == 3 * ["16", "32", "64"]
     assert int(rows[6][4]) == 4 * int(rows[3][4])
@@ -288,31 +289,43 @@ def test_the_keyboard_alone_reaches_every_control(alone, address):
     assert missed == []
 
 
-def test_one_file_builds_the_order_with_keys_without_a_network(page, recorded_file, tmp_path):
+def test_one_file_has_all_that_its_keys_and_plots_ask_for_without_a_network(
+    page, recorded_file, tmp_path
+):
     file = tmp_path / "lecture.html"
     file.write_text(recorded_file)
     requests = []
     page.on("request", lambda each: requests.append(each.url.partition(":")[0]))
     page.context.set_offline(True)
     page.goto(file.as_uri())
-    for pressed in range(6):
-        expect(page.locator(POINTS)).to_have_count(3 + 3 * pressed)
-        expect(page.locator("#connection")).to_have_text("")
-        page.keyboard.press("=")
-    # The sixth press asks for what is not in the file. That says what it needs, and spoils nothing.
+    said, points = page.locator("#connection"), page.locator(POINTS)
+    for pressed, key in enumerate([*"--=======", "="]):
+        expect(points).to_have_count(3 * (1 + min(pressed, 2) + max(0, pressed - 4)))
+        expect(said).to_have_text("")
+        page.keyboard.press(key)
+    # The last press asks for what is not in the file. That says what it needs, and spoils nothing.
     assert page.input_value("#steps") == "1024"
-    needs = page.locator("#connection")
-    expect(needs).to_have_text('This needs Python: pip install "ropeode[lab]", then ropeode lab.')
-    verdict = page.locator(f"{STEPS} .plot-more").nth(1)
-    expect(verdict).to_contain_text("observed order 1.0")
-    expect(page.locator(POINTS)).to_have_count(18)
+    expect(said).to_have_text('This needs Python: pip install "ropeode[lab]", then ropeode lab.')
+    expect(points).to_have_count(24)
     page.keyboard.press("-")
-    expect(needs).to_have_text("")
+    expect(said).to_have_text("")
+    for name in ("energy", "phase", "error", "stability", "order"):
+        tab(page, name)
+        expect(said).to_have_text("")
+        assert "being computed" not in page.inner_text("#plots")
+    expect(page.locator(f"{STEPS} .plot-more").nth(1)).to_contain_text("observed order 1.0")
     page.click("#take")
     page.click("#copy-command")
     assert page.input_value("#take-along textarea").startswith("ropeode table")
     page.reload()
-    expect(page.locator(POINTS)).to_have_count(18)
+    expect(points).to_have_count(24)
     assert page.locator("#certificate details").get_attribute("open") is not None
     assert page.locator("#certificate li").count() > 1
+    # What it does not have is said where the reader looks.
+    tab(page, "phase")
+    page.select_option("#node", "3")
+    expect(page.locator(".plot-notes").first).to_contain_text("the phase plane of one node")
+    page.select_option("#scene", "chaos")
+    expect(page.locator("#notes")).to_contain_text("This file does not have what you chose")
+    assert "being computed" not in page.inner_text("#plots")
     assert set(requests) <= {"file", "blob", "data"}

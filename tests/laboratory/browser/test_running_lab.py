@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 
 import pytest
 
@@ -83,28 +81,3 @@ def test_a_stepper_of_ones_own_reloads_on_save(page, start_lab, tmp_path):
     expect(fault).to_have_count(0)
     expect(own).to_contain_text("a check failed")
     assert all(each.startswith(("http://127.0.0.1:", "ws://127.0.0.1:")) for each in requests)
-
-
-def test_the_file_of_the_default_scene_has_all_that_its_keys_ask_for(page, tmp_path):
-    file = tmp_path / "lecture.html"
-    command = [sys.executable, "-m", "ropeode", "lab", "--out", str(file)]
-    subprocess.run(command, check=True, capture_output=True)
-    assert file.stat().st_size < 5e6
-    page.context.set_offline(True)
-    page.goto(file.as_uri() + "#playing=false&time=2")
-    said, points = page.locator("#connection"), page.locator(POINTS)
-    for pressed, key in enumerate(["-", "-", *["="] * 7]):
-        page.keyboard.press(key)
-        expect(said).to_have_text("")
-        expect(points).to_have_count(3 * (2 + min(pressed, 1) + max(0, pressed - 3)))
-    for name in ("energy", "phase", "error", "stability", "order"):
-        tab(page, name)
-        expect(said).to_have_text("")
-        assert "being computed" not in page.inner_text("#plots")
-    # What it does not have is said in words, where the reader looks.
-    tab(page, "phase")
-    page.select_option("#node", "3")
-    expect(page.locator(".plot-notes").first).to_contain_text("the phase plane of one node")
-    page.select_option("#scene", "chaos")
-    expect(page.locator("#notes")).to_contain_text("This file does not have what you chose")
-    assert "being computed" not in page.inner_text("#plots")
