@@ -17,13 +17,13 @@ from pydantic import TypeAdapter
 from ropeode import sandbox
 from ropeode.errors import InputError
 from ropeode.laboratory import Answering, Loaded
-from ropeode.laboratory.messages import Ask, OwnStepper, Phase, Refused
+from ropeode.laboratory.messages import Ask, OwnStepper, Phase
 
 
 class StandIn(Answering):
     def __init__(self, *ahead):
         self.prepared = ahead
-        self.link = {}
+        self.link, self.path = {}, None
         self.answered = 0
         self.version = None
 
@@ -61,6 +61,3 @@ class StandIn(Answering):
 
     def ahead(self):
         return (TypeAdapter(Ask).validate_python(each) for each in self.prepared)
-
-    def refusal(self, error):
-        return Refused(message=str(error))

@@ -50,7 +50,7 @@ class Desk:
 @pytest.fixture
 def desk(monkeypatch):
     desk = Desk()
-    monkeypatch.setattr("ropeode.laboratory.background.answer_to", desk.answer)
+    monkeypatch.setattr("ropeode.laboratory.widget.answer_to", desk.answer)
     yield desk
     desk.background.close()
 

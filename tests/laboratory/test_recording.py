@@ -24,7 +24,7 @@ from tools.default_recording import FILE
 
 MEND = "run make recording"
 # What differs from machine to machine: times, and what is estimated from rounding.
-ESTIMATES = {"seconds", "round_off", "resolution", "bound", "energy_bound", "certificate"}
+ESTIMATES = {"seconds", "resolution", "bound", "energy_bound", "certificate"}
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from ropeode.case_studies import rope_report
 from ropeode.laboratory.scenes import lessons, scenes, verdicts
 from ropeode.steppers import as_stepper
 from ropeode.study import rope_of
-from ropeode.laboratory import verdicts_of
+from tools.scene_verdicts import verdicts_of
 
 DOCS = Path(ropeode.__file__).parent.parent / "docs"
 

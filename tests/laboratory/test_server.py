@@ -95,7 +95,7 @@ REFUSED = {
 
 async def test_what_ends_the_worker_is_refused_and_a_new_one_is_ready_before_the_next(monkeypatch):
     # Where other processes keep the processors busy, a second of one lasts long.
-    monkeypatch.setattr("ropeode.laboratory.worker_process._WAITING", float(HANGS_AFTER_S))
+    monkeypatch.setattr("ropeode.laboratory.worker._WAITING", float(HANGS_AFTER_S))
     async with running(limits=Limits(seconds=1.0, stops_in=0.5)) as lab, lab.page() as page:
         await page.want(**{does: do(does) for does in REFUSED})
         answers = await page.answers(*REFUSED)

@@ -9,8 +9,6 @@ from click.testing import CliRunner
 
 from ropeode.cli import cli
 from ropeode.laboratory import (
-    DEFAULT_PROBLEM,
-    DEFAULT_STEPPERS,
     Laboratory,
     answers_in,
     asks_of,
@@ -48,10 +46,9 @@ def test_it_asks_for_every_order_that_the_keys_can_reach():
 
 def test_what_is_shown_first():
     rigid = ProblemChoice(name="inextensible-rope", frames=3)
-    problem, steppers = shown_first(Laboratory(), {"problem": rigid.model_dump()})
+    problem, steppers = shown_first(Laboratory(), link_of(rigid, None))
     assert problem == rigid
     assert "rattle" in steppers
-    assert shown_first(Laboratory(), {}) == (DEFAULT_PROBLEM, DEFAULT_STEPPERS)
     # Scenes say which plot they show.
     assert link_of(None, "why-euler-explodes")["choices"] == {"steps": "stability"}
     assert link_of(ROPE, "chaos")["choices"] == {"motion": "error"}

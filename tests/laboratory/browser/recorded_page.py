@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
-from ropeode.laboratory import PAGE, encoded
+from ropeode.laboratory import PAGE, decoded, encoded
 
 EXAMPLE = Path(__file__).parents[3] / "docs/examples/steps.py"
 RECORDING = json.loads((PAGE / "recordings/default.json").read_text())
@@ -77,9 +77,7 @@ class Python:
 def library(**changes: object) -> dict:
     """The recorded answer to what can be chosen, with changes."""
     (wire,) = (each["wire"] for each in RECORDING if each["ask"]["kind"] == "library")
-    contents = base64.b64decode(wire)
-    length = int.from_bytes(contents[:4], "little")
-    header = json.loads(contents[4 : 4 + length])
+    header, _ = decoded(base64.b64decode(wire))
     return {**header, **changes}
 
 

@@ -149,18 +149,14 @@ def drop(page, *names):
 def graded(*runs):
     """An answer about files of these names, step sizes and errors; one without has diverged."""
     said, arrays = [], {}
-    unknown = ("steps_per_frame", "round_off", "rhs_evaluations", "seconds")
     for index, (name, dt, error) in enumerate(runs):
-        errors = dict.fromkeys(("error_final", "error_max", "error_rms"), error)
-        status = ("diverged", 2) if error is None else ("ok", None)
-        ends = dict(zip(("status", "diverged_at"), status, strict=True))
-        known = {"stepper": name, "dt": dt, "every": 2, "resolution": 1e-9}
-        said.append(Run(**known, **errors, **ends, **dict.fromkeys(unknown)))
+        end = {"status": "ok"} if error else {"status": "diverged", "diverged_at": 2}
+        said.append(Run(stepper=name, dt=dt, every=2, error_max=error, resolution=1e-9, **end))
         samples = 81 if error else 5
         arrays[f"{index}.differences"] = np.full((samples, 16, 2), 30.0)
         arrays[f"{index}.errors"] = np.full(samples, error or 42.0)
     lines = (Line(status="wrong", text="order 1"),)
-    return Graded(passed=False, lines=lines, runs=tuple(said)), arrays
+    return Graded(lines=lines, runs=tuple(said)), arrays
 
 
 def test_dropped_files_are_graded_drawn_and_points_of_the_order_plot(page, address):
@@ -253,7 +249,7 @@ def shown(monkeypatch):
     def answer(ask, laboratory, progress):
         return known.get(ask.model_dump_json(), (Refused(message="not in this test"), {}))
 
-    monkeypatch.setattr("ropeode.laboratory.background.answer_to", answer)
+    monkeypatch.setattr("ropeode.laboratory.widget.answer_to", answer)
     text = page_with("", json.dumps(others), ())
     monkeypatch.setattr(widget, "page_with_answers", lambda *_, **__: text)
     return widget.Lab(Laboratory(), {"problem": {"name": "rope"}, "steppers": []}, 720, silent)
