@@ -113,19 +113,23 @@ def test_five_steppers_with_options_and_why_verlet_has_two_and_euler_a_region(pa
 
 def test_ones_own_stepper_its_verdict_and_its_faults(page, address):
     python = Python(page)
-    own = {"name": "mine", "version": "a1", "fault": None, "line": None}
+    mine = "/home/me/courses/numerical_methods/exercise_3/my_steppers.py:velocity_verlet"
+    own = {"name": mine, "version": "a1", "fault": None, "line": None}
     python.answers["library"] = library(own=[own])
     lines = [{"status": "pass", "text": "order: 2.0"}, {"status": "right", "text": "converges"}]
-    part = {"kind": "check", "stepper": "mine", "made": 20, "checks": 21, "lines": lines[:1]}
-    python.answers["check mine"] = part
+    part = {"kind": "check", "stepper": mine, "made": 20, "checks": 21, "lines": lines[:1]}
+    python.answers[f"check {mine}"] = part
     opened(page, address, **STILL)
     shown, fault = page.locator("#own"), page.locator("#own .fault")
     expect(shown).to_contain_text("order: 2.0")
-    assert page.input_value("#stepper-0") == "mine"
+    assert page.input_value("#stepper-0") == mine
+    # However long its name is, nothing is wider than its panel.
+    width = page.evaluate("document.querySelector('#controls').scrollWidth")
+    assert width <= page.evaluate("document.querySelector('#controls').clientWidth")
     # No summary of a check before its end.
     assert "all checks passed" not in shown.inner_text()
-    python.answers["check mine"] = {**part, "made": 21, "lines": lines}
-    assert {"a1"} == {each["version"] for each in python.asked if each.get("stepper") == "mine"}
+    python.answers[f"check {mine}"] = {**part, "made": 21, "lines": lines}
+    assert {"a1"} == {each["version"] for each in python.asked if each.get("stepper") == mine}
     python.say(kind="reloaded", own=[{**own, "fault": "SyntaxError: invalid syntax", "line": 7}])
     expect(fault).to_contain_text("Line 7: SyntaxError")
     expect(fault).to_contain_text("stays")
