@@ -14,7 +14,7 @@ from ropeode.laboratory import (
     DEFAULT_STEPPERS,
     Laboratory,
     asks_of,
-    recording,
+    recorded,
 )
 from ropeode.progress import bar
 
@@ -27,7 +27,7 @@ def main() -> None:
     laboratory = Laboratory()
     asks = asks_of(laboratory, DEFAULT_PROBLEM, DEFAULT_STEPPERS, DEFAULT_LADDER)
     FILE.parent.mkdir(exist_ok=True)
-    write_whole(FILE, recording.recorded(asks, laboratory, bar))
+    write_whole(FILE, recorded(asks, laboratory, bar))
 
 
 if __name__ == "__main__":

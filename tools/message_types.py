@@ -36,7 +36,7 @@ def declarations() -> str:
     modes: list[tuple[Any, Literal["validation", "serialization"]]] = [
         (each, "validation" if each.__name__ in sent else "serialization")
         for each in models
-        if each is not messages.Message
+        if not each.__subclasses__()
     ]
     _, schema = models_json_schema(modes)
     found = schema["$defs"]

@@ -20,7 +20,9 @@ from ropeode.laboratory.messages import (
     AskTheory,
     AskTruth,
     ProblemChoice,
+    SceneState,
 )
+from ropeode.laboratory.scenes import lessons
 from ropeode.laboratory.setup import Laboratory, first_steppers
 
 # What the page shows first.
@@ -119,3 +121,24 @@ def reachable(ladder: tuple[int, ...], start: int | None = None) -> Iterator[tup
     for left in range(len(below), -1, -1):
         for right in range(len(above) + 1):
             yield tuple(sorted({*below[left:], *ladder, *above[:right]}))
+
+
+def asks_ahead() -> Iterator[Ask]:
+    """What the next keys and links will ask, so that the worker can prepare for them.
+
+    Of the default scene after what is shipped, and of the lessons in their order.
+    """
+    _, shipped = prepared(DEFAULT_LADDER)
+    default = SceneState(
+        problem=DEFAULT_PROBLEM,
+        steppers=DEFAULT_STEPPERS,
+        ladder=(2 * shipped[-1],),
+        plot="stability",
+    )
+    for scene in (default, *(SceneState(**each["state"]) for each in lessons())):
+        problem, steps = scene.problem, scene.ladder[-1]
+        yield AskTruth(kind="truth", problem=problem)
+        for each in scene.steppers:
+            yield AskRun(kind="run", problem=problem, stepper=each, steps_per_frame=steps)
+        for each in scene.steppers if scene.plot == "stability" else ():
+            yield AskStability(kind="stability", problem=problem, stepper=each)

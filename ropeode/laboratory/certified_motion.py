@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ropeode.analysis import in_other_units
+from ropeode.analysis import distances_from, energy_errors, in_other_units
 from ropeode.errors import ReferenceRefused
-from ropeode.laboratory.drawings import Drawing, drawing_of
+from ropeode.laboratory.drawings import Drawing, drawing_of, finite_samples
 from ropeode.norms import Norm, norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, part_of
@@ -108,6 +108,32 @@ class CertifiedMotion:
         what = self.problem, self.rescaled, method, steps_per_frame, self.reference, [self.norm]
         (row,) = rows_of_run(*what, progress)
         return row
+
+    def differences(self, states: np.ndarray, every: int) -> dict[str, np.ndarray]:
+        """The arrays of a `ropeode.laboratory.messages.Run`, in float64.
+
+        Arguments:
+            states: of the run at its leading samples, ``(times, *state)``.
+            every: so manieth of the reference's samples.
+        """
+        finer, problem = self.finer, self.sampled(every)
+        with np.errstate(over="ignore", invalid="ignore"):
+            drawn = self.drawing.points(problem.ts[: len(states)], states)
+            count = finite_samples(drawn)
+            differences = drawn[:count] - self.points[::every][:count]
+        trusted = min(len(states), -(-finer.trusted // every))
+        truth = finer.states[::every][:trusted]
+        arrays = {
+            "differences": differences,
+            "errors": distances_from(truth, states[:trusted], problem, self.norm),
+        }
+        if self.energy is not None:
+            # As many states each time, so that one compilation serves runs that ended early.
+            missing = len(problem.ts) - len(states)
+            whole = np.concatenate([states, np.repeat(problem.y0[None], missing, axis=0)])
+            energies = problem.energies(whole)[: len(states)]
+            arrays["energy_differences"] = energy_errors(energies, self.energy.values[::every])
+        return {name: each[: finite_samples(each)] for name, each in arrays.items()}
 
 
 def certified_motion(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ropeode.errors import InputError
-from ropeode.laboratory.messages import Ask, Message, Refused
+from ropeode.laboratory.messages import Ask, Message, Refused, Working
 from ropeode.laboratory.recent import Recent
 from ropeode.laboratory.wants import entries_of, wants_of
 from ropeode.laboratory.wire import with_key
@@ -37,27 +37,23 @@ class Connection:
         self._news: dict[str, Message] = {}
         self._something = asyncio.Event()
 
-    def open_questions(self) -> Iterator[str]:
-        """Those that are wanted and not answered yet, the most urgent first."""
-        for question in self._wanted.values():
-            if question not in self._kept and question not in self._refusals:
-                yield question
+    def open_question(self) -> str | None:
+        """The most urgent of those that are wanted and not answered yet."""
+        return next((each for each in self._wanted.values() if not self._is_answered(each)), None)
+
+    def _is_answered(self, question: str) -> bool:
+        return question in self._kept or question in self._refusals
 
     def tell(self, message: Message) -> None:
         """Send news; an earlier one of the same kind that was not sent yet is dropped."""
         self._news[type(message).__name__] = message
         self._something.set()
 
-    def tell_progress(self, question: str, working: Callable[[str], Message]) -> None:
-        """Send what is being done, if the question is wanted here.
-
-        Arguments:
-            question: that is being answered.
-            working: makes the message for a key.
-        """
+    def tell_progress(self, question: str, text: str) -> None:
+        """Send what is being done for a question, if it is wanted here."""
         for key, wanted in self._wanted.items():
             if wanted == question:
-                self.tell(working(key))
+                self.tell(Working(key=key, text=text))
                 return
 
     def answered(self, question: str, refused: Refused | None) -> None:
@@ -107,8 +103,9 @@ class Connection:
         while True:
             await self._something.wait()
             self._something.clear()
-            while (key := self._next_answered()) is not None:
-                question = self._wanted.pop(key)
+            while answered := [each for each in self._wanted.items() if self._is_answered(each[1])]:
+                key, question = answered[0]
+                del self._wanted[key]
                 if question in self._refusals:
                     await self._send_text(key, self._refusals[question])
                 else:
@@ -118,13 +115,6 @@ class Connection:
             while self._news:
                 _, message = self._news.popitem()
                 await self._socket.send_text(message.model_dump_json())
-
-    def _next_answered(self) -> str | None:
-        answered: tuple[Container[str], ...] = (self._kept, self._refusals)
-        for key, question in self._wanted.items():
-            if any(question in each for each in answered):
-                return key
-        return None
 
     async def _send_text(self, key: str, message: Message) -> None:
         await self._socket.send_text(json.dumps({"key": key, **message.model_dump()}))

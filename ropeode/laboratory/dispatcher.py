@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import functools
 import itertools
 import json
 from collections.abc import Callable
@@ -14,16 +13,15 @@ from starlette.websockets import WebSocket
 
 from ropeode.errors import InputError, RopeodeError
 from ropeode.laboratory.connection import Connection
-from ropeode.laboratory.messages import OwnStepper, Refused, Reloaded, Working
+from ropeode.laboratory.messages import OwnStepper, Refused, Reloaded
 from ropeode.laboratory.recent import Recent
 from ropeode.laboratory.watch import Version, WatchedFile, hash_of
-from ropeode.laboratory.worker_process import Lost, WorkerProcess
+from ropeode.laboratory.worker import Lost, WorkerProcess
 from ropeode.validation import bad_value
 
 _MOST_KEPT = 2**27
 # Its answer has the user's own steppers, whose file may change.
 _LIBRARY = json.dumps({"kind": "library"})
-_STARTS = "Python starts"
 _LONG = ("check", "film", "theory")
 
 
@@ -112,7 +110,7 @@ class Dispatcher:
 
     def _tell_that_it_starts(self) -> None:
         for each, question in self._urgent():
-            each.tell_progress(question, functools.partial(_working, _STARTS, None))
+            each.tell_progress(question, "Python starts")
 
     async def _did_something(self) -> bool:
         """Whether there was something to do; it is done."""
@@ -143,7 +141,7 @@ class Dispatcher:
 
     def _urgent(self) -> list[tuple[Connection, str]]:
         """The most urgent question of each page that has one."""
-        first = [(each, next(each.open_questions(), None)) for each in self.connections]
+        first = [(each, each.open_question()) for each in self.connections]
         return [(each, question) for each, question in first if question is not None]
 
     async def _start(self) -> dict[str, Any]:
@@ -243,18 +241,13 @@ class Dispatcher:
                 continue
             if header["kind"] != "working":
                 return header, contents
-            working = functools.partial(_working, header["text"], header["fraction"])
             for each in self.connections:
-                each.tell_progress(question, working)
+                each.tell_progress(question, header["text"])
 
 
 def _is_long(question: str) -> bool:
     """Whether an answer takes so long that other pages should not wait for it."""
     return json.loads(question)["kind"] in _LONG
-
-
-def _working(text: str, fraction: float | None, key: str) -> Working:
-    return Working(key=key, text=text, fraction=fraction)
 
 
 def _in_words(error: RopeodeError) -> str:

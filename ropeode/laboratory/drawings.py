@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.problems import PICTURES, Picture, PictureKind, Problem
+from ropeode.problems import PICTURES, PROBLEMS, Picture, PictureKind, Problem
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,9 +41,11 @@ def drawing_of(problem: Problem) -> Drawing:
     velocity and several over their places in the row. A state that is not mechanical is drawn in
     the plane of its first two components, or over time where it has one.
     """
-    kind = problem.parameters.get("kind", "")
-    if picture := PICTURES.get(kind):
-        return _declared(problem, picture)
+    said = problem.parameters
+    kind = said.get("kind")
+    # A problem may say what it is not.
+    if isinstance(kind, str) and kind in PICTURES and PROBLEMS[kind]().parameters.keys() <= {*said}:
+        return _declared(problem, PICTURES[kind])
     mechanics = problem.mechanics
     if mechanics is None:
         return _of_components(problem)

@@ -17,6 +17,9 @@ LONGEST_NAME = 200
 
 Name = Annotated[str, Field(max_length=LONGEST_NAME)]
 Steps = Annotated[int, Field(ge=1, le=2**20)]
+# Steps per frame whose runs are in the order plot, and steppers that are shown at once.
+Ladder = Annotated[tuple[Steps, ...], Field(min_length=1, max_length=32)]
+Shown = Annotated[tuple[Name, ...], Field(max_length=5)]
 
 
 class Message(BaseModel):
@@ -49,45 +52,41 @@ class AskTruth(Message):
     problem: ProblemChoice
 
 
-class AskRun(Message):
-    """One run of a stepper, beside the reference.
+class OfStepper(Message):
+    """Base of questions about one stepper on a problem.
 
     `version` is the hash of the user's file, for a stepper of the user's own.
     """
 
-    kind: Literal["run"]
     problem: ProblemChoice
     stepper: Name
-    steps_per_frame: Steps
     version: Name | None = None
 
 
-class AskOrder(Message):
+class AskRun(OfStepper):
+    """One run of a stepper, beside the reference."""
+
+    kind: Literal["run"]
+    steps_per_frame: Steps
+
+
+class AskOrder(OfStepper):
     """The observed order from runs with these steps per frame."""
 
     kind: Literal["order"]
-    problem: ProblemChoice
-    stepper: Name
-    steps_per_frame: Annotated[tuple[Steps, ...], Field(min_length=1, max_length=32)]
-    version: Name | None = None
+    steps_per_frame: Ladder
 
 
-class AskTheory(Message):
+class AskTheory(OfStepper):
     """What theory predicts of the error as the step size goes to zero."""
 
     kind: Literal["theory"]
-    problem: ProblemChoice
-    stepper: Name
-    version: Name | None = None
 
 
-class AskStability(Message):
+class AskStability(OfStepper):
     """The stability region of a stepper, and the problem's eigenvalues."""
 
     kind: Literal["stability"]
-    problem: ProblemChoice
-    stepper: Name
-    version: Name | None = None
 
 
 class AskPhase(Message):
@@ -123,15 +122,11 @@ class GivenFile(Message):
 
 
 class AskGrade(Message):
-    """The verdict of `ropeode grade` on CSV files, and their trajectories.
-
-    `dts` are their step sizes, where the files do not say them.
-    """
+    """The verdict of `ropeode grade` on CSV files, and their trajectories."""
 
     kind: Literal["grade"]
     problem: ProblemChoice
     files: Annotated[tuple[GivenFile, ...], Field(min_length=1, max_length=32)]
-    dts: Annotated[tuple[float, ...], Field(max_length=32)] | None = None
 
 
 class AskCommand(Message):
@@ -139,8 +134,8 @@ class AskCommand(Message):
 
     kind: Literal["command"]
     problem: ProblemChoice
-    steppers: Annotated[tuple[Name, ...], Field(max_length=5)]
-    steps_per_frame: Annotated[tuple[Steps, ...], Field(min_length=1, max_length=32)]
+    steppers: Shown
+    steps_per_frame: Ladder
 
 
 class AskFilm(Message):
@@ -148,7 +143,7 @@ class AskFilm(Message):
 
     kind: Literal["film"]
     problem: ProblemChoice
-    steppers: Annotated[tuple[Name, ...], Field(min_length=1, max_length=5)]
+    steppers: Annotated[Shown, Field(min_length=1)]
     steps_per_frame: Steps
     version: Name | None = None
 
@@ -223,8 +218,6 @@ class StepperFacts(Message):
     name: str
     family: str
     options: dict[str, tuple[str, ...]]
-    source: str
-    symplectic: bool
 
 
 class OwnStepper(Message):
@@ -242,9 +235,9 @@ class SceneState(Message):
     """What a scene sets of the page's state."""
 
     problem: ProblemChoice
-    steppers: Annotated[tuple[Name, ...], Field(max_length=5)]
-    # Steps per frame whose runs are in the order plot; the last is the one that is played.
-    ladder: Annotated[tuple[Steps, ...], Field(min_length=1, max_length=32)]
+    steppers: Shown
+    # The last is the one that is played.
+    ladder: Ladder
     plot: Literal["error", "energy", "phase", "order", "stability"]
 
 
@@ -264,7 +257,6 @@ class Library(Message):
     """Answer to `library`."""
 
     kind: Literal["library"] = "library"
-    version: str
     problems: tuple[ProblemFacts, ...]
     steppers: tuple[StepperFacts, ...]
     own: tuple[OwnStepper, ...]
@@ -288,7 +280,6 @@ class Truth(Message):
     # Samples up to the trust horizon, and its time; None if the reference is trusted to the end.
     trusted: int
     horizon: float | None
-    accuracy: float
     norm: str
     # How it is drawn, which points are joined, and which are fixed.
     drawing: Literal["rope", "pendulum", "orbit", "phase"]
@@ -309,25 +300,22 @@ class Run(Message):
 
     Arrays: differences (samples, points, 2) of what is drawn from the reference, up to the last
     finite sample; errors (trusted,): in the problem's norm, at the samples that are trusted;
-    energy_differences (known,) from the true energy, where there is one. Errors are those of
-    `ropeode table` at the frames.
+    energy_differences (known,) from the true energy, where there is one. The
+    largest error is that of `ropeode table`, at the frames.
     """
 
     kind: Literal["run"] = "run"
     # Its name with options, or that of a file; files have no steps per frame and no seconds.
     stepper: str
-    steps_per_frame: int | None
+    steps_per_frame: int | None = None
     dt: float
     every: int
     status: Literal["ok", "diverged", "unsolved"]
-    diverged_at: int | None
-    error_final: float | None
+    diverged_at: int | None = None
     error_max: float | None
-    error_rms: float | None
     resolution: float
-    round_off: float | None
-    rhs_evaluations: int | None
-    seconds: float | None
+    rhs_evaluations: int | None = None
+    seconds: float | None = None
 
 
 class LeftOutPoint(Message):
@@ -346,7 +334,6 @@ class Order(Message):
     low: float | None
     high: float | None
     verdict: str
-    expected: int | None
     # One sentence.
     words: str
     used: tuple[int, ...]
@@ -360,8 +347,8 @@ class Theory(Message):
 
     kind: Literal["theory"] = "theory"
     stepper: str
-    order: int | None
-    constant: float | None
+    order: int | None = None
+    constant: float | None = None
     words: str
 
 
@@ -375,11 +362,11 @@ class Stability(Message):
 
     kind: Literal["stability"] = "stability"
     stepper: str
-    real: tuple[float, float] | None
-    imaginary: tuple[float, float] | None
+    real: tuple[float, float] | None = None
+    imaginary: tuple[float, float] | None = None
     # Why there is no region; the largest stable dt, and one sentence.
-    why_none: str | None
-    largest_stable_dt: float | None
+    why_none: str | None = None
+    largest_stable_dt: float | None = None
     words: str
 
 
@@ -424,7 +411,6 @@ class Graded(Message):
     """
 
     kind: Literal["grade"] = "grade"
-    passed: bool
     lines: tuple[Line, ...]
     runs: tuple[Run, ...]
 
@@ -455,12 +441,11 @@ class Refused(Message):
 
 
 class Working(Message):
-    """What is being computed, and how much of it is done."""
+    """What is being computed."""
 
     kind: Literal["working"] = "working"
     key: str
     text: str
-    fraction: float | None
 
 
 class Reloaded(Message):

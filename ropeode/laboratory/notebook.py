@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from ropeode.errors import InputError
-from ropeode.laboratory import opening
 from ropeode.laboratory.asks import DEFAULT_LADDER, MOST_STEPPERS
 from ropeode.laboratory.messages import OwnStepper
-from ropeode.laboratory.setup import Laboratory, Own, first_steppers
+from ropeode.laboratory.setup import Laboratory, Own, chosen, first_steppers, opened_with
 from ropeode.norms import norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
@@ -81,10 +80,7 @@ def lab(
         ladder = {row.steps_per_frame for row in table.rows}
         steppers = _of_table(table) if steppers is None else steppers
     rungs = _check_ladder(ladder if steps_per_frame is None else steps_per_frame)
-    if isinstance(problem, str):
-        given, choice = opening.opened_with(problem)
-    else:
-        given, choice = opening.chosen(problem)
+    given, choice = opened_with(problem) if isinstance(problem, str) else chosen(problem)
     laboratory = Laboratory(given)
     shown = laboratory.problem(choice)
     if steppers is None:

@@ -7,16 +7,15 @@ import importlib
 import linecache
 import sys
 import sysconfig
-import traceback
 from pathlib import Path
 
-from ropeode.errors import RopeodeError, UserCodeError
+from ropeode.errors import RopeodeError
 from ropeode.laboratory.messages import OwnStepper
-from ropeode.laboratory.orders import Loaded
+from ropeode.laboratory.replies import in_words, line_of, places_of
 from ropeode.laboratory.setup import Own
 from ropeode.laboratory.watch import watched_path
+from ropeode.laboratory.wire import Loaded
 from ropeode.steppers import steppers_in_text
-from ropeode.validation import shortly
 
 _PATHS = sysconfig.get_paths()
 # Whatever lies here is no file of the user's.
@@ -54,7 +53,7 @@ class OwnFile:
                 steppers = self._run(text)
             except RopeodeError as error:
                 fault, line = in_words(error), line_of(error, self.path)
-                files = set(filter(self._is_own, _files_of(error)))
+                files = {each for each, _ in places_of(error) if self._is_own(each)}
             else:
                 self.own = {
                     name: Own(OwnStepper(name=name, version=version, fault=None, line=None), each)
@@ -90,33 +89,5 @@ class OwnFile:
     def _is_own(self, file: str) -> bool:
         """Whether it is another file of the user's."""
         path = Path(file).resolve()
-        return path != self.path.resolve() and not str(path).startswith(_LIBRARIES)
-
-
-def in_words(error: RopeodeError) -> str:
-    """What went wrong, in a sentence."""
-    if isinstance(error, UserCodeError) and error.__cause__ is not None:
-        what = error.problems[0].partition(":")[0]
-        return f"{what}: your code raised {shortly(error.__cause__)}"
-    return str(error)
-
-
-def line_of(error: RopeodeError, path: Path) -> int | None:
-    """The line of a file in which an exception was raised, if it was."""
-    cause = error.__cause__
-    if isinstance(cause, SyntaxError) and cause.filename == str(path):
-        return cause.lineno
-    frames = traceback.extract_tb(cause.__traceback__) if cause else ()
-    # In a file that is imported, the line that imports it.
-    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
-    return lines[-1] if lines else None
-
-
-def _files_of(error: RopeodeError) -> set[str]:
-    """Those that an exception went through."""
-    cause = error.__cause__
-    frames = traceback.extract_tb(cause.__traceback__) if cause else ()
-    files = {frame.filename for frame in frames}
-    if isinstance(cause, SyntaxError) and cause.filename:
-        files.add(cause.filename)
-    return {each for each in files if Path(each).is_file()}
+        is_other = path.is_file() and path != self.path.resolve()
+        return is_other and not str(path).startswith(_LIBRARIES)

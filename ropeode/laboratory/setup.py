@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Hashable, Mapping
+from pathlib import Path
+from typing import Any
 
 from ropeode.errors import InputError
 from ropeode.laboratory import limits
 from ropeode.laboratory.certified_motion import CertifiedMotion, certified_motion
 from ropeode.laboratory.messages import OwnStepper, ProblemChoice
-from ropeode.laboratory.recent import Recent, Value
-from ropeode.laboratory.runs_beside import differences_of
+from ropeode.laboratory.recent import Recent
+from ropeode.laboratory.scenes import scenes
 from ropeode.problems import PROBLEMS, Problem
 from ropeode.progress import Progress
 from ropeode.references import Reference, problem_of
 from ropeode.simulation import Method, Trajectory, method_of
 from ropeode.steppers import STEPPER_LIBRARIES, STEPPERS, Stepper, as_stepper
-from ropeode.study import Row, problem_class
+from ropeode.study import Row, TableJob, problem_class, read_spec
 from ropeode.validation import bad_value, unknown
 
 _MOST_BYTES = 2**26
@@ -130,7 +132,7 @@ class Laboratory:
         methods = [self.method(problem, name, None) for name in first_steppers(problem)]
         motion = certified_motion(source, methods, progress)
         # What it compiles would make the first run late.
-        differences_of(motion, motion.finer.states, 1)
+        motion.differences(motion.finer.states, 1)
         return motion
 
     def method(self, problem: Problem, name: str, version: str | None) -> Method:
@@ -147,31 +149,81 @@ class Laboratory:
         self, motion: CertifiedMotion, method: Method, steps_per_frame: int, progress: Progress
     ) -> Trajectory:
         """A run, sampled between the frames as well."""
-        return self._once(self._runs, motion.run, motion, method, steps_per_frame, progress)
+        key = _allowed(motion, method, steps_per_frame)
+        return self._runs.get(key, lambda: motion.run(method, steps_per_frame, progress))
 
     def row(
         self, motion: CertifiedMotion, method: Method, steps_per_frame: int, progress: Progress
     ) -> Row:
         """The row of the accuracy table."""
-        return self._once(self._rows, motion.row, motion, method, steps_per_frame, progress)
+        key = _allowed(motion, method, steps_per_frame)
+        return self._rows.get(key, lambda: motion.row(method, steps_per_frame, progress))
 
-    def _once(
-        self,
-        kept: Recent[Value],
-        compute: Callable[[Method, int, Progress], Value],
-        motion: CertifiedMotion,
-        method: Method,
-        steps: int,
-        progress: Progress,
-    ) -> Value:
-        limits.check_work(motion.problem, method.stepper, steps, method.trial.compiled)
-        key = motion.problem, method, method.stepper.label, steps
-        return kept.get(key, lambda: compute(method, steps, progress))
+
+def _allowed(motion: CertifiedMotion, method: Method, steps: int) -> Hashable:
+    """What a run is kept by; raises if it would take too long."""
+    limits.check_work(motion.problem, method.stepper, steps, method.trial.compiled)
+    return motion.problem, method, method.stepper.label, steps
 
 
 def name_of_given(problem: Problem) -> str:
     """The name of a problem that the lab was opened with, which is none of the library's."""
     return f"{problem.name} (given)" if problem.name in PROBLEMS else problem.name
+
+
+def opened_with(where: str) -> tuple[Problem | Reference | None, ProblemChoice]:
+    """The problem that the lab is opened with, and how the page asks for it.
+
+    Arguments:
+        where: as ``--problem`` of `ropeode table`: a name, ``FILE.py:NAME``, or a spec.
+
+    Returns:
+        The problem, None where it is one of the library's with other parameters; and the choice.
+
+    Raises:
+        InputError: it cannot be used.
+        UserCodeError: the file raised.
+    """
+    if where.endswith(".toml"):
+        given = TableJob(read_spec(Path(where)), folder=Path(where).parent).given
+    else:
+        given = TableJob({"problem": where}, folder=None).given
+    return chosen(given)
+
+
+def chosen(given: Problem | Reference) -> tuple[Problem | Reference | None, ProblemChoice]:
+    """How the page asks for a problem, or for a reference.
+
+    Returns:
+        What is given, None where it is a problem of the library's; and the choice.
+    """
+    problem = problem_of(given)
+    if isinstance(given, Problem) and (choice := choice_of(given)) is not None:
+        return None, choice
+    return given, ProblemChoice(name=name_of_given(problem), frames=problem.frames)
+
+
+def choice_of(problem: Problem) -> ProblemChoice | None:
+    """How the library makes this problem; None if it does not.
+
+    Parameters are what their maker says that they are.
+    """
+    kind = problem.parameters.get("kind")
+    if not isinstance(kind, str) or kind not in PROBLEMS:
+        return None
+    usual = PROBLEMS[kind]().parameters
+    try:
+        parameters = {
+            name: value
+            for name, value in problem.parameters.items()
+            if name not in ("kind", "frames") and value != usual.get(name)
+        }
+        same = PROBLEMS[kind](frames=problem.frames, **parameters)
+    except (InputError, TypeError, ValueError):
+        return None
+    if same != problem:
+        return None
+    return ProblemChoice(name=kind, parameters=parameters, frames=problem.frames)
 
 
 def first_steppers(problem: Problem) -> tuple[str, ...]:
@@ -182,3 +234,28 @@ def first_steppers(problem: Problem) -> tuple[str, ...]:
         if (stepper := as_stepper(name)).refusal(problem) is None
         and stepper.solves(problem_class(problem))
     )
+
+
+def link_of(problem: ProblemChoice | None, scene: str | None) -> dict[str, Any]:
+    """What the page shows at first, as its link has it.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    link: dict[str, Any] = {}
+    if scene is not None:
+        states = {each.name: each.state for each in scenes()}
+        if scene not in states:
+            raise InputError(unknown("scene", scene, states))
+        state = states[scene]
+        link = {
+            "problem": state.problem.model_dump(),
+            "steppers": state.steppers,
+            "ladder": state.ladder,
+            "steps": state.ladder[-1],
+            "choices": {"steps" if state.plot in ("order", "stability") else "motion": state.plot},
+            "lesson": scene,
+        }
+    if problem is not None:
+        link["problem"] = problem.model_dump()
+    return link

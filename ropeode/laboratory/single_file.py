@@ -12,19 +12,23 @@ import html
 import json
 import posixpath
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import metadata
 from typing import Any
 from urllib.parse import quote
 
-from ropeode.laboratory import recording
+from pydantic import TypeAdapter
+
+from ropeode.errors import RopeodeError
 from ropeode.laboratory.answers import answer_to
 from ropeode.laboratory.asks import DEFAULT_LADDER, asks_of, checks_of, shown_first
-from ropeode.laboratory.messages import AskTruth, Truth
+from ropeode.laboratory.messages import Ask, AskTruth, Refused, Truth
 from ropeode.laboratory.page_files import PAGE
 from ropeode.laboratory.setup import Laboratory
+from ropeode.laboratory.wire import decoded, encoded
 from ropeode.progress import Progress, part_of
 
+_ASKS: TypeAdapter[Ask] = TypeAdapter(Ask)
 _ENTRY = "main.js"
 _LANGUAGES = ("en", "zh")
 # What stands between quotes after `from`, or after `import` at the beginning of a line.
@@ -42,7 +46,7 @@ def page_with_answers(
 
     Arguments:
         laboratory: computes the answers.
-        link: what the page shows at first, as `opening.link_of` has it.
+        link: what the page shows at first, as `setup.link_of` has it.
         progress: called with what is being done and the fraction that is done.
         checks: whether the steppers of the user's own are checked, which takes long.
 
@@ -62,9 +66,41 @@ def page_with_answers(
     asks = [*asks_of(laboratory, problem, steppers, ladder, link.get("steps"))]
     if checks:
         asks += checks_of(laboratory)
-    answers = recording.recorded(asks, laboratory, part_of(progress, 0.1, 1.0))
+    answers = recorded(asks, laboratory, part_of(progress, 0.1, 1.0))
     named = {"problem": problem.model_dump(mode="json"), "steppers": steppers, **link}
     return page_with(as_link(named), answers, truth.certificate)
+
+
+def recorded(asks: Iterable[Ask], laboratory: Laboratory, progress: Progress) -> str:
+    """The answers to questions, as the text of a JSON file.
+
+    A list of ``{"ask": the question, "wire": the answer's bytes in base64}``, as
+    `wire.py` makes them, without a key. What is refused is recorded as such.
+
+    Arguments:
+        asks: the questions.
+        laboratory: answers them.
+        progress: called with what is being done and the fraction that is done.
+    """
+    whole, entries = list(asks), []
+    for index, ask in enumerate(whole):
+        part = part_of(progress, index / len(whole), (index + 1) / len(whole))
+        try:
+            contents = encoded("", *answer_to(ask, laboratory, part))
+        except RopeodeError as error:
+            contents = encoded("", Refused(message=str(error)), {})
+        question = ask.model_dump(mode="json", exclude_none=True)
+        entries.append({"ask": question, "wire": base64.b64encode(contents).decode()})
+    progress("done", 1.0)
+    lines = ",\n".join(json.dumps(each, separators=(",", ":")) for each in entries)
+    return f"[\n{lines}\n]\n"
+
+
+def answers_in(recording: str) -> Iterator[tuple[Ask, dict[str, Any], dict[str, Any]]]:
+    """Each question of a recording, with the header and the arrays of its answer."""
+    for each in json.loads(recording):
+        header, arrays = decoded(base64.b64decode(each["wire"]))
+        yield _ASKS.validate_python(each["ask"]), header, arrays
 
 
 def as_link(parts: Mapping[str, Any]) -> str:
@@ -107,7 +143,7 @@ def page_with(link: str, answers: str, certificate: Iterable[str]) -> str:
 
     Arguments:
         link: what stands after # in the page's address, for what it shows at first.
-        answers: as `recording.recorded` has them.
+        answers: as `recorded` has them.
         certificate: of the reference, for a reader who lets no script run.
     """
     page = (PAGE / "index.html").read_text("utf-8")

@@ -6,25 +6,15 @@ import asyncio
 import inspect
 
 import pytest
+from pydantic import TypeAdapter
 
 from ropeode.laboratory import Laboratory, answer_to, answers_in, page_with
-from ropeode.laboratory.messages import ProblemChoice
+from ropeode.laboratory.messages import Ask, ProblemChoice
 from ropeode.progress import silent
 from tests.laboratory.serving import running
 from tools.default_recording import FILE
 
 ROPE = ProblemChoice(name="rope", parameters={"num_nodes": 4}, frames=3)
-
-
-def csv_of(run):
-    """A run as another program may print it."""
-    lines = [f"# dt = {run.dt}", "t,node,x,y,vx,vy"]
-    lines += [
-        ",".join(map(repr, [float(t), node, *map(float, x), *map(float, v)]))
-        for t, xs, vs in zip(run.times, run.positions, run.velocities, strict=True)
-        for node, (x, v) in enumerate(zip(xs, vs, strict=True))
-    ]
-    return "\n".join([*lines, ""])
 
 
 @pytest.fixture(scope="session")
@@ -35,7 +25,8 @@ def laboratory():
 @pytest.fixture(scope="session")
 def ask(laboratory):
     """The answer to a question, as message and arrays."""
-    return lambda question: answer_to(question, laboratory, silent)
+    asked = TypeAdapter(Ask).validate_python
+    return lambda question: answer_to(asked(question), laboratory, silent)
 
 
 @pytest.fixture(scope="session")

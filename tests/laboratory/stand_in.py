@@ -17,20 +17,19 @@ from pydantic import TypeAdapter
 from ropeode import sandbox
 from ropeode.errors import InputError
 from ropeode.laboratory import Answering, Loaded
-from ropeode.laboratory.messages import Ask, AskCheck, AskOrder, OwnStepper, Phase, Refused
+from ropeode.laboratory.messages import Ask, OwnStepper, Phase
 
 
 class StandIn(Answering):
     def __init__(self, *ahead):
         self.prepared = ahead
-        self.link = {}
+        self.link, self.path = {}, None
         self.answered = 0
         self.version = None
 
     def answer(self, ask, progress):
         self.answered += 1
-        asked = ask.stepper if isinstance(ask, AskOrder | AskCheck) else ""
-        does, _, argument = asked.partition(" ")
+        does, _, argument = getattr(ask, "stepper", "").partition(" ")
         if does == "exit":
             os._exit(7)
         if does == "crash":
@@ -45,26 +44,11 @@ class StandIn(Answering):
             for n in range(3, 99):
                 with contextlib.suppress(OSError):
                     os.write(n, b"[1]\n{")
-        if does == "fork":
-            if os.fork() == 0:
-                os.setsid()
-                if os.fork() == 0:
-                    os.symlink(str(os.getpid()), argument)
-                    eaten = b"x" * (2**29 if "eats" in argument else 0)
-                    time.sleep(1000)
-                    del eaten
-                os._exit(0)
-            while not os.path.lexists(argument):
-                time.sleep(0.01)
-            if "eats" in argument:
-                time.sleep(1000)
-        if does == "spin":
-            while True:
-                pass
-        if does == "wait":
-            for _ in range(int(argument or 20) * 100):
-                progress("waiting", 0.5)
-                time.sleep(0.01)
+        while does in ("spin", "eat"):
+            self.eaten = b"x" * (2**29 if does == "eat" else 0)
+        for _ in range(int(argument or 20) * 100 if does == "wait" else 0):
+            progress("waiting", 0.5)
+            time.sleep(0.01)
         found = Phase(every=self.answered, x_label=str(os.getpid()), v_label=str(self.version))
         return found, {"x": np.ones(2**20 if does == "large" else 3)}
 
@@ -77,6 +61,3 @@ class StandIn(Answering):
 
     def ahead(self):
         return (TypeAdapter(Ask).validate_python(each) for each in self.prepared)
-
-    def refusal(self, error):
-        return Refused(message=str(error))

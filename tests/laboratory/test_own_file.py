@@ -18,13 +18,14 @@ TWO = STEP.format("one", 1) + STEP.format("two", 2)
 
 
 def test_a_file_has_several_steppers_or_the_one_that_is_named():
-    every, one = OwnFile("steps.py"), OwnFile("steps.py:two")
-    assert every.own["steps.py"].stepper is None
-    for own, names in ((every, ["steps.py:one", "steps.py:two"]), (one, ["steps.py:two"])):
+    for where, names in (
+        ("steps.py", ["steps.py:one", "steps.py:two"]),
+        ("steps.py:two", ["steps.py:two"]),
+    ):
+        own = OwnFile(where)
         loaded = own.load("v", TWO, None)
-        assert [each.name for each in loaded.own] == names == [*own.own]
-        assert {each.version for each in loaded.own} == {"v"}
-    assert one.own["steps.py:two"].stepper.label == "steps.py:two"
+        assert [(each.name, each.version) for each in loaded.own] == [(n, "v") for n in names]
+        assert [each.stepper.label for each in own.own.values()] == names
 
 
 @pytest.mark.parametrize(
@@ -34,7 +35,6 @@ def test_a_file_has_several_steppers_or_the_one_that_is_named():
         (TWO + "\n1 / 0\n", "ZeroDivisionError: division by zero", 6),
         (TWO + "raise SystemExit(3)\n", "SystemExit: 3", 5),
         ("x = 1\n", "this one has none", None),
-        ("import nothing_like_it\n", "No module named 'nothing_like_it'", 1),
         ("\0", "null bytes", None),
     ],
 )
@@ -83,20 +83,18 @@ async def test_versions_follow_the_text_and_not_the_time(tmp_path, monkeypatch):
     file = WatchedFile(path)
     first = file.newest
 
-    async def changed(within=HANGS_AFTER_S):
+    async def changed(contents, within=HANGS_AFTER_S):
+        path.unlink(missing_ok=True)
+        if contents is not None:
+            path.write_bytes(contents)
         return await asyncio.wait_for(file.changed(), within)
 
-    os.utime(path, ns=(1, 1))
     with pytest.raises(TimeoutError):
-        await changed(0.5)
-    path.write_text("2")
-    assert (await changed()).text == "2"
-    path.unlink()
-    assert "cannot be read" in (await changed()).fault
-    path.write_text("1")
-    assert (await changed()).name == first.name
-    path.write_bytes(b"# coding: latin-1\nx = '\xe9'\n")
-    assert (await changed()).text.endswith("x = 'é'\n")
-    path.write_bytes(b"\xe9")
-    assert "cannot be read" in (await changed()).fault
+        await changed(b"1", 0.2)
+    assert (await changed(b"2")).text == "2"
+    assert "cannot be read" in (await changed(None)).fault
+    assert (await changed(b"1")).name == first.name
+    assert (await changed(b"# coding: latin-1\nx = '\xe9'\n")).text.endswith("x = 'é'\n")
+    assert "cannot be read" in (await changed(b"\xe9")).fault
+    # Another run of the lab has other names.
     assert WatchedFile(path).newest.name != file.newest.name

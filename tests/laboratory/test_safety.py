@@ -28,36 +28,38 @@ def test_it_listens_on_this_machine_alone():
             other.connect(("127.0.0.2", port))
 
 
-async def test_the_token_becomes_a_cookie_and_leaves_the_address(lab):
+async def test_the_token_becomes_a_cookie_and_every_answer_carries_the_headers_of_safety(lab):
+    answers = {
+        f"/?token={lab.doorkeeper.token}&a=b": 303,
+        "/": 200,
+        "/messages.d.ts": 200,
+        "/?token=wrong": 403,
+        "/%2e%2e/server.py": 404,
+    }
     async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
-        done = await client.get(f"/?token={lab.doorkeeper.token}&a=b")
-        assert (done.status_code, done.headers["location"]) == (303, f"http://{lab.host}/?a=b")
-        cookie = done.headers["set-cookie"].lower()
-        assert {"httponly", "samesite=strict"} <= {*cookie.split("; ")}
-        wrong = await client.get("/?token=wrong")
-        assert wrong.status_code == 403
-        assert "set-cookie" not in wrong.headers
-
-
-async def test_every_answer_carries_the_headers_of_safety(lab):
-    async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
-        for path in ("/", "/messages.d.ts", "/none", "/?token=wrong", "/../server.py"):
-            headers = (await client.get(path)).headers
-            policy = headers["content-security-policy"]
-            assert "default-src 'self'" in policy
+        for path, code in answers.items():
+            done = await client.get(path)
+            assert done.status_code == code
+            if code == 303:
+                # The token leaves the address.
+                assert done.headers["location"] == f"http://{lab.host}/?a=b"
+                cookie = done.headers["set-cookie"].lower().split("; ")
+                assert {"httponly", "samesite=strict"} <= {*cookie}
+            else:
+                assert "set-cookie" not in done.headers
+            policy = done.headers["content-security-policy"]
+            assert {"default-src 'self'", "frame-ancestors 'none'"} <= {*policy.split("; ")}
             assert "unsafe" not in policy
-            assert "frame-ancestors 'none'" in policy
-            assert headers["x-content-type-options"] == "nosniff"
-            assert headers["referrer-policy"] == "no-referrer"
-        assert (await client.get("/%2e%2e/server.py")).status_code == 404
+            assert done.headers["x-content-type-options"] == "nosniff"
+            assert done.headers["referrer-policy"] == "no-referrer"
         assert (await client.post("/")).status_code == 405
 
 
 async def test_another_host_and_another_page_are_refused(lab):
     host, _, port = lab.host.rpartition(":")
+    strangers = ("evil.example", f"evil.example:{port}", host, f"{host}:1", f"[::2]:{port}")
     async with httpx.AsyncClient(base_url=f"http://{lab.host}") as client:
-        others = "evil.example", f"evil.example:{port}", host, f"{host}:1", f"[::2]:{port}"
-        for name in others:
+        for name in strangers:
             done = await client.get("/messages.d.ts", headers={"Host": name})
             assert done.status_code == 403, name
             assert "nowhere else" in done.text
@@ -75,9 +77,8 @@ async def test_another_host_and_another_page_are_refused(lab):
 
 async def test_without_the_token_nothing_is_answered(lab):
     cookie, token = lab.doorkeeper.cookie, lab.doorkeeper.token
-    for given in (None, f"{cookie}=wrong", f"other={token}"):
-        headers = {"Cookie": given} if given else {}
-        async with lab.connect(additional_headers=headers) as page:
+    for given in ({}, {"Cookie": f"{cookie}=wrong"}, {"Cookie": f"other={token}"}):
+        async with lab.connect(additional_headers=given) as page:
             with pytest.raises(websockets.ConnectionClosed) as closed:
                 await page.recv()
             assert closed.value.rcvd.code == 1008
@@ -86,8 +87,6 @@ async def test_without_the_token_nothing_is_answered(lab):
 
 FAULTY = {
     "{": "JSON",
-    "": "JSON",
-    "[1]": '{"want"',
     "null": '{"want"',
     '{"want": 3}': '{"want"',
     '{"want": [], "file": "/etc/passwd"}': "leave it out",
@@ -96,6 +95,7 @@ FAULTY = {
     '{"want": [' + "9" * 5000 + "]}": "JSON",
     '{"want": [' + "0," * MOST_WANTED + "0]}": f"at most {MOST_WANTED}",
     " " * (MOST_TEXT + 1): f"at most {MOST_TEXT}",
+    b"\x00": "allowed: text",
 }
 
 
@@ -106,19 +106,14 @@ async def test_a_message_that_is_none_is_refused_with_a_sentence(page):
         assert (refused["kind"], refused["key"]) == ("refused", "")
         assert words in refused["message"]
         assert len(refused["message"]) < 1000
-    await page.socket.send(b"\x00")
-    assert "allowed: text" in (await page.next())["message"]
 
 
 RUN = do("work")
 FAULTY_QUESTIONS = [
     ({**RUN, "steps_per_frame": [0]}, "steps_per_frame.0: 0 given"),
-    ({**RUN, "steps_per_frame": [2**40]}, "less than or equal to"),
-    ({**RUN, "steps_per_frame": []}, "at least 1 item"),
     ({**RUN, "stepper": "s" * 1000}, "at most 200 characters"),
     ({**RUN, "file": "/etc/passwd"}, "file: '/etc/passwd' given; allowed: extra inputs are not"),
     ({"kind": "exec", "code": "1"}, "exec"),
-    ({}, "kind"),
     (7, "7 given"),
 ]
 
@@ -144,8 +139,13 @@ def anything(draw, depth=0):
     return [None, True, whole, draw.random() * 1e308, float("inf"), float("nan"), text][kind]
 
 
-def broken(draw, text):
-    """The text with a piece of it gone, doubled, or replaced."""
+def message(draw):
+    """A question with something wrong, or none; of one in four a piece is gone or replaced."""
+    ask = {**RUN, draw.choice([*RUN, "version", "x"]): anything(draw)}
+    whole = {"want": [{"key": draw.choice(["k", "", "\ud800", 3]), "ask": ask}]}
+    text = json.dumps(draw.choice([whole, whole, anything(draw)]))
+    if draw.randrange(4):
+        return text
     at, end = sorted(draw.randrange(len(text) + 1) for _ in range(2))
     between = draw.choice(["", text[at:end] * 2, "}", "\x00", "1e999", "[" * 5000])
     return text[:at] + between + text[end:]
@@ -155,19 +155,10 @@ async def test_no_message_kills_the_server(page, monkeypatch):
     # A thousand pauses would be most of the time of this test.
     monkeypatch.setattr("ropeode.laboratory.connection._BETWEEN_S", 0.0)
     draw = random.Random(20)
-
-    def message():
-        ask = {**RUN, draw.choice([*RUN, "version", "x"]): anything(draw)}
-        whole = {"want": [{"key": draw.choice(["k", "", "\ud800", 3]), "ask": ask}]}
-        text = json.dumps(draw.choice([whole, whole, anything(draw)]))
-        kind = draw.randrange(4)
-        if kind == 0:
-            return draw.randbytes(draw.randrange(200))
-        return broken(draw, text) if kind == 1 else text
-
     worker = (await page.ask(do("work")))["x_label"]
     for _ in range(1000):
-        await page.socket.send(message())
+        is_text = draw.randrange(4)
+        await page.socket.send(message(draw) if is_text else draw.randbytes(draw.randrange(200)))
     await page.want(end=do("work"))
     sentences = []
     while (said := await page.next())["kind"] == "working" or said["key"] != "end":

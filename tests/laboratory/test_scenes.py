@@ -9,11 +9,10 @@ import pytest
 import ropeode
 from ropeode import accuracy_table
 from ropeode.case_studies import rope_report
-from ropeode.laboratory import verdicts_of
 from ropeode.laboratory.scenes import lessons, scenes, verdicts
-from ropeode.problems import Rope
 from ropeode.steppers import as_stepper
 from ropeode.study import rope_of
+from tools.scene_verdicts import verdicts_of
 
 DOCS = Path(ropeode.__file__).parent.parent / "docs"
 
@@ -58,14 +57,10 @@ def test_a_lesson_shows_what_it_says(lesson):
         else:
             assert found[stepper].verdict == "converges"
             assert found[stepper].observed == pytest.approx(expected, abs=0.1)
-
-
-@pytest.mark.slow
-def test_the_round_off_of_the_last_lesson_grows():
-    (lesson,) = (each for each in lessons() if each["name"] == "round-off")
-    table = accuracy_table(Rope().problem(frames=40), ["stormer-verlet"], lesson["shows"]["ladder"])
-    errors = [row.error_max for row in table.rows]
-    assert errors[-1] > 2.0 * min(errors)
+    if lesson["name"] == "round-off":
+        # It grows again.
+        errors = [row.error_max for row in table.rows if row.stepper == "stormer-verlet"]
+        assert errors[-1] > 2.0 * min(errors)
 
 
 @pytest.mark.slow

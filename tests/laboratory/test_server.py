@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import os
-import sys
+import queue
 import threading
-import time
 
 import psutil
 import pytest
@@ -17,10 +15,6 @@ from tests.laboratory.serving import SOON_S, do, running
 from tests.time_limit import HANGS_AFTER_S
 
 pytestmark = pytest.mark.usefixtures("runner")
-
-SHORT = Limits(seconds=1.0, stops_in=0.5)
-# Taking memory costs processor time too, on some machines more than a second.
-NARROW = Limits(memory=400 * 2**20)
 
 
 async def test_an_answer_is_kept_for_all_pages_and_after_a_reconnection(lab):
@@ -35,7 +29,7 @@ async def test_an_answer_is_kept_for_all_pages_and_after_a_reconnection(lab):
         await asyncio.sleep(0.01)
 
 
-async def test_the_most_urgent_question_comes_first_and_what_is_not_wanted_is_never_begun():
+async def test_the_most_urgent_comes_first_and_what_is_not_wanted_is_never_begun():
     # Of a worker that is not ready yet.
     async with running() as lab, lab.page() as page:
         a, b, c = (do("work") for _ in range(3))
@@ -58,24 +52,18 @@ async def test_what_runs_gives_way_to_the_more_urgent_and_is_stopped_where_nobod
         assert (await page.ask(do("work"), "b"))["every"] == begun + 2
 
 
-async def test_a_long_question_gives_way_to_another_page_and_is_answered_afterwards(lab):
-    async with lab.page() as one, lab.page() as two:
-        await one.want(long={"kind": "check", "stepper": "wait 1"})
-        await one.until_it_waits()
-        begun = []
-        for key in "abc":
-            begun.append((await two.ask(do("work"), key))["every"])
-        # It was begun, and again after the other page had its answers.
-        assert (await one.answers("long"))["long"]["every"] > begun[-1] > begun[0]
-
-
-async def test_two_pages_take_turns(lab):
+async def test_pages_take_turns_and_a_long_question_of_one_gives_way_to_the_other(lab):
     async with lab.page() as one, lab.page() as two:
         begun = (await two.ask(do("work")))["every"]
         many = {f"k{n}": do("work") for n in range(40)}
         await one.want(**many)
         assert (await two.ask(do("work"), "b"))["every"] < begun + 35
         assert len(await one.answers(*many)) == 40
+        await one.want(long={"kind": "check", "stepper": "wait 1"})
+        await one.until_it_waits()
+        begun = [(await two.ask(do("work"), key))["every"] for key in "cde"]
+        # It was begun, and again after the other page had its answers.
+        assert (await one.answers("long"))["long"]["every"] > begun[-1] > begun[0]
 
 
 async def test_what_nobody_asked_is_prepared_in_a_pause_gives_way_and_is_prepared_again():
@@ -95,51 +83,43 @@ async def test_what_nobody_asked_is_prepared_in_a_pause_gives_way_and_is_prepare
         assert max(gaps) <= 2
 
 
-ENDS = {
-    "exit": "The computation ended its process (exit code 7)",
+REFUSED = {
     "crash": "The computation ended its process (SIGSEGV)",
     "spin": "The computation did not finish within 1 s of processor time",
     "spit []": "wrote something in place of its answer",
     "raise": "stepper: raises given",
     "break": "ZeroDivisionError: by zero: a fault of ropeode; please report it.",
+    "exit": "The computation ended its process (exit code 7)",
 }
 
 
 async def test_what_ends_the_worker_is_refused_and_a_new_one_is_ready_before_the_next(monkeypatch):
     # Where other processes keep the processors busy, a second of one lasts long.
-    monkeypatch.setattr("ropeode.laboratory.worker_process._WAITING", float(HANGS_AFTER_S))
-    async with running(limits=SHORT) as lab, lab.page() as page:
-        await page.want(**{does: do(does) for does in ENDS}, good=do("work"))
-        answers = await page.answers(*ENDS, "good")
-        for does, words in ENDS.items():
+    monkeypatch.setattr("ropeode.laboratory.worker._WAITING", float(HANGS_AFTER_S))
+    async with running(limits=Limits(seconds=1.0, stops_in=0.5)) as lab, lab.page() as page:
+        await page.want(**{does: do(does) for does in REFUSED})
+        answers = await page.answers(*REFUSED)
+        for does, words in REFUSED.items():
             assert answers[does]["kind"] == "refused"
             assert words in answers[does]["message"]
-        assert answers["good"]["kind"] == "phase"
-        await page.ask(do("exit"))
         while not lab.worker.is_ready:
             await asyncio.sleep(0.01)
+        assert (await page.ask(do("work")))["kind"] == "phase"
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="an orphan in a session of its own")
-async def test_what_a_question_starts_counts_and_ends_with_the_worker(tmp_path):
-    stays, eats = str(tmp_path / "stays"), str(tmp_path / "eats")
-    async with running(limits=NARROW) as lab, lab.page() as page:
-        await page.want(stays=do(f"fork {stays}"), eats=do(f"fork {eats}"), good=do("work"))
-        answers = await page.answers("stays", "eats", "good")
-        assert "needed more than 400 MiB of memory" in answers["eats"]["message"]
-        assert answers["stays"]["kind"] == answers["good"]["kind"] == "phase"
-    assert not any(os.path.exists(f"/proc/{os.readlink(each)}") for each in (stays, eats))
+async def test_what_takes_too_much_memory_is_refused():
+    # Taking memory costs processor time too, on some machines more than a second.
+    async with running(limits=Limits(memory=400 * 2**20)) as lab, lab.page() as page:
+        refused = await page.ask(do("eat"))
+        assert "needed more than 400 MiB of memory" in refused["message"]
 
 
 def test_what_is_no_message_of_a_worker_is_refused():
-    headers = (
-        b"[]",
-        b"{}",
-        b'{"kind":"order","key":"1","arrays":{}}',
-        b'{"kind":"stopped","key":1,"arrays":{}}',
-        b'{"kind":"stopped","key":"1","arrays":{"x":[0,[9]]}}',
-        b'{"kind":"stopped","key":"1","arrays":{"x":[-1,[1]]}}',
-    )
+    headers = [
+        *(b"[]", b"{}", b'{"kind":"order","key":"1","arrays":{}}'),
+        *(b'{"kind":"stopped","key":%s}' % each for each in (b'1,"arrays":{}', b'"1"')),
+        *(b'{"kind":"stopped","key":"1","arrays":{"x":%s}}' % x for x in (b"[0,[9]]", b"[-1,[1]]")),
+    ]
     written = [len(each).to_bytes(4, "little") + each for each in headers]
     for contents in (b"", b"{", b"\xff" * 9, *written):
         with pytest.raises(ValueError, match="."):
@@ -156,31 +136,23 @@ async def test_memory_is_bounded():
     # 1600 MiB were answered, of which the server keeps 128.
     assert max(sizes) - sizes[0] < 400 * 2**20
     assert max(sizes[200:]) - max(sizes[:200]) < 40 * 2**20
-
-
-@pytest.mark.parametrize(
-    ("between", "limits"),
-    [
-        # It does not stop; no other limit ends it.
-        ("spin", Limits(seconds=1000.0, stops_in=0.2)),
-        # It has grown, and rests.
-        pytest.param(None, Limits(tidy_memory=1), marks=pytest.mark.slow),
-    ],
-)
-async def test_a_worker_is_replaced(between, limits):
-    async with running(limits=limits) as lab, lab.page() as page:
-        first = await page.ask(do("work"))
-        if between:
-            await page.want(a=do(between))
-            await asyncio.sleep(0.3)
-        second = await page.ask(do("work"), "b")
+    # A worker that has grown rests.
+    async with running(limits=Limits(tidy_memory=1)) as lab, lab.page() as page:
+        first, second = [await page.ask(do("work"), key) for key in "ab"]
         assert first["x_label"] != second["x_label"]
 
 
-async def test_nothing_is_left_behind():
+async def test_a_worker_that_does_not_stop_is_replaced_and_nothing_is_left_behind():
     # Other tests leave behind Python's own process that tracks shared memory.
     before = {*psutil.Process().children(recursive=True)}
-    async with running() as lab, lab.page() as page:
+    # No other limit ends it.
+    stubborn = Limits(seconds=1000.0, stops_in=0.2)
+    async with running(limits=stubborn) as lab, lab.page() as page:
+        first = await page.ask(do("work"))
+        await page.want(a=do("spin"))
+        await asyncio.sleep(0.3)
+        second = await page.ask(do("work"), "b")
+        assert first["x_label"] != second["x_label"]
         await page.want(a=do("spin"))
         await asyncio.sleep(0.3)
         children = {*psutil.Process().children(recursive=True)} - before
@@ -213,17 +185,11 @@ async def test_a_new_version_of_the_file_is_announced_and_one_that_ends_the_work
         assert len({first["v_label"], second["version"], fourth["version"]}) == 3
 
 
-def test_the_page_is_opened_in_the_default_browser_and_nobody_waits_for_it(monkeypatch):
-    opened, ends = [], threading.Event()
-
-    def browser(address):
-        ends.wait(HANGS_AFTER_S)
-        opened.append(address)
-
-    monkeypatch.setattr("webbrowser.open", browser)
+def test_nobody_waits_for_the_browser(monkeypatch):
+    opened, ends = queue.Queue(), threading.Event()
+    monkeypatch.setattr(
+        "webbrowser.open", lambda address: ends.wait(HANGS_AFTER_S) and opened.put(address)
+    )
     open_browser("http://127.0.0.1:8460/?token=t")
-    assert not opened
     ends.set()
-    while not opened:
-        time.sleep(0.01)
-    assert opened == ["http://127.0.0.1:8460/?token=t"]
+    assert opened.get(timeout=HANGS_AFTER_S) == "http://127.0.0.1:8460/?token=t"

@@ -47,9 +47,7 @@ def read_page(path: Path, site: Path) -> Page:
 class _Reader(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
-        self.anchors: set[str] = set()
-        self.links: set[str] = set()
-        self.text_links: set[str] = set()
+        self.anchors, self.links, self.text_links = set[str](), set[str](), set[str]()
         self.text: list[str] = []
         self.inside = 0
 

@@ -1,9 +1,9 @@
-"""Questions and their answers: each file of this folder answers the kind that it is named for."""
+"""Questions and their answers: a function for each kind, of the same name."""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,13 @@ if TYPE_CHECKING:
     from ropeode.laboratory.setup import Laboratory
 
 Answer = tuple[Message, Mapping[str, np.ndarray]]
-Answering = Callable[[Ask, "Laboratory", Progress], Answer]
+
+# The file that answers a kind of question, where it has another name.
+_FILES = {
+    **dict.fromkeys(("truth", "run", "order", "phase"), "motions"),
+    **dict.fromkeys(("theory", "stability"), "predictions"),
+    **dict.fromkeys(("check", "grade"), "reports"),
+}
 
 
 def answer_to(ask: Ask, laboratory: Laboratory, progress: Progress) -> Answer:
@@ -41,9 +47,6 @@ def answer_to(ask: Ask, laboratory: Laboratory, progress: Progress) -> Answer:
 # What runs inside shows no bar of its own, in a notebook either.
 @shows_progress
 def _answer(ask: Ask, laboratory: Laboratory, *, progress: Progress) -> Answer:
-    return answering(ask.kind)(ask, laboratory, progress)
-
-
-def answering(kind: str) -> Answering:
-    """What answers a kind of question; imported when the first is asked."""
-    return importlib.import_module(f"{__name__}.{kind}").answer
+    # Imported when the first of the kind is asked.
+    file = importlib.import_module(f"{__name__}.{_FILES.get(ask.kind, ask.kind)}")
+    return getattr(file, ask.kind)(ask, laboratory, progress)

@@ -4,58 +4,43 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
 from typing import Any
 
 from ropeode.laboratory.answers import Answer
-from ropeode.laboratory.messages import AskCommand, Command
-from ropeode.laboratory.setup import Laboratory
-from ropeode.problems import PROBLEMS, ROPES, Problem
+from ropeode.laboratory.messages import AskCommand, Command, ProblemChoice
+from ropeode.laboratory.setup import Laboratory, choice_of
+from ropeode.problems import ROPES
 from ropeode.progress import Progress
 from ropeode.study import check_steps
 from ropeode.validation import bad_value
 
 
-def answer(ask: AskCommand, laboratory: Laboratory, progress: Progress) -> Answer:
+def command(ask: AskCommand, laboratory: Laboratory, progress: Progress) -> Answer:
     """See `ropeode.laboratory.answers.answer_to`."""
-    problem, ladder = laboratory.problem(ask.problem), check_steps(ask.steps_per_frame)
-    kind = problem.parameters.get("kind")
-    if kind not in PROBLEMS:
+    ladder = check_steps(ask.steps_per_frame)
+    choice = choice_of(laboratory.problem(ask.problem))
+    if choice is None:
         allowed = "a problem of the library, which a command can name"
         raise bad_value("problem", ask.problem.name, allowed, "use the code that made it")
-    changed = _changed(problem)
-    message = Command(
-        command=_command(kind, problem.frames, changed, ask.steppers, ladder),
-        python=_python(kind, problem.frames, changed, ask.steppers, ladder),
-    )
-    return message, {}
-
-
-def _changed(problem: Problem) -> dict[str, Any]:
-    """The parameters that are not those by default."""
-    usual = PROBLEMS[problem.parameters["kind"]](frames=problem.frames).parameters
-    return {n: each for n, each in problem.parameters.items() if each != usual.get(n)}
+    what = choice, ask.steppers, ladder
+    return Command(command=_command(*what), python=_python(*what)), {}
 
 
 def _command(
-    kind: str,
-    frames: int,
-    changed: Mapping[str, Any],
-    steppers: tuple[str, ...],
-    ladder: tuple[int, ...],
+    choice: ProblemChoice, steppers: tuple[str, ...], ladder: tuple[int, ...]
 ) -> str | None:
-    if changed and kind not in ROPES:
+    is_rope = choice.name in ROPES
+    if choice.parameters and not is_rope:
         return None
     words = ["ropeode", "table"]
-    if kind != "rope":
-        words += ["--kind" if kind in ROPES else "--problem", kind]
-    for name, value in changed.items():
+    if choice.name != "rope":
+        words += ["--kind" if is_rope else "--problem", choice.name]
+    for name, value in choice.parameters.items():
         words.append(f"--{name.replace('_', '-')}={_option(value)}")
-    words += ["--frames", str(frames)]
+    words += ["--frames", str(choice.frames)]
     if steppers:
         words += ["--steppers", ",".join(steppers)]
-    words += ["--steps", ",".join(map(str, ladder))]
-    return shlex.join(words)
+    return shlex.join([*words, "--steps", ",".join(map(str, ladder))])
 
 
 def _option(value: Any) -> str:
@@ -66,32 +51,21 @@ def _option(value: Any) -> str:
     return (";" if rows else ",").join(map(_option, value))
 
 
-def _python(
-    kind: str,
-    frames: int,
-    changed: Mapping[str, Any],
-    steppers: tuple[str, ...],
-    ladder: tuple[int, ...],
-) -> str:
-    def named(values: Mapping[str, Any]) -> str:
-        return ", ".join(f"{name}={value!r}" for name, value in values.items())
-
-    if kind in ROPES:
-        rope = ROPES[kind].__name__
+def _python(choice: ProblemChoice, steppers: tuple[str, ...], ladder: tuple[int, ...]) -> str:
+    given = [f"{name}={value!r}" for name, value in choice.parameters.items()]
+    frames = f"frames={choice.frames}"
+    if choice.name in ROPES:
+        rope = ROPES[choice.name].__name__
         imported = f"from ropeode import {rope}, accuracy_table, format_table"
-        made = f"{rope}({named(changed)}).problem(frames={frames})"
+        made = f"{rope}({', '.join(given)}).problem({frames})"
     else:
-        function = kind.replace("-", "_")
+        function = choice.name.replace("-", "_")
         imported = "from ropeode import accuracy_table, format_table\n"
         imported += f"from ropeode.problems.{function} import {function}"
-        made = f"{function}({named({'frames': frames, **changed})})"
+        made = f"{function}({', '.join([frames, *given])})"
     asked = f"{json.dumps(list(steppers)) if steppers else None}, {list(ladder)}"
     lines = [
-        imported,
-        "",
-        f"problem = {made}",
-        f"table = accuracy_table(problem, {asked})",
-        "print(format_table(table))",
-        "",
+        *(imported, "", f"problem = {made}", f"table = accuracy_table(problem, {asked})"),
+        *("print(format_table(table))", ""),
     ]
     return "\n".join(lines)

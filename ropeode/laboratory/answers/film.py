@@ -15,7 +15,7 @@ from ropeode.study import check_positions
 from ropeode.study.node_paths import node_paths
 
 
-def answer(ask: AskFilm, laboratory: Laboratory, progress: Progress) -> Answer:
+def film(ask: AskFilm, laboratory: Laboratory, progress: Progress) -> Answer:
     """See `ropeode.laboratory.answers.answer_to`."""
     source = laboratory.source(ask.problem)
     problem = problem_of(source)

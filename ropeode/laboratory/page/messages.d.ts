@@ -51,14 +51,11 @@ export interface AskFilm {
 
 /**
  * The verdict of `ropeode grade` on CSV files, and their trajectories.
- *
- * `dts` are their step sizes, where the files do not say them.
  */
 export interface AskGrade {
   kind: "grade";
   problem: ProblemChoice;
   files: GivenFile[];
-  dts?: number[] | null;
 }
 
 /**
@@ -72,11 +69,11 @@ export interface AskLibrary {
  * The observed order from runs with these steps per frame.
  */
 export interface AskOrder {
-  kind: "order";
   problem: ProblemChoice;
   stepper: string;
-  steps_per_frame: number[];
   version?: string | null;
+  kind: "order";
+  steps_per_frame: number[];
 }
 
 /**
@@ -97,35 +94,33 @@ export interface AskPhase {
 
 /**
  * One run of a stepper, beside the reference.
- *
- * `version` is the hash of the user's file, for a stepper of the user's own.
  */
 export interface AskRun {
-  kind: "run";
   problem: ProblemChoice;
   stepper: string;
-  steps_per_frame: number;
   version?: string | null;
+  kind: "run";
+  steps_per_frame: number;
 }
 
 /**
  * The stability region of a stepper, and the problem's eigenvalues.
  */
 export interface AskStability {
-  kind: "stability";
   problem: ProblemChoice;
   stepper: string;
   version?: string | null;
+  kind: "stability";
 }
 
 /**
  * What theory predicts of the error as the step size goes to zero.
  */
 export interface AskTheory {
-  kind: "theory";
   problem: ProblemChoice;
   stepper: string;
   version?: string | null;
+  kind: "theory";
 }
 
 /**
@@ -181,7 +176,6 @@ export interface GivenFile {
  */
 export interface Graded {
   kind: "grade";
-  passed: boolean;
   lines: Line[];
   runs: Run[];
 }
@@ -199,7 +193,6 @@ export interface LeftOutPoint {
  */
 export interface Library {
   kind: "library";
-  version: string;
   problems: ProblemFacts[];
   steppers: StepperFacts[];
   own: OwnStepper[];
@@ -228,7 +221,6 @@ export interface Order {
   low: number | null;
   high: number | null;
   verdict: string;
-  expected: number | null;
   words: string;
   used: number[];
   left_out: LeftOutPoint[];
@@ -314,8 +306,8 @@ export interface Reloaded {
  *
  * Arrays: differences (samples, points, 2) of what is drawn from the reference, up to the last
  * finite sample; errors (trusted,): in the problem's norm, at the samples that are trusted;
- * energy_differences (known,) from the true energy, where there is one. Errors are those of
- * `ropeode table` at the frames.
+ * energy_differences (known,) from the true energy, where there is one. The
+ * largest error is that of `ropeode table`, at the frames.
  */
 export interface Run {
   kind: "run";
@@ -325,11 +317,8 @@ export interface Run {
   every: number;
   status: "ok" | "diverged" | "unsolved";
   diverged_at: number | null;
-  error_final: number | null;
   error_max: number | null;
-  error_rms: number | null;
   resolution: number;
-  round_off: number | null;
   rhs_evaluations: number | null;
   seconds: number | null;
 }
@@ -379,8 +368,6 @@ export interface StepperFacts {
   name: string;
   family: string;
   options: { [name: string]: string[] };
-  source: string;
-  symplectic: boolean;
 }
 
 /**
@@ -409,7 +396,6 @@ export interface Truth {
   samples_per_frame: number;
   trusted: number;
   horizon: number | null;
-  accuracy: number;
   norm: string;
   drawing: "rope" | "pendulum" | "orbit" | "phase";
   links: [number, number][];
@@ -437,11 +423,10 @@ export interface Wanted {
 }
 
 /**
- * What is being computed, and how much of it is done.
+ * What is being computed.
  */
 export interface Working {
   kind: "working";
   key: string;
   text: string;
-  fraction: number | null;
 }

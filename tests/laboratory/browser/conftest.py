@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 
 import pytest
 
@@ -16,32 +14,27 @@ from tests.browser import axe, chromium, needs_chromium, page, served
 __all__ = ["axe", "chromium", "needs_chromium", "page"]
 
 
-@contextmanager
-def running_lab(*arguments: str) -> Iterator[str]:
-    """The address of a lab that runs as a user's does."""
-    command = [sys.executable, "-m", "ropeode", "lab", "--no-browser", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
-        assert process.stdout is not None
-        said = b""
-        while not (found := re.search(rb"http://\S+", said)):
-            line = process.stdout.readline()
-            assert line, said.decode()
-            said += line
-        try:
-            yield found.group().decode()
-        finally:
-            process.terminate()
-
-
 @pytest.fixture(scope="module")
-def start_lab(needs_chromium) -> Iterator[Callable[..., str]]:
-    """A function that starts a lab and returns its address.
+def start_lab(needs_chromium):
+    """A function that starts a lab as a user does, and returns its address.
 
     Labs outlive the page of a test, also of one that fails: a page that is left alone asks for its
     lab again, and complains that there is none.
     """
-    with ExitStack() as labs:
-        yield lambda *arguments: labs.enter_context(running_lab(*arguments))
+    labs = []
+
+    def start(*arguments):
+        command = [sys.executable, "-m", "ropeode", "lab", "--no-browser", *arguments]
+        labs.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        line = labs[-1].stdout.readline()
+        found = re.search(r"http://\S+", line)
+        assert found, line
+        return found[0]
+
+    yield start
+    for each in labs:
+        each.terminate()
+        each.communicate()
 
 
 @pytest.fixture(scope="session")

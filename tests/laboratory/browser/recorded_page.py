@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import base64
 import json
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
-from ropeode.laboratory import PAGE, encoded
+from ropeode.laboratory import PAGE, decoded, encoded
 
+EXAMPLE = Path(__file__).parents[3] / "docs/examples/steps.py"
 RECORDING = json.loads((PAGE / "recordings/default.json").read_text())
-
-
 STILL = {"playing": False, "time": 3.5}
 # A problem of which only Python knows.
 NOT_RECORDED = {"name": "rope", "parameters": {"damping": 0.02}, "frames": 40}
@@ -38,6 +38,7 @@ class Python:
     """
 
     def __init__(self, page) -> None:
+        self._page = page
         self.asked: list[dict] = []
         self.longest = 0
         # JSON, or a message with its arrays.
@@ -60,6 +61,14 @@ class Python:
             elif found is not None:
                 socket.send(json.dumps({**found, "key": each["key"]}))
 
+    def until_asked(self, **wanted: object) -> None:
+        """Wait until the page has asked a question with these fields."""
+        for _ in range(1200):
+            if any(wanted.items() <= each.items() for each in self.asked):
+                return
+            self._page.wait_for_timeout(50)
+        raise AssertionError(f"not asked: {wanted}")
+
     def say(self, **message: object) -> None:
         """Send what comes unasked."""
         self.sockets[-1].send(json.dumps(message))
@@ -68,9 +77,7 @@ class Python:
 def library(**changes: object) -> dict:
     """The recorded answer to what can be chosen, with changes."""
     (wire,) = (each["wire"] for each in RECORDING if each["ask"]["kind"] == "library")
-    contents = base64.b64decode(wire)
-    length = int.from_bytes(contents[:4], "little")
-    header = json.loads(contents[4 : 4 + length])
+    header, _ = decoded(base64.b64decode(wire))
     return {**header, **changes}
 
 

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
 from tests.browser import LONGEST
-from tests.laboratory.browser.recorded_page import POINTS, link, picture, tab
+from tests.laboratory.browser.recorded_page import EXAMPLE, POINTS, link, picture, tab
 from tests.time_limit import HANGS_AFTER_S
 
-# What waits for a text of JavaScript is refused by the page's own rules.
 expect = pytest.importorskip("playwright.sync_api").expect
 
 # Its reference takes a fraction of the time of the default rope's.
@@ -24,7 +20,8 @@ ROPE = link(
     steps=32,
     ladder=[32],
 )
-DOCS = Path(__file__).parents[3] / "docs"
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(autouse=True)
@@ -37,26 +34,21 @@ def patient(chromium):
 
 def test_what_is_not_recorded_is_computed(page, start_lab):
     page.goto(start_lab() + ROPE)
-    points = page.locator(POINTS)
-    expect(points).to_have_count(1)
+    expect(page.locator(POINTS)).to_have_count(1)
     page.keyboard.press("=")
-    expect(points).to_have_count(2)
+    expect(page.locator(POINTS)).to_have_count(2)
     tab(page, "phase")
     group = page.locator(".tab-group").first
     paths, named = group.locator(".plot-line"), group.locator(".plot-label").last
     # A free end, if none is chosen.
     expect(named).to_have_text("x of node 3")
-    expect(paths).to_have_count(2)
     # As smooth as the motion.
     assert "C" in paths.first.get_attribute("d")
-    page.select_option("#node", "1")
-    expect(named).to_have_text("x of node 1")
     group.locator("select").select_option("mode 0")
     expect(named).to_have_text(re.compile("mode 0, .* rad"))
     expect(paths).to_have_count(2)
 
 
-@pytest.mark.slow
 def test_problems_are_drawn_as_what_they_are(page, start_lab):
     address = start_lab()
     # What moves, and what is fixed.
@@ -70,10 +62,9 @@ def test_problems_are_drawn_as_what_they_are(page, start_lab):
         assert (svg.count("<circle"), svg.count("<rect") - 2) == (moves, fixed), name
 
 
-@pytest.mark.slow
 def test_a_stepper_of_ones_own_reloads_on_save(page, start_lab, tmp_path):
     file = tmp_path / "steps.py"
-    right = (DOCS / "examples/steps.py").read_text()
+    right = EXAMPLE.read_text()
     file.write_text(right)
     requests = []
     page.on("request", lambda each: requests.append(each.url))
@@ -90,32 +81,3 @@ def test_a_stepper_of_ones_own_reloads_on_save(page, start_lab, tmp_path):
     expect(fault).to_have_count(0)
     expect(own).to_contain_text("a check failed")
     assert all(each.startswith(("http://127.0.0.1:", "ws://127.0.0.1:")) for each in requests)
-
-
-@pytest.mark.slow
-def test_the_file_of_the_default_scene_has_all_that_its_keys_ask_for(page, tmp_path):
-    file = tmp_path / "lecture.html"
-    command = [sys.executable, "-m", "ropeode", "lab", "--out", str(file)]
-    subprocess.run(command, check=True, capture_output=True)
-    assert file.stat().st_size < 5e6
-    page.context.set_offline(True)
-    page.goto(file.as_uri() + "#playing=false&time=2")
-    said, points = page.locator("#connection"), page.locator(POINTS)
-    for pressed, key in enumerate(["-", "-", *["="] * 7]):
-        page.keyboard.press(key)
-        expect(said).to_have_text("")
-        expect(points).to_have_count(3 * (2 + min(pressed, 1) + max(0, pressed - 3)))
-    for name in ("energy", "phase", "error", "stability", "order"):
-        tab(page, name)
-        expect(said).to_have_text("")
-        assert "being computed" not in page.inner_text("#plots")
-    # What it does not have is said in words, where the reader looks.
-    tab(page, "phase")
-    page.select_option("#node", "3")
-    expect(page.locator(".plot-notes").first).to_contain_text("the phase plane of one node")
-    page.select_option("#node", "")
-    expect(page.locator(".plot-line").nth(3)).to_be_attached()
-    page.select_option("#scene", "chaos")
-    expect(page.locator("#notes")).to_contain_text("This file does not have what you chose")
-    expect(page.locator(".plot-legend").last).to_contain_text("not in this file")
-    assert "being computed" not in page.inner_text("#plots")

@@ -58,7 +58,7 @@ test("an energy difference that cannot be told from zero is given as a bound", (
 
 test("each run is drawn as what the order's fit made of it", () => {
   const order = {
-    observed: 2, low: 1.9, high: 2.1, verdict: "converges", words: "converges: of order 2", expected: 2,
+    observed: 2, low: 1.9, high: 2.1, verdict: "converges", words: "converges: of order 2",
     used: [2, 4, 8], constant: 16e-3,
     left_out: [
       { steps_per_frame: 1, why: "unstable" },

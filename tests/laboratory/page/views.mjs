@@ -13,8 +13,7 @@ export function say(key, values = {}) {
 export function run(steps, more = {}) {
   return {
     kind: "run", stepper: "rk4", steps_per_frame: steps, dt: 1 / steps, every: 1, status: "ok",
-    diverged_at: null, error_final: 1e-3, error_max: 1e-3, error_rms: 1e-3, resolution: 1e-8,
-    round_off: 1e-14, rhs_evaluations: 4 * steps, seconds: 1e-3 / steps, ...more,
+    diverged_at: null, error_max: 1e-3, resolution: 1e-8, rhs_evaluations: 4 * steps, seconds: 1e-3 / steps, ...more,
   };
 }
 
@@ -43,7 +42,7 @@ export function view(more = {}) {
     say,
     truth: {
       kind: "truth", words: "a point", frame: 1, frames: 3, samples_per_frame: 1, trusted: 3,
-      horizon: 2, accuracy: 1e-6, norm: "largest distance", drawing: "orbit", links: [], fixed: [],
+      horizon: 2, norm: "largest distance", drawing: "orbit", links: [], fixed: [],
       nodes: [0], axes: ["x", "y"], time_unit: "frames", energy_unit: "", certificate: [], arrays,
     },
     truthPhase: null, absentPhase: "waiting", shown: [shown()], node: null, dt: 0.25,

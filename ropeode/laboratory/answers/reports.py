@@ -1,62 +1,89 @@
-"""Files of any program against the truth: the verdict of `ropeode grade`, and their runs."""
+"""The verdicts of `ropeode check` and `ropeode grade`, line by line, and the runs of files."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ropeode.analysis import RESOLUTION_FACTOR, error_series
-from ropeode.checking import FEWEST
+from ropeode.checking import CHECKS, FEWEST, CheckReport, check_stepper
 from ropeode.checking import Run as FileRun
-from ropeode.checking.grade import grade
+from ropeode.checking.grade import grade as graded
 from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.errors import InputError
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.certified_motion import CertifiedMotion
-from ropeode.laboratory.messages import AskGrade, GivenFile, Graded, Line, Run
-from ropeode.laboratory.report_lines import lines_of
-from ropeode.laboratory.runs_beside import differences_of
+from ropeode.laboratory.messages import (
+    AskCheck,
+    AskGrade,
+    Checked,
+    GivenFile,
+    Graded,
+    Line,
+    Run,
+)
 from ropeode.laboratory.setup import Laboratory
 from ropeode.progress import Progress, part_of
+from ropeode.render import check_summary, check_title, diagnosis_lines
 from ropeode.validation import bad_value
 
+# Of processor time that the step may take in each check: somebody looks on.
+_SECONDS = 10.0
 
-def answer(ask: AskGrade, laboratory: Laboratory, progress: Progress) -> Answer:
+
+def check(ask: AskCheck, laboratory: Laboratory, progress: Progress) -> Answer:
+    """See `ropeode.laboratory.answers.answer_to`."""
+    stepper = laboratory.stepper(ask.stepper, ask.version)
+    report = check_stepper(stepper, quick=ask.quick, time_limit=_SECONDS, progress=progress)
+    made, checks = len(report.findings), len(CHECKS)
+    lines = tuple(_lines(report, judged=made == checks))
+    return Checked(stepper=stepper.label, made=made, checks=checks, lines=lines), {}
+
+
+def _lines(report: CheckReport, judged: bool = True) -> Iterator[Line]:
+    """What was checked, the verdict, what explains failures, each finding, and notes.
+
+    Arguments:
+        report: of a check or a grade.
+        judged: whether all checks are made; there is no verdict before the last.
+    """
+    yield Line(status="title", text=check_title(report))
+    if judged:
+        yield Line(status=report.verdict, text=check_summary(report))
+    for text in diagnosis_lines(report):
+        yield Line(status="diagnosis", text=text)
+    for finding in report.findings:
+        yield Line(status=finding.status, text=f"{finding.check}: {finding.line}")
+    for note in report.notes:
+        yield Line(status="note", text=f"Note: {note}")
+
+
+def grade(ask: AskGrade, laboratory: Laboratory, progress: Progress) -> Answer:
     """See `ropeode.laboratory.answers.answer_to`."""
     motion = laboratory.motion(ask.problem, part_of(progress, 0.0, 0.5))
     reference, later = motion.reference, part_of(progress, 0.5, 1.0)
     with tempfile.TemporaryDirectory(prefix="ropeode-") as folder:
         try:
             paths = _written(ask.files, Path(folder))
-            runs, _ = checked_runs(
-                paths, motion.problem, ask.dts, lambda: reference, later, fewest=1
-            )
+            found, _ = checked_runs(paths, motion.problem, None, lambda: reference, later, fewest=1)
             report = None
             if len(paths) >= FEWEST:
-                report = grade(paths, reference, ask.dts, progress=later)
+                report = graded(paths, reference, progress=later)
         except InputError as error:
             # The page knows its files by their names.
             raise InputError([line.replace(f"{folder}/", "") for line in error.problems]) from None
-    if report is not None:
-        lines = lines_of(report)
-    else:
-        words = f"Fewer than {FEWEST} files show no order; they are drawn, and not graded."
-        lines = (Line(status="note", text=words),)
-    each_run = [_run(motion, run) for run in runs]
+    words = f"Fewer than {FEWEST} files show no order; they are drawn, and not graded."
+    lines = _lines(report) if report else [Line(status="note", text=words)]
+    each_run = [_run(motion, run) for run in found]
     arrays = {
         f"{index}.{name}": values
         for index, (_, own) in enumerate(each_run)
         for name, values in own.items()
     }
-    message = Graded(
-        passed=report is not None and report.passed,
-        lines=lines,
-        runs=tuple(run for run, _ in each_run),
-    )
-    return message, arrays
+    return Graded(lines=tuple(lines), runs=tuple(run for run, _ in each_run)), arrays
 
 
 def _written(files: Sequence[GivenFile], folder: Path) -> list[Path]:
@@ -77,20 +104,13 @@ def _run(motion: CertifiedMotion, run: FileRun) -> tuple[Run, dict[str, np.ndarr
     errors = error_series(run.states, motion.reference, motion.norm.name)
     message = Run(
         stepper=run.path.name,
-        steps_per_frame=None,
         dt=run.dt,
         every=motion.samples_per_frame,
         status="ok",
-        diverged_at=None,
-        error_final=errors.final,
         error_max=errors.max,
-        error_rms=errors.rms,
         resolution=float(RESOLUTION_FACTOR * motion.reference.bound(motion.norm)[-1]),
-        round_off=None,
-        rhs_evaluations=None,
-        seconds=None,
     )
-    arrays = differences_of(motion, run.states, motion.samples_per_frame)
+    arrays = motion.differences(run.states, motion.samples_per_frame)
     if run.quantities != motion.problem.quantities:
         # Without velocities there is no energy.
         arrays.pop("energy_differences", None)

@@ -1,21 +1,20 @@
-"""The stability region of a stepper, with the problem's eigenvalues along its solution."""
+"""What theory says: errors as the step size goes to zero, and where a stepper is stable."""
 
 from __future__ import annotations
-
-import functools
 
 import numpy as np
 
 from ropeode.laboratory.answers import Answer
 from ropeode.laboratory.certified_motion import CertifiedMotion
-from ropeode.laboratory.messages import AskStability, Stability
+from ropeode.laboratory.messages import AskStability, AskTheory, Stability, Theory
 from ropeode.laboratory.setup import Laboratory
-from ropeode.progress import Progress
+from ropeode.progress import Progress, part_of
 from ropeode.render import limit_words, region_words
-from ropeode.simulation import Method
+from ropeode.study.error_constant import leading_term
 from ropeode.theory import (
     NoStabilityFunction,
     Spectrum,
+    predicted_error,
     spectral_limit,
     spectrum_of,
     stability_function_of,
@@ -28,7 +27,24 @@ _MOST_WORK, _OF_A_MATRIX = 3e9, 30.0
 _POINTS = 120
 
 
-def answer(ask: AskStability, laboratory: Laboratory, progress: Progress) -> Answer:
+def theory(ask: AskTheory, laboratory: Laboratory, progress: Progress) -> Answer:
+    """See `ropeode.laboratory.answers.answer_to`."""
+    motion = laboratory.motion(ask.problem, part_of(progress, 0.0, 0.5))
+    method = laboratory.method(motion.problem, ask.stepper, ask.version)
+    found = predicted_error(motion.reference, method, part_of(progress, 0.5, 1.0))
+    label = method.stepper.label
+    if isinstance(found, str):
+        return Theory(stepper=label, words=f"no error is predicted: {found}"), {}
+    sizes = leading_term(motion.problem, motion.norm, found)
+    if sizes is None:
+        words = f"no error is predicted: the term with dt^{found.order} vanishes"
+        return Theory(stepper=label, words=words), {}
+    order, constant = found.order, float(np.max(sizes))
+    words = f"predicted error {constant:.4g} {'dt' if order == 1 else f'dt^{order}'}"
+    return Theory(stepper=label, order=order, constant=constant, words=words), {}
+
+
+def stability(ask: AskStability, laboratory: Laboratory, progress: Progress) -> Answer:
     """See `ropeode.laboratory.answers.answer_to`."""
     motion = laboratory.motion(ask.problem, progress)
     method = laboratory.method(motion.problem, ask.stepper, ask.version)
@@ -39,40 +55,24 @@ def answer(ask: AskStability, laboratory: Laboratory, progress: Progress) -> Ans
         "eigenvalues": np.stack([np.real(along.eigenvalues), np.imag(along.eigenvalues)], axis=2),
     }
     progress(f"{ask.stepper}: the stability region", 0.6)
-    said = functools.partial(Stability, stepper=method.stepper.label)
-    return _judged(motion, method, along, said, arrays)
-
-
-def _judged(
-    motion: CertifiedMotion,
-    method: Method,
-    along: Spectrum,
-    said: functools.partial[Stability],
-    arrays: dict[str, np.ndarray],
-) -> Answer:
-    function = stability_function_of(motion.problem, method)
+    label, function = method.stepper.label, stability_function_of(motion.problem, method)
     if isinstance(function, NoStabilityFunction):
-        none = {"real": None, "imaginary": None, "largest_stable_dt": None}
-        return said(why_none=function.reason, words=function.reason, **none), arrays
+        return Stability(stepper=label, why_none=function.reason, words=function.reason), arrays
     limit = spectral_limit(motion.problem, function, along)
     largest = None if limit is None or limit.steps.steps_per_frame is None else limit.steps.dt
     if largest is not None and not np.isfinite(largest):
         largest = None
     words = f"{region_words(function)}; {limit_words(limit)}"
+    found = Stability(stepper=label, largest_stable_dt=largest, words=words)
     region = stability_region(function, stability_limits_of(function), _POINTS)
     if region is None:
-        none = {"real": None, "imaginary": None}
         why = "it takes no damping, and has an interval of stability in place of a region"
-        return said(why_none=why, largest_stable_dt=largest, words=words, **none), arrays
+        return found.model_copy(update={"why_none": why}), arrays
     # What is infinite is far outside of every level that is drawn.
     arrays["radius"] = np.minimum(region.radius, np.finfo(np.float32).max)
-    real, imaginary = (
-        (float(each[0]), float(each[-1])) for each in (region.real, region.imaginary)
-    )
-    message = said(
-        real=real, imaginary=imaginary, why_none=None, largest_stable_dt=largest, words=words
-    )
-    return message, arrays
+    box = {"real": region.real, "imaginary": region.imaginary}
+    ends = {name: (float(each[0]), float(each[-1])) for name, each in box.items()}
+    return found.model_copy(update=ends), arrays
 
 
 def _along(motion: CertifiedMotion) -> Spectrum:

@@ -1,16 +1,15 @@
-"""Writes `verdicts.json`: what became of the report's claims. It takes minutes.
+"""Write what became of the claims of the published report, for the scenes of its figures.
 
-Run it as ``python -m ropeode.laboratory.scenes.make_verdicts``.
+``python -m tools.scene_verdicts`` writes ``ropeode/laboratory/scenes/verdicts.json``, in minutes.
 """
 
-from __future__ import annotations
-
 import json
-from importlib import resources
 from pathlib import Path
 
 from ropeode.case_studies import Report, rope_report
 from ropeode.files import write_whole
+
+FILE = Path(__file__).parents[1] / "ropeode/laboratory/scenes/verdicts.json"
 
 
 def verdicts_of(report: Report) -> dict[str, dict[str, str]]:
@@ -23,5 +22,4 @@ def verdicts_of(report: Report) -> dict[str, dict[str, str]]:
 
 if __name__ == "__main__":
     contents = json.dumps(verdicts_of(rope_report()), indent=1, ensure_ascii=False) + "\n"
-    path = Path(str(resources.files("ropeode.laboratory.scenes"))) / "verdicts.json"
-    write_whole(path, contents.encode())
+    write_whole(FILE, contents.encode())
